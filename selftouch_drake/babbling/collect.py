@@ -1,0 +1,131 @@
+"""Collecting experience: random walks, kept where they touch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor, as_completed
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from selftouch_drake.babbling.walk import RandomWalk
+from selftouch_drake.body import build_body
+from selftouch_drake.experience import Shard, read_num_steps, write_shard
+from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
+from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.world.probe import ContactProbe
+
+# Steps between two contact evaluations in one batch: large enough for numpy, small in memory.
+CHUNK = 4096
+# A walk that has not touched once in so many steps never will.
+PATIENCE = 2_000_000
+
+
+class NeverTouches(ValueError):
+    """The random walk does not find the body."""
+
+
+def walk_sizes(experiment: Experiment) -> list[int]:
+    """Kept configurations of each walk; they sum to `babbling.num_samples`."""
+    size, total = experiment.babbling.walk_size, experiment.babbling.num_samples
+    full, rest = divmod(total, size)
+    return [size] * full + [rest] * (rest > 0)
+
+
+def collect_walk(
+    probe: ContactProbe, experiment: Experiment, walk: int, num_rows: int
+) -> Shard:
+    """Walks until `num_rows` configurations touched.
+
+    Raises:
+        NeverTouches: there was no touch in a very long walk.
+    """
+    babbling = experiment.babbling
+    steps = RandomWalk(
+        lower=probe.agent.lower,
+        upper=probe.agent.upper,
+        step_size=babbling.step_size,
+        persistence=babbling.persistence,
+        seed=np.random.SeedSequence(experiment.seed, spawn_key=(walk,)),
+    )
+    kept_step, kept_q, kept_sensation = [], [], []
+    num_kept = num_steps = 0
+    while num_kept < num_rows:
+        # What is stored is what was felt: float32 configurations are the ones that are probed.
+        q = steps.steps(CHUNK).astype(np.float32)
+        sensation = probe.sensations(q).astype(np.float32)
+        touching = np.flatnonzero(sensation.any(axis=1))[: num_rows - num_kept]
+        kept_step.append(num_steps + touching)
+        kept_q.append(q[touching])
+        kept_sensation.append(sensation[touching])
+        num_kept += len(touching)
+        num_steps += CHUNK
+        if num_kept == 0 and num_steps >= PATIENCE:
+            raise NeverTouches(
+                f"babbling touched nothing in {num_steps} steps; "
+                "make the body reachable (0.92 m from the shoulder) or babbling.step_size larger"
+            )
+    step = np.concatenate(kept_step)
+    q = np.concatenate(kept_q)
+    return Shard(
+        walk=walk,
+        num_steps=int(step[-1]) + 1,
+        step=step,
+        q=q,
+        sensation=np.concatenate(kept_sensation),
+        p_WF=probe.kinematics.positions(q.astype(float)).reshape(len(q), -1),
+    )
+
+
+def collect(
+    run: RunDirectory,
+    *,
+    executor: Executor,
+    progress: Callable[[int], None] = lambda num_rows: None,
+) -> int:
+    """Collects what is missing of the run's experience and returns the steps of all walks.
+
+    Walks that are already stored are kept. Any executor gives the same bytes, in any order.
+
+    Args:
+        run: the run; its shards are written by the workers.
+        executor: where the walks run; its workers must see the run directory.
+        progress: called with the number of new rows whenever a walk is stored.
+    """
+    fingerprint = run.fingerprint()
+    num_steps, futures = 0, {}
+    text = dump_experiment(run.experiment)
+    try:
+        for walk, num_rows in enumerate(walk_sizes(run.experiment)):
+            known = read_num_steps(run.path, walk, num_rows=num_rows, fingerprint=fingerprint)
+            if known is None:
+                job = executor.submit(
+                    _collect_and_store, text, str(run.path), walk, num_rows, fingerprint
+                )
+                futures[job] = num_rows
+            else:
+                num_steps += known
+                progress(num_rows)
+        for job in as_completed(futures):
+            num_steps += job.result()
+            progress(futures[job])
+    finally:
+        for job in futures:
+            job.cancel()
+    return num_steps
+
+
+def _collect_and_store(text: str, run: str, walk: int, num_rows: int, fingerprint: str) -> int:
+    experiment, probe = _world(text)
+    shard = collect_walk(probe, experiment, walk, num_rows)
+    write_shard(Path(run), shard, fingerprint=fingerprint)
+    return shard.num_steps
+
+
+@lru_cache(maxsize=1)
+def _world(text: str) -> tuple[Experiment, ContactProbe]:
+    """The world of an experiment, built once a process: Drake's diagrams cannot be pickled."""
+    experiment = experiment_from_fields(yaml.safe_load(text))
+    return experiment, ContactProbe(experiment, *build_body(experiment))

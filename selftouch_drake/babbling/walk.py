@@ -1,0 +1,49 @@
+"""Random walks in motor space."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.signal import lfilter
+
+
+class RandomWalk:
+    """A smooth random walk between joint limits.
+
+    The velocity is an autoregressive process of first order, so neighbouring configurations are
+    close and the walk still wanders everywhere. Limits reflect: the walk is an unbounded one,
+    folded into the range of each joint, which is the same thing because its noise is symmetric.
+
+    Args:
+        lower: `(J,)` rad, lower joint limits.
+        upper: `(J,)` rad, upper joint limits.
+        step_size: rad a step, standard deviation of each joint's velocity.
+        persistence: share of the velocity that is kept from step to step, 0 to below 1.
+        seed: of the walk; the start is uniform between the limits.
+    """
+
+    def __init__(
+        self,
+        *,
+        lower: np.ndarray,
+        upper: np.ndarray,
+        step_size: float,
+        persistence: float,
+        seed: np.random.SeedSequence,
+    ):
+        self._lower = np.asarray(lower, dtype=float)
+        self._range = np.asarray(upper, dtype=float) - self._lower
+        self._persistence = persistence
+        self._innovation = step_size * np.sqrt(1 - persistence**2)
+        self._random = np.random.default_rng(seed)
+        self._unfolded = self._range * self._random.uniform(size=len(self._lower))
+        self._velocity = step_size * self._random.standard_normal(len(self._lower))
+
+    def steps(self, num_steps: int) -> np.ndarray:
+        """`(num_steps, J)` rad, the next configurations; the same however the walk is cut up."""
+        noise = self._innovation * self._random.standard_normal((num_steps, len(self._lower)))
+        carried = self._persistence * self._velocity
+        velocity, _ = lfilter([1.0], [1.0, -self._persistence], noise, axis=0, zi=carried[None])
+        unfolded = np.cumsum(np.vstack([self._unfolded, velocity]), axis=0)[1:]
+        self._velocity, self._unfolded = velocity[-1], unfolded[-1]
+        folded = unfolded % (2 * self._range)
+        return self._lower + np.minimum(folded, 2 * self._range - folded)

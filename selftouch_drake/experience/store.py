@@ -1,0 +1,135 @@
+"""The experience store: touching motor configurations and their sensations, as Parquet shards.
+
+One shard is one random walk. What the agent felt lies in `experience/`, what only the experimenter
+may know in `truth/`, row by row alike. A shard is written aside, flushed and renamed, truth first:
+if the experience of a walk is there, it is whole and so is its truth.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from selftouch_drake.files import written_whole
+
+
+class StoreError(ValueError):
+    """A shard that is missing, damaged or of another experiment; the text names it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shard:
+    """The touches of one random walk, in the order of the walk.
+
+    Attributes:
+        walk: number of the walk.
+        num_steps: steps walked, touching or not.
+        step: `(N,)` the step of each touch.
+        q: `(N, J)` rad, motor configurations.
+        sensation: `(N, S)` N, one reading a receptor.
+        p_WF: `(N, 3 * fingers)` m, fingertip positions: the truth.
+    """
+
+    walk: int
+    num_steps: int
+    step: np.ndarray
+    q: np.ndarray
+    sensation: np.ndarray
+    p_WF: np.ndarray
+
+
+def shard_name(walk: int) -> str:
+    """The file name of a walk's shard."""
+    return f"part-{walk:05d}.parquet"
+
+
+def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
+    """Writes the experience and the truth of one walk into the run directory."""
+    metadata = {
+        b"selftouch.fingerprint": fingerprint.encode(),
+        b"selftouch.num_steps": str(shard.num_steps).encode(),
+    }
+    walk = pa.array(np.full(len(shard.step), shard.walk, dtype=np.int32))
+    key = {"walk": walk, "step": pa.array(shard.step.astype(np.int64))}
+    truth = {**key, "p_WF": _vectors(shard.p_WF)}
+    felt = {**key, "q": _vectors(shard.q), "sensation": _vectors(shard.sensation)}
+    for folder, columns in (("truth", truth), ("experience", felt)):
+        table = pa.table(columns).replace_schema_metadata(metadata)
+        (run / folder).mkdir(exist_ok=True)
+        with written_whole(run / folder / shard_name(shard.walk)) as aside:
+            pq.write_table(table, aside, compression="zstd", use_dictionary=False)
+
+
+def read_num_steps(run: Path, walk: int, *, num_rows: int, fingerprint: str) -> int | None:
+    """The steps of a walk that is already stored, or None if it is not.
+
+    Raises:
+        StoreError: the shard is damaged, or of another experiment.
+    """
+    path = run / "experience" / shard_name(walk)
+    if not path.exists():
+        return None
+    parquet = _open(path)
+    metadata = parquet.schema_arrow.metadata or {}
+    if metadata.get(b"selftouch.fingerprint") != fingerprint.encode():
+        raise StoreError(f"{path} belongs to another experiment; choose another --out")
+    if parquet.metadata.num_rows != num_rows:
+        raise StoreError(f"{path} has {parquet.metadata.num_rows} rows, not {num_rows}; delete it")
+    return int(metadata[b"selftouch.num_steps"])
+
+
+class ExperienceReader:
+    """Reads the shards of one folder, `experience` or `truth`, in walk order.
+
+    Args:
+        folder: the folder of the shards.
+
+    Raises:
+        StoreError: there is no shard, or one is damaged or misses a column.
+    """
+
+    def __init__(self, folder: Path):
+        self._paths = sorted(folder.glob("part-*.parquet"))
+        if not self._paths:
+            raise StoreError(f"{folder} holds no shard; run `selftouch babble` first")
+
+    def batches(self, column: str) -> Iterator[np.ndarray]:
+        """The rows `(N, width)` of a vector column, one array a shard."""
+        for path in self._paths:
+            parquet = _open(path)
+            if column not in parquet.schema_arrow.names:
+                raise StoreError(f"{path} has no column {column}; it is not such a shard")
+            try:
+                vectors = parquet.read([column]).column(column).combine_chunks()
+            except (pa.ArrowException, OSError) as error:
+                raise StoreError(f"{path} is damaged ({_line(error)}); delete it and babble again")
+            if isinstance(vectors, pa.ChunkedArray):
+                vectors = vectors.chunk(0)
+            yield vectors.flatten().to_numpy().reshape(len(vectors), -1)
+
+    def read(self, column: str) -> np.ndarray:
+        """All rows `(N, width)` of a vector column."""
+        return np.concatenate(list(self.batches(column)))
+
+
+def _vectors(rows: np.ndarray) -> pa.FixedSizeListArray:
+    flat = pa.array(np.ascontiguousarray(rows, dtype=np.float32).reshape(-1))
+    return pa.FixedSizeListArray.from_arrays(flat, rows.shape[1])
+
+
+def _open(path: Path) -> pq.ParquetFile:
+    try:
+        return pq.ParquetFile(path)
+    except (pa.ArrowException, OSError) as error:
+        raise StoreError(
+            f"{path} is damaged ({_line(error)}); delete it and babble again"
+        ) from None
+
+
+def _line(error: Exception) -> str:
+    return str(error).splitlines()[0]

@@ -1,0 +1,355 @@
+"""The experiment: everything that decides what a run does, as one dataclass tree.
+
+Every field has a valid default; `load_experiment` fills a tree from a shipped experiment or a YAML
+file, checks it, and says in one line which field is wrong and what to do about it.
+"""
+
+import dataclasses
+import difflib
+import math
+import typing
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
+
+from selftouch_drake.resources import EXPERIMENTS
+
+# The dimensions that each shape needs, in metres.
+SHAPES = {
+    "sphere": ("radius",),
+    "cube": ("side",),
+    "torus": ("major_radius", "minor_radius"),
+    "ellipsoid": ("semi_axes",),
+    "cylinder": ("radius", "height"),
+    "mesh": ("mesh",),
+}
+END_EFFECTORS = {"one_finger": 1, "two_fingers": 2}
+BABBLING_MODES = ("kinematic",)
+METRICS = ("sensorimotor", "motor", "literal")
+
+
+class ExperimentError(ValueError):
+    """A user's mistake in an experiment: its text names the field, the value and the remedy."""
+
+
+@dataclass(kw_only=True, slots=True)
+class Body:
+    """The hollow body, a closed surface centred between the walls it is made of."""
+
+    # One of SHAPES. Only the dimensions of that shape are given.
+    shape: str = "sphere"
+    # Metres, to the outer face of the skin.
+    radius: float | None = None
+    side: float | None = None
+    major_radius: float | None = None
+    minor_radius: float | None = None
+    height: float | None = None
+    semi_axes: list[float] | None = None
+    # A closed surface in metres (.obj, .stl, .ply); a relative path starts at the experiment file.
+    mesh: str | None = None
+    # Metres, edge length of the skin's triangles: finer is slower and smoother.
+    resolution: float = 0.02
+
+
+@dataclass(kw_only=True, slots=True)
+class Skin:
+    """The soft tactile skin that makes up the body's wall."""
+
+    # Metres, from the outer face to the cavity.
+    thickness: float = 0.03
+    # Tactile sensors, 20 to 200 as in the paper.
+    num_receptors: int = 100
+    # Pa. Soft skin keeps contact forces at a few newtons; 1e6 gives hundreds.
+    hydroelastic_modulus: float = 3.0e4
+
+
+@dataclass(kw_only=True, slots=True)
+class Babbling:
+    """The random walk in motor space, and how much of it is kept."""
+
+    # `kinematic`: positions are set and contact is evaluated.
+    mode: str = "kinematic"
+    # Touching motor configurations to keep; the paper's limit is one million.
+    num_samples: int = 100_000
+    # Rad a step, standard deviation of the walk's joint velocity.
+    step_size: float = 0.15
+    # Share of the velocity kept from step to step: 0 is Brownian, near 1 is ballistic.
+    persistence: float = 0.9
+    # Kept configurations in one walk, which is one shard of the store.
+    walk_size: int = 10_000
+
+
+@dataclass(kw_only=True, slots=True)
+class Representation:
+    """The quotient representation that is learned from the experience."""
+
+    # Target sensations K, up to 1000 as in the paper.
+    num_targets: int = 300
+    # Motor configurations kept in one motor kernel set.
+    max_kernel_size: int = 1000
+    # The metric that the embedding is drawn from; METRICS.
+    metric: str = "sensorimotor"
+
+
+@dataclass(kw_only=True, slots=True)
+class Planning:
+    """From a route on the quotient graph to a smooth path in motor space."""
+
+    # Rad of path length between the knots of the smoothing spline.
+    knot_spacing: float = 0.15
+
+
+@dataclass(kw_only=True, slots=True)
+class Execution:
+    """The dynamic world in which plans are executed."""
+
+    # Seconds, the plant's discrete step.
+    time_step: float = 0.005
+    # N·m/rad and N·m·s/rad of the joint controllers.
+    stiffness: float = 2000.0
+    damping: float = 100.0
+    # Rad/s and rad/s², limits of the timed plans, every joint.
+    max_velocity: float = 1.0
+    max_acceleration: float = 5.0
+
+
+@dataclass(kw_only=True, slots=True)
+class Evaluation:
+    """How the agent is scored."""
+
+    # Random pairs of start and goal sensation that are planned and executed.
+    num_pairs: int = 20
+
+
+@dataclass(kw_only=True, slots=True)
+class Experiment:
+    """One experiment: an agent, its babbling, what it learns and how it is scored."""
+
+    name: str = "sphere"
+    # The one source of randomness; the same seed gives the same bytes.
+    seed: int = 0
+    body: Body = field(default_factory=lambda: Body(shape="sphere", radius=0.25))
+    skin: Skin = field(default_factory=Skin)
+    # `one_finger` or `two_fingers`.
+    end_effector: str = "one_finger"
+    babbling: Babbling = field(default_factory=Babbling)
+    representation: Representation = field(default_factory=Representation)
+    planning: Planning = field(default_factory=Planning)
+    execution: Execution = field(default_factory=Execution)
+    evaluation: Evaluation = field(default_factory=Evaluation)
+
+    @property
+    def num_fingers(self) -> int:
+        return END_EFFECTORS[self.end_effector]
+
+
+def shipped_experiments() -> list[str]:
+    """The names of the experiments that come with the package."""
+    return sorted(path.stem for path in EXPERIMENTS.glob("*.yaml"))
+
+
+def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Experiment:
+    """Loads a shipped experiment by name, or a YAML file by path, and checks it.
+
+    Args:
+        source: the name of a shipped experiment or the path of a YAML file.
+        overrides: a nested mapping laid over the file, as in `{"skin": {"num_receptors": 50}}`.
+
+    Raises:
+        ExperimentError: naming the field, its value and the remedy.
+    """
+    path = _find(source)
+    fields = _parse(path.read_text(), what=f"experiment {path}")
+    fields = _merged(fields, dict(overrides or {}))
+    mesh = fields.get("body", {}).get("mesh") if isinstance(fields.get("body"), dict) else None
+    if isinstance(mesh, str) and not Path(mesh).is_absolute():
+        fields["body"]["mesh"] = str((path.parent / mesh).resolve())
+    return experiment_from_fields(fields)
+
+
+def parse_overrides(text: str) -> dict[str, Any]:
+    """Reads the YAML mapping of a `--set` option."""
+    return _parse(text, what="--set")
+
+
+def experiment_from_fields(fields: Mapping[str, Any]) -> Experiment:
+    """Makes a checked experiment of a nested mapping; absent fields keep their defaults."""
+    checked = _checked_fields(fields, Experiment, prefix="")
+    experiment = yaml_load_typed(
+        schema=Experiment, data=yaml.safe_dump(checked), defaults=_bare_defaults(checked)
+    )
+    _check_values(experiment)
+    return experiment
+
+
+def dump_experiment(experiment: Experiment) -> str:
+    """The resolved experiment as YAML text, every field spelled out."""
+    return yaml_dump_typed(experiment, schema=Experiment)
+
+
+def _find(source: str | Path) -> Path:
+    shipped = EXPERIMENTS / f"{source}.yaml"
+    if shipped.is_file():
+        return shipped
+    path = Path(source)
+    if path.is_file():
+        return path
+    names = shipped_experiments()
+    close = difflib.get_close_matches(str(source), names, n=1)
+    hint = f"did you mean {close[0]}?" if close else f"shipped are {', '.join(names)}"
+    raise ExperimentError(f"experiment {str(source)!r} is neither shipped nor a file; {hint}")
+
+
+def _parse(text: str, *, what: str) -> dict[str, Any]:
+    try:
+        fields = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        problem = " ".join(str(getattr(error, "problem", error)).split())
+        raise ExperimentError(f"{what} is not YAML: {problem}") from None
+    if fields is None:
+        return {}
+    if not isinstance(fields, dict):
+        raise ExperimentError(
+            f"{what} is {fields!r}, not a mapping; write for instance {{seed: 1}}"
+        )
+    return fields
+
+
+def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    result = dict(base)
+    for key, value in over.items():
+        both = isinstance(value, dict) and isinstance(result.get(key), dict)
+        result[key] = _merged(result[key], value) if both else value
+    return result
+
+
+def _checked_fields(fields: Any, schema: type, *, prefix: str) -> dict[str, Any]:
+    """Names unknown keys and wrong types by their full path, which the YAML loader does not."""
+    if not isinstance(fields, Mapping):
+        raise ExperimentError(f"{prefix[:-1]} is {fields!r}; give a mapping of its fields")
+    types = typing.get_type_hints(schema)
+    checked = {}
+    for key, value in fields.items():
+        if key not in types:
+            close = difflib.get_close_matches(str(key), types, n=1)
+            hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(types)}"
+            raise ExperimentError(f"unknown key {prefix}{key}; {hint}")
+        if dataclasses.is_dataclass(types[key]):
+            checked[key] = _checked_fields(
+                value, typing.cast(type, types[key]), prefix=f"{prefix}{key}."
+            )
+        else:
+            checked[key] = _checked_value(value, types[key], name=f"{prefix}{key}")
+    return checked
+
+
+def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
+    optional = type(None) in typing.get_args(kind)
+    if optional:
+        if value is None:
+            return None
+        kind = next(arg for arg in typing.get_args(kind) if arg is not type(None))
+    if kind is float and isinstance(value, (int, float, str)) and not isinstance(value, bool):
+        try:  # YAML 1.1 reads 3e4 as text
+            number = float(value)
+        except (ValueError, OverflowError):
+            number = math.nan
+        if math.isfinite(number):
+            return number
+    if kind is int and isinstance(value, int) and not isinstance(value, bool):
+        return value
+    if kind is str and isinstance(value, str):
+        return value
+    if typing.get_origin(kind) is list and isinstance(value, list):
+        (item,) = typing.get_args(kind)
+        return [_checked_value(entry, item, name=f"{name}[{i}]") for i, entry in enumerate(value)]
+    wanted = {float: "a finite number", int: "a whole number", str: "a text"}.get(kind, "a list")
+    raise ExperimentError(f"{name} is {value!r}; give {wanted}")
+
+
+def _bare_defaults(fields: Mapping[str, Any]) -> Experiment:
+    """Defaults without the default body's radius when the file describes a body of its own."""
+    return Experiment(body=Body(shape="sphere")) if "body" in fields else Experiment()
+
+
+def _check_values(experiment: Experiment) -> None:
+    def require(valid: bool, name: str, value: object, remedy: str) -> None:
+        if not valid:
+            raise ExperimentError(f"{name} is {value!r}; {remedy}")
+
+    def one_of(name: str, value: str, choices: typing.Iterable[str]) -> None:
+        require(value in choices, name, value, f"choose one of {', '.join(choices)}")
+
+    e = experiment
+    require(e.name != "" and e.name.isprintable(), "name", e.name, "give a printable name")
+    require(0 <= e.seed < 2**63, "seed", e.seed, "give a number from 0 to 2^63 - 1")
+    _check_body(e.body, require, one_of)
+    one_of("end_effector", e.end_effector, END_EFFECTORS)
+    positive = {
+        "skin.thickness": e.skin.thickness,
+        "skin.hydroelastic_modulus": e.skin.hydroelastic_modulus,
+        "babbling.step_size": e.babbling.step_size,
+        "planning.knot_spacing": e.planning.knot_spacing,
+        "execution.time_step": e.execution.time_step,
+        "execution.stiffness": e.execution.stiffness,
+        "execution.damping": e.execution.damping,
+        "execution.max_velocity": e.execution.max_velocity,
+        "execution.max_acceleration": e.execution.max_acceleration,
+    }
+    for name, value in positive.items():
+        require(value > 0, name, value, "give a number above 0")
+    require(
+        20 <= e.skin.num_receptors <= 200,
+        "skin.num_receptors",
+        e.skin.num_receptors,
+        "give 20 to 200",
+    )
+    one_of("babbling.mode", e.babbling.mode, BABBLING_MODES)
+    require(
+        0 <= e.babbling.persistence < 1,
+        "babbling.persistence",
+        e.babbling.persistence,
+        "give a share from 0 to below 1",
+    )
+    for name, value, least in (
+        ("babbling.num_samples", e.babbling.num_samples, 1),
+        ("babbling.walk_size", e.babbling.walk_size, 1),
+        ("representation.num_targets", e.representation.num_targets, 20),
+        ("representation.max_kernel_size", e.representation.max_kernel_size, 2),
+        ("evaluation.num_pairs", e.evaluation.num_pairs, 0),
+    ):
+        require(value >= least, name, value, f"give at least {least}")
+    require(
+        e.representation.num_targets <= e.babbling.num_samples,
+        "representation.num_targets",
+        e.representation.num_targets,
+        f"give at most babbling.num_samples, {e.babbling.num_samples}",
+    )
+    one_of("representation.metric", e.representation.metric, METRICS)
+
+
+def _check_body(body: Body, require: typing.Callable, one_of: typing.Callable) -> None:
+    one_of("body.shape", body.shape, SHAPES)
+    require(
+        0.002 <= body.resolution <= 0.1,
+        "body.resolution",
+        body.resolution,
+        "give 0.002 to 0.1 metres",
+    )
+    needed = SHAPES[body.shape]
+    for name in sorted({dimension for shape in SHAPES.values() for dimension in shape}):
+        value = getattr(body, name)
+        if name not in needed:
+            remedy = f"shape {body.shape} takes {', '.join(needed)}; leave it out"
+            require(value is None, f"body.{name}", value, remedy)
+            continue
+        require(value is not None, f"body.{name}", value, f"shape {body.shape} needs it")
+        if name == "semi_axes":
+            require(len(value) == 3, "body.semi_axes", value, "give three lengths in metres")
+        for length in value if isinstance(value, list) else [value]:
+            if isinstance(length, float):
+                require(length > 0, f"body.{name}", value, "give metres above 0")

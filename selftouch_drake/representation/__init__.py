@@ -1,0 +1,40 @@
+"""What the agent makes of its experience: the quotient representation (paper, sections II, III)."""
+
+from selftouch_drake.representation.graph import (
+    DisconnectedWarning,
+    complete_edges,
+    component_labels,
+    connected_edges,
+    geodesics,
+    locally_scaled,
+    neighbour_edges,
+    quotient_pseudo_metric,
+    to_networkx,
+)
+from selftouch_drake.representation.kernels import KernelSample, merge_kernels, sample_kernels
+from selftouch_drake.representation.learner import QuotientLearner
+from selftouch_drake.representation.quantise import assign, target_sensations
+from selftouch_drake.representation.quotient import QuotientRepresentation
+from selftouch_drake.representation.set_distances import SET_DISTANCES, SetDistance, set_distances
+
+__all__ = [
+    "SET_DISTANCES",
+    "DisconnectedWarning",
+    "KernelSample",
+    "QuotientLearner",
+    "QuotientRepresentation",
+    "SetDistance",
+    "assign",
+    "complete_edges",
+    "component_labels",
+    "connected_edges",
+    "geodesics",
+    "locally_scaled",
+    "merge_kernels",
+    "neighbour_edges",
+    "quotient_pseudo_metric",
+    "sample_kernels",
+    "set_distances",
+    "target_sensations",
+    "to_networkx",
+]

@@ -1,0 +1,191 @@
+"""The quotient graph: which kernel sets are neighbours, and ways through them (paper, section III).
+
+The paper's graph is complete. A complete graph takes chords through free space, so that the graphs
+used here are pruned to near neighbours; both are a list of edges to the functions below.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import networkx as nx
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
+
+from selftouch_drake.representation.quotient import QuotientRepresentation
+
+
+class DisconnectedWarning(UserWarning):
+    """A pruned graph fell into parts, and was joined by its shortest bridges."""
+
+
+def complete_edges(num_kernels: int) -> np.ndarray:
+    """`(K (K - 1) / 2, 2)` every pair of kernels, i < j, sorted."""
+    return np.stack(np.triu_indices(num_kernels, 1), axis=1)
+
+
+def neighbour_edges(distance: np.ndarray, num_neighbours: int, *, mutual: bool) -> np.ndarray:
+    """Prunes the complete graph to near neighbours.
+
+    Args:
+        distance: `(K, K)` symmetric.
+        num_neighbours: how many nearest kernels are the neighbours of a kernel.
+        mutual: keep a pair if each is a neighbour of the other; else if either is.
+
+    Returns:
+        `(E, 2)` pairs i < j, sorted.
+    """
+    num_kernels = len(distance)
+    nearest = np.argsort(_without_diagonal(distance), axis=1, kind="stable")[:, :num_neighbours]
+    near = np.zeros((num_kernels, num_kernels), dtype=bool)
+    np.put_along_axis(near, nearest, True, axis=1)
+    np.fill_diagonal(near, False)
+    near = near & near.T if mutual else near | near.T
+    return np.argwhere(np.triu(near))
+
+
+def component_labels(edges: np.ndarray, num_kernels: int) -> np.ndarray:
+    """`(K,)` the component each kernel is in, the largest component being 0."""
+    _, label = connected_components(_sparse(edges, np.ones(len(edges)), num_kernels), False)
+    by_size = np.argsort(-np.bincount(label), kind="stable")
+    return np.argsort(by_size)[label]
+
+
+def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Adds the fewest and shortest bridges that make a graph connected.
+
+    Args:
+        edges: `(E, 2)` pairs i < j.
+        distance: `(K, K)` length of a bridge between two kernels.
+
+    Returns:
+        `(E + components - 1, 2)` pairs i < j, sorted.
+
+    Warns:
+        DisconnectedWarning: bridges were added; the text tells sizes and members of the parts.
+    """
+    label = component_labels(edges, len(distance))
+    num_components = int(label.max()) + 1
+    if num_components == 1:
+        return edges
+    bridge = np.array(
+        [
+            [_closest_pair(distance, label == a, label == b) for b in range(num_components)]
+            for a in range(num_components)
+        ]
+    )
+    # Distances of zero would be no edge to the sparse tree.
+    length = distance[bridge[..., 0], bridge[..., 1]] + np.finfo(float).tiny
+    tree = minimum_spanning_tree(np.triu(length, 1)).tocoo()
+    bridges = np.sort(bridge[tree.row, tree.col], axis=1)
+    warnings.warn(
+        f"the quotient graph fell into {num_components} parts ({_describe(label)}) and was joined "
+        f"by {len(bridges)} bridges: babble longer, or use more neighbours.",
+        DisconnectedWarning,
+        stacklevel=2,
+    )
+    return np.unique(np.concatenate([edges, bridges]), axis=0)
+
+
+def geodesics(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> np.ndarray:
+    """Lengths of the shortest paths between all pairs of kernels.
+
+    Args:
+        edges: `(E, 2)` pairs of kernels.
+        length: `(E,)` positive.
+        num_kernels: K.
+
+    Returns:
+        `(K, K)` symmetric; infinite between kernels that no path joins.
+    """
+    return dijkstra(_sparse(edges, length, num_kernels), directed=False)
+
+
+def quotient_pseudo_metric(minimum_distance: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """The quotient pseudo-metric: chains of jumps that move freely inside each kernel set.
+
+    Args:
+        minimum_distance: `(K, K)` rad, distance between the nearest configurations of two kernels.
+        edges: `(E, 2)` the jumps that are allowed; `complete_edges` for the literal definition.
+
+    Returns:
+        `(K, K)` rad, least sum of jumps.
+    """
+    return geodesics(edges, minimum_distance[edges[:, 0], edges[:, 1]], len(minimum_distance))
+
+
+def locally_scaled(distance: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Edge lengths in units of the spacing around their ends, `d / sqrt(s_i s_j)`.
+
+    The spacing `s_i` is the mean length of the edges at kernel i. Cells are evenly spaced in
+    sensation, so that neighbours should lie equally far apart wherever the arm is more or less
+    redundant.
+
+    Args:
+        distance: `(K, K)` rad.
+        edges: `(E, 2)` pairs of kernels; every kernel has one.
+
+    Returns:
+        `(E,)` lengths, about 1.
+    """
+    i, j = edges.T
+    length = distance[i, j]
+    num_kernels = len(distance)
+    total = np.bincount(edges.ravel(), np.repeat(length, 2), num_kernels)
+    spacing = total / np.bincount(edges.ravel(), minlength=num_kernels)
+    return length / np.sqrt(spacing[i] * spacing[j])
+
+
+def to_networkx(representation: QuotientRepresentation) -> nx.Graph:
+    """The quotient graph as a networkx graph.
+
+    Returns:
+        Nodes are kernels 0 to K - 1 with attributes `size` (stored configurations),
+        `target_sensation` (`(S,)` unit L2 norm) and `position` (`(3,)` in the embedding). Edges
+        have `cost` (rad, `edge_cost`) and `set_distance` (rad).
+    """
+    graph = nx.Graph()
+    sizes = np.diff(representation.kernel_offsets)
+    for kernel in range(representation.num_targets):
+        graph.add_node(
+            kernel,
+            size=int(sizes[kernel]),
+            target_sensation=representation.target_sensations[kernel],
+            position=representation.embedding[kernel],
+        )
+    for (i, j), cost in zip(representation.edges, representation.edge_cost, strict=True):
+        graph.add_edge(
+            int(i),
+            int(j),
+            cost=float(cost),
+            set_distance=float(representation.set_distance[i, j]),
+        )
+    return graph
+
+
+def _sparse(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> csr_array:
+    # To csgraph a stored zero is an edge of length zero, and an absent entry no edge.
+    i, j = np.asarray(edges).reshape(-1, 2).T
+    return csr_array((np.asarray(length, dtype=float), (i, j)), shape=(num_kernels, num_kernels))
+
+
+def _without_diagonal(distance: np.ndarray) -> np.ndarray:
+    distance = np.array(distance, dtype=float)
+    np.fill_diagonal(distance, np.inf)
+    return distance
+
+
+def _closest_pair(distance: np.ndarray, inside_a: np.ndarray, inside_b: np.ndarray) -> list[int]:
+    a, b = np.flatnonzero(inside_a), np.flatnonzero(inside_b)
+    i, j = np.unravel_index(distance[np.ix_(a, b)].argmin(), (len(a), len(b)))
+    return [int(a[i]), int(b[j])]
+
+
+def _describe(label: np.ndarray) -> str:
+    """Tells sizes and first members of the components, at most five of them."""
+    parts = []
+    for component, size in enumerate(np.bincount(label)[:5]):
+        first = int(np.flatnonzero(label == component)[0])
+        parts.append(f"{size} with kernel {first}")
+    return ", ".join(parts) + (", ..." if label.max() >= 5 else "")

@@ -1,0 +1,141 @@
+"""Discrete sensory invariants: target sensations and their Voronoi cells (paper, section III).
+
+Each sensation is first divided by its L2 norm. A light touch then lies beside a firm touch of the
+same place, instead of all light touches falling into one giant cell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.sparse import csr_array
+
+#: Rows assigned at a time: bounds the (rows, K) table of similarities to some tens of MB.
+_CHUNK = 16_384
+
+#: Below this squared distance two unit sensations are the same one, to float32 rounding.
+_SAME = 1e-6
+
+
+def unit(sensation: np.ndarray) -> np.ndarray:
+    """Divides each sensation by its L2 norm.
+
+    Args:
+        sensation: `(n, S)` N, no row null.
+
+    Returns:
+        `(n, S)` float32, unit L2 norm.
+    """
+    sensation = np.asarray(sensation, dtype=np.float32)
+    return sensation / np.linalg.norm(sensation, axis=1, keepdims=True)
+
+
+def assign(sensation: np.ndarray, target_sensations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Finds the target sensation nearest in angle to each sensation.
+
+    Args:
+        sensation: `(n, S)` N, no row null.
+        target_sensations: `(K, S)` unit L2 norm.
+
+    Returns:
+        `(n,)` index of the nearest target, and `(n,)` float32 cosine distance to it.
+    """
+    label = np.empty(len(sensation), dtype=np.int32)
+    error = np.empty(len(sensation), dtype=np.float32)
+    targets = np.ascontiguousarray(target_sensations.T)
+    for start in range(0, len(sensation), _CHUNK):
+        chunk = slice(start, start + _CHUNK)
+        similarity = unit(sensation[chunk]) @ targets
+        label[chunk] = similarity.argmax(axis=1)
+        error[chunk] = 1.0 - similarity.max(axis=1)
+    return label, np.maximum(error, 0.0)
+
+
+def farthest_points(points: np.ndarray, num_points: int) -> np.ndarray:
+    """Picks points one by one, each the farthest from all picked before; the first is row 0.
+
+    Args:
+        points: `(n, S)` unit L2 norm.
+        num_points: how many to pick; fewer are returned when fewer are distinct.
+
+    Returns:
+        Indices of the picked rows, in order.
+    """
+    picked = [0]
+    distance = 2.0 - 2.0 * (points @ points[0])
+    while len(picked) < num_points:
+        farthest = int(distance.argmax())
+        if distance[farthest] < _SAME:
+            break
+        picked.append(farthest)
+        np.minimum(distance, 2.0 - 2.0 * (points @ points[farthest]), out=distance)
+    return np.array(picked)
+
+
+def target_sensations(
+    sensation: np.ndarray,
+    num_targets: int,
+    *,
+    rng: np.random.Generator,
+    num_iterations: int = 4,
+    max_rows: int = 40_000,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> np.ndarray:
+    """Quantises sensations by spherical k-means from a farthest-point start.
+
+    Few iterations are a feature: the farthest-point start spaces targets evenly, k-means run to
+    its end would crowd them where the agent touched most. Even spacing is what gives the edges of
+    the quotient graph comparable lengths.
+
+    Args:
+        sensation: `(n, S)` N, no row null.
+        num_targets: K, number of target sensations.
+        rng: chooses the rows to learn from, when there are more than `max_rows`.
+        num_iterations: Lloyd iterations.
+        max_rows: rows to learn from.
+        progress: told the fraction done.
+
+    Returns:
+        `(K, S)` float32 target sensations, unit L2 norm; every one is the nearest of some row.
+
+    Raises:
+        ValueError: there are fewer distinct sensations than targets.
+    """
+    rows = np.arange(len(sensation))
+    if len(rows) > max_rows:
+        rows = np.sort(rng.choice(len(rows), max_rows, replace=False))
+    points = unit(sensation[rows])
+    start = farthest_points(points, num_targets)
+    if len(start) < num_targets:
+        raise ValueError(
+            f"num_targets={num_targets}, but the experience holds only {len(start)} distinct "
+            f"sensations: ask for at most {len(start)} targets, or babble longer."
+        )
+    progress(0.5)
+    centres = points[start]
+    for iteration in range(num_iterations):
+        label, _ = assign(points, centres)
+        cells = csr_array(
+            (np.ones(len(points), np.float32), (label, np.arange(len(points)))),
+            shape=(num_targets, len(points)),
+        )
+        total = cells @ points
+        norm = np.linalg.norm(total, axis=1, keepdims=True)
+        centres = np.divide(total, norm, out=centres, where=norm > 0)
+        progress(0.5 + 0.5 * (iteration + 1) / num_iterations)
+    return _without_empty_cells(points, centres)
+
+
+def _without_empty_cells(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
+    """Moves the centre of each empty cell to the point that its own centre represents worst.
+
+    Every move lowers the quantisation error, so the loop ends.
+    """
+    centres = centres.copy()
+    while True:
+        label, error = assign(points, centres)
+        empty = np.flatnonzero(np.bincount(label, minlength=len(centres)) == 0)
+        if not len(empty):
+            return centres
+        centres[empty] = points[np.argsort(error, kind="stable")[-len(empty) :]]

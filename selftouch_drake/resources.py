@@ -1,0 +1,9 @@
+"""Where models and experiments lie: inside an installed wheel, or beside a checkout's package."""
+
+from pathlib import Path
+
+_PACKAGE = Path(__file__).resolve().parent
+_ROOT = _PACKAGE if (_PACKAGE / "models").is_dir() else _PACKAGE.parent
+
+MODELS = _ROOT / "models"
+EXPERIMENTS = _ROOT / "experiments"

@@ -1,0 +1,158 @@
+"""The run directory: where every stage leaves what it made, and finds what came before."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from selftouch_drake.experiment import (
+    Experiment,
+    ExperimentError,
+    dump_experiment,
+    experiment_from_fields,
+)
+from selftouch_drake.files import write_text_whole
+
+# Raised whenever a file of a run changes its meaning.
+RUN_FORMAT = 1
+
+
+class RunError(ValueError):
+    """A run directory that cannot serve; the text names it and the remedy."""
+
+
+@dataclass(frozen=True, slots=True)
+class RunDirectory:
+    """Paths and figures of one run.
+
+    Use `create` to begin or resume a run, `open` to work on one that exists.
+    """
+
+    path: Path
+    experiment: Experiment
+
+    @staticmethod
+    def create(path: Path, experiment: Experiment) -> RunDirectory:
+        """Begins a run of `experiment`, or resumes one that was begun with the same experiment."""
+        if (path / "experiment.yaml").exists():
+            run = RunDirectory.open(path)
+            difference = _first_difference(run.experiment, experiment)
+            if difference:
+                name, there, here = difference
+                raise RunError(
+                    f"{path} was begun with {name} {there!r}, not {here!r}; choose another --out"
+                )
+            return run
+        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise RunError(f"{path} is not a run and not empty; choose another --out")
+        path.mkdir(parents=True, exist_ok=True)
+        header = f"# selftouch_drake run\nrun_format: {RUN_FORMAT}\n"
+        write_text_whole(path / "experiment.yaml", header + dump_experiment(experiment))
+        return RunDirectory(path, experiment)
+
+    @staticmethod
+    def open(path: Path) -> RunDirectory:
+        """Opens a run that exists."""
+        file = path / "experiment.yaml"
+        if not file.is_file():
+            raise RunError(
+                f"{path} is not a run: it has no experiment.yaml; make one with `selftouch run`"
+            )
+        try:
+            fields = yaml.safe_load(file.read_text(encoding="utf-8"))
+            found = fields.pop("run_format")
+        except (yaml.YAMLError, UnicodeDecodeError, AttributeError, KeyError):
+            raise RunError(f"{file} is damaged; choose another run or another --out") from None
+        if found != RUN_FORMAT:
+            raise RunError(
+                f"{path} was made by another version (run_format {found}, this is {RUN_FORMAT}); "
+                "run the experiment again with another --out"
+            )
+        try:
+            return RunDirectory(path, experiment_from_fields(fields))
+        except ExperimentError as error:
+            raise RunError(f"{file}: {error}") from None
+
+    @property
+    def experience(self) -> Path:
+        return self.path / "experience"
+
+    @property
+    def truth(self) -> Path:
+        return self.path / "truth"
+
+    @property
+    def skin(self) -> Path:
+        return self.path / "skin.npz"
+
+    @property
+    def representation(self) -> Path:
+        return self.path / "representation.npz"
+
+    @property
+    def figures(self) -> Path:
+        return self.path / "figures"
+
+    @property
+    def playback(self) -> Path:
+        return self.path / "playback.html"
+
+    @property
+    def report(self) -> Path:
+        return self.path / "report.html"
+
+    def plan(self, start: int, goal: int) -> Path:
+        """The file of the plan from target sensation `start` to `goal`."""
+        return self.path / "plans" / f"{start}-{goal}.npz"
+
+    def metrics(self) -> dict[str, Any]:
+        """All figures so far; empty before the first stage is done."""
+        file = self.path / "metrics.json"
+        if not file.exists():
+            return {}
+        try:
+            figures = json.loads(file.read_text(encoding="utf-8"))
+        except (json.JSONDecodeError, UnicodeDecodeError):
+            figures = None
+        if not isinstance(figures, dict):
+            raise RunError(f"{file} is damaged; delete it and evaluate again")
+        return figures
+
+    def add_metrics(self, figures: dict[str, Any]) -> None:
+        """Adds figures to `metrics.json`; those of the same name are replaced."""
+        merged = self.metrics() | figures
+        write_text_whole(self.path / "metrics.json", json.dumps(merged, indent=2) + "\n")
+
+    def drop_metrics(self, *prefixes: str) -> None:
+        """Forgets figures that are no longer true because a stage before them ran again."""
+        kept = {k: v for k, v in self.metrics().items() if not k.startswith(prefixes)}
+        write_text_whole(self.path / "metrics.json", json.dumps(kept, indent=2) + "\n")
+
+    def fingerprint(self) -> str:
+        """Identifies what decides the experience: seed, body, skin, end effector and babbling."""
+        fields = yaml.safe_load(dump_experiment(self.experiment))
+        keys = ("seed", "body", "skin", "end_effector", "babbling")
+        text = json.dumps({key: fields[key] for key in keys}, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, Any] | None:
+    def leaves(fields: Any, prefix: str = "") -> dict[str, Any]:
+        if not isinstance(fields, dict):
+            return {prefix[:-1]: fields}
+        return {
+            name: value
+            for key, entry in fields.items()
+            for name, value in leaves(entry, f"{prefix}{key}.").items()
+        }
+
+    a, b = (leaves(yaml.safe_load(dump_experiment(e))) for e in (there, here))
+    for name in {**a, **b}:
+        if a.get(name) != b.get(name):
+            return name, a.get(name), b.get(name)
+    return None

@@ -1,0 +1,163 @@
+"""The tactile skin in Drake: hydroelastic geometry on a body, and the systems that feel it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+from pydrake.common import MemoryFile
+from pydrake.common.value import Value
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    ContactSurface,
+    GeometryId,
+    HydroelasticContactRepresentation,
+    InMemoryMesh,
+    Mesh,
+    ProximityProperties,
+    QueryObject,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import ContactResults, CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
+
+from selftouch_drake.body import HollowSkin, ReceptiveFields, vtk_text
+from selftouch_drake.world.contact import in_body_frame, pressed_points
+
+# Slippery, as the skin of a finger that explores: friction changes no reading, only the effort.
+SKIN_FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
+# s/m, Hunt and Crossley's: enough that a finger does not bounce.
+SKIN_DISSIPATION = 10.0
+
+
+def RegisterSkin(
+    plant: MultibodyPlant, body: RigidBody, skin: HollowSkin, *, hydroelastic_modulus: float
+) -> GeometryId:
+    """Gives `body` a soft hollow skin as compliant hydroelastic collision geometry.
+
+    Args:
+        plant: a plant that is registered with a scene graph and not yet finalized.
+        body: the body to be covered; the skin is expressed in its frame.
+        skin: the hollow skin.
+        hydroelastic_modulus: Pa.
+    """
+    properties = ProximityProperties()
+    AddContactMaterial(
+        dissipation=SKIN_DISSIPATION, friction=SKIN_FRICTION, properties=properties
+    )
+    AddCompliantHydroelasticProperties(
+        resolution_hint=skin.thickness,  # asked for, but a mesh has its own resolution
+        hydroelastic_modulus=hydroelastic_modulus,
+        properties=properties,
+    )
+    mesh = Mesh(InMemoryMesh(mesh_file=MemoryFile(vtk_text(skin), ".vtk", "skin")))
+    return plant.RegisterCollisionGeometry(body, RigidTransform(), mesh, "skin", properties)
+
+
+def feel(
+    fields: ReceptiveFields,
+    skin_id: GeometryId,
+    X_WB: RigidTransform,
+    surfaces: Iterable[ContactSurface],
+) -> np.ndarray:
+    """The sensation of a skin that is pressed by contact surfaces.
+
+    Each receptor integrates the pressure on the skin, weighted by its receptive field; the fields
+    sum to one, so the readings sum to the total normal force.
+
+    Returns:
+        `(S,)` N; exactly zero without contact.
+    """
+    sensation = np.zeros(fields.num_receptors)
+    for surface in surfaces:
+        if skin_id in (surface.id_M(), surface.id_N()):
+            p_WQ, force = pressed_points(surface)
+            sensation += fields.weights_at(in_body_frame(X_WB, p_WQ)).T @ force
+    return sensation
+
+
+class TactileSkin(LeafSystem):
+    """Feels the contact on one body of a running `MultibodyPlant`.
+
+    The sensation belongs to the same instant as the state if the plant was made with
+    `use_sampled_output_ports=False`; otherwise contact results lag by one step.
+
+    .. pydrake_system::
+
+        name: TactileSkin
+        input_ports:
+        - contact_results
+        - body_poses
+        output_ports:
+        - sensation
+
+    - contact_results: `ContactResults` of the plant, hydroelastic.
+    - body_poses: `list[RigidTransform]` of the plant, so that the skin may move.
+    - sensation: `(S,)` N, one reading a receptor.
+    """
+
+    def __init__(self, *, fields: ReceptiveFields, body: RigidBody, skin_id: GeometryId):
+        super().__init__()
+        self._fields = fields
+        self._body_index = body.index()
+        self._skin_id = skin_id
+        self._contact = self.DeclareAbstractInputPort("contact_results", Value(ContactResults()))
+        self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
+        self.DeclareVectorOutputPort("sensation", fields.num_receptors, self._calc_sensation)
+
+    def _calc_sensation(self, context, output):
+        contact = self._contact.Eval(context)
+        surfaces = (
+            contact.hydroelastic_contact_info(i).contact_surface()
+            for i in range(contact.num_hydroelastic_contacts())
+        )
+        X_WB = self._poses.Eval(context)[int(self._body_index)]
+        output.SetFromVector(feel(self._fields, self._skin_id, X_WB, surfaces))
+
+    @staticmethod
+    def AddToBuilder(
+        builder: DiagramBuilder,
+        plant: MultibodyPlant,
+        *,
+        fields: ReceptiveFields,
+        body: RigidBody,
+        skin_id: GeometryId,
+    ) -> TactileSkin:
+        """Adds a skin for `body` to a diagram and connects it to `plant`."""
+        skin = builder.AddNamedSystem(
+            "tactile_skin", TactileSkin(fields=fields, body=body, skin_id=skin_id)
+        )
+        builder.Connect(plant.get_contact_results_output_port(), skin.get_input_port(0))
+        builder.Connect(plant.get_body_poses_output_port(), skin.get_input_port(1))
+        return skin
+
+
+class KinematicTactileSkin(LeafSystem):
+    """Feels contact at given poses, without dynamics: the paper's S = phi(f(M)).
+
+    .. pydrake_system::
+
+        name: KinematicTactileSkin
+        input_ports:
+        - query_object
+        output_ports:
+        - sensation
+
+    - query_object: `QueryObject` of the scene graph.
+    - sensation: `(S,)` N, one reading a receptor.
+    """
+
+    def __init__(self, *, fields: ReceptiveFields, skin_id: GeometryId):
+        super().__init__()
+        self._fields = fields
+        self._skin_id = skin_id
+        self._query = self.DeclareAbstractInputPort("query_object", Value[QueryObject]())
+        self.DeclareVectorOutputPort("sensation", fields.num_receptors, self._calc_sensation)
+
+    def _calc_sensation(self, context, output):
+        query = self._query.Eval(context)
+        surfaces = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
+        X_WB = query.GetPoseInWorld(self._skin_id)
+        output.SetFromVector(feel(self._fields, self._skin_id, X_WB, surfaces))
