@@ -4,15 +4,18 @@ Every field has a valid default; `load_experiment` fills a tree from a shipped e
 file, checks it, and says in one line which field is wrong and what to do about it.
 """
 
+import contextlib
 import dataclasses
 import difflib
 import math
+import reprlib
 import typing
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
@@ -30,6 +33,8 @@ SHAPES = {
 END_EFFECTORS = {"one_finger": 1, "two_fingers": 2}
 BABBLING_MODES = ("kinematic",)
 METRICS = ("sensorimotor", "motor", "literal")
+# Purposes of randomness; a new one goes to the end, so that the others stay as they are.
+STREAMS = ("walk", "pairs", "start")
 
 
 class ExperimentError(ValueError):
@@ -146,6 +151,10 @@ class Experiment:
     def num_fingers(self) -> int:
         return END_EFFECTORS[self.end_effector]
 
+    def random_stream(self, purpose: str, *index: int) -> np.random.SeedSequence:
+        """An independent stream of randomness for one of `STREAMS`, numbered by `index`."""
+        return np.random.SeedSequence(self.seed, spawn_key=(STREAMS.index(purpose), *index))
+
 
 def shipped_experiments() -> list[str]:
     """The names of the experiments that come with the package."""
@@ -163,10 +172,13 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
         ExperimentError: naming the field, its value and the remedy.
     """
     path = _find(source)
-    fields = _parse(path.read_text(), what=f"experiment {path}")
-    fields = _merged(fields, dict(overrides or {}))
+    fields = _parse(path.read_bytes(), what=f"experiment {path}")
+    try:
+        fields = _merged(fields, dict(overrides or {}))
+    except RecursionError:
+        raise ExperimentError(f"experiment {path} contains itself; leave out the alias") from None
     mesh = fields.get("body", {}).get("mesh") if isinstance(fields.get("body"), dict) else None
-    if isinstance(mesh, str) and not Path(mesh).is_absolute():
+    if isinstance(mesh, str) and mesh.isprintable() and not Path(mesh).is_absolute():
         fields["body"]["mesh"] = str((path.parent / mesh).resolve())
     return experiment_from_fields(fields)
 
@@ -192,29 +204,31 @@ def dump_experiment(experiment: Experiment) -> str:
 
 
 def _find(source: str | Path) -> Path:
-    shipped = EXPERIMENTS / f"{source}.yaml"
-    if shipped.is_file():
-        return shipped
-    path = Path(source)
-    if path.is_file():
-        return path
+    for path in (EXPERIMENTS / f"{source}.yaml", Path(source)):
+        # A name that is too long for a file is an error elsewhere, and no file here.
+        with contextlib.suppress(OSError):
+            if path.is_file():
+                return path
     names = shipped_experiments()
     close = difflib.get_close_matches(str(source), names, n=1)
     hint = f"did you mean {close[0]}?" if close else f"shipped are {', '.join(names)}"
-    raise ExperimentError(f"experiment {str(source)!r} is neither shipped nor a file; {hint}")
+    raise ExperimentError(f"experiment {_shown(str(source))} is neither shipped nor a file; {hint}")
 
 
-def _parse(text: str, *, what: str) -> dict[str, Any]:
+def _parse(text: str | bytes, *, what: str) -> dict[str, Any]:
     try:
         fields = yaml.safe_load(text)
-    except yaml.YAMLError as error:
+    except RecursionError:
+        raise ExperimentError(f"{what} is nested too deeply; give a mapping of fields") from None
+    # PyYAML lets the errors of its constructors through: dates, numbers and tags that are none.
+    except (yaml.YAMLError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
         problem = " ".join(str(getattr(error, "problem", error)).split())
         raise ExperimentError(f"{what} is not YAML: {problem}") from None
     if fields is None:
         return {}
     if not isinstance(fields, dict):
         raise ExperimentError(
-            f"{what} is {fields!r}, not a mapping; write for instance {{seed: 1}}"
+            f"{what} is {_shown(fields)}, not a mapping; write for instance {{seed: 1}}"
         )
     return fields
 
@@ -230,14 +244,15 @@ def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
 def _checked_fields(fields: Any, schema: type, *, prefix: str) -> dict[str, Any]:
     """Names unknown keys and wrong types by their full path, which the YAML loader does not."""
     if not isinstance(fields, Mapping):
-        raise ExperimentError(f"{prefix[:-1]} is {fields!r}; give a mapping of its fields")
+        raise ExperimentError(f"{prefix[:-1]} is {_shown(fields)}; give a mapping of its fields")
     types = typing.get_type_hints(schema)
     checked = {}
     for key, value in fields.items():
         if key not in types:
-            close = difflib.get_close_matches(str(key), types, n=1)
+            text = key if isinstance(key, str) and key.isprintable() else _shown(key)
+            close = difflib.get_close_matches(text, types, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(types)}"
-            raise ExperimentError(f"unknown key {prefix}{key}; {hint}")
+            raise ExperimentError(f"unknown key {prefix}{text}; {hint}")
         if dataclasses.is_dataclass(types[key]):
             checked[key] = _checked_fields(
                 value, typing.cast(type, types[key]), prefix=f"{prefix}{key}."
@@ -261,14 +276,27 @@ def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
         if math.isfinite(number):
             return number
     if kind is int and isinstance(value, int) and not isinstance(value, bool):
-        return value
+        if abs(value) < 2**63:
+            return value
+        raise ExperimentError(f"{name} is {_shown(value)}; give a whole number below 2^63")
     if kind is str and isinstance(value, str):
         return value
     if typing.get_origin(kind) is list and isinstance(value, list):
         (item,) = typing.get_args(kind)
         return [_checked_value(entry, item, name=f"{name}[{i}]") for i, entry in enumerate(value)]
     wanted = {float: "a finite number", int: "a whole number", str: "a text"}.get(kind, "a list")
-    raise ExperimentError(f"{name} is {value!r}; give {wanted}")
+    raise ExperimentError(f"{name} is {_shown(value)}; give {wanted}")
+
+
+def _shown(value: object) -> str:
+    """A value as an error quotes it: on one line, and short whatever it is."""
+    short = reprlib.Repr()
+    short.maxstring = short.maxother = 100
+    short.maxlevel = 3
+    try:
+        return " ".join(short.repr(value).split())
+    except ValueError:  # Python does not spell out numbers beyond some thousand digits
+        return "a number of thousands of digits"
 
 
 def _bare_defaults(fields: Mapping[str, Any]) -> Experiment:
@@ -279,7 +307,7 @@ def _bare_defaults(fields: Mapping[str, Any]) -> Experiment:
 def _check_values(experiment: Experiment) -> None:
     def require(valid: bool, name: str, value: object, remedy: str) -> None:
         if not valid:
-            raise ExperimentError(f"{name} is {value!r}; {remedy}")
+            raise ExperimentError(f"{name} is {_shown(value)}; {remedy}")
 
     def one_of(name: str, value: str, choices: typing.Iterable[str]) -> None:
         require(value in choices, name, value, f"choose one of {', '.join(choices)}")
@@ -350,6 +378,9 @@ def _check_body(body: Body, require: typing.Callable, one_of: typing.Callable) -
         require(value is not None, f"body.{name}", value, f"shape {body.shape} needs it")
         if name == "semi_axes":
             require(len(value) == 3, "body.semi_axes", value, "give three lengths in metres")
+        if name == "mesh":
+            valid = value != "" and value.isprintable()
+            require(valid, "body.mesh", value, "give the path of a mesh file")
         for length in value if isinstance(value, list) else [value]:
             if isinstance(length, float):
                 require(length > 0, f"body.{name}", value, "give metres above 0")

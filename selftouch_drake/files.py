@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+import zipfile
+import zlib
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
+
+import numpy as np
 
 
 @contextlib.contextmanager
@@ -28,3 +32,49 @@ def write_text_whole(path: Path, text: str) -> None:
     """Writes `text` to `path`, whole or not at all."""
     with written_whole(path) as aside:
         aside.write_text(text, encoding="utf-8")
+
+
+def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Writes arrays to an `.npz` file, whole or not at all; equal arrays give equal bytes."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with written_whole(path) as aside, aside.open("wb") as file:
+        np.savez(file, **arrays)
+
+
+def load_arrays(path: Path, names: Iterable[str] = ()) -> dict[str, np.ndarray]:
+    """Reads all arrays of an `.npz` file; nothing is ever unpickled.
+
+    Args:
+        path: the file.
+        names: arrays that must be there.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        ValueError: the file is damaged, or lacks one of `names`; the text names it.
+    """
+    try:
+        # A bare array (.npy) opens too, without the `files` of an archive.
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except FileNotFoundError:
+        raise
+    except _UNREADABLE as error:
+        reason = str(error).rstrip(".") or type(error).__name__
+        raise ValueError(f"{path} is damaged ({reason}); make it again") from None
+    if missing := [name for name in names if name not in arrays]:
+        raise ValueError(f"{path} lacks {', '.join(missing)}; make it again")
+    return arrays
+
+
+# What numpy raises, in practice, for truncated, damaged and foreign files.
+_UNREADABLE = (
+    AttributeError,
+    EOFError,
+    KeyError,
+    NotImplementedError,
+    OSError,
+    TypeError,
+    ValueError,
+    zipfile.BadZipFile,
+    zlib.error,
+)

@@ -10,16 +10,12 @@ from typing import Any
 
 import yaml
 
-from selftouch_drake.experiment import (
-    Experiment,
-    ExperimentError,
-    dump_experiment,
-    experiment_from_fields,
-)
+from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
 from selftouch_drake.files import write_text_whole
 
 # Raised whenever a file of a run changes its meaning.
 RUN_FORMAT = 1
+_HEADER = "# A run of selftouch_drake, format "
 
 
 class RunError(ValueError):
@@ -51,7 +47,7 @@ class RunDirectory:
         if path.exists() and (not path.is_dir() or any(path.iterdir())):
             raise RunError(f"{path} is not a run and not empty; choose another --out")
         path.mkdir(parents=True, exist_ok=True)
-        header = f"# selftouch_drake run\nrun_format: {RUN_FORMAT}\n"
+        header = f"{_HEADER}{RUN_FORMAT}\n"
         write_text_whole(path / "experiment.yaml", header + dump_experiment(experiment))
         return RunDirectory(path, experiment)
 
@@ -63,20 +59,16 @@ class RunDirectory:
             raise RunError(
                 f"{path} is not a run: it has no experiment.yaml; make one with `selftouch run`"
             )
-        try:
-            fields = yaml.safe_load(file.read_text(encoding="utf-8"))
-            found = fields.pop("run_format")
-        except (yaml.YAMLError, UnicodeDecodeError, AttributeError, KeyError):
-            raise RunError(f"{file} is damaged; choose another run or another --out") from None
-        if found != RUN_FORMAT:
+        with file.open(encoding="utf-8", errors="replace") as lines:
+            header = lines.readline().strip()
+        if not header.startswith(_HEADER):
+            raise RunError(f"{file} is not the experiment of a run; choose another directory")
+        if header != f"{_HEADER}{RUN_FORMAT}":
             raise RunError(
-                f"{path} was made by another version (run_format {found}, this is {RUN_FORMAT}); "
-                "run the experiment again with another --out"
+                f"{path} was made by another version (format {header.removeprefix(_HEADER)}, this "
+                f"is {RUN_FORMAT}); run the experiment again with another --out"
             )
-        try:
-            return RunDirectory(path, experiment_from_fields(fields))
-        except ExperimentError as error:
-            raise RunError(f"{file}: {error}") from None
+        return RunDirectory(path, load_experiment(file))
 
     @property
     def experience(self) -> Path:
@@ -93,6 +85,10 @@ class RunDirectory:
     @property
     def representation(self) -> Path:
         return self.path / "representation.npz"
+
+    @property
+    def topology(self) -> Path:
+        return self.path / "topology.npz"
 
     @property
     def figures(self) -> Path:

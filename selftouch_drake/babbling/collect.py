@@ -48,7 +48,7 @@ def collect_walk(
         upper=probe.agent.upper,
         step_size=babbling.step_size,
         persistence=babbling.persistence,
-        seed=np.random.SeedSequence(experiment.seed, spawn_key=(walk,)),
+        seed=experiment.random_stream("walk", walk),
     )
     kept_step, kept_q, kept_sensation = [], [], []
     num_kept = num_steps = 0

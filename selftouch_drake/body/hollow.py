@@ -157,7 +157,7 @@ def _inward_steps(surface: trimesh.Trimesh) -> np.ndarray:
 def _laplacian(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
     """Returns the `(V, V)` cotangent Laplacian, its weights kept positive."""
     faces = surface.faces
-    weights = np.maximum(1 / np.tan(surface.face_angles), 1e-3).ravel() / 2
+    weights = np.maximum(1 / np.tan(surface.face_angles), 1e-9).ravel() / 2
     ends = np.stack([np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()])
     shape = (len(surface.vertices), len(surface.vertices))
     adjacency = scipy.sparse.coo_array((weights, tuple(ends)), shape=shape).tocsr()

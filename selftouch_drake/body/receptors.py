@@ -53,6 +53,7 @@ class ReceptiveFields:
 
     @property
     def num_receptors(self) -> int:
+        """S, the length of a sensation."""
         return len(self.p_BS)
 
     def weights_at(self, p_BQ: np.ndarray) -> csr_matrix:

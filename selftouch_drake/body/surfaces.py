@@ -14,9 +14,9 @@ from selftouch_drake.body.intersections import first_self_intersection
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl")
 
-# 200,000 triangles are already ten times a standard body at 2 cm. A mesh in millimetres asks for
-# a million times more, and would fill the memory before anybody could read why.
-MAX_TRIANGLES = 200_000
+# Ten times a standard body at 2 cm, and 300,000 tetrahedra. A mesh in millimetres asks for a
+# million times more, and would fill the memory before anybody could read why.
+MAX_TRIANGLES = 50_000
 
 
 def sphere(radius: float, *, resolution: float = 0.02) -> trimesh.Trimesh:
@@ -101,18 +101,18 @@ def cylinder(radius: float, height: float, *, resolution: float = 0.02) -> trime
 
 
 def mesh_file(path: str | PathLike[str], *, resolution: float = 0.02) -> trimesh.Trimesh:
-    """Reads a closed surface from a mesh file in metres, and evens out its edges.
+    """Reads a closed surface from a mesh file in metres, and splits its longer edges.
 
     The body's origin is the centre of the bounding box. Triangles that all look inwards are
     turned over.
 
     Args:
         path: An `.obj`, `.ply` or `.stl` file.
-        resolution: m, edge length of the triangles, on average.
+        resolution: m, to which longer edges are cut, into 0.7 to 1.4 times as much.
 
     Raises:
         ValueError: If the file is missing, unreadable, empty, open, in several pieces, not
-            orientable, self-intersecting, or too large to be in metres.
+            orientable, self-intersecting, too large to be in metres, or too dense.
     """
     _require_lengths(resolution=resolution)
     path = Path(path)
@@ -133,13 +133,16 @@ def mesh_file(path: str | PathLike[str], *, resolution: float = 0.02) -> trimesh
             f"body.mesh {path} is {surface.extents.max():g} m across, which makes "
             f"{num_triangles:.0f} triangles at {resolution:g} m; give it in metres"
         )
+    if len(surface.faces) > MAX_TRIANGLES:
+        raise ValueError(
+            f"body.mesh {path} has {len(surface.faces)} triangles, more than {MAX_TRIANGLES}; "
+            f"decimate it to about {num_triangles:.0f}"
+        )
     surface.apply_translation(-surface.bounds.mean(axis=0))
     manifold = _to_manifold(surface)
-    if len(surface.faces) > 2 * num_triangles:
-        # A scan is finer than the skin: the surface may move by a twentieth of an edge.
-        manifold = manifold.simplify(resolution / 20)
-    # Edges are cut in equal pieces: from 0.7 to 1.4 times the resolution.
-    surface = _from_manifold(manifold.refine_to_length(1.4 * resolution))
+    for _ in range(3):  # The first cut leaves longer edges inside large triangles.
+        manifold = manifold.refine_to_length(1.4 * resolution)
+    surface = _from_manifold(manifold)
     crossing = first_self_intersection(surface.vertices, surface.faces)
     if crossing is not None:
         raise ValueError(
@@ -194,7 +197,8 @@ def _to_manifold(surface: trimesh.Trimesh) -> manifold3d.Manifold:
 
 def _from_manifold(manifold: manifold3d.Manifold) -> trimesh.Trimesh:
     mesh = manifold.to_mesh64()
-    return _mesh(mesh.vert_properties[:, :3], mesh.tri_verts.astype(np.int64))
+    # A copy: a view would keep manifold3d's mesh alive, which complains when Python ends.
+    return _mesh(mesh.vert_properties[:, :3].copy(), mesh.tri_verts.astype(np.int64))
 
 
 def _equilateral_area(edge: float) -> float:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.distance import cdist
 
 
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
-    """One configuration a layer, minimising the sum of squared steps, by dynamic programming.
+    """One configuration a layer, with the least sum of cubed steps.
+
+    Layered dynamic programming: exact, and quadratic in the size of a layer. Squares would let one
+    long step pass here and there, and lose contact on it.
 
     Args:
         layers: W arrays `(n_w, J)` rad, the candidates of each kernel along the route; a layer of
@@ -20,8 +24,9 @@ def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
     """
     cost = np.zeros(len(layers[0]))
     came_from = []
-    for before, here in zip(layers[:-1], layers[1:], strict=True):
-        through = cdist(here, before, "sqeuclidean") + cost
+    for before, here in pairwise(layers):
+        squared = cdist(here, before, "sqeuclidean")
+        through = squared * np.sqrt(squared) + cost
         came_from.append(through.argmin(axis=1))
         cost = through.min(axis=1)
     choice = [int(cost.argmin())]

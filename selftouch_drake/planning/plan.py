@@ -2,31 +2,42 @@
 
 from __future__ import annotations
 
+import operator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
 from scipy.interpolate import BSpline
 
 from selftouch_drake.planning.configurations import closest_configurations, smoothest_configurations
-from selftouch_drake.planning.prediction import SensationPredictor
-from selftouch_drake.planning.route import RouteGraph, carried_route, firm_members, shortest_route
+from selftouch_drake.planning.route import (
+    RouteGraph,
+    carried_route,
+    goal_members,
+    leap_penalty,
+    shortest_route,
+)
 from selftouch_drake.planning.smoothing import KNOT_SPACING, path_length, polyline, smooth_path
 from selftouch_drake.representation.quotient import QuotientRepresentation
 
 RouteMethod = Literal["carried", "literal"]
 
+# Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline has no
+# limit as samples get denser, so that the figure means something only for a stated spacing.
+_JERK_SPACING = 0.02
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Plan:
     """A geometric path in motor space through one configuration of each kernel on a route.
 
     Attributes:
         nodes: `(W,)` kernels, from the start to the goal.
-        edges: `(W - 1,)` row in the representation's `edges` of each step; -1 where the complete
-            graph was used and the step follows no edge.
+        edges: `(W - 1,)` row in the representation's `edges` of each step; -1 where a literal
+            route follows no edge.
         waypoints_q: `(W, J)` rad, one motor configuration a kernel.
-        waypoint_s: `(W,)` rad, length of the polyline up to each waypoint: where on `path` it is.
+        waypoint_s: `(W,)` rad, where on `path` each waypoint is: length of the polyline up to it.
         path: smooth quintic B-spline over `[0, waypoint_s[-1]]`, from the first waypoint to the
             last; constant over `[0, 1]` if the start is the goal.
     """
@@ -37,26 +48,18 @@ class Plan:
     waypoint_s: np.ndarray
     path: BSpline
 
-    @property
-    def start(self) -> int:
-        return int(self.nodes[0])
-
-    @property
-    def goal(self) -> int:
-        return int(self.nodes[-1])
-
 
 class Planner:
     """Plans over one quotient representation; built once, asked often.
 
     Args:
         representation: what the agent has learnt.
-        route: `carried` for Dijkstra that carries a configuration along the pruned graph, one
-            configuration a kernel by dynamic programming; `literal` for the paper's shortest path
-            on the complete graph of set distances, through closest configurations.
+        route: `carried` for Dijkstra on the quotient graph that carries a firm configuration
+            along, then the smoothest configurations; `literal` for the paper's shortest path on
+            the complete graph of `set_distance`, then the closest configurations.
         knot_spacing: rad of path length between knots of the smooth path; larger is smoother.
-        lower: `(J,)` rad, no path goes below it; default: the lowest command in experience.
-        upper: `(J,)` rad, no path goes above it; default: the highest command in experience.
+        lower: `(J,)` rad, no path goes below it; default: the lowest configuration in experience.
+        upper: `(J,)` rad, no path goes above it; default: the highest configuration in experience.
 
     Raises:
         ValueError: if `route` is no such method or `knot_spacing` is not positive.
@@ -70,18 +73,21 @@ class Planner:
         knot_spacing: float = KNOT_SPACING,
         lower: np.ndarray | None = None,
         upper: np.ndarray | None = None,
-    ):
+    ) -> None:
         if route not in get_args(RouteMethod):
-            raise ValueError(f"route is {route!r}: choose one of {', '.join(get_args(RouteMethod))}")
+            raise ValueError(
+                f"route is {route!r}: choose one of {', '.join(get_args(RouteMethod))}"
+            )
         if not knot_spacing > 0.0:
             raise ValueError(f"knot_spacing is {knot_spacing} rad: choose a positive spacing")
+        kernel_q = representation.kernel_q
         self.representation = representation
         self.route = route
         self.knot_spacing = knot_spacing
-        self.lower = representation.kernel_q.min(axis=0) if lower is None else np.asarray(lower)
-        self.upper = representation.kernel_q.max(axis=0) if upper is None else np.asarray(upper)
+        self.lower = kernel_q.min(axis=0) if lower is None else np.asarray(lower, dtype=float)
+        self.upper = kernel_q.max(axis=0) if upper is None else np.asarray(upper, dtype=float)
         self._graph = RouteGraph.of(representation)
-        self._predictor = SensationPredictor(representation)
+        self._leap_penalty = leap_penalty(representation)
         self._edge_row = {(int(i), int(j)): e for e, (i, j) in enumerate(representation.edges)}
 
     def plan(
@@ -99,25 +105,40 @@ class Planner:
             start: the target sensation felt there.
             goal: the target sensation to feel; if it is `start`, the plan is to stay.
             edge_penalty: `(E,)` factors on the cost of the representation's edges, above 1 where
-                contact was lost before; the literal route has no edges and ignores it.
+                contact was lost before; a literal route has no edges and ignores it.
 
         Raises:
-            ValueError: if a target is out of range, `q_start` or `edge_penalty` has another shape
-                than the representation, or the graph does not connect the two targets.
+            ValueError: if a target is out of range, `q_start` or `edge_penalty` does not fit the
+                representation, or the graph does not connect the two targets.
         """
         q_start = self._checked_configuration(q_start)
         start, goal = self._checked_target(start), self._checked_target(goal)
-        nodes = self._find_route(q_start, start, goal, edge_penalty)
+        penalty = self._leap_penalty * self._checked_penalty(edge_penalty)
+
+        if self.route == "literal":
+            nodes = shortest_route(self.representation.set_distance, start, goal)
+        else:
+            goal_q = self.representation.kernel_q[goal_members(self.representation, goal)]
+            nodes = carried_route(self._graph, q_start, start, goal, goal_q, penalty=penalty)
         if nodes is None:
             raise ValueError(
                 f"target {goal} cannot be reached from target {start}: the quotient graph does not "
-                "connect them; collect more samples, or keep more neighbours for each kernel"
+                "connect them; babble longer, or learn with a larger num_neighbours"
             )
-        waypoints_q = self._choose_configurations(q_start, nodes)
+
+        if len(nodes) == 1:
+            waypoints_q = q_start[None]
+        elif self.route == "literal":
+            members = [self.representation.kernel_q[self.representation.members(k)] for k in nodes]
+            waypoints_q = closest_configurations([q_start[None], *members[1:]])
+        else:
+            firm = [self._graph.firm_configurations(k) for k in nodes[1:-1]]
+            waypoints_q = smoothest_configurations([q_start[None], *firm, goal_q])
         return Plan(
             nodes=nodes,
             edges=np.array(
-                [self._edge_row.get((min(p), max(p)), -1) for p in _pairs(nodes)], dtype=np.int64
+                [self._edge_row.get((min(a, b), max(a, b)), -1) for a, b in pairwise(nodes)],
+                dtype=np.int64,
             ),
             waypoints_q=waypoints_q,
             waypoint_s=path_length(waypoints_q),
@@ -125,3 +146,63 @@ class Planner:
                 waypoints_q, knot_spacing=self.knot_spacing, lower=self.lower, upper=self.upper
             ),
         )
+
+    def _checked_target(self, target: int) -> int:
+        num_targets = self.representation.num_targets
+        try:
+            index = operator.index(target)
+        except TypeError:
+            raise ValueError(f"target {target!r} is not an index: give a whole number") from None
+        if not 0 <= index < num_targets:
+            raise ValueError(
+                f"target {target} is out of range: "
+                f"this representation has targets 0 to {num_targets - 1}"
+            )
+        return index
+
+    def _checked_configuration(self, q_start: np.ndarray) -> np.ndarray:
+        q_start = np.asarray(q_start, dtype=float)
+        num_joints = self.representation.kernel_q.shape[1]
+        if q_start.shape != (num_joints,):
+            raise ValueError(
+                f"q_start has shape {q_start.shape}: "
+                f"this representation needs ({num_joints},), one angle a joint"
+            )
+        if not np.all(np.isfinite(q_start)):
+            raise ValueError(f"q_start is {q_start.tolist()}: give finite joint angles in rad")
+        return q_start
+
+    def _checked_penalty(self, edge_penalty: np.ndarray | None) -> np.ndarray:
+        num_edges = len(self.representation.edges)
+        if edge_penalty is None:
+            return np.ones(num_edges)
+        edge_penalty = np.asarray(edge_penalty, dtype=float)
+        if edge_penalty.shape != (num_edges,):
+            raise ValueError(
+                f"edge_penalty has shape {edge_penalty.shape}: "
+                f"this representation needs ({num_edges},), one factor an edge"
+            )
+        if not np.all(np.isfinite(edge_penalty) & (edge_penalty > 0.0)):
+            raise ValueError(
+                "edge_penalty holds a factor that is not finite and positive: use 1 "
+                "for edges without penalty"
+            )
+        return edge_penalty
+
+
+def jerk_reduction(plan: Plan) -> float:
+    """How many times smaller the jerk of the smooth path is than that of its polyline.
+
+    Both are sampled every 0.02 rad of path length; jerk is the root mean square of third
+    differences. 1 if the polyline has no corner.
+    """
+    if len(np.unique(plan.waypoint_s)) < 3:
+        return 1.0
+    length = plan.waypoint_s[-1]
+    s = np.linspace(0.0, length, max(5, int(length / _JERK_SPACING)))
+    kept = np.concatenate([[True], np.diff(plan.waypoint_s) > 0.0])
+    rough, smooth = (
+        np.sqrt(np.mean(np.square(np.diff(path(s), 3, axis=0))))
+        for path in (polyline(plan.waypoints_q[kept]), plan.path)
+    )
+    return float(rough / smooth)

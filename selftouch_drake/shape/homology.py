@@ -14,11 +14,6 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import Delaunay
 
-#: Bars that persist over less than this ratio of radii are never holes: four points at the corners
-#: of a square make a loop of ratio sqrt(2).
-LEAST_RATIO = 2.0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Topology:
     """What persistent homology tells of a body.
@@ -26,9 +21,8 @@ class Topology:
     Attributes:
         betti: numbers of components, loops and voids: (1, 0, 1) for a ball's surface, (1, 2, 1)
             for a torus.
-        margin: ratio of the weakest true bar over the strongest false one; the closer to 1, the
-            less sure.
-        scale: radius at which all true bars live, in the unit of the points.
+        margin: length of the shortest true bar over the longest false one; near 1 is unsure.
+        scale: least radius at which every true bar is born, in the unit of the points.
         diagram: three arrays `(bars, 2)` of births and deaths, for H0, H1 and H2.
     """
 
@@ -41,40 +35,38 @@ class Topology:
 def topology(points: np.ndarray) -> Topology:
     """Counts components, loops and voids of the body that points are laid out on.
 
-    The length of a bar is the ratio of death over birth, so that it has no unit: a loop round an
-    evenly sampled body is born when neighbours meet (half their distance) and dies when the balls
-    fill it (its radius), whatever the body's size. A false bar lives between the edges of one
-    polygon and its fill, at a ratio of 1 to 1.5. All bars of H1 and H2 are pooled and sorted; the
-    widest gap between ratios parts the true from the false, unless even the strongest bar is
-    below `LEAST_RATIO`, when there is no hole. Components are counted at the scale at which all
-    true bars live, since a bar of H0 has no birth.
+    Bars are measured in spacings, so that neither the body's size nor its unit matters. Let r be
+    the radius at which neighbours meet (the median death of H0). On an evenly sampled surface the
+    balls leave a false loop inside each polygon of neighbours: of length 0.4 r for a square, 0.7 r
+    for a pentagon, r for the hexagon that one missing kernel leaves. A hole of the body dies at
+    its own radius, whatever the sampling. So a bar is true if it is longer than r: the widest gap
+    between bars is no rule, since a torus may have two loops of very different size. Components
+    are counted when all true bars are born, or, without any, when a hexagon is filled.
 
     Args:
         points: `(K, 3)`, of no common plane, evenly spread.
+
+    Raises:
+        ValueError: the points are too few, not finite, or lie in a plane.
     """
-    return read_topology(alpha_persistence(points))
-
-
-def read_topology(diagram: Sequence[np.ndarray]) -> Topology:
-    """Parts the true bars of a persistence diagram from the false ones, as `topology` says."""
+    diagram = alpha_persistence(points)
     h0, h1, h2 = diagram
+    spacing = float(np.median(h0[:, 1]))
     bars = np.concatenate([h1, h2])
-    ratio = bars[:, 1] / np.maximum(bars[:, 0], np.finfo(float).tiny)
-    falling = np.concatenate([np.sort(ratio)[::-1], [1.0]])
-    gap = falling[:-1] / falling[1:]
-    num_true = 0 if falling[0] < LEAST_RATIO else 1 + int(gap.argmax())
-    least = falling[num_true - 1] if num_true else np.inf
-    true = bars[ratio >= least]
-    if num_true:
-        margin = float(gap[num_true - 1])
-        scale = float(np.sqrt(true[:, 0].max() * true[:, 1].min()))
-    else:
-        margin = float(LEAST_RATIO / falling[0])
-        scale = float(np.max(h0[np.isfinite(h0[:, 1]), 1], initial=0.0))
-    loops = int(np.sum(h1[:, 1] / np.maximum(h1[:, 0], np.finfo(float).tiny) >= least))
-    components = int(np.sum(h0[:, 1] > scale))
+    length = bars[:, 1] - bars[:, 0]
+    true = length > spacing
+    weakest = length[true].min(initial=np.inf) if true.any() else spacing
+    margin = weakest / length[~true].max(initial=np.finfo(float).tiny)
+    scale = bars[true, 0].max() if true.any() else 2 * spacing
     return Topology(
-        betti=(components, loops, num_true - loops), margin=margin, scale=scale, diagram=(h0, h1, h2)
+        betti=(
+            int(np.sum(h0[:, 1] > scale)),
+            int(true[: len(h1)].sum()),
+            int(true[len(h1) :].sum()),
+        ),
+        margin=float(margin),
+        scale=float(scale),
+        diagram=diagram,
     )
 
 
@@ -92,55 +84,119 @@ def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
         ValueError: the points are too few or lie in a plane.
     """
     simplices, radius = alpha_filtration(points)
-    order = sorted(range(len(simplices)), key=lambda s: (radius[s], len(simplices[s])))
-    position = {simplices[s]: place for place, s in enumerate(order)}
-    size = [len(simplices[s]) for s in order]
-    boundary = [
-        [position[face] for face in combinations(simplices[s], size[place] - 1) if face]
-        for place, s in enumerate(order)
-    ]
-    born = np.sqrt([radius[s] for s in order])
-    pairs, alive = _reduce(boundary, size)
+    # Faces before what they bound, when both appear at once.
+    simplices, radius = zip(
+        *sorted(zip(simplices, radius, strict=True), key=lambda pair: (pair[1], len(pair[0]))),
+        strict=True,
+    )
     bars: list[list[tuple[float, float]]] = [[], [], []]
-    for birth, death in pairs:
-        if born[death] > born[birth]:
-            bars[size[birth] - 1].append((born[birth], born[death]))
-    for birth in alive:
-        bars[size[birth] - 1].append((born[birth], np.inf))
-    h0, h1, h2 = (np.array(sorted(b), dtype=float).reshape(-1, 2) for b in bars)
+    for birth, death in _persistence_pairs(simplices):
+        if death is None:
+            bars[len(simplices[birth]) - 1].append((radius[birth], np.inf))
+        elif radius[death] > radius[birth]:
+            bars[len(simplices[birth]) - 1].append((radius[birth], radius[death]))
+    h0, h1, h2 = (np.sqrt(np.array(sorted(b), dtype=float).reshape(-1, 2)) for b in bars)
     return h0, h1, h2
 
 
 def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[float]]:
-    """The simplices of the alpha complex and the squared radius at which each appears.
+    """Lists the simplices of the alpha complex, and the squared radius at which each appears.
 
-    A simplex appears when the balls of its corners meet in a point that no nearer ball owns: at
-    the radius of its smallest circumsphere if that holds no other point, else with the first of
-    the simplices that it bounds.
+    A simplex appears with its smallest circumsphere if that holds no other point, else with the
+    first of the simplices that it bounds.
 
     Returns:
-        Simplices as sorted tuples of points, corners first, and their squared radii.
+        Simplices as sorted tuples of points, from corners to tetrahedra, and squared radii.
     """
-    tetrahedra = delaunay(points)
-    levels = [{tuple(t): r for t, r in zip(tetrahedra.tolist(), _radius2(points, tetrahedra), strict=True)}]
+    points, tetrahedra = delaunay(points)
+    _, radius2 = circumspheres(points, tetrahedra)
+    levels = [dict(zip(map(tuple, tetrahedra.tolist()), radius2.tolist(), strict=True))]
     for size in (3, 2):
-        cofaces: dict[tuple[int, ...], list[tuple[tuple[int, ...], float]]] = {}
+        above: dict[tuple[int, ...], list[tuple[int, float]]] = {}
         for simplex, value in levels[-1].items():
-            for face in combinations(simplex, size):
-                cofaces.setdefault(face, []).append((simplex, value))
-        faces = np.array(list(cofaces))
-        own, centre = _radius2(points, faces), _centre(points, faces)
+            for left_out in simplex:
+                face = tuple(v for v in simplex if v != left_out)
+                above.setdefault(face, []).append((left_out, value))
+        centre, radius2 = circumspheres(points, np.array(list(above)))
         level = {}
-        for face, r, c in zip(cofaces, own.tolist(), centre, strict=True):
-            above = cofaces[face]
-            opposite = [next(v for v in simplex if v not in face) for simplex, _ in above]
-            gap2 = np.square(points[opposite] - c).sum(axis=1)
-            level[face] = r if gap2.min() >= r * (1 - 1e-9) else min(v for _, v in above)
+        for (face, bounded), c, r2 in zip(above.items(), centre, radius2.tolist(), strict=True):
+            opposite = points[[vertex for vertex, _ in bounded]]
+            empty = np.square(opposite - c).sum(axis=1).min() >= r2
+            level[face] = r2 if empty else min(value for _, value in bounded)
         levels.append(level)
-    corners = {(v,): 0.0 for v in range(len(points))}
-    simplices: list[tuple[int, ...]] = []
-    radius: list[float] = []
-    for level in (corners, *reversed(levels)):
-        simplices += level
-        radius += level.values()
-    return simplices, radius
+    levels.append({(vertex,): 0.0 for vertex in range(len(points))})
+    simplices = [simplex for level in reversed(levels) for simplex in level]
+    return simplices, [value for level in reversed(levels) for value in level.values()]
+
+
+def delaunay(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Triangulates points in space, moved by a millionth of their extent into general position.
+
+    Args:
+        points: `(K, 3)`.
+
+    Returns:
+        `(K, 3)` the moved points and `(T, 4)` their tetrahedra, corners sorted.
+
+    Raises:
+        ValueError: the points are too few, not finite, or lie in a plane.
+    """
+    points = np.asarray(points, dtype=float)
+    if points.ndim != 2 or points.shape[1] != 3 or len(points) < 5:
+        raise ValueError(f"points have shape {points.shape}: give at least 5 points, as (K, 3).")
+    if not np.isfinite(points).all():
+        raise ValueError("points hold NaN or infinity: embed the representation first.")
+    centred = points - points.mean(axis=0)
+    extent = np.linalg.svd(centred, compute_uv=False)
+    if extent[2] < 1e-6 * extent[0]:
+        raise ValueError("points lie in a plane: give points that spread in space.")
+    jitter = np.random.default_rng(0).uniform(-1e-6, 1e-6, points.shape) * np.ptp(points)
+    moved = points + jitter
+    return moved, np.sort(Delaunay(moved).simplices, axis=1)
+
+
+def circumspheres(points: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The smallest sphere through all corners of each simplex.
+
+    Args:
+        points: `(K, 3)`.
+        simplices: `(N, 2)`, `(N, 3)` or `(N, 4)` corners.
+
+    Returns:
+        `(N, 3)` centres and `(N,)` squared radii.
+    """
+    first = points[simplices[:, 0]]
+    sides = points[simplices[:, 1:]] - first[:, None]
+    gram = np.einsum("nix,njx->nij", sides, sides)
+    half = np.einsum("nii->ni", gram)[..., None] / 2
+    centre = np.einsum("nix,ni->nx", sides, np.linalg.solve(gram, half)[..., 0])
+    return first + centre, np.square(centre).sum(axis=1)
+
+
+def _persistence_pairs(simplices: Sequence[tuple[int, ...]]) -> list[tuple[int, int | None]]:
+    """Pairs the simplex that gives birth to each class with the one that kills it, or None.
+
+    The standard reduction over Z/2, from tetrahedra down: a simplex that is known to give birth
+    need not be reduced (Chen and Kerber).
+
+    Args:
+        simplices: in order of appearance, faces first.
+    """
+    place = {simplex: p for p, simplex in enumerate(simplices)}
+    killer: dict[int, int] = {}
+    reduced: dict[int, set[int]] = {}
+    births: set[int] = set()
+    for size in (4, 3, 2, 1):
+        for p, simplex in enumerate(simplices):
+            if len(simplex) != size or p in killer:
+                continue
+            column = {place[face] for face in combinations(simplex, size - 1) if face}
+            while column and (lowest := max(column)) in killer:
+                column ^= reduced[killer[lowest]]
+            if column:
+                killer[lowest] = p
+                reduced[p] = column
+            else:
+                births.add(p)
+    pairs: list[tuple[int, int | None]] = list(killer.items())
+    return pairs + [(p, None) for p in births - killer.keys()]

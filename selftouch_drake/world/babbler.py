@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from pydrake.systems.framework import LeafSystem
 
-from selftouch_drake.babbling.walk import RandomWalk
+if TYPE_CHECKING:
+    from selftouch_drake.babbling.walk import RandomWalk
 
 
 class Babbler(LeafSystem):

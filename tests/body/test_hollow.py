@@ -62,9 +62,11 @@ def test_standard_bodies_have_a_sound_skin(name):
 
 def test_cube_has_an_exact_cube_inside():
     skin = body.hollow_skin(body.cube(0.44), 0.03, 0.01)
-    np.testing.assert_allclose(skin.inner_vertices, skin.vertices * 0.38 / 0.44, atol=1e-12)
+    np.testing.assert_allclose(skin.inner_vertices, skin.vertices * 0.38 / 0.44, atol=1e-9)
+    outermost = np.abs(skin.inner_vertices).max(axis=1)
+    np.testing.assert_allclose(outermost, 0.19, rtol=0, atol=1e-12)
     middle = skin.tet_vertices[len(skin.vertices) : 2 * len(skin.vertices)]
-    np.testing.assert_allclose(middle, skin.vertices * 0.41 / 0.44, atol=1e-12)
+    np.testing.assert_allclose(middle, skin.vertices * 0.41 / 0.44, atol=1e-9)
     volumes = body.tet_volumes(skin.tet_vertices, skin.tetrahedra)
     assert volumes.sum() == pytest.approx(0.44**3 - 0.38**3)
 
@@ -117,7 +119,7 @@ def _two_tori(tmp_path) -> trimesh.Trimesh:
     return body.mesh_file(path)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(
     radius=st.floats(0.15, 0.3),
     stretch=st.floats(0.8, 1.3),
@@ -178,23 +180,24 @@ def test_vtk_text_is_exact(tmp_path):
 
 
 def test_drake_feels_the_wall_and_nothing_inside(tmp_path):
-    body.write_vtk(body.hollow_skin(body.torus(0.22, 0.09), 0.03, 0.01), tmp_path / "skin.vtk")
-    surfaces = _contact_surfaces(tmp_path / "skin.vtk", (0.22, 0, 0.095))
-    assert len(surfaces) == 1
+    ring = body.torus(0.22, 0.09, resolution=0.03)
+    body.write_vtk(body.hollow_skin(ring, 0.03, 0.01), tmp_path / "skin.vtk")
+    in_wall, in_tube, in_hole, outside = _contact_surfaces(
+        tmp_path / "skin.vtk", [(0.22, 0, 0.095), (0.22, 0, 0), (0, 0, 0), (0.22, 0, 0.11)]
+    )
+    (surface,) = in_wall
     pressures = [
-        surfaces[0].poly_e_MN().EvaluateCartesian(face, surfaces[0].centroid(face))
-        for face in range(surfaces[0].num_faces())
+        surface.poly_e_MN().EvaluateCartesian(face, surface.centroid(face))
+        for face in range(surface.num_faces())
     ]
     assert min(pressures) > 0
     # 5 mm deep, where the pressure rises from zero to the modulus within 15 mm.
     assert max(pressures) == pytest.approx(3e4 * 5 / 15, rel=0.35)
-    # Inside the tube, in the hole of the ring, and outside.
-    for p_WF in ((0.22, 0, 0), (0, 0, 0), (0.22, 0, 0.11)):
-        assert _contact_surfaces(tmp_path / "skin.vtk", p_WF) == []
+    assert in_tube == in_hole == outside == []
 
 
-def _contact_surfaces(path, p_WF):
-    """The contact of a rigid fingertip of 1 cm at `p_WF` with the compliant skin in `path`."""
+def _contact_surfaces(path, fingertips):
+    """The contacts of a rigid fingertip of 1 cm, at each `p_WF`, with the skin in `path`."""
     scene_graph = SceneGraph()
     source = scene_graph.RegisterSource("test")
     soft, hard = ProximityProperties(), ProximityProperties()
@@ -208,8 +211,13 @@ def _contact_surfaces(path, p_WF):
     tip.set_proximity_properties(hard)
     scene_graph.RegisterGeometry(source, frame, tip)
     context = scene_graph.CreateDefaultContext()
-    poses = FramePoseVector()
-    poses.set_value(frame, RigidTransform(np.array(p_WF, dtype=float)))
-    scene_graph.get_source_pose_port(source).FixValue(context, poses)
-    query = scene_graph.get_query_output_port().Eval(context)
-    return query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
+    query_port = scene_graph.get_query_output_port()
+    contacts = []
+    for p_WF in fingertips:
+        poses = FramePoseVector()
+        poses.set_value(frame, RigidTransform(np.array(p_WF, dtype=float)))
+        scene_graph.get_source_pose_port(source).FixValue(context, poses)
+        query = query_port.Eval(context)
+        kind = HydroelasticContactRepresentation.kPolygon
+        contacts.append(query.ComputeContactSurfaces(kind))
+    return contacts

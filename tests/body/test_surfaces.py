@@ -93,15 +93,6 @@ def test_mesh_file_turns_an_inverted_mesh_over(tmp_path):
     assert body.mesh_file(path).volume == pytest.approx(0.064, rel=1e-5)
 
 
-def test_mesh_file_thins_out_a_scan(tmp_path):
-    path = tmp_path / "scan.ply"
-    trimesh.creation.icosphere(subdivisions=6, radius=0.25).export(path)
-    surface = body.mesh_file(path)
-    assert len(surface.faces) < 20_000
-    radii = np.linalg.norm(surface.vertices, axis=1)
-    np.testing.assert_allclose(radii, 0.25, atol=2e-3)
-
-
 def _message(call, *args, **kwargs):
     with pytest.raises(ValueError, match=r"^body\.") as caught:
         call(*args, **kwargs)
@@ -125,7 +116,7 @@ def test_wrong_dimensions_are_named():
     )
     assert (
         _message(body.cube, 440)
-        == "body.resolution 0.02 m cuts this body into 5808000000 triangles, more than 200000; "
+        == "body.resolution 0.02 m cuts this body into 5808000000 triangles, more than 50000; "
         "give a coarser resolution, and all lengths in metres"
     )
 
@@ -157,6 +148,10 @@ def test_wrong_mesh_files_are_named(tmp_path):
     }
     for (name, content), expected in table.items():
         assert message(name, content) == f"body.mesh FILE {expected}"
+    scan = trimesh.creation.icosphere(subdivisions=6, radius=0.25)
+    assert message("scan.ply", scan) == (
+        "body.mesh FILE has 81920 triangles, more than 50000; decimate it to about 4534"
+    )
     unreadable = message("noise.ply", b"\x00\x01 not a mesh")
     assert unreadable.startswith("body.mesh FILE cannot be read (")
     assert unreadable.endswith("); export it again")
@@ -193,5 +188,5 @@ def test_self_intersection_is_found_where_it_is():
     faces = np.arange(6).reshape(2, 3)
     hit = first_self_intersection(np.concatenate([below, across]), faces)
     assert hit is not None
-    for clear in ((2, 0, 0), (0, 0, 1.5), (0, -2, 0)):
+    for clear in ((2, 0, 0), (0, 0, 1.5), (0, 1.5, 0)):
         assert first_self_intersection(np.concatenate([below, across + clear]), faces) is None

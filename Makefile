@@ -1,0 +1,47 @@
+# `make demo` and `make test` are all that one needs on a fresh machine with python3 and make.
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+DEMO ?= runs/demo
+
+.PHONY: help demo test lint bench install install-test clean
+
+help:  ## what one can ask for
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
+
+demo: $(VENV)/.installed  ## an agent finds the shape of its body and moves from sensation to sensation
+	$(BIN)/selftouch run cube --out $(DEMO)
+
+test: $(VENV)/.installed-test  ## install what the tests need, and pass them
+	$(BIN)/python -m pytest -n auto
+
+lint: $(VENV)/.installed-dev  ## style and types
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+
+install: $(VENV)/.installed  ## the package and what it needs, into .venv
+
+$(VENV)/bin/python:
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 11) <= v <= (3, 13))' || \
+	  { echo 'Python 3.11 to 3.13 is needed; name one with `make PYTHON=python3.12 ...`'; exit 1; }
+	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
+	  echo 'Python cannot make a virtual environment; try `sudo apt install python3-venv`'; exit 1; }
+
+$(VENV)/.installed: $(VENV)/bin/python pyproject.toml constraints.txt
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable .
+	@$(BIN)/python -c 'import pydrake.common' || \
+	  { echo 'Drake misses a library of the system; try `sudo apt install libglib2.0-0`'; exit 1; }
+	@touch $@
+
+$(VENV)/.installed-test: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test]'
+	@touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.installed-test
+	$(BIN)/python -m pip install --quiet --constraint constraints.txt --editable '.[test,dev]'
+	@touch $@
+
+clean:  ## remove the environment, keep the runs
+	rm -rf $(VENV)

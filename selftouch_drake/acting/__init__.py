@@ -1,0 +1,1 @@
+"""The agent in the world: timing of its plans, and their execution."""

@@ -1,0 +1,264 @@
+"""The command line: `selftouch run` does everything, and each stage is a verb of its own."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import click
+
+from selftouch_drake import __version__
+
+RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
+EXPERIMENT = click.argument("experiment", default="cube")
+OUT = click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Run directory; an unfinished run of the same experiment is resumed.  [runs/NAME]",
+)
+SET = click.option(
+    "--set",
+    "overrides",
+    default="{}",
+    metavar="YAML",
+    help="Fields laid over the experiment, as in '{babbling: {num_samples: 20000}}'.",
+)
+WORKERS = click.option(
+    "--workers", type=click.IntRange(min=1), help="Processes that babble.  [one a core]"
+)
+FROM = click.option("--from", "start", type=int, required=True, help="Target sensation to start.")
+TO = click.option("--to", "goal", type=int, required=True, help="Target sensation to reach.")
+
+
+class Teaching(click.Group):
+    """Lists the verbs in the order in which one uses them."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(self.commands)
+
+
+@click.group(
+    cls=Teaching,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
+)
+@click.version_option(__version__, prog_name="selftouch")
+def cli() -> None:
+    """An agent finds out, by touching itself, that it has a body.
+
+    It babbles with its arm, keeps what it felt where, and builds from that alone a graph of its
+    own sensations: the shape of its body, and a map on which to plan from any sensation to any
+    other.
+
+    \b
+    selftouch run cube                        everything, into runs/cube
+    selftouch run torus --out runs/my_torus   another body
+    selftouch run cube --set '{seed: 1, babbling: {num_samples: 20000}}'
+    selftouch plan runs/cube --from 3 --to 250
+    selftouch execute runs/cube --from 3 --to 250
+    selftouch play runs/cube                  watch it in a browser
+    """
+
+
+@cli.command()
+@EXPERIMENT
+@OUT
+@SET
+@WORKERS
+def run(experiment: str, out: Path | None, overrides: str, workers: int | None) -> None:
+    """Babble, learn, plan, execute, evaluate and report, all of EXPERIMENT.
+
+    EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`) or a YAML file.
+    Stages that are done are not done again: a run that was stopped goes on where it was.
+    """
+    from selftouch_drake import stages
+    from selftouch_drake.show import write_report
+
+    directory = _begin(experiment, out, overrides)
+    world = stages.World(directory)
+    if not stages.has_babbled(directory):
+        _babble(directory, world, workers)
+    if not stages.has_learned(directory):
+        with _progress("learn") as progress:
+            stages.learn(directory, progress)
+    if not stages.has_evaluated(directory):
+        with _progress("plan, execute, evaluate") as progress:
+            stages.evaluate(directory, world, progress)
+    with _progress("report") as progress:
+        report = write_report(directory, progress)
+    _print_headline(directory)
+    click.echo(f"report: {report}")
+
+
+@cli.command()
+@EXPERIMENT
+@OUT
+@SET
+@WORKERS
+def babble(experiment: str, out: Path | None, overrides: str, workers: int | None) -> None:
+    """Walk at random through motor space and keep what touches."""
+    from selftouch_drake import stages
+
+    directory = _begin(experiment, out, overrides)
+    _babble(directory, stages.World(directory), workers)
+    click.echo(f"experience: {directory.experience}")
+
+
+@cli.command()
+@RUN
+def learn(run: Path) -> None:
+    """Build the quotient representation from the experience of RUN."""
+    from selftouch_drake import stages
+
+    directory = _open(run)
+    with _progress("learn") as progress:
+        stages.learn(directory, progress)
+    click.echo(f"representation: {directory.representation}")
+
+
+@cli.command()
+@RUN
+@FROM
+@TO
+def plan(run: Path, start: int, goal: int) -> None:
+    """Plan a smooth motion from one target sensation to another."""
+    from selftouch_drake import stages
+
+    directory = _open(run)
+    arrays = stages.Pilot(directory).plan(start, goal)
+    route = " ".join(str(node) for node in arrays["nodes"])
+    click.echo(f"route: {route}\nduration: {arrays['time_s'][-1]:.2f} s")
+    click.echo(f"plan: {directory.plan(start, goal)}")
+
+
+@cli.command()
+@RUN
+@FROM
+@TO
+def execute(run: Path, start: int, goal: int) -> None:
+    """Execute a planned motion in the dynamic world, and keep what was felt."""
+    from selftouch_drake import stages
+
+    directory = _open(run)
+    felt = stages.execute(directory, stages.World(directory), start, goal)["felt"]
+    click.echo(f"in contact: {felt.any(axis=1).mean():.1%} of the time")
+    click.echo(f"plan: {directory.plan(start, goal)}")
+
+
+@cli.command()
+@RUN
+def evaluate(run: Path) -> None:
+    """Score RUN against the truth: shape, and random plans as felt in the world."""
+    from selftouch_drake import stages
+
+    directory = _open(run)
+    with _progress("evaluate") as progress:
+        stages.evaluate(directory, stages.World(directory), progress)
+    _print_headline(directory)
+
+
+@cli.command()
+@RUN
+def report(run: Path) -> None:
+    """Draw the figures and the recording of RUN, and write its report."""
+    from selftouch_drake.show import write_report
+
+    directory = _open(run)
+    with _progress("report") as progress:
+        path = write_report(directory, progress)
+    click.echo(f"report: {path}")
+
+
+@cli.command()
+@RUN
+@click.option("--port", type=click.IntRange(1024, 65535), help="Of the browser page.  [the first free]")
+def play(run: Path, port: int | None) -> None:
+    """Show the executed plans of RUN in a browser, until Ctrl-C."""
+    from selftouch_drake.show import play as show
+
+    show(_open(run), port=port, announce=click.echo)
+
+
+@cli.command()
+def experiments() -> None:
+    """List the shipped experiments."""
+    from selftouch_drake.experiment import shipped_experiments
+
+    click.echo("\n".join(shipped_experiments()))
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Runs the command line: exit 0 on success, 2 on a user's mistake, 130 on Ctrl-C."""
+    sys.exit(exit_status(lambda: cli.main(arguments, prog_name="selftouch", standalone_mode=False)))
+
+
+def exit_status(command: Callable[[], object]) -> int:
+    """Runs `command`; a mistake becomes one line on stderr instead of a traceback."""
+    try:
+        result = command()
+        return result if isinstance(result, int) else 0
+    except (KeyboardInterrupt, click.Abort):
+        click.echo("selftouch: stopped; the same command goes on from here", err=True)
+        return 130
+    except click.ClickException as error:
+        message = error.format_message()
+    except (ValueError, OSError) as error:
+        message = str(error)
+    click.echo(f"selftouch: {' '.join(message.split())}", err=True)
+    return 2
+
+
+def _begin(experiment: str, out: Path | None, overrides: str):
+    from selftouch_drake.experiment import load_experiment, parse_overrides
+    from selftouch_drake.run_directory import RunDirectory
+
+    loaded = load_experiment(experiment, parse_overrides(overrides))
+    return RunDirectory.create(out or Path("runs") / loaded.name, loaded)
+
+
+def _open(run: Path):
+    from selftouch_drake.run_directory import RunDirectory
+
+    return RunDirectory.open(run)
+
+
+def _babble(directory, world, workers: int | None) -> None:
+    from selftouch_drake import stages
+
+    with _progress("babble") as progress, stages.local_executor(workers) as executor:
+        stages.babble(directory, world, executor, progress)
+
+
+@contextmanager
+def _progress(stage: str) -> Iterator[Callable[[float, str], None]]:
+    """A progress bar on stderr that tells the fraction done and what is being done."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (
+        TextColumn("{task.fields[stage]:<24}"),
+        BarColumn(),
+        TextColumn("{task.percentage:>3.0f} %"),
+        TimeElapsedColumn(),
+        TextColumn("{task.description}"),
+    )
+    with Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task("", total=1.0, stage=stage)
+        yield lambda fraction, doing: bar.update(task, completed=fraction, description=doing)
+
+
+def _print_headline(directory) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    from selftouch_drake.show import headline
+
+    table = Table("figure", "value", title=directory.experiment.name, title_justify="left")
+    for name, value in headline(directory.metrics()):
+        table.add_row(name, value)
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,22 @@
+"""Scores of the agent against the truth; the only package that reads both sides."""
+
+from selftouch_drake.evaluation.motion import MotionScore, cosine_distance, score_motion, summarise
+from selftouch_drake.evaluation.shape import (
+    align,
+    kernel_positions,
+    kernel_spread,
+    neighbour_agreement,
+    shape_rms_fraction,
+)
+
+__all__ = [
+    "MotionScore",
+    "align",
+    "cosine_distance",
+    "kernel_positions",
+    "kernel_spread",
+    "neighbour_agreement",
+    "score_motion",
+    "shape_rms_fraction",
+    "summarise",
+]

@@ -1,0 +1,67 @@
+"""How well what the agent found fits the body it has. The experimenter's side: reads the truth."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import orthogonal_procrustes
+from scipy.spatial.distance import cdist, pdist
+
+from selftouch_drake.representation.quotient import QuotientRepresentation
+
+
+def kernel_positions(representation: QuotientRepresentation, p_WF: np.ndarray) -> np.ndarray:
+    """Where each motor kernel set truly puts the first fingertip.
+
+    Args:
+        representation: K kernels over experience of N rows.
+        p_WF: `(N, 3 * fingers)` m, true fingertip positions of the experience.
+
+    Returns:
+        `(K, 3)` m, the median over each kernel.
+    """
+    return np.array([np.median(p, axis=0) for p in _members(representation, p_WF)])
+
+
+def kernel_spread(representation: QuotientRepresentation, p_WF: np.ndarray) -> np.ndarray:
+    """`(K,)` m, root mean square distance of a kernel's fingertip positions from their mean."""
+    return np.array(
+        [np.sqrt(p.var(axis=0).sum()) for p in _members(representation, p_WF)], dtype=float
+    )
+
+
+def neighbour_agreement(set_distance: np.ndarray, positions: np.ndarray) -> float:
+    """Share of the 6 nearest kernels that are truly among the 12 nearest.
+
+    Args:
+        set_distance: `(K, K)` rad.
+        positions: `(K, 3)` m, true positions of the kernels.
+    """
+    found = _nearest(set_distance, 6)
+    true = _nearest(cdist(positions, positions), 12)
+    hits = [np.isin(a, b).mean() for a, b in zip(found, true, strict=True)]
+    return float(np.mean(hits))
+
+
+def align(source: np.ndarray, target: np.ndarray) -> np.ndarray:
+    """Moves, turns, mirrors and scales `source` `(K, 3)` onto `target` `(K, 3)` (Procrustes)."""
+    centred = source - source.mean(axis=0)
+    goal = target - target.mean(axis=0)
+    rotation, singular_sum = orthogonal_procrustes(centred, goal)
+    scale = singular_sum / np.square(centred).sum()
+    return scale * centred @ rotation + target.mean(axis=0)
+
+
+def shape_rms_fraction(embedding: np.ndarray, positions: np.ndarray) -> float:
+    """Root mean square distance after `align`, over the largest distance between positions."""
+    residual = align(embedding, positions) - positions
+    return float(np.sqrt(np.square(residual).sum(axis=1).mean()) / pdist(positions).max())
+
+
+def _members(representation: QuotientRepresentation, p_WF: np.ndarray) -> list[np.ndarray]:
+    first_finger = p_WF[representation.kernel_row, :3].astype(float)
+    return [first_finger[representation.members(k)] for k in range(representation.num_targets)]
+
+
+def _nearest(distance: np.ndarray, count: int) -> np.ndarray:
+    without_self = distance + np.diag(np.full(len(distance), np.inf))
+    return np.argsort(without_self, axis=1, kind="stable")[:, :count]

@@ -1,0 +1,222 @@
+"""Shaded bodies on plain axes: an orthographic camera, sorted triangles, light.
+
+Matplotlib's own 3-D axes sort whole collections by depth, not what is in them, and do not crop.
+Here points are projected first, and whatever may hide each other is drawn as one collection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.gridspec import SubplotSpec
+from scipy.spatial import cKDTree
+
+from selftouch_drake.show.style import INK
+
+# Share of the light that comes from everywhere.
+_AMBIENT = 0.42
+# Points tested at once for what hides them: bounds memory, not results.
+_CHUNK = 64
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """A camera far away, in degrees above the horizon and round the vertical."""
+
+    elevation: float = 24.0
+    azimuth: float = -58.0
+
+    @property
+    def axes(self) -> np.ndarray:
+        """`(3, 3)` unit vectors: to the right of the picture, up in it, and towards the camera."""
+        elevation, azimuth = np.radians([self.elevation, self.azimuth])
+        right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+        level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        towards = np.cos(elevation) * level + np.sin(elevation) * np.array([0.0, 0.0, 1.0])
+        return np.stack([right, np.cross(towards, right), towards])
+
+    @property
+    def towards(self) -> np.ndarray:
+        """`(3,)` unit vector towards the camera."""
+        return self.axes[2]
+
+    @property
+    def light(self) -> np.ndarray:
+        """`(3,)` unit vector to the lamp, above and to the left of the camera."""
+        lamp = np.array([-0.55, 0.75, 1.0]) @ self.axes
+        return lamp / np.linalg.norm(lamp)
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """`(..., 3)` points in the picture: right, up, and nearness to the camera."""
+        return points @ self.axes.T
+
+    @staticmethod
+    def facing(direction: np.ndarray, elevation: float = 24.0) -> View:
+        """The view from the side that `direction` `(3,)` points to, a little from its left."""
+        azimuth = np.degrees(np.arctan2(direction[1], direction[0]))
+        return View(elevation, float(azimuth) - 20.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Solid:
+    """Triangles with colours.
+
+    Attributes:
+        triangles: `(N, 3, 3)` corners.
+        normals: `(N, 3)` unit vectors, outward.
+        rgb: `(N, 3)` before light falls on it.
+    """
+
+    triangles: np.ndarray
+    normals: np.ndarray
+    rgb: np.ndarray
+
+
+def surface(
+    vertices: np.ndarray, faces: np.ndarray, color: str | np.ndarray, *, cuts: int = 0
+) -> Solid:
+    """A triangle surface.
+
+    Args:
+        vertices: `(V, 3)`.
+        faces: `(F, 3)` indices, outward by the right hand.
+        color: one for all, or `(V, 3)` RGB.
+        cuts: how often each triangle is cut into four, with normals and colours between those of
+            its corners: a coarse surface looks smooth and stays where it is.
+    """
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    rgb = np.broadcast_to(to_rgb(color) if isinstance(color, str) else color, np.shape(vertices))
+    corners, faces = np.hstack([vertices, mesh.vertex_normals, rgb]), np.asarray(faces)
+    for _ in range(cuts):
+        corners, faces = trimesh.remesh.subdivide(corners, faces)
+    triangles, normals, rgb = np.split(corners[faces], 3, axis=2)
+    if cuts:
+        normals = normals.mean(axis=1)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    else:
+        normals = np.asarray(mesh.face_normals)
+    return Solid(triangles, normals, rgb.mean(axis=1))
+
+
+def balls(
+    centres: np.ndarray, radius: float, color: str | np.ndarray, *, detail: int = 2
+) -> Solid:
+    """Spheres of one radius round `centres` `(N, 3)`, in one colour or in `(N, 3)` RGB."""
+    ball = trimesh.creation.icosphere(subdivisions=detail, radius=radius)
+    corners = np.asarray(ball.triangles)
+    rgb = np.broadcast_to(to_rgb(color) if isinstance(color, str) else color, centres.shape)
+    return Solid(
+        (centres[:, None, None] + corners).reshape(-1, 3, 3),
+        np.tile(np.asarray(ball.face_normals), (len(centres), 1)),
+        np.repeat(rgb, len(corners), axis=0),
+    )
+
+
+def rod(start: np.ndarray, end: np.ndarray, radius: float, color: str) -> Solid:
+    """A round rod between two points `(3,)`, cut short enough to be sorted by depth."""
+    mesh = trimesh.creation.cylinder(radius, segment=np.stack([start, end]), sections=24)
+    vertices, faces = trimesh.remesh.subdivide_to_size(
+        mesh.vertices, mesh.faces, max_edge=3 * radius
+    )
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    rgb = np.broadcast_to(to_rgb(color), (len(faces), 3))
+    return Solid(np.asarray(mesh.triangles), np.asarray(mesh.face_normals), rgb)
+
+
+def add_scene(figure: Figure, where: SubplotSpec, title: str = "") -> Axes:
+    """Adds axes of one scale and without frame; they show what is drawn into them."""
+    ax = figure.add_subplot(where, aspect="equal", title=title)
+    ax.set_axis_off()
+    ax.margins(0.02)
+    return ax
+
+
+def draw(
+    ax: Axes, view: View, *solids: Solid, opacity: float = 1.0, zorder: float = 1.0
+) -> None:
+    """Draws the sides of solids that face the camera, each triangle over those behind it.
+
+    Args:
+        ax: the axes of a scene.
+        view: the camera.
+        solids: what is sorted together.
+        opacity: of the whole; what is hidden behind the front of it stays hidden.
+        zorder: above what has a lower one.
+    """
+    triangles, normals, rgb = (
+        np.concatenate([getattr(solid, name) for solid in solids])
+        for name in ("triangles", "normals", "rgb")
+    )
+    facing = normals @ view.towards > -0.02
+    picture = view.project(triangles[facing])
+    order = np.argsort(picture[..., 2].mean(axis=1))
+    colors = _lit(rgb[facing], normals[facing], view)[order]
+    # Edges in the colour of their face close the hairlines between neighbours.
+    collection = PolyCollection(
+        picture[order, :, :2], facecolors=colors, edgecolors=colors, linewidths=0.3, zorder=zorder
+    )
+    if opacity < 1.0:
+        fade = np.array([1.0, 1.0, 1.0, opacity])
+        collection.set_agg_filter(lambda image, dpi: (image * fade, 0, 0))
+    ax.add_collection(collection)
+    ax.autoscale_view()
+
+
+def visible(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, view: View) -> np.ndarray:
+    """Which points lie on the visible side of a closed surface.
+
+    A point in the wall counts as the point of the surface nearest to it.
+
+    Args:
+        points: `(N, 3)`.
+        vertices: `(V, 3)` of the surface.
+        faces: `(F, 3)` indices, outward by the right hand.
+        view: the camera.
+
+    Returns:
+        `(N,)` whether nothing hides the point.
+    """
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    _, nearest = cKDTree(vertices).query(points)
+    asked, back = np.unique(nearest, return_inverse=True)
+    lift = 1e-3 * np.ptp(vertices, axis=0).max()
+    p = view.project(mesh.vertices[asked] + lift * mesh.vertex_normals[asked])
+    a, b, c = view.project(mesh.triangles).transpose(1, 2, 0)
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    flat = np.abs(area) < 1e-12
+    area = np.where(flat, np.inf, area)
+    hidden = np.zeros(len(asked), dtype=bool)
+    for first in range(0, len(asked), _CHUNK):
+        x, y, depth = p[first : first + _CHUNK, :, None].transpose(1, 0, 2)
+        u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
+        v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
+        above = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]) > depth
+        inside = (u >= 0) & (v >= 0) & (u + v <= 1) & ~flat
+        hidden[first : first + _CHUNK] = (inside & above).any(axis=1)
+    return ~hidden[back]
+
+
+def scale_bar(ax: Axes, length: float, label: str) -> None:
+    """Draws a bar of `length`, in the unit of the scene, below what the axes show."""
+    (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    y = bottom - 0.05 * (top - bottom)
+    start = (left + right - length) / 2
+    ax.plot([start, start + length], [y, y], color=INK, linewidth=1.6, solid_capstyle="butt")
+    ax.annotate(
+        label, ((left + right) / 2, y), (0, -3), textcoords="offset points", ha="center", va="top"
+    )
+
+
+def _lit(rgb: np.ndarray, normals: np.ndarray, view: View) -> np.ndarray:
+    """Lambert's law with ambient light, and a soft highlight."""
+    half = view.light + view.towards
+    shine = 0.16 * np.clip(normals @ half / np.linalg.norm(half), 0.0, 1.0) ** 30
+    brightness = _AMBIENT + (1.04 - _AMBIENT) * np.clip(normals @ view.light, 0.0, 1.0)
+    return np.clip(rgb * brightness[:, None] + shine[:, None], 0.0, 1.0)

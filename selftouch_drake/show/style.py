@@ -1,0 +1,57 @@
+"""One look for all figures: colours that colour-blind readers tell apart, quiet axes, no pyplot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+# Okabe and Ito's palette.
+BLUE, SKY, GREEN, ORANGE = "#0072B2", "#56B4E9", "#009E73", "#E69F00"
+VERMILION, PINK = "#D55E00", "#CC79A7"
+INK, MUTED, PALE = "#22262B", "#6B7280", "#D5D8DD"
+# The tactile skin, and what the agent made of it.
+SKIN, RECOVERED = "#C6CAD1", "#5DB89C"
+
+# Perceptually even, and dark to light for every reader: amounts, and pressure on a light page.
+AMOUNT, PRESSURE = "cividis", "inferno_r"
+
+DPI = 160
+
+_STYLE = {
+    "figure.facecolor": "white",
+    "figure.dpi": DPI,
+    "savefig.dpi": DPI,
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "text.color": INK,
+    "axes.edgecolor": MUTED,
+    "axes.labelcolor": INK,
+    "axes.linewidth": 0.8,
+    "axes.titlesize": 10.0,
+    "axes.titlelocation": "left",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.prop_cycle": mpl.cycler(color=[BLUE, ORANGE, GREEN, VERMILION, PINK, SKY]),
+    "figure.titlesize": 12.0,
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "legend.frameon": False,
+    "image.cmap": AMOUNT,
+}
+
+_Arguments = ParamSpec("_Arguments")
+
+
+def styled(draw: Callable[_Arguments, Figure]) -> Callable[_Arguments, Figure]:
+    """Draws a figure in the project's style, and leaves matplotlib's own settings as they were."""
+
+    @wraps(draw)
+    def wrapper(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Figure:
+        with mpl.rc_context(_STYLE):
+            return draw(*args, **kwargs)
+
+    return wrapper
