@@ -75,8 +75,7 @@ def run(experiment: str, out: Path | None, overrides: str, workers: int | None) 
     from selftouch_drake import stages
     from selftouch_drake.show import write_report
 
-    directory = _begin(experiment, out, overrides)
-    world = stages.World(directory)
+    directory, world = _begin(experiment, out, overrides)
     if not stages.has_babbled(directory):
         _babble(directory, world, workers)
     if not stages.has_learned(directory):
@@ -98,10 +97,8 @@ def run(experiment: str, out: Path | None, overrides: str, workers: int | None) 
 @WORKERS
 def babble(experiment: str, out: Path | None, overrides: str, workers: int | None) -> None:
     """Walk at random through motor space and keep what touches."""
-    from selftouch_drake import stages
-
-    directory = _begin(experiment, out, overrides)
-    _babble(directory, stages.World(directory), workers)
+    directory, world = _begin(experiment, out, overrides)
+    _babble(directory, world, workers)
     click.echo(f"experience: {directory.experience}")
 
 
@@ -141,7 +138,7 @@ def execute(run: Path, start: int, goal: int) -> None:
     from selftouch_drake import stages
 
     directory = _open(run)
-    felt = stages.execute(directory, stages.World(directory), start, goal)["felt"]
+    felt = stages.execute(directory, stages.World(directory.experiment), start, goal)["felt"]
     click.echo(f"in contact: {felt.any(axis=1).mean():.1%} of the time")
     click.echo(f"plan: {directory.plan(start, goal)}")
 
@@ -154,7 +151,7 @@ def evaluate(run: Path) -> None:
 
     directory = _open(run)
     with _progress("evaluate") as progress:
-        stages.evaluate(directory, stages.World(directory), progress)
+        stages.evaluate(directory, stages.World(directory.experiment), progress)
     _print_headline(directory)
 
 
@@ -212,9 +209,13 @@ def exit_status(command: Callable[[], object]) -> int:
 def _begin(experiment: str, out: Path | None, overrides: str):
     from selftouch_drake.experiment import load_experiment, parse_overrides
     from selftouch_drake.run_directory import RunDirectory
+    from selftouch_drake.stages import World
 
     loaded = load_experiment(experiment, parse_overrides(overrides))
-    return RunDirectory.create(out or Path("runs") / loaded.name, loaded)
+    world = World(loaded)
+    # A body that cannot be made is refused before anything is written.
+    _ = world.body
+    return RunDirectory.create(out or Path("runs") / loaded.name, loaded), world
 
 
 def _open(run: Path):

@@ -346,7 +346,7 @@ def _check_values(experiment: Experiment) -> None:
     for name, value, least in (
         ("babbling.num_samples", e.babbling.num_samples, 1),
         ("babbling.walk_size", e.babbling.walk_size, 1),
-        ("representation.num_targets", e.representation.num_targets, 20),
+        ("representation.num_targets", e.representation.num_targets, 50),
         ("representation.max_kernel_size", e.representation.max_kernel_size, 2),
         ("evaluation.num_pairs", e.evaluation.num_pairs, 0),
     ):

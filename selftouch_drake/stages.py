@@ -20,7 +20,7 @@ import numpy as np
 from selftouch_drake.acting.execution import LOG_PERIOD, DynamicWorld
 from selftouch_drake.acting.timing import time_path
 from selftouch_drake.babbling import collect
-from selftouch_drake.body import build_body
+from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
 from selftouch_drake.evaluation import (
     kernel_positions,
     kernel_spread,
@@ -30,6 +30,7 @@ from selftouch_drake.evaluation import (
     summarise,
 )
 from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.planning import Planner, jerk_reduction, predict_sensation
 from selftouch_drake.representation import QuotientLearner, QuotientRepresentation
@@ -53,13 +54,13 @@ def silent(fraction: float, doing: str) -> None:
 
 
 class World:
-    """What the experimenter has of a run's world, each part built when first asked for."""
+    """The world of an experiment, each part built when first asked for."""
 
-    def __init__(self, run: RunDirectory):
-        self._experiment = run.experiment
+    def __init__(self, experiment: Experiment):
+        self._experiment = experiment
 
     @cached_property
-    def body(self):
+    def body(self) -> tuple[HollowSkin, ReceptiveFields]:
         return build_body(self._experiment)
 
     @cached_property
@@ -195,12 +196,7 @@ class Pilot:
 
     def _some_configuration(self, start: int, goal: int) -> np.ndarray:
         """Where the arm is when it is asked: any configuration of the start kernel."""
-        num_targets = self.representation.num_targets
-        for name, target in (("--from", start), ("--to", goal)):
-            if not 0 <= target < num_targets:
-                raise RunError(
-                    f"{name} is {target}; this run has target sensations 0 to {num_targets - 1}"
-                )
+        _require_targets(self.representation, start, goal)
         members = self.representation.kernel_q[self.representation.members(start)]
         stream = self.run.experiment.random_stream("start", start, goal)
         return members[np.random.default_rng(stream).integers(len(members))].astype(float)
@@ -208,6 +204,7 @@ class Pilot:
 
 def execute(run: RunDirectory, world: World, start: int, goal: int) -> dict[str, np.ndarray]:
     """Executes a stored plan in the dynamic world and stores what was felt beside it."""
+    _require_targets(load_representation(run), start, goal)
     if not run.plan(start, goal).exists():
         raise RunError(
             f"{run.path} has no plan from {start} to {goal}; make one with "
@@ -313,6 +310,15 @@ def has_evaluated(run: RunDirectory) -> bool:
     wanted = run.experiment.evaluation.num_pairs
     done = "execution_num_pairs" if wanted else "shape_rms_fraction"
     return done in run.metrics()
+
+
+def _require_targets(representation: QuotientRepresentation, start: int, goal: int) -> None:
+    num_targets = representation.num_targets
+    for name, target in (("--from", start), ("--to", goal)):
+        if not 0 <= target < num_targets:
+            raise RunError(
+                f"{name} is {target}; this run has target sensations 0 to {num_targets - 1}"
+            )
 
 
 def _require_experience(run: RunDirectory) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, as_completed
 from functools import lru_cache
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 import yaml
@@ -21,6 +22,8 @@ from selftouch_drake.world.probe import ContactProbe
 CHUNK = 4096
 # A walk that has not touched once in so many steps never will.
 PATIENCE = 2_000_000
+# Executors may run jobs in threads, as Dask's do, but a world serves one at a time.
+_WORLD_LOCK = Lock()
 
 
 class NeverTouches(ValueError):
@@ -118,8 +121,9 @@ def collect(
 
 
 def _collect_and_store(text: str, run: str, walk: int, num_rows: int, fingerprint: str) -> int:
-    experiment, probe = _world(text)
-    shard = collect_walk(probe, experiment, walk, num_rows)
+    with _WORLD_LOCK:
+        experiment, probe = _world(text)
+        shard = collect_walk(probe, experiment, walk, num_rows)
     write_shard(Path(run), shard, fingerprint=fingerprint)
     return shard.num_steps
 

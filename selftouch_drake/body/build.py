@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import numpy as np
 import trimesh
 
 from selftouch_drake.body import surfaces
 from selftouch_drake.body.hollow import HollowSkin, hollow_skin
 from selftouch_drake.body.receptors import ReceptiveFields, place_receptors, receptive_fields
-from selftouch_drake.experiment import Body, Experiment
+from selftouch_drake.experiment import SHAPES, Body, Experiment
 
-# m, of the fingertips in models/.
+# m, of the arms and fingers in models/: radius of a fingertip, the shoulder's place on the body,
+# and the length of the arm from there to a fingertip.
 FINGERTIP_RADIUS = 0.01
+P_B_SHOULDER = (0.0, 0.0, 0.40)
+ARM_REACH = 0.92
 
 
 def build_body(experiment: Experiment) -> tuple[HollowSkin, ReceptiveFields]:
@@ -20,6 +24,7 @@ def build_body(experiment: Experiment) -> tuple[HollowSkin, ReceptiveFields]:
         ValueError: the body cannot be made; the text names the field, the value and the remedy.
     """
     surface = outer_surface(experiment.body)
+    _require_reach(surface, experiment.body)
     skin = hollow_skin(surface, experiment.skin.thickness, FINGERTIP_RADIUS)
     p_BS = place_receptors(surface, experiment.skin.num_receptors, experiment.seed)
     return skin, receptive_fields(surface, p_BS)
@@ -42,3 +47,13 @@ def outer_surface(body: Body) -> trimesh.Trimesh:
         "mesh": lambda resolution: surfaces.mesh_file(body.mesh, resolution=resolution),
     }
     return make[body.shape](body.resolution)
+
+
+def _require_reach(surface: trimesh.Trimesh, body: Body) -> None:
+    farthest = np.linalg.norm(surface.vertices - P_B_SHOULDER, axis=1).max()
+    if farthest > ARM_REACH:
+        name = SHAPES[body.shape][0]
+        raise ValueError(
+            f"body.{name} is {getattr(body, name)!r}; the fingertip reaches {ARM_REACH} m from the "
+            f"shoulder, but the skin is up to {farthest:.2f} m away; make the body smaller"
+        )

@@ -107,7 +107,9 @@ class ExperienceReader:
             try:
                 vectors = parquet.read([column]).column(column).combine_chunks()
             except (pa.ArrowException, OSError) as error:
-                raise StoreError(f"{path} is damaged ({_line(error)}); delete it and babble again")
+                raise StoreError(
+                    f"{path} is damaged ({_line(error)}); delete it and babble again"
+                ) from None
             if isinstance(vectors, pa.ChunkedArray):
                 vectors = vectors.chunk(0)
             yield vectors.flatten().to_numpy().reshape(len(vectors), -1)

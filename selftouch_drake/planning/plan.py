@@ -200,9 +200,8 @@ def jerk_reduction(plan: Plan) -> float:
         return 1.0
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, max(5, int(length / _JERK_SPACING)))
-    kept = np.concatenate([[True], np.diff(plan.waypoint_s) > 0.0])
     rough, smooth = (
         np.sqrt(np.mean(np.square(np.diff(path(s), 3, axis=0))))
-        for path in (polyline(plan.waypoints_q[kept]), plan.path)
+        for path in (polyline(plan.waypoints_q), plan.path)
     )
     return float(rough / smooth)

@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from selftouch_drake.representation.quotient import QuotientRepresentation
 
 #: Links between targets further apart than this many spacings are leaps: they cut through the body.
-LEAP_SPACINGS = 1.5
+LEAP_SPACINGS = 1.25
 #: The cost of a leap grows with this power of how far it exceeds that. Without it 1.3 % of path
 #: time is out of contact (cube, torus and sphere together), with it 0.3 %, on paths 16 % longer.
 LEAP_POWER = 8.0

@@ -23,10 +23,11 @@ def polyline(waypoints_q: np.ndarray) -> BSpline:
     """The straight path through the waypoints, over its length in rad.
 
     Args:
-        waypoints_q: `(W, J)` rad; successive waypoints differ.
+        waypoints_q: `(W, J)` rad, not all the same.
     """
     s = path_length(waypoints_q)
-    return BSpline(np.concatenate([s[:1], s, s[-1:]]), waypoints_q, 1)
+    moved = np.concatenate([[True], np.diff(s) > 0.0])
+    return BSpline(np.pad(s[moved], 1, mode="edge"), waypoints_q[moved], 1)
 
 
 def smooth_path(
@@ -36,14 +37,15 @@ def smooth_path(
     lower: np.ndarray | None = None,
     upper: np.ndarray | None = None,
 ) -> BSpline:
-    """The quintic spline nearest the polyline: squared distance plus spacing^6 x squared jerk.
+    """The quintic spline nearest the polyline: squared distance plus l^6 x squared jerk.
 
-    It starts and ends exactly at the first and last waypoint. A spline lies in the convex hull of
-    its control points, so that clipping these keeps it within the limits and as smooth as it was.
+    The length l is the interval between knots. The path starts and ends at the first and the last
+    waypoint, its outer control points. A spline lies in the convex hull of its control points, so
+    that clipping these keeps it within the limits and as smooth as it was.
 
     Args:
         waypoints_q: `(W, J)` rad.
-        knot_spacing: rad of path length between knots; larger is smoother.
+        knot_spacing: rad of path length, the longest interval between knots; larger is smoother.
         lower: `(J,)` rad, no joint goes below this, unless a waypoint does.
         upper: `(J,)` rad, no joint goes above this, unless a waypoint does.
 
@@ -51,31 +53,29 @@ def smooth_path(
         A clamped quintic B-spline over `[0, length]`, length of the polyline in rad; over
         `[0, 1]` and constant if there is nowhere to go.
     """
-    waypoints_q = _without_repeats(np.asarray(waypoints_q, dtype=float))
-    if len(waypoints_q) == 1:
-        knots = np.repeat([0.0, 1.0], DEGREE + 1)
-        return BSpline(knots, np.repeat(waypoints_q, DEGREE + 1, axis=0), DEGREE)
-
-    line = polyline(waypoints_q)
-    length = line.t[-1]
-    breaks = np.linspace(0.0, length, 1 + int(np.ceil(length / knot_spacing)))
-    knots = np.concatenate([np.zeros(DEGREE), breaks, np.full(DEGREE, length)])
-    s = (np.arange(_SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
-    s = (breaks[:-1, None] + s * breaks[1]).ravel()
-
-    basis = BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE)
-    value, jerk = basis(s), basis.derivative(3)(s)
-    normal = value.T @ value + knot_spacing**6 * jerk.T @ jerk
+    waypoints_q = np.asarray(waypoints_q, dtype=float)
     ends = waypoints_q[[0, -1]]
-    right = (value.T @ line(s) - normal[:, [0, -1]] @ ends)[1:-1]
-    control = np.concatenate([ends[:1], np.linalg.solve(normal[1:-1, 1:-1], right), ends[1:]])
+    length = path_length(waypoints_q)[-1]
+    if length == 0.0:
+        knots = np.repeat([0.0, 1.0], DEGREE + 1)
+        return BSpline(knots, np.repeat(ends[:1], DEGREE + 1, axis=0), DEGREE)
+
+    # Solved over knots one apart, so that the shortest path is as well conditioned as any.
+    num_intervals = int(np.ceil(length / knot_spacing))
+    interval = length / num_intervals
+    knots = np.pad(np.arange(num_intervals + 1.0), DEGREE, mode="edge")
+    u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
+    basis = BSpline(knots, np.eye(num_intervals + DEGREE), DEGREE)
+    value, jerk = basis(u), basis.derivative(3)(u)
+    normal = value.T @ value + jerk.T @ jerk
+    right = value.T @ polyline(waypoints_q)(u * interval) - normal[:, [0, -1]] @ ends
+    inner = np.linalg.solve(normal[1:-1, 1:-1], right[1:-1])
+
+    control = np.concatenate([ends[:1], inner, ends[1:]])
     if lower is not None:
         control = np.maximum(control, np.minimum(lower, waypoints_q.min(axis=0)))
     if upper is not None:
         control = np.minimum(control, np.maximum(upper, waypoints_q.max(axis=0)))
+    knots *= interval
+    knots[-DEGREE - 1 :] = length
     return BSpline(knots, control, DEGREE)
-
-
-def _without_repeats(waypoints_q: np.ndarray) -> np.ndarray:
-    moves = np.any(np.diff(waypoints_q, axis=0) != 0.0, axis=1)
-    return waypoints_q[np.concatenate([[True], moves])]

@@ -12,16 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 from matplotlib.axes import Axes
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from scipy.spatial import cKDTree
 
-from selftouch_drake.show.style import INK
+from selftouch_drake.show.style import INK, MUTED
 
 # Share of the light that comes from everywhere.
-_AMBIENT = 0.42
+_AMBIENT = 0.5
+# Cosine of the angle between faces beyond which they meet in an edge, not in a smooth bend.
+_EDGE = 0.85
 # Points tested at once for what hides them: bounds memory, not results.
 _CHUNK = 64
 
@@ -30,7 +32,7 @@ _CHUNK = 64
 class View:
     """A camera far away, in degrees above the horizon and round the vertical."""
 
-    elevation: float = 24.0
+    elevation: float = 28.0
     azimuth: float = -58.0
 
     @property
@@ -58,7 +60,7 @@ class View:
         return points @ self.axes.T
 
     @staticmethod
-    def facing(direction: np.ndarray, elevation: float = 24.0) -> View:
+    def facing(direction: np.ndarray, elevation: float = 28.0) -> View:
         """The view from the side that `direction` `(3,)` points to, a little from its left."""
         azimuth = np.degrees(np.arctan2(direction[1], direction[0]))
         return View(elevation, float(azimuth) - 20.0)
@@ -93,15 +95,16 @@ def surface(
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     rgb = np.broadcast_to(to_rgb(color) if isinstance(color, str) else color, np.shape(vertices))
-    corners, faces = np.hstack([vertices, mesh.vertex_normals, rgb]), np.asarray(faces)
+    flat, smooth = mesh.face_normals[:, None], mesh.vertex_normals[mesh.faces]
+    is_edge = (flat * smooth).sum(axis=2, keepdims=True) < _EDGE
+    corners = np.concatenate(
+        [mesh.triangles, np.where(is_edge, flat, smooth), rgb[mesh.faces]], axis=2
+    )
     for _ in range(cuts):
-        corners, faces = trimesh.remesh.subdivide(corners, faces)
-    triangles, normals, rgb = np.split(corners[faces], 3, axis=2)
-    if cuts:
-        normals = normals.mean(axis=1)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    else:
-        normals = np.asarray(mesh.face_normals)
+        corners = _cut(corners)
+    triangles, normals, rgb = np.split(corners, 3, axis=2)
+    normals = normals.mean(axis=1)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     return Solid(triangles, normals, rgb.mean(axis=1))
 
 
@@ -123,7 +126,7 @@ def rod(start: np.ndarray, end: np.ndarray, radius: float, color: str) -> Solid:
     """A round rod between two points `(3,)`, cut short enough to be sorted by depth."""
     mesh = trimesh.creation.cylinder(radius, segment=np.stack([start, end]), sections=24)
     vertices, faces = trimesh.remesh.subdivide_to_size(
-        mesh.vertices, mesh.faces, max_edge=3 * radius
+        mesh.vertices, mesh.faces, max_edge=radius
     )
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     rgb = np.broadcast_to(to_rgb(color), (len(faces), 3))
@@ -139,7 +142,12 @@ def add_scene(figure: Figure, where: SubplotSpec, title: str = "") -> Axes:
 
 
 def draw(
-    ax: Axes, view: View, *solids: Solid, opacity: float = 1.0, zorder: float = 1.0
+    ax: Axes,
+    view: View,
+    *solids: Solid,
+    opacity: float = 1.0,
+    ambient: float = _AMBIENT,
+    zorder: float = 1.0,
 ) -> None:
     """Draws the sides of solids that face the camera, each triangle over those behind it.
 
@@ -148,6 +156,7 @@ def draw(
         view: the camera.
         solids: what is sorted together.
         opacity: of the whole; what is hidden behind the front of it stays hidden.
+        ambient: share of the light that comes from everywhere; high where colours mean amounts.
         zorder: above what has a lower one.
     """
     triangles, normals, rgb = (
@@ -157,7 +166,7 @@ def draw(
     facing = normals @ view.towards > -0.02
     picture = view.project(triangles[facing])
     order = np.argsort(picture[..., 2].mean(axis=1))
-    colors = _lit(rgb[facing], normals[facing], view)[order]
+    colors = _lit(rgb[facing], normals[facing], view, ambient)[order]
     # Edges in the colour of their face close the hairlines between neighbours.
     collection = PolyCollection(
         picture[order, :, :2], facecolors=colors, edgecolors=colors, linewidths=0.3, zorder=zorder
@@ -203,20 +212,58 @@ def visible(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, view: V
     return ~hidden[back]
 
 
+def outline(
+    ax: Axes, view: View, vertices: np.ndarray, faces: np.ndarray, *, zorder: float = 1.0
+) -> None:
+    """Draws the silhouette and the sharp edges of a closed surface, those behind it below all."""
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    towards = mesh.face_normals[mesh.face_adjacency] @ view.towards > 0
+    sharp = np.cos(mesh.face_adjacency_angles) < 2 * _EDGE**2 - 1
+    front = (towards[:, 0] != towards[:, 1]) | (sharp & towards.any(axis=1))
+    lines = view.project(mesh.vertices[mesh.face_adjacency_edges])[..., :2]
+    for shown, level in ((front, zorder), (sharp & ~front, 0.0)):
+        ax.add_collection(
+            LineCollection(lines[shown], colors=MUTED, linewidths=0.7, zorder=level)
+        )
+
+
+def share_scale(axes: Sequence[Axes]) -> None:
+    """Gives scenes the same limits."""
+    limits = np.array([[*ax.get_xlim(), *ax.get_ylim()] for ax in axes])
+    low, high = limits.min(axis=0), limits.max(axis=0)
+    for ax in axes:
+        ax.set(xlim=(low[0], high[1]), ylim=(low[2], high[3]))
+
+
+def fit_height(figure: Figure, *, rows: int = 1, margin: float = 0.55) -> None:
+    """Makes a figure of equal scenes as tall as they need, with inches of margin for titles."""
+    ax = figure.axes[0]
+    width, _ = figure.get_size_inches()
+    columns = ax.get_subplotspec().get_gridspec().ncols
+    aspect = np.ptp(ax.get_ylim()) / np.ptp(ax.get_xlim())
+    figure.set_size_inches(width, rows * (width / columns * aspect + margin))
+
+
 def scale_bar(ax: Axes, length: float, label: str) -> None:
-    """Draws a bar of `length`, in the unit of the scene, below what the axes show."""
+    """Draws a bar of `length`, in the unit of the scene, in the lower left of the axes."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
-    y = bottom - 0.05 * (top - bottom)
-    start = (left + right - length) / 2
-    ax.plot([start, start + length], [y, y], color=INK, linewidth=1.6, solid_capstyle="butt")
-    ax.annotate(
-        label, ((left + right) / 2, y), (0, -3), textcoords="offset points", ha="center", va="top"
-    )
+    x, y = left + 0.01 * (right - left), bottom + 0.01 * (top - bottom)
+    ax.plot([x, x + length], [y, y], color=INK, linewidth=1.6, solid_capstyle="butt", zorder=9)
+    ax.annotate(label, (x + length / 2, y), (0, 3), textcoords="offset points", ha="center")
 
 
-def _lit(rgb: np.ndarray, normals: np.ndarray, view: View) -> np.ndarray:
+def _cut(corners: np.ndarray) -> np.ndarray:
+    """Cuts `(F, 3, C)` triangles into four each, what they carry halfway between corners."""
+    a, b, c = corners.transpose(1, 0, 2)
+    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
+    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
+    return np.concatenate([np.stack(part, axis=1) for part in parts])
+
+
+def _lit(rgb: np.ndarray, normals: np.ndarray, view: View, ambient: float) -> np.ndarray:
     """Lambert's law with ambient light, and a soft highlight."""
     half = view.light + view.towards
     shine = 0.16 * np.clip(normals @ half / np.linalg.norm(half), 0.0, 1.0) ** 30
-    brightness = _AMBIENT + (1.04 - _AMBIENT) * np.clip(normals @ view.light, 0.0, 1.0)
+    brightness = ambient + (1.04 - ambient) * np.clip(normals @ view.light, 0.0, 1.0)
+    shine *= (1.0 - ambient) / (1.0 - _AMBIENT)
     return np.clip(rgb * brightness[:, None] + shine[:, None], 0.0, 1.0)

@@ -8,7 +8,18 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from selftouch_drake.show.scene import View, add_scene, balls, draw, scale_bar, surface, visible
+from selftouch_drake.show.scene import (
+    View,
+    add_scene,
+    balls,
+    draw,
+    fit_height,
+    outline,
+    scale_bar,
+    share_scale,
+    surface,
+    visible,
+)
 from selftouch_drake.show.style import BLUE, GREEN, INK, MUTED, ORANGE, RECOVERED, SKIN, styled
 
 _VIEW = View()
@@ -59,23 +70,14 @@ def body_shape(
     ax = add_scene(figure, grid[2])
     draw(ax, _VIEW, fitted)
     draw(ax, _VIEW, real, opacity=0.38, zorder=2)
+    outline(ax, _VIEW, vertices, faces, zorder=3)
     error = "" if rms_fraction is None else f"\nerror {rms_fraction:.1%} of its extent (RMS)"
     ax.set_title(f"Both{error}", loc="center")
 
-    views = figure.axes
-    low, high = (np.array([f(ax) for ax in views]) for f in (_low, _high))
-    for ax in views:
-        ax.set(xlim=(low[:, 0].min(), high[:, 0].max()), ylim=(low[:, 1].min(), high[:, 1].max()))
-    scale_bar(views[0], 0.1, "10 cm")
+    share_scale(figure.axes)
+    fit_height(figure)
+    scale_bar(figure.axes[0], 0.1, "10 cm")
     return figure
-
-
-def _low(ax):
-    return ax.get_xlim()[0], ax.get_ylim()[0]
-
-
-def _high(ax):
-    return ax.get_xlim()[1], ax.get_ylim()[1]
 
 
 @styled

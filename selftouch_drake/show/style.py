@@ -7,6 +7,8 @@ from functools import wraps
 from typing import ParamSpec
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 # Okabe and Ito's palette.
@@ -16,8 +18,11 @@ INK, MUTED, PALE = "#22262B", "#6B7280", "#D5D8DD"
 # The tactile skin, and what the agent made of it.
 SKIN, RECOVERED = "#C6CAD1", "#5DB89C"
 
-# Perceptually even, and dark to light for every reader: amounts, and pressure on a light page.
-AMOUNT, PRESSURE = "cividis", "inferno_r"
+# Both fall evenly from light to dark, or rise, for every reader. Pressure begins at the page's white.
+AMOUNT = mpl.colormaps["cividis"]
+PRESSURE = LinearSegmentedColormap.from_list(
+    "pressure", ["#F3F3F1", *mpl.colormaps["inferno_r"](np.linspace(0.14, 0.94, 9))]
+)
 
 DPI = 160
 
@@ -40,7 +45,7 @@ _STYLE = {
     "xtick.color": MUTED,
     "ytick.color": MUTED,
     "legend.frameon": False,
-    "image.cmap": AMOUNT,
+    "image.cmap": AMOUNT.name,
 }
 
 _Arguments = ParamSpec("_Arguments")

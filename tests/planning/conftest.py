@@ -36,3 +36,8 @@ def ring_representation(num_kernels=8, members=6, *, links=None, seed=0):
 @pytest.fixture(scope="session")
 def ring():
     return ring_representation()
+
+
+@pytest.fixture(scope="session")
+def make_ring():
+    return ring_representation

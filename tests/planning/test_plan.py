@@ -1,4 +1,5 @@
 import dataclasses
+import re
 import subprocess
 import sys
 
@@ -6,7 +7,6 @@ import numpy as np
 import pytest
 
 from selftouch_drake.planning import Planner, jerk_reduction, predict_sensation
-from tests.planning.conftest import ring_representation
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +19,9 @@ def test_a_plan_leads_from_where_the_arm_is_into_the_goal(ring, planner):
     plan = planner.plan(q_start, 0, 3)
     assert plan.nodes.tolist() == [0, 1, 2, 3]
     assert ring.edges[plan.edges].tolist() == [[0, 1], [1, 2], [2, 3]]
-    assert np.array_equal(plan.path(0.0), q_start)
-    assert np.array_equal(plan.path(plan.waypoint_s[-1]), plan.waypoints_q[-1])
+    assert np.array_equal(plan.waypoints_q[0], q_start)
+    ends = plan.path(plan.waypoint_s[[0, -1]])
+    assert np.allclose(ends, plan.waypoints_q[[0, -1]], rtol=0.0, atol=1e-14)
     for node, q in zip(plan.nodes[1:], plan.waypoints_q[1:], strict=True):
         members = ring.kernel_q[ring.members(node)]
         assert np.abs(members - q).max(axis=1).min() < 1e-6
@@ -113,23 +114,22 @@ def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planne
     ],
 )
 def test_errors_say_what_to_do(ring, planner, arguments, message):
-    with pytest.raises(ValueError, match=".") as error:
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         planner.plan(**{"q_start": ring.kernel_q[0], "start": 0, "goal": 3} | arguments)
-    assert str(error.value) == message
 
 
-def test_an_unreachable_goal_says_what_to_do():
-    apart = ring_representation(links=[(0, 1), (1, 2), (4, 5)])
-    with pytest.raises(ValueError, match=".") as error:
-        Planner(apart).plan(apart.kernel_q[0], 0, 5)
-    assert str(error.value) == (
+def test_an_unreachable_goal_says_what_to_do(make_ring):
+    apart = make_ring(links=[(0, 1), (1, 2), (4, 5)])
+    message = (
         "target 5 cannot be reached from target 0: the quotient graph does not connect them; "
         "babble longer, or learn with a larger num_neighbours"
     )
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        Planner(apart).plan(apart.kernel_q[0], 0, 5)
 
 
 def test_a_planner_refuses_what_it_cannot_do(ring):
-    with pytest.raises(ValueError, match="^route is 'magic': choose one of carried, literal$"):
+    with pytest.raises(ValueError, match=r"^route is 'magic': choose one of carried, literal$"):
         Planner(ring, route="magic")
     with pytest.raises(ValueError, match=r"^knot_spacing is 0.0 rad: choose a positive spacing$"):
         Planner(ring, knot_spacing=0.0)

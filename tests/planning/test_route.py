@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +13,7 @@ from selftouch_drake.planning.route import (
     leap_penalty,
     shortest_route,
 )
-from tests.planning.conftest import ring_representation
+from selftouch_drake.representation.quotient import QuotientRepresentation
 
 
 def laid_by_hand(configurations, edges, targets=None):
@@ -20,8 +22,6 @@ def laid_by_hand(configurations, edges, targets=None):
     kernel_q = np.concatenate(configurations)[:, None].astype(float)
     num_kernels, num_rows = len(sizes), len(kernel_q)
     edges = np.array(edges, dtype=int)
-    from selftouch_drake.representation.quotient import QuotientRepresentation
-
     return QuotientRepresentation(
         target_sensations=np.eye(num_kernels) if targets is None else targets,
         kernel_offsets=np.cumsum([0, *sizes]),
@@ -82,8 +82,8 @@ def test_the_goal_is_entered_by_its_goal_configurations_alone():
     assert carried_route(graph, np.zeros(1), 0, 3, far).tolist() == [0, 2, 3]
 
 
-def test_goal_configurations_are_near_the_target_and_not_the_lightest():
-    representation = ring_representation(members=100)
+def test_goal_configurations_are_near_the_target_and_not_the_lightest(make_ring):
+    representation = make_ring(members=100)
     rows = goal_members(representation, 3)
     members = representation.members(3)
     error, strength = representation.kernel_error, representation.kernel_strength
@@ -111,8 +111,8 @@ def test_the_literal_route_takes_the_chord():
     assert shortest_route(distance, 0, 2).tolist() == [0, 2]
 
 
-def test_leaps_are_edges_between_far_off_sensations():
-    chord = ring_representation(20, links=[(k, (k + 1) % 20) for k in range(20)] + [(0, 9)])
+def test_leaps_are_edges_between_far_off_sensations(make_ring):
+    chord = make_ring(20, links=[(k, (k + 1) % 20) for k in range(20)] + [(0, 9)])
     penalty = leap_penalty(chord)
     is_chord = (chord.edges == [0, 9]).all(axis=1)
     assert np.all(penalty[~is_chord] == 1.0)
@@ -122,10 +122,10 @@ def test_leaps_are_edges_between_far_off_sensations():
 
 @settings(max_examples=30, deadline=None)
 @given(seed=st.integers(0, 1000), start=st.integers(0, 7), goal=st.integers(0, 7))
-def test_routes_follow_edges_from_start_to_goal(seed, start, goal):
-    representation = ring_representation(seed=seed)
+def test_routes_follow_edges_from_start_to_goal(seed, start, goal, make_ring):
+    representation = make_ring(seed=seed)
     nodes = route(representation, representation.kernel_q[6 * start], start, goal)
     edges = {tuple(e) for e in representation.edges.tolist()}
     assert (nodes[0], nodes[-1]) == (start, goal)
-    assert all((min(e), max(e)) in edges for e in zip(nodes[:-1], nodes[1:], strict=True))
+    assert all((min(e), max(e)) in edges for e in pairwise(nodes))
     assert len(set(nodes)) == len(nodes)

@@ -1,0 +1,106 @@
+"""Pictures of the internal representation: distances between kernel sets, and the quotient graph."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from selftouch_drake.show.scene import View, add_scene, fit_height, share_scale
+from selftouch_drake.show.style import AMOUNT, INK, styled
+
+
+@styled
+def distance_matrix(set_distance: np.ndarray, true_distance: np.ndarray | None = None) -> Figure:
+    """Distances between all kernel sets, in an order that the agent could find itself.
+
+    Args:
+        set_distance: `(K, K)` rad, symmetric.
+        true_distance: `(K, K)` m, between the true positions of the kernels.
+    """
+    num_panels = 1 if true_distance is None else 2
+    figure = Figure(figsize=(5.2 * num_panels, 4.3), layout="constrained")
+    axes = figure.subplots(1, num_panels, squeeze=False)[0]
+    order = spectral_order(set_distance)
+    image = axes[0].imshow(set_distance[np.ix_(order, order)], interpolation="nearest")
+    figure.colorbar(image, ax=axes[0], label="set distance (rad)", shrink=0.85)
+    axes[0].set(
+        xlabel="kernel set, in spectral order",
+        ylabel="kernel set, in spectral order",
+        title="How far the arm must move between kernels",
+    )
+    if true_distance is not None:
+        i, j = np.triu_indices(len(set_distance), k=1)
+        bins = axes[1].hexbin(
+            100 * true_distance[i, j], set_distance[i, j], gridsize=45, bins="log", linewidths=0
+        )
+        figure.colorbar(bins, ax=axes[1], label="pairs of kernels", shrink=0.85)
+        axes[1].set(
+            xlabel="true distance (cm)", ylabel="set distance (rad)", title="Against the truth"
+        )
+    return figure
+
+
+@styled
+def quotient_graph(embedding: np.ndarray, edges: np.ndarray, edge_cost: np.ndarray) -> Figure:
+    """The quotient graph, laid out as the agent embeds it, from the front and from above.
+
+    Args:
+        embedding: `(K, 3)` arbitrary unit and pose.
+        edges: `(E, 2)` pairs of kernels.
+        edge_cost: `(E,)` rad.
+    """
+    figure = Figure(figsize=(9.6, 4.3), layout="constrained")
+    grid = figure.add_gridspec(1, 2)
+    low, high = np.quantile(edge_cost, [0.02, 0.98])
+    norm = Normalize(low, max(high, low + 1e-9))
+    for where, view, title in (
+        (grid[0], View(), "The quotient graph, embedded"),
+        (grid[1], View(elevation=80.0), "from above"),
+    ):
+        ax = add_scene(figure, where, title)
+        picture = view.project(embedding - embedding.mean(axis=0))
+        nearness = picture[edges, 2].mean(axis=1)
+        order = np.argsort(nearness)
+        depth = (nearness - nearness.min()) / (np.ptp(nearness) or 1.0)
+        lines = LineCollection(
+            picture[edges[order], :2],
+            array=edge_cost[order],
+            norm=norm,
+            cmap=AMOUNT,
+            alpha=0.15 + 0.85 * depth[order] ** 1.5,
+            linewidths=0.4 + 1.1 * depth[order],
+        )
+        ax.add_collection(lines)
+        depth = (picture[:, 2] - picture[:, 2].min()) / (np.ptp(picture[:, 2]) or 1.0)
+        ax.scatter(
+            *picture[:, :2].T, s=2 + 14 * depth**2, color=INK, alpha=0.1 + 0.9 * depth**1.5,
+            linewidths=0, zorder=3,
+        )  # fmt: skip
+        ax.autoscale_view()
+    share_scale(figure.axes)
+    fit_height(figure)
+    figure.colorbar(
+        ScalarMappable(norm, AMOUNT),
+        ax=figure.axes,
+        label="cost of an edge (rad)",
+        shrink=0.7,
+        extend="both",
+    )
+    return figure
+
+
+def spectral_order(distance: np.ndarray) -> np.ndarray:
+    """`(K,)` an order in which near things are near: along the graph's slowest vibration.
+
+    That is the Fiedler vector of the Laplacian of similarities that fall off over the distance to
+    the tenth nearest.
+    """
+    tenth = np.sort(distance, axis=1)[:, min(10, len(distance) - 1)]
+    width = max(float(np.median(tenth)), 1e-12)
+    similarity = np.exp(-np.square(distance / width))
+    degree = 1 / np.sqrt(similarity.sum(axis=1))
+    _, vectors = np.linalg.eigh(degree[:, None] * similarity * degree)
+    return np.argsort(vectors[:, -2] * degree) if len(distance) > 1 else np.array([0])

@@ -1,0 +1,41 @@
+from dataclasses import dataclass
+
+import pytest
+
+from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
+from selftouch_drake.experiment import Experiment, load_experiment
+from selftouch_drake.world import ContactProbe
+
+
+@dataclass(frozen=True)
+class SmallWorld:
+    """A shipped experiment, its body, and what its skin feels."""
+
+    experiment: Experiment
+    skin: HollowSkin
+    fields: ReceptiveFields
+    probe: ContactProbe
+
+
+def _build(name: str) -> SmallWorld:
+    experiment = load_experiment(name)
+    skin, fields = build_body(experiment)
+    return SmallWorld(experiment, skin, fields, ContactProbe(experiment, skin, fields))
+
+
+@pytest.fixture(scope="session")
+def cube_world():
+    """One finger on a cube."""
+    return _build("cube")
+
+
+@pytest.fixture(scope="session")
+def torus_world():
+    """Two fingers on a torus."""
+    return _build("torus_two_fingers")
+
+
+@pytest.fixture(scope="session", params=["cube_world", "torus_world"])
+def world(request):
+    """Each of the worlds above."""
+    return request.getfixturevalue(request.param)
