@@ -31,7 +31,7 @@ SHAPES = {
     "mesh": ("mesh",),
 }
 END_EFFECTORS = {"one_finger": 1, "two_fingers": 2}
-BABBLING_MODES = ("kinematic",)
+BABBLING_MODES = ("kinematic", "dynamic")
 METRICS = ("sensorimotor", "motor", "literal")
 # Purposes of randomness; a new one goes to the end, so that the others stay as they are.
 STREAMS = ("walk", "pairs", "start")
@@ -56,8 +56,8 @@ class Body:
     semi_axes: list[float] | None = None
     # A closed surface in metres (.obj, .stl, .ply); a relative path starts at the experiment file.
     mesh: str | None = None
-    # Metres, edge length of the skin's triangles: finer is slower and smoother.
-    resolution: float = 0.02
+    # Metres, edge length of the skin's triangles: finer is rounder, and slower to touch.
+    resolution: float = 0.03
 
 
 @dataclass(kw_only=True, slots=True)
@@ -76,7 +76,8 @@ class Skin:
 class Babbling:
     """The random walk in motor space, and how much of it is kept."""
 
-    # `kinematic`: positions are set and contact is evaluated.
+    # `kinematic`: positions are set and contact is evaluated. `dynamic`: joint controllers follow
+    # the walk under gravity, torque limits and contact forces; slower and more real.
     mode: str = "kinematic"
     # Touching motor configurations to keep; the paper's limit is one million.
     num_samples: int = 100_000
@@ -84,6 +85,8 @@ class Babbling:
     step_size: float = 0.15
     # Share of the velocity kept from step to step: 0 is Brownian, near 1 is ballistic.
     persistence: float = 0.9
+    # Seconds a step, in dynamic mode: the time that the arm has for it.
+    step_duration: float = 0.1
     # Kept configurations in one walk, which is one shard of the store.
     walk_size: int = 10_000
 
@@ -249,7 +252,7 @@ def _checked_fields(fields: Any, schema: type, *, prefix: str) -> dict[str, Any]
     checked = {}
     for key, value in fields.items():
         if key not in types:
-            text = key if isinstance(key, str) and key.isprintable() else _shown(key)
+            text = _shown(key).strip("'")
             close = difflib.get_close_matches(text, types, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(types)}"
             raise ExperimentError(f"unknown key {prefix}{text}; {hint}")
@@ -294,7 +297,8 @@ def _shown(value: object) -> str:
     short.maxstring = short.maxother = 100
     short.maxlevel = 3
     try:
-        return " ".join(short.repr(value).split())
+        text = " ".join(short.repr(value).split())
+        return text if len(text) <= 150 else f"{text[:150]}..."
     except ValueError:  # Python does not spell out numbers beyond some thousand digits
         return "a number of thousands of digits"
 
@@ -321,6 +325,7 @@ def _check_values(experiment: Experiment) -> None:
         "skin.thickness": e.skin.thickness,
         "skin.hydroelastic_modulus": e.skin.hydroelastic_modulus,
         "babbling.step_size": e.babbling.step_size,
+        "babbling.step_duration": e.babbling.step_duration,
         "planning.knot_spacing": e.planning.knot_spacing,
         "execution.time_step": e.execution.time_step,
         "execution.stiffness": e.execution.stiffness,

@@ -73,6 +73,7 @@ _UNREADABLE = (
     KeyError,
     NotImplementedError,
     OSError,
+    RuntimeError,
     TypeError,
     ValueError,
     zipfile.BadZipFile,

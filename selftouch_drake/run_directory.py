@@ -113,7 +113,7 @@ class RunDirectory:
             return {}
         try:
             figures = json.loads(file.read_text(encoding="utf-8"))
-        except (json.JSONDecodeError, UnicodeDecodeError):
+        except (ValueError, RecursionError):
             figures = None
         if not isinstance(figures, dict):
             raise RunError(f"{file} is damaged; delete it and evaluate again")

@@ -22,6 +22,7 @@ from selftouch_drake.acting.timing import time_path
 from selftouch_drake.babbling import collect
 from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
 from selftouch_drake.evaluation import (
+    coverage,
     kernel_positions,
     kernel_spread,
     neighbour_agreement,
@@ -228,8 +229,8 @@ def execute(run: RunDirectory, world: World, start: int, goal: int) -> dict[str,
 def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> None:
     """Scores what was learned against the truth, and random plans as felt in the world."""
     pilot = Pilot(run)
-    progress(0.0, "shape against the truth")
-    run.add_metrics(_score_shape(run, pilot.representation))
+    progress(0.0, "against the truth")
+    run.add_metrics(_score_against_truth(run, world, pilot.representation))
     targets = pilot.representation.target_sensations
     planned, executed, tracking, force = [], [], [], []
     pairs = random_pairs(run)
@@ -275,8 +276,11 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     return QuotientRepresentation.load(run.representation)
 
 
-def _score_shape(run: RunDirectory, representation: QuotientRepresentation) -> dict[str, object]:
+def _score_against_truth(
+    run: RunDirectory, world: World, representation: QuotientRepresentation
+) -> dict[str, object]:
     p_WF = ExperienceReader(run.truth).read("p_WF")
+    _, fields = world.body
     positions = kernel_positions(representation, p_WF)
     spread = kernel_spread(representation, p_WF)
     by_metric = {
@@ -284,6 +288,7 @@ def _score_shape(run: RunDirectory, representation: QuotientRepresentation) -> d
         for metric in METRICS
     }
     return {
+        **coverage(p_WF, fields.vertices, fields.faces),
         "kernel_spread_median_m": float(np.median(spread)),
         "kernel_spread_worst_m": float(spread.max()),
         "neighbour_agreement": neighbour_agreement(representation.set_distance, positions),

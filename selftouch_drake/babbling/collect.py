@@ -11,15 +11,14 @@ from threading import Lock
 import numpy as np
 import yaml
 
+from selftouch_drake.babbling.sources import DynamicSource, KinematicSource, Source
 from selftouch_drake.babbling.walk import RandomWalk
-from selftouch_drake.body import build_body
+from selftouch_drake.body import ARM_REACH, build_body
 from selftouch_drake.experience import Shard, read_num_steps, write_shard
 from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
 from selftouch_drake.run_directory import RunDirectory
-from selftouch_drake.world.probe import ContactProbe
+from selftouch_drake.world.kinematics import FingertipKinematics
 
-# Steps between two contact evaluations in one batch: large enough for numpy, small in memory.
-CHUNK = 4096
 # A walk that has not touched once in so many steps never will.
 PATIENCE = 2_000_000
 # Executors may run jobs in threads, as Dask's do, but a world serves one at a time.
@@ -37,48 +36,47 @@ def walk_sizes(experiment: Experiment) -> list[int]:
     return [size] * full + [rest] * (rest > 0)
 
 
-def collect_walk(
-    probe: ContactProbe, experiment: Experiment, walk: int, num_rows: int
-) -> Shard:
+def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: int) -> Shard:
     """Walks until `num_rows` configurations touched.
 
     Raises:
         NeverTouches: there was no touch in a very long walk.
     """
-    babbling = experiment.babbling
-    steps = RandomWalk(
-        lower=probe.agent.lower,
-        upper=probe.agent.upper,
-        step_size=babbling.step_size,
-        persistence=babbling.persistence,
-        seed=experiment.random_stream("walk", walk),
+    babbling, agent = experiment.babbling, source.agent
+    source.begin(
+        RandomWalk(
+            lower=agent.lower,
+            upper=agent.upper,
+            step_size=babbling.step_size,
+            persistence=babbling.persistence,
+            seed=experiment.random_stream("walk", walk),
+        )
     )
     kept_step, kept_q, kept_sensation = [], [], []
     num_kept = num_steps = 0
     while num_kept < num_rows:
-        # What is stored is what was felt: float32 configurations are the ones that are probed.
-        q = steps.steps(CHUNK).astype(np.float32)
-        sensation = probe.sensations(q).astype(np.float32)
+        q, sensation = source.next_steps()
         touching = np.flatnonzero(sensation.any(axis=1))[: num_rows - num_kept]
         kept_step.append(num_steps + touching)
         kept_q.append(q[touching])
-        kept_sensation.append(sensation[touching])
+        kept_sensation.append(sensation[touching].astype(np.float32))
         num_kept += len(touching)
-        num_steps += CHUNK
+        num_steps += len(q)
         if num_kept == 0 and num_steps >= PATIENCE:
             raise NeverTouches(
                 f"babbling touched nothing in {num_steps} steps; "
-                "make the body reachable (0.92 m from the shoulder) or babbling.step_size larger"
+                f"make the body reachable ({ARM_REACH} m from the shoulder) or babbling.step_size larger"
             )
     step = np.concatenate(kept_step)
     q = np.concatenate(kept_q)
+    p_WF = FingertipKinematics.of(agent).positions(q.astype(float))
     return Shard(
         walk=walk,
         num_steps=int(step[-1]) + 1,
         step=step,
         q=q,
         sensation=np.concatenate(kept_sensation),
-        p_WF=probe.kinematics.positions(q.astype(float)).reshape(len(q), -1),
+        p_WF=p_WF.reshape(len(q), -1),
     )
 
 
@@ -122,14 +120,15 @@ def collect(
 
 def _collect_and_store(text: str, run: str, walk: int, num_rows: int, fingerprint: str) -> int:
     with _WORLD_LOCK:
-        experiment, probe = _world(text)
-        shard = collect_walk(probe, experiment, walk, num_rows)
+        experiment, source = _world(text)
+        shard = collect_walk(source, experiment, walk, num_rows)
     write_shard(Path(run), shard, fingerprint=fingerprint)
     return shard.num_steps
 
 
 @lru_cache(maxsize=1)
-def _world(text: str) -> tuple[Experiment, ContactProbe]:
+def _world(text: str) -> tuple[Experiment, Source]:
     """The world of an experiment, built once a process: Drake's diagrams cannot be pickled."""
     experiment = experiment_from_fields(yaml.safe_load(text))
-    return experiment, ContactProbe(experiment, *build_body(experiment))
+    make = {"kinematic": KinematicSource, "dynamic": DynamicSource}[experiment.babbling.mode]
+    return experiment, make(experiment, *build_body(experiment))

@@ -1,13 +1,15 @@
 """The body: a closed surface, the hollow skin inside it, and the receptors spread over it."""
 
-from selftouch_drake.body.build import FINGERTIP_RADIUS, build_body
+from selftouch_drake.body.build import ARM_REACH, FINGERTIP_RADIUS, P_B_SHOULDER, build_body
 from selftouch_drake.body.hollow import HollowSkin, hollow_skin, tet_volumes, vtk_text, write_vtk
 from selftouch_drake.body.receptors import ReceptiveFields, place_receptors, receptive_fields
 from selftouch_drake.body.surfaces import cube, cylinder, ellipsoid, mesh_file, sphere, torus
 
 __all__ = [
+    "ARM_REACH",
     "FINGERTIP_RADIUS",
     "HollowSkin",
+    "P_B_SHOULDER",
     "ReceptiveFields",
     "build_body",
     "cube",

@@ -64,6 +64,14 @@ class ReceptiveFields:
         Args:
             p_BQ: `(N, 3)` m, points in the skin, in the body's frame.
         """
+        return self.interpolation_at(p_BQ) @ self.vertex_weights
+
+    def interpolation_at(self, p_BQ: np.ndarray) -> csr_matrix:
+        """Returns `(N, V)` sparse rows: barycentric weights of the nearest triangle's vertices.
+
+        Args:
+            p_BQ: `(N, 3)` m, points in the skin, in the body's frame.
+        """
         p_BQ = np.asarray(p_BQ, dtype=float)
         num_points = len(p_BQ)
         _, face = self._centroids.query(p_BQ)
@@ -72,11 +80,10 @@ class ReceptiveFields:
         np.maximum(barycentric, 0, out=barycentric)
         barycentric /= barycentric.sum(axis=1, keepdims=True)
         ends = np.arange(0, 3 * num_points + 1, 3, dtype=np.int32)
-        rows = csr_matrix(
+        return csr_matrix(
             (barycentric.ravel(), self.faces[face].ravel(), ends),
             shape=(num_points, len(self.vertices)),
         )
-        return rows @ self.vertex_weights
 
     @cached_property
     def _centroids(self) -> cKDTree:

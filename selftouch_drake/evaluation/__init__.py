@@ -1,5 +1,6 @@
 """Scores of the agent against the truth; the only package that reads both sides."""
 
+from selftouch_drake.evaluation.coverage import coverage, touch_density
 from selftouch_drake.evaluation.motion import MotionScore, cosine_distance, score_motion, summarise
 from selftouch_drake.evaluation.shape import (
     align,
@@ -13,10 +14,12 @@ __all__ = [
     "MotionScore",
     "align",
     "cosine_distance",
+    "coverage",
     "kernel_positions",
     "kernel_spread",
     "neighbour_agreement",
     "score_motion",
     "shape_rms_fraction",
     "summarise",
+    "touch_density",
 ]

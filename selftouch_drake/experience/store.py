@@ -62,7 +62,9 @@ def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
         table = pa.table(columns).replace_schema_metadata(metadata)
         (run / folder).mkdir(exist_ok=True)
         with written_whole(run / folder / shard_name(shard.walk)) as aside:
-            pq.write_table(table, aside, compression="zstd", use_dictionary=False)
+            pq.write_table(
+                table, aside, compression="zstd", use_dictionary=False, write_page_checksum=True
+            )
 
 
 def read_num_steps(run: Path, walk: int, *, num_rows: int, fingerprint: str) -> int | None:
@@ -102,7 +104,10 @@ class ExperienceReader:
         """The rows `(N, width)` of a vector column, one array a shard."""
         for path in self._paths:
             parquet = _open(path)
-            if column not in parquet.schema_arrow.names:
+            schema = parquet.schema_arrow
+            if column not in schema.names or not pa.types.is_fixed_size_list(
+                schema.field(column).type
+            ):
                 raise StoreError(f"{path} has no column {column}; it is not such a shard")
             try:
                 vectors = parquet.read([column]).column(column).combine_chunks()
@@ -112,7 +117,7 @@ class ExperienceReader:
                 ) from None
             if isinstance(vectors, pa.ChunkedArray):
                 vectors = vectors.chunk(0)
-            yield vectors.flatten().to_numpy().reshape(len(vectors), -1)
+            yield vectors.flatten().to_numpy().reshape(-1, vectors.type.list_size)
 
     def read(self, column: str) -> np.ndarray:
         """All rows `(N, width)` of a vector column."""
@@ -126,7 +131,7 @@ def _vectors(rows: np.ndarray) -> pa.FixedSizeListArray:
 
 def _open(path: Path) -> pq.ParquetFile:
     try:
-        return pq.ParquetFile(path)
+        return pq.ParquetFile(path, page_checksum_verification=True)
     except (pa.ArrowException, OSError) as error:
         raise StoreError(
             f"{path} is damaged ({_line(error)}); delete it and babble again"

@@ -15,6 +15,12 @@ from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spannin
 
 from selftouch_drake.representation.quotient import QuotientRepresentation
 
+#: Mutual nearest: two rings of a triangulated surface hold 18 kernels, one ring 6.
+NUM_MUTUAL = 12
+
+#: Nearest that are neighbours in any case: nearly one ring.
+NUM_KEPT = 5
+
 
 class DisconnectedWarning(UserWarning):
     """A pruned graph fell into parts, and was joined by its shortest bridges."""
@@ -25,24 +31,30 @@ def complete_edges(num_kernels: int) -> np.ndarray:
     return np.stack(np.triu_indices(num_kernels, 1), axis=1)
 
 
-def neighbour_edges(distance: np.ndarray, num_neighbours: int, *, mutual: bool) -> np.ndarray:
+def neighbour_edges(
+    distance: np.ndarray, num_mutual: int = NUM_MUTUAL, num_kept: int = NUM_KEPT
+) -> np.ndarray:
     """Prunes the complete graph to near neighbours.
+
+    Two kernels are neighbours if each is among the `num_mutual` nearest of the other, which leaves
+    out the many pairs that only one side calls near; or if one is among the `num_kept` nearest of
+    the other, so that no kernel dangles.
 
     Args:
         distance: `(K, K)` symmetric.
-        num_neighbours: how many nearest kernels are the neighbours of a kernel.
-        mutual: keep a pair if each is a neighbour of the other; else if either is.
+        num_mutual: 0 keeps the union of nearest only.
+        num_kept: 0 keeps the mutual nearest only.
 
     Returns:
         `(E, 2)` pairs i < j, sorted.
     """
-    num_kernels = len(distance)
-    nearest = np.argsort(_without_diagonal(distance), axis=1, kind="stable")[:, :num_neighbours]
-    near = np.zeros((num_kernels, num_kernels), dtype=bool)
-    np.put_along_axis(near, nearest, True, axis=1)
-    np.fill_diagonal(near, False)
-    near = near & near.T if mutual else near | near.T
-    return np.argwhere(np.triu(near))
+    distance = np.array(distance, dtype=float)
+    np.fill_diagonal(distance, np.inf)
+    rank = np.argsort(np.argsort(distance, axis=1, kind="stable"), axis=1)
+    np.fill_diagonal(rank, len(distance))
+    near = np.maximum(rank, rank.T) < num_mutual
+    kept = np.minimum(rank, rank.T) < num_kept
+    return np.argwhere(np.triu(near | kept, 1))
 
 
 def component_labels(edges: np.ndarray, num_kernels: int) -> np.ndarray:
@@ -75,8 +87,8 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
             for a in range(num_components)
         ]
     )
-    # Distances of zero would be no edge to the sparse tree.
-    length = distance[bridge[..., 0], bridge[..., 1]] + np.finfo(float).tiny
+    # A length of zero would be no edge to csgraph; a constant added to all leaves the tree as is.
+    length = 1.0 + distance[bridge[..., 0], bridge[..., 1]]
     tree = minimum_spanning_tree(np.triu(length, 1)).tocoo()
     bridges = np.sort(bridge[tree.row, tree.col], axis=1)
     warnings.warn(
@@ -168,12 +180,6 @@ def _sparse(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> csr_arra
     # To csgraph a stored zero is an edge of length zero, and an absent entry no edge.
     i, j = np.asarray(edges).reshape(-1, 2).T
     return csr_array((np.asarray(length, dtype=float), (i, j)), shape=(num_kernels, num_kernels))
-
-
-def _without_diagonal(distance: np.ndarray) -> np.ndarray:
-    distance = np.array(distance, dtype=float)
-    np.fill_diagonal(distance, np.inf)
-    return distance
 
 
 def _closest_pair(distance: np.ndarray, inside_a: np.ndarray, inside_b: np.ndarray) -> list[int]:

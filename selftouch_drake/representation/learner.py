@@ -9,9 +9,9 @@ import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils.validation import check_is_fitted
 
-from selftouch_drake.representation.graph import connected_edges, neighbour_edges
+from selftouch_drake.representation.graph import NUM_MUTUAL, connected_edges, neighbour_edges
 from selftouch_drake.representation.kernels import KernelSample, sample_kernels
-from selftouch_drake.representation.quantise import assign, target_sensations
+from selftouch_drake.representation.quantise import assign, strength, target_sensations
 from selftouch_drake.representation.quotient import QuotientRepresentation
 from selftouch_drake.representation.set_distances import MAX_QUERIES, SET_DISTANCES, set_distances
 
@@ -20,7 +20,7 @@ Progress = Callable[[float, str], None]
 
 
 class QuotientLearner(BaseEstimator):
-    """Learns motor kernel sets and the quotient graph from what was felt where (paper, section III).
+    """Learns motor kernel sets and the quotient graph from experience (paper, section III).
 
     Naive: it reads motor configurations and sensations, and nothing else.
 
@@ -28,7 +28,7 @@ class QuotientLearner(BaseEstimator):
         num_targets: K, number of target sensations.
         max_kernel_size: most motor configurations kept in a kernel set.
         set_distance: the set distance kept for shape, a name in `SET_DISTANCES`.
-        num_neighbours: nearest kernels that the quotient graph joins to a kernel.
+        num_neighbours: mutual nearest kernels that the quotient graph joins.
         max_queries: configurations of a set that ask for their nearest in another.
         random_state: seed; the same seed and experience give the same bytes.
 
@@ -44,7 +44,7 @@ class QuotientLearner(BaseEstimator):
         max_kernel_size: int = 1000,
         *,
         set_distance: str = "quantile",
-        num_neighbours: int = 12,
+        num_neighbours: int = NUM_MUTUAL,
         max_queries: int = MAX_QUERIES,
         random_state: int = 0,
     ) -> None:
@@ -76,7 +76,7 @@ class QuotientLearner(BaseEstimator):
         """
         self._check_parameters()
         sensation, q = np.asarray(sensation), np.asarray(q)
-        strength = _check_experience(sensation, q, self.num_targets)
+        felt = _check_experience(sensation, q, self.num_targets)
 
         quantise_seed, sample_seed = np.random.SeedSequence(self.random_state).generate_state(2)
         targets = target_sensations(
@@ -90,23 +90,25 @@ class QuotientLearner(BaseEstimator):
         rows, offsets = sample.row, sample.offsets(self.num_targets)
         kernel_q = q[rows].astype(np.float32)
 
-        distance = set_distances(
+        (distance,) = set_distances(
             kernel_q,
             offsets,
             self.set_distance,
             max_queries=self.max_queries,
             progress=lambda fraction: progress(0.3 + 0.4 * fraction, "set distances"),
         )
-        firm_rows, firm_offsets = _firm(sample, strength, self.num_targets)
-        firm_distance = set_distances(
+        # Firm configurations decide who is a neighbour and what a step costs: measured on plans,
+        # the quantile loses contact least as the one, the mean as the other.
+        firm_rows, firm_offsets = _firm(sample, felt, self.num_targets)
+        near, step = set_distances(
             q[firm_rows],
             firm_offsets,
+            "quantile",
             "mean_nearest",
             max_queries=self.max_queries,
             progress=lambda fraction: progress(0.7 + 0.3 * fraction, "quotient graph"),
         )
-        edges = neighbour_edges(firm_distance, self.num_neighbours, mutual=True)
-        edges = connected_edges(edges, firm_distance)
+        edges = connected_edges(neighbour_edges(near, self.num_neighbours), near)
 
         self.n_features_in_ = sensation.shape[1]
         self.target_sensations_ = targets
@@ -115,11 +117,11 @@ class QuotientLearner(BaseEstimator):
             kernel_offsets=offsets,
             kernel_q=kernel_q,
             kernel_row=rows,
-            kernel_strength=strength[rows],
+            kernel_strength=felt[rows],
             kernel_error=error[rows],
             set_distance=distance,
             edges=edges,
-            edge_cost=firm_distance[edges[:, 0], edges[:, 1]],
+            edge_cost=step[edges[:, 0], edges[:, 1]],
             embedding=np.full((self.num_targets, 3), np.nan),
         )
         return self
@@ -159,14 +161,14 @@ class QuotientLearner(BaseEstimator):
 
 
 def _firm(
-    sample: KernelSample, strength: np.ndarray, num_kernels: int
+    sample: KernelSample, felt: np.ndarray, num_kernels: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """The more strongly felt half of each kernel: its rows of the experience, and offsets.
 
     A firm touch lies deep in the skin, so that small errors of the motion do not lose contact.
     """
     offsets = sample.offsets(num_kernels)
-    order = np.lexsort((-strength[sample.row], sample.kernel))
+    order = np.lexsort((-felt[sample.row], sample.kernel))
     rank = np.arange(len(order)) - offsets[sample.kernel]
     sizes = (np.diff(offsets) + 1) // 2
     firm = np.sort(order[rank < sizes[sample.kernel]])
@@ -175,7 +177,7 @@ def _firm(
 
 def _check_experience(sensation: np.ndarray, q: np.ndarray, num_targets: int) -> np.ndarray:
     """Refuses experience that cannot be learned from; returns the `(n,)` strength in newtons."""
-    strength = _check_sensation(sensation)
+    felt = _check_sensation(sensation)
     if q.ndim != 2 or q.shape[1] == 0:
         raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints).")
     if len(q) != len(sensation):
@@ -183,6 +185,7 @@ def _check_experience(sensation: np.ndarray, q: np.ndarray, num_targets: int) ->
             f"q has {len(q)} rows and sensation {len(sensation)}: give one motor configuration "
             "for each sensation."
         )
+    _check_numeric("q", q)
     if (bad := np.flatnonzero(~np.isfinite(q).all(axis=1))).size:
         raise ValueError(f"q row {bad[0]} holds NaN or infinity: drop such rows ({bad.size}).")
     if len(sensation) < num_targets:
@@ -190,7 +193,7 @@ def _check_experience(sensation: np.ndarray, q: np.ndarray, num_targets: int) ->
             f"num_targets={num_targets}, but there are only {len(sensation)} sensations: babble "
             "longer, or ask for fewer targets."
         )
-    return strength
+    return felt
 
 
 def _check_sensation(sensation: np.ndarray) -> np.ndarray:
@@ -201,17 +204,23 @@ def _check_sensation(sensation: np.ndarray) -> np.ndarray:
         )
     if len(sensation) == 0:
         raise ValueError("sensation has 0 rows: babble until the finger touches the body.")
-    strength = np.sqrt(np.einsum("ns,ns->n", sensation, sensation, dtype=float)).astype(np.float32)
-    if (bad := np.flatnonzero(~np.isfinite(strength))).size:
+    _check_numeric("sensation", sensation)
+    felt = strength(sensation).astype(np.float32)
+    if (bad := np.flatnonzero(~np.isfinite(felt))).size:
         raise ValueError(
             f"sensation row {bad[0]} holds NaN or infinity: drop such rows ({bad.size})."
         )
     if (lowest := sensation.min()) < 0:
         raise ValueError(
-            f"sensation holds {lowest:g}, below 0: give pressures, with the sensors' offset removed."
+            f"sensation holds {lowest:g}, below 0: give pressures, the sensors' offset removed."
         )
-    if (null := np.flatnonzero(strength == 0)).size:
+    if (null := np.flatnonzero(felt == 0)).size:
         raise ValueError(
             f"sensation row {null[0]} is null: keep only rows that touch ({null.size} do not)."
         )
-    return strength
+    return felt
+
+
+def _check_numeric(name: str, array: np.ndarray) -> None:
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name} holds {array.dtype}: give real numbers.")

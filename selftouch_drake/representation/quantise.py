@@ -18,6 +18,11 @@ _CHUNK = 16_384
 _SAME = 1e-6
 
 
+def strength(sensation: np.ndarray) -> np.ndarray:
+    """`(n,)` N, L2 norm of each sensation; in double precision, as light touches are tiny."""
+    return np.sqrt(np.einsum("ns,ns->n", sensation, sensation, dtype=float))
+
+
 def unit(sensation: np.ndarray) -> np.ndarray:
     """Divides each sensation by its L2 norm.
 
@@ -27,8 +32,7 @@ def unit(sensation: np.ndarray) -> np.ndarray:
     Returns:
         `(n, S)` float32, unit L2 norm.
     """
-    sensation = np.asarray(sensation, dtype=np.float32)
-    return sensation / np.linalg.norm(sensation, axis=1, keepdims=True)
+    return np.divide(sensation, strength(sensation)[:, None], dtype=np.float32, casting="same_kind")
 
 
 def assign(sensation: np.ndarray, target_sensations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -27,7 +27,8 @@ class QuotientRepresentation:
         kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
         set_distance: `(K, K)` rad, symmetric quantile distance between kernel sets.
         edges: `(E, 2)` pairs of neighbouring kernels, i < j, sorted: the quotient graph.
-        edge_cost: `(E,)` rad, mean nearest distance between the firm configurations of the two.
+        edge_cost: `(E,)` rad, mean nearest distance between the firm configurations of the two,
+            those felt more strongly than the median of their kernel.
         embedding: `(K, 3)` the recovered body, arbitrary unit and pose; NaN until it is embedded
             by `selftouch_drake.shape.embed_representation`.
 
@@ -74,7 +75,7 @@ class QuotientRepresentation:
                 f"kernel_offsets must rise from 0 to {num_rows}, the rows of kernel_q, "
                 "with no kernel empty."
             )
-        if num_edges and not (0 <= self.edges.min() and self.edges.max() < num_kernels):
+        if num_edges and (self.edges.min() < 0 or self.edges.max() >= num_kernels):
             raise ValueError(f"edges must join kernels 0 to {num_kernels - 1}.")
 
     @property
@@ -104,7 +105,7 @@ class QuotientRepresentation:
             with np.load(path, allow_pickle=False) as archive:
                 names = [f.name for f in fields(cls)]
                 if missing := [name for name in names if name not in archive.files]:
-                    raise _Foreign(f"it lacks {', '.join(missing)}")
+                    raise ValueError(f"it lacks {', '.join(missing)}")
                 arrays = {name: archive[name] for name in names}
             return cls(**arrays)
         except FileNotFoundError:
@@ -114,10 +115,6 @@ class QuotientRepresentation:
             raise ValueError(
                 f"{path} is not a whole quotient representation ({reason}): learn again."
             ) from error
-
-
-class _Foreign(ValueError):
-    """An archive of something else."""
 
 
 #: What numpy raises, in practice, for truncated, damaged and foreign files.

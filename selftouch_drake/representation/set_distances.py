@@ -50,12 +50,11 @@ SET_DISTANCES: dict[str, SetDistance] = {
 def set_distances(
     kernel_q: np.ndarray,
     kernel_offsets: np.ndarray,
-    name: str,
-    *,
+    *names: str,
     max_queries: int = MAX_QUERIES,
     progress: Callable[[float], None] = lambda fraction: None,
-) -> np.ndarray:
-    """Computes the distance between every two kernel sets.
+) -> list[np.ndarray]:
+    """Computes distances between every two kernel sets, of any number of kinds at once.
 
     Nearest distances are exact: a set's queries (all its configurations, or `max_queries` evenly
     strided ones) meet every configuration of every other set.
@@ -63,42 +62,44 @@ def set_distances(
     Args:
         kernel_q: `(R, J)` rad, configurations grouped by kernel.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
-        name: one of `SET_DISTANCES`.
+        names: of `SET_DISTANCES`.
         max_queries: configurations of a set that ask for their nearest.
         progress: told the fraction done.
 
     Returns:
-        `(K, K)` rad, float32, symmetric with a zero diagonal.
+        For each name, `(K, K)` rad, float32, symmetric with a zero diagonal.
 
     Raises:
-        ValueError: `name` is unknown, or a kernel is empty.
+        ValueError: a name is unknown, or a kernel is empty.
     """
-    if name not in SET_DISTANCES:
+    if unknown := [name for name in names if name not in SET_DISTANCES]:
         raise ValueError(
-            f"set distance {name!r} is unknown: choose one of {', '.join(SET_DISTANCES)}."
+            f"set distance {unknown[0]!r} is unknown: choose one of {', '.join(SET_DISTANCES)}."
         )
     offsets = np.asarray(kernel_offsets, dtype=np.int64)
     if (empty := np.flatnonzero(np.diff(offsets) <= 0)).size:
         raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from kernel_offsets.")
-    distance = SET_DISTANCES[name]
+    kinds = [SET_DISTANCES[name] for name in names]
     members = np.ascontiguousarray(kernel_q, dtype=np.float32)
     num_kernels = len(offsets) - 1
 
-    def directed(kernel: int) -> np.ndarray:
+    def directed(kernel: int) -> list[np.ndarray]:
         rows = _strided(offsets[kernel], offsets[kernel + 1], max_queries)
         squared = np.empty((num_kernels, len(rows)), dtype=np.float32)
         _nearest_squared(np.ascontiguousarray(members[rows].T), members, offsets, squared)
-        return distance.reduce(np.sqrt(squared.T))
+        near = np.sqrt(squared.T)
+        return [kind.reduce(near) for kind in kinds]
 
-    there = np.empty((num_kernels, num_kernels), dtype=np.float32)
+    there = np.empty((len(kinds), num_kernels, num_kernels), dtype=np.float32)
     # Threads of our own, as the kernel frees the GIL: numba's OpenMP layer breaks after a fork.
     with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for kernel, row in enumerate(pool.map(directed, range(num_kernels))):
-            there[kernel] = row
+        for kernel, rows in enumerate(pool.map(directed, range(num_kernels))):
+            there[:, kernel] = rows
             progress((kernel + 1) / num_kernels)
-    symmetric = distance.symmetrise(there, there.T)
-    np.fill_diagonal(symmetric, 0.0)
-    return symmetric
+    distances = [kind.symmetrise(t, t.T) for kind, t in zip(kinds, there, strict=True)]
+    for distance in distances:
+        np.fill_diagonal(distance, 0.0)
+    return distances
 
 
 def _strided(start: int, stop: int, max_count: int) -> np.ndarray:

@@ -25,9 +25,6 @@ from selftouch_drake.representation.graph import (
 from selftouch_drake.representation.quotient import QuotientRepresentation
 from selftouch_drake.representation.set_distances import set_distances
 
-#: Neighbours of a kernel on the surface: two rings of a triangulation hold 18, one ring 6.
-NUM_NEIGHBOURS = 12
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Embedding:
@@ -51,7 +48,7 @@ def literal(representation: QuotientRepresentation) -> np.ndarray:
     Returns:
         `(K, K)` rad.
     """
-    minimum = set_distances(representation.kernel_q, representation.kernel_offsets, "minimum")
+    (minimum,) = set_distances(representation.kernel_q, representation.kernel_offsets, "minimum")
     return quotient_pseudo_metric(minimum, complete_edges(len(minimum)))
 
 
@@ -88,9 +85,9 @@ METRICS: dict[str, Callable[[QuotientRepresentation], np.ndarray]] = {
 
 
 def surface_edges(representation: QuotientRepresentation) -> np.ndarray:
-    """`(E, 2)` mutual near neighbours by set distance, joined where they fall apart."""
+    """`(E, 2)` near neighbours by set distance, joined where they fall apart."""
     distance = representation.set_distance
-    return connected_edges(neighbour_edges(distance, NUM_NEIGHBOURS, mutual=True), distance)
+    return connected_edges(neighbour_edges(distance), distance)
 
 
 def body_distances(representation: QuotientRepresentation, metric: str) -> np.ndarray:
@@ -140,8 +137,8 @@ def stress_embedding(
     distances: np.ndarray,
     *,
     starts: Sequence[tuple[int, int, int]] = ((0, 1, 2), (0, 1, 3), (0, 1, 4), (0, 1, 5)),
-    num_trial_iterations: int = 60,
-    num_iterations: int = 300,
+    num_trial_iterations: int = 30,
+    num_iterations: int = 100,
 ) -> Embedding:
     """Lays out points by weighted stress, `sum((d_ij - |x_i - x_j|)^2 / d_ij^2)`, by majorisation.
 
@@ -155,7 +152,14 @@ def stress_embedding(
         starts: triples of classical axes to start from.
         num_trial_iterations: for each start.
         num_iterations: for the best.
+
+    Raises:
+        ValueError: there are fewer than 4 points, or no path joins two of them.
     """
+    if len(distances) < 4:
+        raise ValueError(f"num_targets={len(distances)}: a body in space needs 4 kernels or more.")
+    if not np.isfinite(distances).all():
+        raise ValueError("distances are infinite where no path joins: connect the graph first.")
     num_axes = min(1 + max(max(start) for start in starts), len(distances))
     axes, spectrum = _classical_axes(distances, num_axes)
     weights = _weights(distances)
@@ -189,9 +193,13 @@ def _weights(distances: np.ndarray) -> np.ndarray:
 
 def _stress(positions: np.ndarray, distances: np.ndarray, weights: np.ndarray) -> float:
     """Weighted squared misfit over weighted squared distance, at the best common scale."""
-    laid = squareform(pdist(positions))
+    laid = _lengths(positions)
     cross, norm = np.sum(weights * laid * distances), np.sum(weights * laid**2)
     return float(1.0 - cross**2 / (norm * np.sum(weights * np.square(distances))))
+
+
+def _lengths(positions: np.ndarray) -> np.ndarray:
+    return squareform(pdist(positions))
 
 
 def _majoriser(
@@ -208,9 +216,8 @@ def _majoriser(
     pull = weights * distances
 
     def transform(positions: np.ndarray) -> np.ndarray:
-        laid = squareform(pdist(positions))
-        np.fill_diagonal(laid, 1.0)
-        ratio = pull / np.maximum(laid, 1e-12)
+        laid = _lengths(positions)
+        ratio = np.divide(pull, laid, out=np.zeros_like(pull), where=laid > 0)
         return cho_solve(factor, ratio.sum(axis=1)[:, None] * positions - ratio @ positions)
 
     def iterate(positions: np.ndarray, num_iterations: int) -> np.ndarray:

@@ -14,6 +14,10 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import Delaunay
 
+#: Bars between these lengths, in spacings, may be true or false.
+_UNSURE = (1.0, 1.3)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Topology:
     """What persistent homology tells of a body.
@@ -22,7 +26,7 @@ class Topology:
         betti: numbers of components, loops and voids: (1, 0, 1) for a ball's surface, (1, 2, 1)
             for a torus.
         margin: length of the shortest true bar over the longest false one; near 1 is unsure.
-        scale: least radius at which every true bar is born, in the unit of the points.
+        scale: radius at which every true bar has just been born, in the unit of the points.
         diagram: three arrays `(bars, 2)` of births and deaths, for H0, H1 and H2.
     """
 
@@ -38,10 +42,11 @@ def topology(points: np.ndarray) -> Topology:
     Bars are measured in spacings, so that neither the body's size nor its unit matters. Let r be
     the radius at which neighbours meet (the median death of H0). On an evenly sampled surface the
     balls leave a false loop inside each polygon of neighbours: of length 0.4 r for a square, 0.7 r
-    for a pentagon, r for the hexagon that one missing kernel leaves. A hole of the body dies at
-    its own radius, whatever the sampling. So a bar is true if it is longer than r: the widest gap
-    between bars is no rule, since a torus may have two loops of very different size. Components
-    are counted when all true bars are born, or, without any, when a hexagon is filled.
+    for a pentagon, r where one or two kernels are missing, 1.3 r where three are. A hole of the
+    body dies at its own radius, however fine the sampling. So bars below r are false, bars above
+    1.3 r are true, and in between the widest gap decides. The widest gap of all would be no rule,
+    as a body may have holes of very different size. Components are counted when all true bars are
+    born, and no missing kernel parts the body.
 
     Args:
         points: `(K, 3)`, of no common plane, evenly spread.
@@ -53,21 +58,34 @@ def topology(points: np.ndarray) -> Topology:
     h0, h1, h2 = diagram
     spacing = float(np.median(h0[:, 1]))
     bars = np.concatenate([h1, h2])
-    length = bars[:, 1] - bars[:, 0]
-    true = length > spacing
-    weakest = length[true].min(initial=np.inf) if true.any() else spacing
-    margin = weakest / length[~true].max(initial=np.finfo(float).tiny)
-    scale = bars[true, 0].max() if true.any() else 2 * spacing
+    length = (bars[:, 1] - bars[:, 0]) / spacing
+    least, margin = _least_true(length)
+    true = length >= least
+    loops = int(true[: len(h1)].sum())
+    covered = 2.0 * spacing
+    last_birth = float(bars[true, 0].max()) if true.any() else covered
     return Topology(
-        betti=(
-            int(np.sum(h0[:, 1] > scale)),
-            int(true[: len(h1)].sum()),
-            int(true[len(h1) :].sum()),
-        ),
-        margin=float(margin),
-        scale=float(scale),
+        betti=(int(np.sum(h0[:, 1] > max(last_birth, covered))), loops, int(true.sum()) - loops),
+        margin=margin,
+        scale=1.01 * last_birth,
         diagram=diagram,
     )
+
+
+def _least_true(length: np.ndarray) -> tuple[float, float]:
+    """Parts bar lengths, in spacings: returns the shortest true one, and the margin.
+
+    With no true bar, infinity, and the margin of a bar that just could have been true.
+    """
+    surely_false, surely_true = _UNSURE
+    falling = np.sort(length)[::-1]
+    # Cut c calls the first c bars true; sentinels stand for a bar that is just true, and no bar.
+    above = np.concatenate([[np.inf], falling])
+    below = np.concatenate([falling, [np.finfo(float).tiny]])
+    allowed = (above >= surely_false) & (below <= surely_true)
+    ratio = np.where(np.isinf(above), surely_true, above) / np.maximum(below, np.finfo(float).tiny)
+    cut = int(np.where(allowed, ratio, -np.inf).argmax())
+    return float(above[cut]), float(ratio[cut])
 
 
 def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -83,12 +101,11 @@ def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
     Raises:
         ValueError: the points are too few or lie in a plane.
     """
-    simplices, radius = alpha_filtration(points)
+    appearing = zip(*alpha_filtration(points), strict=True)
     # Faces before what they bound, when both appear at once.
-    simplices, radius = zip(
-        *sorted(zip(simplices, radius, strict=True), key=lambda pair: (pair[1], len(pair[0]))),
-        strict=True,
-    )
+    in_order = sorted(appearing, key=lambda pair: (pair[1], len(pair[0])))
+    simplices = [simplex for simplex, _ in in_order]
+    radius = [radius2 for _, radius2 in in_order]
     bars: list[list[tuple[float, float]]] = [[], [], []]
     for birth, death in _persistence_pairs(simplices):
         if death is None:
@@ -109,9 +126,9 @@ def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[fl
         Simplices as sorted tuples of points, from corners to tetrahedra, and squared radii.
     """
     points, tetrahedra = delaunay(points)
-    _, radius2 = circumspheres(points, tetrahedra)
+    radius2 = circumspheres(points, tetrahedra)[1]
     levels = [dict(zip(map(tuple, tetrahedra.tolist()), radius2.tolist(), strict=True))]
-    for size in (3, 2):
+    for _ in ("triangles", "edges"):
         above: dict[tuple[int, ...], list[tuple[int, float]]] = {}
         for simplex, value in levels[-1].items():
             for left_out in simplex:

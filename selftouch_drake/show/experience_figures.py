@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import trimesh
 from matplotlib.cm import ScalarMappable
@@ -53,7 +55,7 @@ def agent(
     view = View(view.elevation, view.azimuth - 40.0)
     is_wrist = np.linalg.norm(p_WJ - wrist, axis=1) < 1e-6
     joints = np.unique(p_WJ[~is_wrist].round(6), axis=0)
-    links = zip(p_WJ[:-1], p_WJ[1:], strict=True)
+    links = pairwise(p_WJ)
     arm = [rod(a, b, 0.02, PALE) for a, b in links if np.linalg.norm(b - a) > 1e-6]
 
     figure = Figure(figsize=(5.6, 5.0), layout="constrained")
@@ -150,4 +152,3 @@ def touch_density(vertices: np.ndarray, faces: np.ndarray, p_WF: np.ndarray) -> 
     aligned = (mesh.vertex_normals[i] * mesh.vertex_normals[j]).sum(axis=1) > 0
     near = near.multiply(csr_array((aligned.astype(float), (i, j)), shape=near.shape)).tocsr()
     return (near @ touches) / (near @ area) / 1e4
-

@@ -18,7 +18,7 @@ from selftouch_drake.show import (
     sensation_figures,
     shape_figures,
 )
-from selftouch_drake.show.material import Material, Missing
+from selftouch_drake.show.material import Material, MissingError
 from selftouch_drake.show.style import DPI
 
 
@@ -60,7 +60,7 @@ def distance_matrix(material: Material) -> Figure:
     known = material.representation
     try:
         positions = material.kernel_positions
-    except Missing:
+    except MissingError:
         return graph_figures.distance_matrix(known.set_distance)
     return graph_figures.distance_matrix(known.set_distance, cdist(positions, positions))
 
@@ -158,7 +158,7 @@ def write_figures(
         path = run.figures / f"{name}.png"
         try:
             figure = draw(material)
-        except Missing as reason:
+        except MissingError as reason:
             path.unlink(missing_ok=True)
             skipped(name, str(reason))
             continue

@@ -1,4 +1,4 @@
-"""Pictures of the internal representation: distances between kernel sets, and the quotient graph."""
+"""Pictures of the representation: distances between kernel sets, and the quotient graph."""
 
 from __future__ import annotations
 
@@ -62,22 +62,21 @@ def quotient_graph(embedding: np.ndarray, edges: np.ndarray, edge_cost: np.ndarr
     ):
         ax = add_scene(figure, where, title)
         picture = view.project(embedding - embedding.mean(axis=0))
-        nearness = picture[edges, 2].mean(axis=1)
-        order = np.argsort(nearness)
-        depth = (nearness - nearness.min()) / (np.ptp(nearness) or 1.0)
+        near = _from_far_to_near(picture[edges, 2].mean(axis=1))
+        order = np.argsort(near)
         lines = LineCollection(
-            picture[edges[order], :2],
+            list(picture[edges[order], :2]),
             array=edge_cost[order],
             norm=norm,
             cmap=AMOUNT,
-            alpha=0.15 + 0.85 * depth[order] ** 1.5,
-            linewidths=0.4 + 1.1 * depth[order],
+            alpha=0.15 + 0.85 * near[order] ** 1.5,
+            linewidths=0.4 + 1.1 * near[order],
         )
         ax.add_collection(lines)
-        depth = (picture[:, 2] - picture[:, 2].min()) / (np.ptp(picture[:, 2]) or 1.0)
+        near = _from_far_to_near(picture[:, 2])
         ax.scatter(
-            *picture[:, :2].T, s=2 + 14 * depth**2, color=INK, alpha=0.1 + 0.9 * depth**1.5,
-            linewidths=0, zorder=3,
+            picture[:, 0], picture[:, 1], s=2 + 14 * near**2, color=INK,
+            alpha=0.1 + 0.9 * near**1.5, linewidths=0, zorder=3,
         )  # fmt: skip
         ax.autoscale_view()
     share_scale(figure.axes)
@@ -104,3 +103,8 @@ def spectral_order(distance: np.ndarray) -> np.ndarray:
     degree = 1 / np.sqrt(similarity.sum(axis=1))
     _, vectors = np.linalg.eigh(degree[:, None] * similarity * degree)
     return np.argsort(vectors[:, -2] * degree) if len(distance) > 1 else np.array([0])
+
+
+def _from_far_to_near(nearness: np.ndarray) -> np.ndarray:
+    """Scales to 0 for the farthest and 1 for the nearest."""
+    return (nearness - nearness.min()) / (np.ptp(nearness) or 1.0)

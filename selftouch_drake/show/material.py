@@ -7,6 +7,7 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from pydrake.geometry import SceneGraph
 
 from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
 from selftouch_drake.evaluation import align, kernel_positions
@@ -15,10 +16,10 @@ from selftouch_drake.files import load_arrays
 from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory, RunError
 from selftouch_drake.shape import fitted_surface, topology
-from selftouch_drake.world.station import MakeKinematicStation
+from selftouch_drake.world.agent import Agent, MakeAgent
 
 
-class Missing(RunError):
+class MissingError(RunError):
     """What was asked for was not made yet; the text says what, and what makes it."""
 
 
@@ -44,7 +45,7 @@ class Material:
         run: the run.
 
     Raises:
-        Missing: by every property whose stage has not run.
+        MissingError: by every property whose stage has not run.
     """
 
     def __init__(self, run: RunDirectory):
@@ -52,10 +53,12 @@ class Material:
 
     @cached_property
     def metrics(self) -> dict:
+        """The figures of the run."""
         return self.run.metrics()
 
     @cached_property
     def skin(self) -> BodySurface:
+        """The outer surface and its receptors."""
         names = ("p_BS", "vertices", "faces")
         arrays = self._arrays(self.run.skin, names, "the skin", "babble")
         return BodySurface(**{name: arrays[name] for name in names})
@@ -69,13 +72,14 @@ class Material:
     def p_WF(self) -> np.ndarray:
         """`(N, 3 * fingers)` m, true fingertip positions of the experience."""
         if not any(self.run.truth.glob("part-*.parquet")):
-            raise Missing("the truth is not there; run `selftouch babble`")
+            raise MissingError("the truth is not there; run `selftouch babble`")
         return ExperienceReader(self.run.truth).read("p_WF")
 
     @cached_property
     def representation(self) -> QuotientRepresentation:
+        """What the agent has learned."""
         if not self.run.representation.exists():
-            raise Missing("nothing was learned yet; run `selftouch learn`")
+            raise MissingError("nothing was learned yet; run `selftouch learn`")
         return QuotientRepresentation.load(self.run.representation)
 
     @cached_property
@@ -95,19 +99,19 @@ class Material:
         """`(K, 3)` the kernels as the agent lays them out, any unit."""
         embedding = self.representation.embedding
         if not np.isfinite(embedding).all():
-            raise Missing("the representation is not embedded; run `selftouch learn`")
+            raise MissingError("the representation is not embedded; run `selftouch learn`")
         return embedding
 
     @cached_property
     def recovered(self) -> tuple[np.ndarray, np.ndarray]:
         """`(K, 3)` m recovered body, aligned with the real one, and `(F, 3)` its fitted surface."""
         if self.run.experiment.num_fingers > 1:
-            raise Missing(
+            raise MissingError(
                 "with two fingers the quotient space is not the body's surface (paper, section IV)"
             )
         faces = fitted_surface(self.embedding, topology(self.embedding).scale)
         if not len(faces):
-            raise Missing("no closed surface goes through the recovered body; babble longer")
+            raise MissingError("no closed surface goes through the recovered body; babble longer")
         aligned = align(self.embedding, self.kernel_positions)
         a, b, c = aligned[faces].transpose(1, 0, 2)
         mirrored = np.einsum("fi,fi->", np.cross(a, b), c) < 0
@@ -130,14 +134,14 @@ class Material:
         """The arrays of a plan that was executed."""
         plan = self.plan(start, goal)
         if not {"felt", "q_measured"} <= plan.keys():
-            raise Missing(f"plan {start}-{goal} was not executed; run `selftouch execute`")
+            raise MissingError(f"plan {start}-{goal} was not executed; run `selftouch execute`")
         return plan
 
     @cached_property
     def shown_pair(self) -> tuple[int, int]:
         """The plan that is shown: the longest of those executed, else the longest of all."""
         if not self.pairs:
-            raise Missing("nothing was planned yet; run `selftouch plan`")
+            raise MissingError("nothing was planned yet; run `selftouch plan`")
 
         def length(pair: tuple[int, int]) -> tuple[bool, int]:
             plan = self.plan(*pair)
@@ -158,8 +162,8 @@ class Material:
         return self._agent.plant.num_positions()
 
     @cached_property
-    def _agent(self):
-        return MakeKinematicStation(self.run.experiment, *self.body).agent
+    def _agent(self) -> Agent:
+        return MakeAgent(self.run.experiment, self.body[0], SceneGraph())
 
     def _frames(self, q: np.ndarray) -> np.ndarray:
         plant, context = self._agent.plant, self._agent.plant.CreateDefaultContext()
@@ -176,7 +180,7 @@ class Material:
         try:
             return load_arrays(path, names)
         except FileNotFoundError:
-            raise Missing(f"{what} is not there; run `selftouch {verb}`") from None
+            raise MissingError(f"{what} is not there; run `selftouch {verb}`") from None
 
 
 def _digits(text: str) -> bool:

@@ -1,4 +1,4 @@
-"""Pictures of acting: a plan round the body (paper, figure 4), what was felt, how it was tracked."""
+"""Pictures of acting: a plan (paper, figure 4), what was felt, how it was tracked."""
 
 from __future__ import annotations
 
@@ -53,8 +53,8 @@ def plan_path(
     views = (first, View(first.elevation, first.azimuth + 110.0))
     figure = Figure(figsize=(9.4, 4.4), layout="constrained")
     grid = figure.add_gridspec(1, 2)
-    for where, view in zip(grid, views, strict=True):
-        ax = add_scene(figure, where)
+    for column, view in enumerate(views):
+        ax = add_scene(figure, grid[column])
         # Behind the body's front: the same marks, veiled.
         for finger in range(path.shape[1]):
             dots = evenly_spaced(path[:, finger], _DOT_SPACING)

@@ -108,9 +108,7 @@ def surface(
     return Solid(triangles, normals, rgb.mean(axis=1))
 
 
-def balls(
-    centres: np.ndarray, radius: float, color: str | np.ndarray, *, detail: int = 2
-) -> Solid:
+def balls(centres: np.ndarray, radius: float, color: str | np.ndarray, *, detail: int = 2) -> Solid:
     """Spheres of one radius round `centres` `(N, 3)`, in one colour or in `(N, 3)` RGB."""
     ball = trimesh.creation.icosphere(subdivisions=detail, radius=radius)
     corners = np.asarray(ball.triangles)
@@ -125,9 +123,7 @@ def balls(
 def rod(start: np.ndarray, end: np.ndarray, radius: float, color: str) -> Solid:
     """A round rod between two points `(3,)`, cut short enough to be sorted by depth."""
     mesh = trimesh.creation.cylinder(radius, segment=np.stack([start, end]), sections=24)
-    vertices, faces = trimesh.remesh.subdivide_to_size(
-        mesh.vertices, mesh.faces, max_edge=radius
-    )
+    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, max_edge=radius)
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     rgb = np.broadcast_to(to_rgb(color), (len(faces), 3))
     return Solid(np.asarray(mesh.triangles), np.asarray(mesh.face_normals), rgb)
@@ -169,11 +165,15 @@ def draw(
     colors = _lit(rgb[facing], normals[facing], view, ambient)[order]
     # Edges in the colour of their face close the hairlines between neighbours.
     collection = PolyCollection(
-        picture[order, :, :2], facecolors=colors, edgecolors=colors, linewidths=0.3, zorder=zorder
+        list(picture[order, :, :2]),
+        facecolors=colors,
+        edgecolors=colors,
+        linewidths=0.3,
+        zorder=zorder,
     )
     if opacity < 1.0:
         fade = np.array([1.0, 1.0, 1.0, opacity])
-        collection.set_agg_filter(lambda image, dpi: (image * fade, 0, 0))
+        collection.set_agg_filter(lambda image, dpi: (np.asarray(image) * fade, 0.0, 0.0))
     ax.add_collection(collection)
     ax.autoscale_view()
 
@@ -222,9 +222,7 @@ def outline(
     front = (towards[:, 0] != towards[:, 1]) | (sharp & towards.any(axis=1))
     lines = view.project(mesh.vertices[mesh.face_adjacency_edges])[..., :2]
     for shown, level in ((front, zorder), (sharp & ~front, 0.0)):
-        ax.add_collection(
-            LineCollection(lines[shown], colors=MUTED, linewidths=0.7, zorder=level)
-        )
+        ax.add_collection(LineCollection(lines[shown], colors=MUTED, linewidths=0.7, zorder=level))
 
 
 def share_scale(axes: Sequence[Axes]) -> None:
@@ -235,13 +233,12 @@ def share_scale(axes: Sequence[Axes]) -> None:
         ax.set(xlim=(low[0], high[1]), ylim=(low[2], high[3]))
 
 
-def fit_height(figure: Figure, *, rows: int = 1, margin: float = 0.55) -> None:
-    """Makes a figure of equal scenes as tall as they need, with inches of margin for titles."""
+def fit_height(figure: Figure, *, margin: float = 0.55) -> None:
+    """Makes a row of equal scenes as tall as it needs to be, with inches of margin for titles."""
     ax = figure.axes[0]
     width, _ = figure.get_size_inches()
-    columns = ax.get_subplotspec().get_gridspec().ncols
     aspect = np.ptp(ax.get_ylim()) / np.ptp(ax.get_xlim())
-    figure.set_size_inches(width, rows * (width / columns * aspect + margin))
+    figure.set_size_inches(width, width / len(figure.axes) * aspect + margin)
 
 
 def scale_bar(ax: Axes, length: float, label: str) -> None:

@@ -50,12 +50,12 @@ def sensations(
     figure = Figure(figsize=(10.5, 3.2), layout="constrained")
     grid = figure.add_gridspec(1, len(chosen))
     body = surface(vertices, faces, SKIN)
-    for where, kernel in zip(grid, chosen, strict=True):
+    for column, kernel in enumerate(chosen):
         felt = target_sensations[kernel]
         direction = felt @ outward
         height = np.degrees(np.arcsin(direction[2] / max(np.linalg.norm(direction), 1e-9)))
         view = View.facing(direction + 1e-9, elevation=float(np.clip(height, -35.0, 50.0)))
-        ax = add_scene(figure, where, f"sensation {kernel}")
+        ax = add_scene(figure, grid[column], f"sensation {kernel}")
         draw(ax, view, body)
         seen = visible(p_BS, vertices, faces, view)
         colors = PRESSURE(norm(felt[seen]))[:, :3]

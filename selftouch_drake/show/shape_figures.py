@@ -1,4 +1,4 @@
-"""Pictures of what the agent found out about its body: its shape (paper, figure 3) and its holes."""
+"""Pictures of what the agent found out: its body's shape (paper, figure 3) and holes."""
 
 from __future__ import annotations
 
@@ -81,9 +81,7 @@ def body_shape(
 
 
 @styled
-def persistence(
-    diagrams: Sequence[np.ndarray], *, betti: Sequence[int] | None = None
-) -> Figure:
+def persistence(diagrams: Sequence[np.ndarray], *, betti: Sequence[int] | None = None) -> Figure:
     """The persistence of components, loops and voids, as a diagram and as bars.
 
     Args:

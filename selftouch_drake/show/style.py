@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import wraps
-from typing import ParamSpec
+from typing import Any, ParamSpec
 
 import matplotlib as mpl
 import numpy as np
+from cycler import cycler
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
@@ -18,7 +19,7 @@ INK, MUTED, PALE = "#22262B", "#6B7280", "#D5D8DD"
 # The tactile skin, and what the agent made of it.
 SKIN, RECOVERED = "#C6CAD1", "#5DB89C"
 
-# Both fall evenly from light to dark, or rise, for every reader. Pressure begins at the page's white.
+# Even in lightness, for every reader; no pressure is the white of the page.
 AMOUNT = mpl.colormaps["cividis"]
 PRESSURE = LinearSegmentedColormap.from_list(
     "pressure", ["#F3F3F1", *mpl.colormaps["inferno_r"](np.linspace(0.14, 0.94, 9))]
@@ -26,7 +27,7 @@ PRESSURE = LinearSegmentedColormap.from_list(
 
 DPI = 160
 
-_STYLE = {
+_STYLE: Any = {
     "figure.facecolor": "white",
     "figure.dpi": DPI,
     "savefig.dpi": DPI,
@@ -40,7 +41,7 @@ _STYLE = {
     "axes.titlelocation": "left",
     "axes.spines.top": False,
     "axes.spines.right": False,
-    "axes.prop_cycle": mpl.cycler(color=[BLUE, ORANGE, GREEN, VERMILION, PINK, SKY]),
+    "axes.prop_cycle": cycler(color=[BLUE, ORANGE, GREEN, VERMILION, PINK, SKY]),
     "figure.titlesize": 12.0,
     "xtick.color": MUTED,
     "ytick.color": MUTED,

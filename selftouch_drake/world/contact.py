@@ -7,24 +7,23 @@ from pydrake.geometry import ContactSurface
 from pydrake.math import RigidTransform
 
 
-def pressed_points(surface: ContactSurface) -> tuple[np.ndarray, np.ndarray]:
+def pressed_points(surface: ContactSurface) -> tuple[list[np.ndarray], list[float]]:
     """Where, and how hard, a contact surface presses.
 
     Pressure is linear on a face, so its value at the centroid times the area is the exact integral.
+    Lists, because this is the inner loop of babbling and is called for a few faces at a time.
 
     Args:
         surface: polygonal or triangular contact surface, in the world frame.
 
     Returns:
-        `p_WQ` `(N, 3)` m, centroids of the faces in the world frame, and `force` `(N,)` N, the
-        pressure integrated over each face.
+        For each face its centroid `p_WQ` `(3,)` m, and the pressure integrated over it, in N.
     """
-    pressure = (surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()).EvaluateCartesian
-    centroid, area = surface.centroid, surface.area
+    field = surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
+    pressure, centroid, area = field.EvaluateCartesian, surface.centroid, surface.area
     faces = range(surface.num_faces())
     p_WQ = [centroid(face) for face in faces]
-    force = [pressure(face, p) * area(face) for face, p in zip(faces, p_WQ, strict=True)]
-    return np.array(p_WQ), np.array(force)
+    return p_WQ, [pressure(face, p) * area(face) for face, p in zip(faces, p_WQ, strict=True)]
 
 
 def in_body_frame(X_WB: RigidTransform, p_WQ: np.ndarray) -> np.ndarray:

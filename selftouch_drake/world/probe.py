@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import trimesh
 from pydrake.geometry import HydroelasticContactRepresentation
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
@@ -17,22 +18,25 @@ from selftouch_drake.world.station import MakeKinematicStation
 class TouchScreen:
     """Says which fingertip positions cannot touch the skin, so that Drake need not be asked.
 
-    Exact in one direction: what it rejects is out of reach of the skin. Space is cut into cells,
-    and a cell is rejected if its centre is farther from every vertex of the skin's tetrahedra than
-    a fingertip's radius, half a cell's diagonal and what the vertices may miss of a tetrahedron (by
-    Jung's theorem, sqrt(3/8) of its longest edge) together.
+    Exact in one direction: what it rejects is out of reach. The wall is stood for by points on its
+    outer, middle and inner layer. A ball that touches the wall from outside is within its radius of
+    a layer, and a point inside the wall within half the longest step from layer to layer; a
+    triangle whose edges are no longer than e is nowhere farther than e / sqrt(3) from its corners.
+    Space is cut into cells, each as far from these points as its centre, give or take half its
+    diagonal.
     """
 
     def __init__(self, skin: HollowSkin, *, cell: float = 0.005):
-        corners = skin.tet_vertices[skin.tetrahedra]
-        edges = corners[:, :, None] - corners[:, None]
-        missed = np.sqrt(3 / 8) * np.linalg.norm(edges, axis=-1).max()
-        reach = FINGERTIP_RADIUS + missed + cell * np.sqrt(3) / 2
+        num_vertices = len(skin.vertices)
+        layers = np.concatenate([skin.faces + layer * num_vertices for layer in range(3)])
+        points, _ = trimesh.remesh.subdivide_to_size(skin.tet_vertices, layers, max_edge=cell)
+        layer_step = np.linalg.norm(skin.vertices - skin.inner_vertices, axis=1).max() / 2
+        reach = max(FINGERTIP_RADIUS, layer_step / 2) + cell / np.sqrt(3) + cell * np.sqrt(3) / 2
         self._cell = cell
-        self._origin = skin.tet_vertices.min(axis=0) - reach
-        shape = np.ceil((skin.tet_vertices.max(axis=0) + reach - self._origin) / cell).astype(int)
+        self._origin = points.min(axis=0) - reach
+        shape = np.ceil((points.max(axis=0) + reach - self._origin) / cell).astype(int)
         centres = self._origin + cell * (np.indices(shape).reshape(3, -1).T + 0.5)
-        distance, _ = cKDTree(skin.tet_vertices).query(centres, distance_upper_bound=reach)
+        distance, _ = cKDTree(points).query(centres, distance_upper_bound=reach)
         # A rim of rejected cells catches whatever lies outside the grid.
         self._near = np.pad(np.isfinite(distance).reshape(shape), 1)
 
@@ -70,7 +74,9 @@ class ContactProbe:
         The skin does not move here: the body frame is the world frame.
         """
         candidates = np.flatnonzero(self._screen.may_touch(self.kinematics.positions(q)))
-        points, forces, rows = [], [], []
+        points: list[np.ndarray] = []
+        forces: list[float] = []
+        touched, num_faces = [], []
         for row in candidates:
             # Asking for the data again is what tells the context that it changed.
             self._q.GetMutableData().get_mutable_value().SetFromVector(q[row])
@@ -78,17 +84,17 @@ class ContactProbe:
             surfaces = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
             for surface in surfaces:
                 p_WQ, force = pressed_points(surface)
-                points.append(p_WQ)
-                forces.append(force)
-                rows.append(np.full(len(force), row))
+                points += p_WQ
+                forces += force
+                touched.append(row)
+                num_faces.append(len(force))
         sensation = np.zeros((len(q), self._fields.num_receptors))
         if points:
-            weights = self._fields.weights_at(np.concatenate(points))
-            rows = np.concatenate(rows)
-            touched, row_of_point = np.unique(rows, return_inverse=True)
+            interpolation = self._fields.interpolation_at(np.concatenate(points).reshape(-1, 3))
+            ends = np.concatenate([[0], np.cumsum(num_faces)])
             gather = csr_array(
-                (np.concatenate(forces), (row_of_point, np.arange(len(rows)))),
-                shape=(len(touched), len(rows)),
+                (forces, np.arange(len(forces)), ends), shape=(len(touched), len(forces))
             )
-            sensation[touched] = (gather @ weights).toarray()
+            felt = ((gather @ interpolation) @ self._fields.vertex_weights).toarray()
+            np.add.at(sensation, touched, felt)
         return sensation

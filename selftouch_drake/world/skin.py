@@ -74,7 +74,8 @@ def feel(
     for surface in surfaces:
         if skin_id in (surface.id_M(), surface.id_N()):
             p_WQ, force = pressed_points(surface)
-            sensation += fields.weights_at(in_body_frame(X_WB, p_WQ)).T @ force
+            p_BQ = in_body_frame(X_WB, np.array(p_WQ))
+            sensation += fields.weights_at(p_BQ).T @ np.array(force)
     return sensation
 
 

@@ -6,15 +6,20 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from selftouch_drake.babbling import NeverTouches, collect, collect_walk, walk_sizes
-from selftouch_drake.babbling import collect as collect_function
+from selftouch_drake.babbling import NeverTouches, RandomWalk, collect, collect_walk, walk_sizes
+from selftouch_drake.babbling.sources import (
+    DYNAMIC_BATCH,
+    SAMPLE_PERIOD,
+    DynamicSource,
+    KinematicSource,
+)
 from selftouch_drake.body import build_body
 from selftouch_drake.experience import ExperienceReader, StoreError, shard_name
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.run_directory import RunDirectory
 from selftouch_drake.world import ContactProbe
 
-collect_module = sys.modules[collect_function.__module__]
+collect_module = sys.modules[collect.__module__]
 
 
 class Backwards(Executor):
@@ -48,6 +53,11 @@ def experiment():
 @pytest.fixture(scope="module")
 def probe(experiment):
     return ContactProbe(experiment, *build_body(experiment))
+
+
+@pytest.fixture(scope="module")
+def source(experiment):
+    return KinematicSource(experiment, *build_body(experiment))
 
 
 def _collected(path, experiment, executor):
@@ -100,9 +110,9 @@ def test_what_is_stored_is_what_is_felt(reference, probe, experiment):
 
 
 @pytest.mark.parametrize("walk", [0, 1])
-def test_a_walk_has_a_seed_of_its_own(probe, experiment, reference, walk):
+def test_a_walk_has_a_seed_of_its_own(source, experiment, reference, walk):
     run, *_ = reference
-    shard = collect_walk(probe, experiment, walk, 50)
+    shard = collect_walk(source, experiment, walk, 50)
     stored = list(ExperienceReader(run.experience).batches("q"))
     np.testing.assert_array_equal(shard.q, stored[walk][:50])
     assert not (stored[0][:100] == stored[1][:100]).any()
@@ -167,19 +177,54 @@ def test_a_truncated_shard_is_refused(experiment, reference, tmp_path, size):
     run.experience.mkdir()
     shard = run.experience / shard_name(2)
     shard.write_bytes((reference[0].experience / shard_name(2)).read_bytes()[:size])
-    with Backwards(3) as executor, pytest.raises(StoreError, match="damaged.*babble again") as error:
+    with (
+        Backwards(3) as executor,
+        pytest.raises(StoreError, match=r"damaged.*babble again") as error,
+    ):
         collect(run, executor=executor)
     assert str(error.value).startswith(f"{shard} is damaged (")
     assert not run.truth.exists()
 
 
-def test_a_body_that_is_never_touched_is_told(experiment, probe, monkeypatch):
+def test_a_dynamic_walk_is_sampled_evenly_and_felt_where_it_is(experiment, probe):
+    source = DynamicSource(experiment, *build_body(experiment))
+
+    def walk(num_batches):
+        source.begin(
+            RandomWalk(
+                lower=probe.agent.lower,
+                upper=probe.agent.upper,
+                step_size=0.15,
+                persistence=0.9,
+                seed=np.random.SeedSequence(3),
+            )
+        )
+        batches = [source.next_steps() for _ in range(num_batches)]
+        q, sensation = (np.concatenate(parts) for parts in zip(*batches, strict=True))
+        return q, sensation
+
+    q, sensation = walk(3)
+    assert q.shape == (3 * DYNAMIC_BATCH, 6)
+    # The arm never stands still nor jumps, within a batch or between two.
+    moved = np.abs(np.diff(q, axis=0)).max(axis=1)
+    assert moved.min() > 0
+    assert moved.max() < 20.0 * SAMPLE_PERIOD
+    expected = probe.sensations(q.astype(float))
+    assert expected.any(axis=1).sum() > 10
+    # The configuration is stored in float32, 1e-7 rad from where the sensation was felt.
+    np.testing.assert_allclose(sensation, expected, atol=1e-4 * expected.max())
+    again, felt_again = walk(2)
+    np.testing.assert_array_equal(again, q[: len(again)])
+    np.testing.assert_array_equal(felt_again, sensation[: len(again)])
+
+
+def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeypatch):
     monkeypatch.setattr(collect_module, "PATIENCE", 10_000)
     monkeypatch.setattr(experiment.babbling, "step_size", 1e-9)
     # The walk hardly moves, and this one starts away from the body.
     away = next(w for w in range(20) if not probe.sensations(_first(probe, experiment, w)).any())
     with pytest.raises(NeverTouches) as error:
-        collect_walk(probe, experiment, away, 10)
+        collect_walk(source, experiment, away, 10)
     assert str(error.value) == (
         "babbling touched nothing in 12288 steps; make the body reachable (0.92 m from the "
         "shoulder) or babbling.step_size larger"

@@ -1,6 +1,7 @@
 """Physics that the tactile skin has to get right, each through Drake's own contact."""
 
 import functools
+import itertools
 
 import numpy as np
 import pytest
@@ -125,7 +126,7 @@ def _integral_over_polygons(surface) -> tuple[float, np.ndarray]:
     for face in range(mesh.num_faces()):
         polygon = mesh.element(face)
         vertices = [polygon.vertex(i) for i in range(polygon.num_vertices())]
-        for b, c in zip(vertices[1:-1], vertices[2:], strict=True):
+        for b, c in itertools.pairwise(vertices[1:]):
             p, q, r = (mesh.vertex(v) for v in (vertices[0], b, c))
             area_vector = np.cross(q - p, r - p) / 2
             mean = np.mean([pressure.EvaluateAtVertex(v) for v in (vertices[0], b, c)])
@@ -187,7 +188,7 @@ def test_pressed_points_make_the_force_that_drake_applies(shape, seed):
     F_Ac_W = info.F_Ac_W().translational()
     scale = np.linalg.norm(F_Ac_W)
     assert scale > 0
-    np.testing.assert_allclose(force @ normals, F_Ac_W, rtol=0, atol=1e-4 * scale)
+    np.testing.assert_allclose(np.array(force) @ normals, F_Ac_W, rtol=0, atol=1e-4 * scale)
 
 
 @settings(max_examples=30, deadline=None)
@@ -244,8 +245,8 @@ def test_every_pressed_point_is_felt_by_three_receptors(shape, seed):
     sensation = rig(shape).feel(rig(shape).touch(rng))
     (info,) = rig(shape).contacts()
     p_WQ, force = pressed_points(info.contact_surface())
-    weights = rig(shape).fields.weights_at(in_body_frame(RigidTransform(), p_WQ)).toarray()
-    assert (force > 0).any()
+    weights = rig(shape).fields.weights_at(in_body_frame(RigidTransform(), np.array(p_WQ))).toarray()
+    assert max(force) > 0
     assert (weights > 0).sum(axis=1).min() >= 3
     assert (sensation > 0).sum() >= 3
 
@@ -275,6 +276,4 @@ def test_a_moving_simulation_feels_what_the_kinematic_evaluation_feels(world, mo
         felt = moving_agent.follow(trajectory, start=way[:, 0], duration=0.6)
         expected = world.probe.sensations(felt.q)
         assert felt.sensation.any(axis=1).sum() >= 10
-        np.testing.assert_allclose(
-            felt.sensation, expected, rtol=0, atol=1e-9 * expected.max()
-        )
+        np.testing.assert_allclose(felt.sensation, expected, rtol=0, atol=1e-9 * expected.max())

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-from pydrake.trajectories import BsplineTrajectory, PiecewisePolynomial
 from pydrake.math import BsplineBasis
+from pydrake.trajectories import BsplineTrajectory, PiecewisePolynomial
 
 from selftouch_drake.world import PlanSource
 

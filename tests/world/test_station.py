@@ -52,9 +52,7 @@ def test_the_kinematic_station_feels_what_the_probe_feels(kinematic_station, wor
     for row in [*touching, 0]:
         diagram.GetInputPort("q").FixValue(context, q[row])
         sensation = diagram.GetOutputPort("sensation").Eval(context)
-        np.testing.assert_allclose(
-            sensation, expected[row], rtol=0, atol=1e-12 * expected.max()
-        )
+        np.testing.assert_allclose(sensation, expected[row], rtol=0, atol=1e-12 * expected.max())
 
 
 def test_only_fingertips_meet_the_skin(world, kinematic_station):

@@ -1,0 +1,124 @@
+"""The figures of `metrics.json` in words: what each means, in its unit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """One figure, ready to be read.
+
+    Attributes:
+        key: its name in `metrics.json`.
+        value: the number with its unit, as text.
+        meaning: one line.
+    """
+
+    key: str
+    value: str
+    meaning: str
+
+
+# Stage, then key: meaning and unit. A share is shown in percent.
+_STAGES: dict[str, dict[str, tuple[str, str]]] = {
+    "Babbling": {
+        "babbling_num_samples": ("motor configurations kept because they touched", ""),
+        "babbling_num_steps": ("steps of random walk it took to find them", ""),
+        "babbling_wall_s": ("time it took", "s"),
+    },
+    "Learning": {
+        "representation_num_targets": ("target sensations, each with one motor kernel set", ""),
+        "kernel_size_min": ("configurations in the smallest kernel set", ""),
+        "kernel_size_median": ("configurations in a typical kernel set", ""),
+        "kernel_size_max": ("configurations in the largest kernel set", ""),
+        "learning_wall_s": ("time it took", "s"),
+    },
+    "What the graph tells the agent": {
+        "topology_betti": ("components, loops and voids of its body", ""),
+        "topology_margin": ("weakest true hole over strongest false one; near 1 is unsure", ""),
+        "intrinsic_dimension": ("dimension of its body; 2 is a surface", ""),
+    },
+    "Against the truth": {
+        "kernel_spread_median_m": ("how far apart a kernel set's true fingertips lie", "m"),
+        "kernel_spread_worst_m": ("the same for the widest kernel set", "m"),
+        "neighbour_agreement": ("of the 6 nearest kernels, those truly among the 12 nearest", "%"),
+        "shape_rms_fraction": ("error of the recovered body, as a share of its extent", "%"),
+        "shape_rms_fraction_by_metric": ("the same for each way to measure distance", "%"),
+    },
+    "Plans, checked without dynamics": {
+        "planning_num_pairs": ("random pairs of start and goal sensation", ""),
+        "planning_reach_rate": ("plans that end in the goal sensation", "%"),
+        "planning_contact_mean": ("share of a plan in contact with the skin", "%"),
+        "planning_contact_worst": ("the same for the worst plan", "%"),
+        "planning_prediction_error_mean": ("cosine distance, sensation predicted to felt", ""),
+        "planning_jerk_reduction": ("times less jerk than straight steps between kernels", "×"),
+        "planning_query_ms_median": ("time to plan", "ms"),
+        "planning_query_ms_p95": ("the same for the slowest of twenty", "ms"),
+    },
+    "Plans, executed under dynamics": {
+        "execution_num_pairs": ("plans executed by the arm", ""),
+        "execution_reach_rate": ("executions that end in the goal sensation", "%"),
+        "execution_contact_mean": ("share of an execution in contact with the skin", "%"),
+        "execution_contact_worst": ("the same for the worst execution", "%"),
+        "execution_tracking_rms_rad": ("angle between commanded and measured joints", "rad"),
+        "execution_prediction_error_mean": ("cosine distance, sensation predicted to felt", ""),
+        "execution_force_max_N": ("strongest total force on the skin", "N"),
+    },
+}
+_HEADLINE = {
+    "shape_rms_fraction": "shape error",
+    "topology_betti": "components, loops, voids",
+    "intrinsic_dimension": "dimension",
+    "execution_contact_mean": "contact held",
+    "execution_reach_rate": "goals reached",
+    "execution_prediction_error_mean": "prediction error",
+}
+
+
+def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
+    """All figures by stage, in the order of the stages; stages without a figure are left out.
+
+    Args:
+        metrics: what `RunDirectory.metrics` returns. Figures of unknown name come last.
+    """
+    stages = {
+        stage: [
+            Reading(key=key, value=_text(metrics[key], unit), meaning=meaning)
+            for key, (meaning, unit) in known.items()
+            if key in metrics
+        ]
+        for stage, known in _STAGES.items()
+    }
+    known_keys = {key for known in _STAGES.values() for key in known}
+    stages["Others"] = [
+        Reading(key=key, value=_text(value, ""), meaning="")
+        for key, value in metrics.items()
+        if key not in known_keys
+    ]
+    return {stage: figures for stage, figures in stages.items() if figures}
+
+
+def headline(metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The few figures that sum a run up, as far as they are known: name and value."""
+    units = {key: unit for known in _STAGES.values() for key, (_, unit) in known.items()}
+    return [
+        (name, _text(metrics[key], units[key])) for key, name in _HEADLINE.items() if key in metrics
+    ]
+
+
+def _text(value: Any, unit: str) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_text(entry, unit)}" for name, entry in value.items())
+    if isinstance(value, list):
+        return ", ".join(_text(entry, unit) for entry in value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    if unit == "%":
+        return f"{100 * value:.1f} %"
+    number = f"{value:,}" if isinstance(value, int) else f"{value:,.3g}"
+    if isinstance(value, float) and abs(value) >= 1000:
+        number = f"{value:,.0f}"
+    return f"{number} {unit}".rstrip()

@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.distance import cdist
+
+from selftouch_drake.representation.set_distances import SET_DISTANCES, set_distances
+
+REFERENCE = {
+    "minimum": (lambda near: near.min(axis=1), np.minimum),
+    "quantile": (lambda near: np.quantile(near, 0.1, axis=1), lambda a, b: (a + b) / 2),
+    "mean_nearest": (lambda near: near.mean(axis=1), lambda a, b: (a + b) / 2),
+    "hausdorff": (lambda near: near.max(axis=1), np.maximum),
+}
+
+
+def reference(sets, name):
+    reduce, symmetrise = REFERENCE[name]
+    there = np.array([[reduce(cdist(a, b).min(axis=1)[None])[0] for b in sets] for a in sets])
+    return symmetrise(there, there.T)
+
+
+def random_sets(sizes, num_joints, seed):
+    rng = np.random.default_rng(seed)
+    sets = [rng.uniform(-3, 3, (size, num_joints)).astype(np.float32) for size in sizes]
+    return sets, np.concatenate(sets), np.cumsum([0, *sizes])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=6), st.integers(1, 8), st.integers(0, 99))
+def test_compiled_equals_reference(sizes, num_joints, seed):
+    sets, q, offsets = random_sets(sizes, num_joints, seed)
+    found = set_distances(q, offsets, *SET_DISTANCES)
+    for name, distance in zip(SET_DISTANCES, found, strict=True):
+        np.testing.assert_allclose(distance, reference(sets, name), rtol=1e-4, atol=1e-4)
+        assert (distance == distance.T).all()
+        assert (np.diag(distance) == 0).all()
+        assert (distance >= 0).all()
+
+
+def test_by_hand():
+    q = np.array([[0.0], [10.0], [1.0], [13.0]])
+    found = set_distances(q, np.array([0, 2, 4]), "minimum", "mean_nearest", "hausdorff")
+    assert [distance[0, 1] for distance in found] == [1.0, 2.0, 3.0]
+
+
+def test_few_queries_stand_for_many():
+    _, q, offsets = random_sets([700, 900, 800], 3, 0)
+    (all_ask,) = set_distances(q, offsets, "mean_nearest", max_queries=1000)
+    (few_ask,) = set_distances(q, offsets, "mean_nearest", max_queries=200)
+    np.testing.assert_allclose(few_ask, all_ask, rtol=0.1)
+
+
+def test_progress_rises_to_one():
+    told = []
+    _, q, offsets = random_sets([3, 4], 2, 0)
+    set_distances(q, offsets, "minimum", progress=told.append)
+    assert told == [0.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("offsets", "name", "message"),
+    [
+        (
+            [0, 2, 4],
+            "median",
+            "set distance 'median' is unknown: choose one of minimum, quantile, mean_nearest, "
+            "hausdorff.",
+        ),
+        (
+            [0, 4, 4],
+            "minimum",
+            "kernel 1 holds no configuration: drop it from kernel_offsets.",
+        ),
+    ],
+)
+def test_errors(offsets, name, message):
+    with pytest.raises(ValueError, match=r"kernel|unknown") as error:
+        set_distances(np.zeros((4, 2)), np.array(offsets), name)
+    assert str(error.value) == message

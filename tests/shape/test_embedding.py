@@ -1,0 +1,130 @@
+import numpy as np
+import pytest
+from bodies import along_sphere, neighbours, shape_error, sphere, torus
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.distance import pdist, squareform
+from scipy.spatial.transform import Rotation
+
+from selftouch_drake.representation import QuotientLearner, geodesics
+from selftouch_drake.shape import (
+    METRICS,
+    body_distances,
+    classical_embedding,
+    embed,
+    embed_representation,
+    intrinsic_dimension,
+    stress_embedding,
+    topology,
+)
+
+
+@pytest.fixture(scope="module")
+def touched_sphere():
+    """A learned unit sphere of which the first three joints tell the place touched."""
+    rng = np.random.default_rng(0)
+    touched, receptors = sphere(12_000), sphere(40)
+    sensation = np.clip(touched @ receptors.T, 0, None) ** 4 * rng.uniform(0.2, 1, (12_000, 1))
+    q = np.hstack([touched, rng.uniform(-0.3, 0.3, (12_000, 2))])
+    return QuotientLearner(150).fit(sensation, q).representation_
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(5, 40), st.integers(0, 99))
+def test_straight_distances_are_laid_out_exactly(num_points, seed):
+    points = np.random.default_rng(seed).normal(size=(num_points, 3))
+    distances = squareform(pdist(points))
+    classical, stressed = classical_embedding(distances), stress_embedding(distances)
+    for found in (classical, stressed):
+        assert found.stress < 1e-6
+        np.testing.assert_allclose(found.positions.mean(axis=0), 0.0, atol=1e-8)
+        np.testing.assert_allclose(squareform(pdist(found.positions)), distances, atol=1e-2)
+        assert found.spectrum[0] == 1.0
+        assert abs(found.spectrum[3]) < 1e-9
+
+
+def test_a_sphere_from_exact_geodesics():
+    points = sphere(200, radius=0.25)
+    found = stress_embedding(along_sphere(points))
+    assert shape_error(found.positions, points) < 0.005
+    # The fourth eigenvalue warns that great circles have no flat layout.
+    assert 0.02 < found.spectrum[3] < 0.2
+
+
+def test_a_torus_needs_more_than_one_start():
+    points = torus(300)
+    edges, length = neighbours(points, 12)
+    distances = geodesics(edges, length, len(points))
+    found = stress_embedding(distances)
+    alone = [stress_embedding(distances, starts=[(0, 1, axis)]) for axis in (2, 3, 4, 5)]
+    assert shape_error(found.positions, points) < 0.02
+    assert found.stress == pytest.approx(min(one.stress for one in alone), rel=1e-6)
+
+
+def test_majorisation_never_loses_to_its_start():
+    distances = along_sphere(sphere(60))
+    short = stress_embedding(distances, num_trial_iterations=1, num_iterations=1)
+    long = stress_embedding(distances, num_trial_iterations=1, num_iterations=60)
+    assert long.stress <= short.stress
+
+
+def test_units_do_not_matter():
+    distances = along_sphere(sphere(60))
+    metres, millimetres = stress_embedding(distances), stress_embedding(1000 * distances)
+    np.testing.assert_allclose(1000 * metres.positions, millimetres.positions, rtol=1e-6)
+    assert metres.stress == pytest.approx(millimetres.stress)
+
+
+def test_any_pose_is_the_same_body():
+    points = torus(80)
+    turned = points @ Rotation.from_euler("xyz", [1, 2, 3]).as_matrix().T + 5.0
+    assert shape_error(turned, points) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("metric", "most"), [("literal", 0.15), ("motor", 0.06), ("sensorimotor", 0.04)]
+)
+def test_every_metric_recovers_a_touched_sphere(touched_sphere, metric, most):
+    distances = body_distances(touched_sphere, metric)
+    assert distances.shape == (150, 150)
+    np.testing.assert_allclose(distances, distances.T, rtol=1e-6)
+    assert (np.diag(distances) == 0).all()
+    rows = [touched_sphere.members(kernel) for kernel in range(150)]
+    true = np.array([touched_sphere.kernel_q[r, :3].mean(axis=0) for r in rows])
+    assert shape_error(embed(touched_sphere, metric).positions, true) < most
+
+
+@pytest.mark.parametrize("metric", ["motor", "sensorimotor"])
+def test_every_pruned_metric_tells_topology_and_dimension(touched_sphere, metric):
+    found = topology(embed(touched_sphere, metric).positions)
+    assert found.betti == (1, 0, 1)
+    assert found.margin > 3
+    assert 1.8 < intrinsic_dimension(body_distances(touched_sphere, metric)) < 2.4
+
+
+def test_metrics_are_those_of_the_experiment():
+    assert list(METRICS) == ["literal", "motor", "sensorimotor"]
+
+
+def test_an_embedded_representation_is_otherwise_the_same(touched_sphere):
+    found = embed_representation(touched_sphere, "motor")
+    assert np.isnan(touched_sphere.embedding).all()
+    np.testing.assert_array_equal(found.embedding, embed(touched_sphere, "motor").positions)
+    assert found.edges is touched_sphere.edges
+
+
+def test_errors(touched_sphere):
+    with pytest.raises(ValueError, match="metric") as error:
+        embed(touched_sphere, "visual")
+    assert str(error.value) == (
+        "metric 'visual' is unknown: choose one of literal, motor, sensorimotor."
+    )
+    with pytest.raises(ValueError, match="kernels") as error:
+        stress_embedding(np.ones((3, 3)) - np.eye(3))
+    assert str(error.value) == "num_targets=3: a body in space needs 4 kernels or more."
+    apart = geodesics(np.array([[0, 1], [2, 3]]), np.ones(2), 4)
+    with pytest.raises(ValueError, match="infinite") as error:
+        stress_embedding(apart)
+    assert str(error.value) == (
+        "distances are infinite where no path joins: connect the graph first."
+    )
