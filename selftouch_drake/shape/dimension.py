@@ -9,6 +9,9 @@ import numpy as np
 #: 2.3 by either naive metric; a start at 2 %, inside the second ring, gives 1.6 to 2.2.
 _SHARES = (0.01, 0.1)
 
+#: Neighbours in the smallest ball, if the share of a small body would be fewer.
+_LEAST_NEIGHBOURS = 3
+
 
 def intrinsic_dimension(distances: np.ndarray) -> float:
     """Correlation dimension: the slope of log(kernels met) over log(distance gone).
@@ -30,6 +33,7 @@ def intrinsic_dimension(distances: np.ndarray) -> float:
     if num_kernels < 50:
         raise ValueError(f"num_targets={num_kernels}: dimension needs at least 50 kernels.")
     pairs = np.sort(distances[~np.eye(num_kernels, dtype=bool)])
-    share = np.geomspace(*_SHARES, 20)
+    smallest, largest = _SHARES
+    share = np.geomspace(max(smallest, _LEAST_NEIGHBOURS / num_kernels), largest, 20)
     radius = pairs[(share * len(pairs)).astype(int)]
     return float(np.polyfit(np.log(radius), np.log(share), 1)[0])

@@ -11,8 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, eigh
-from scipy.spatial.distance import pdist, squareform
+from scipy.linalg import eigh, inv
+from scipy.spatial.distance import cdist
 
 from selftouch_drake.representation.graph import (
     complete_edges,
@@ -188,6 +188,7 @@ def _classical_axes(distances: np.ndarray, num_axes: int) -> tuple[np.ndarray, n
 def _weights(distances: np.ndarray) -> np.ndarray:
     weights = np.zeros(distances.shape)
     np.divide(1.0, np.square(distances, dtype=float), out=weights, where=distances > 0)
+    np.fill_diagonal(weights, 0.0)
     return weights
 
 
@@ -199,7 +200,7 @@ def _stress(positions: np.ndarray, distances: np.ndarray, weights: np.ndarray) -
 
 
 def _lengths(positions: np.ndarray) -> np.ndarray:
-    return squareform(pdist(positions))
+    return cdist(positions, positions)
 
 
 def _majoriser(
@@ -207,18 +208,17 @@ def _majoriser(
 ) -> Callable[[np.ndarray, int], np.ndarray]:
     """Builds the SMACOF iteration (Guttman transform), overrelaxed (de Leeuw and Heiser).
 
-    The pull of every pair is exact; the system solved is the same at each step and is factored
-    once.
+    The system solved is the same at each step, and is inverted once.
     """
     laplacian = np.diag(weights.sum(axis=1)) - weights
     # A constant added everywhere fixes the centroid, and leaves the solution as it is.
-    factor = cho_factor(laplacian + weights.mean())
+    solve = inv(laplacian + weights.mean())
     pull = weights * distances
 
     def transform(positions: np.ndarray) -> np.ndarray:
         laid = _lengths(positions)
         ratio = np.divide(pull, laid, out=np.zeros_like(pull), where=laid > 0)
-        return cho_solve(factor, ratio.sum(axis=1)[:, None] * positions - ratio @ positions)
+        return solve @ (ratio.sum(axis=1)[:, None] * positions - ratio @ positions)
 
     def iterate(positions: np.ndarray, num_iterations: int) -> np.ndarray:
         for _ in range(num_iterations - 1):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
-from matplotlib.colors import Normalize
+from matplotlib.colors import Normalize, to_rgba_array
 from matplotlib.figure import Figure
 
 from selftouch_drake.show.scene import View, add_scene, fit_height, share_scale
@@ -75,8 +75,8 @@ def quotient_graph(embedding: np.ndarray, edges: np.ndarray, edge_cost: np.ndarr
         ax.add_collection(lines)
         near = _from_far_to_near(picture[:, 2])
         ax.scatter(
-            picture[:, 0], picture[:, 1], s=2 + 14 * near**2, color=INK,
-            alpha=0.1 + 0.9 * near**1.5, linewidths=0, zorder=3,
+            picture[:, 0], picture[:, 1], s=2 + 14 * near**2, linewidths=0, zorder=3,
+            color=to_rgba_array([INK] * len(near), 0.1 + 0.9 * near**1.5),
         )  # fmt: skip
         ax.autoscale_view()
     share_scale(figure.axes)

@@ -105,7 +105,7 @@ def _draw_agent(meshcat: Meshcat, material: Material) -> np.ndarray | None:
     if mind is not None:
         cloud = _cloud(mind, RECOVERED)
         meshcat.SetObject("/mind/kernels", cloud, point_size=0.016)
-        meshcat.SetObject("/mind/here", Sphere(0.03 * size), _rgba(VERMILION))
+        meshcat.SetObject("/mind/here", Sphere(0.04 * size), _rgba(VERMILION))
         middle = (middle + mind.mean(axis=0)) / 2
     for prop in ("/Grid", "/Axes"):
         meshcat.SetProperty(prop, "visible", False)
@@ -149,9 +149,9 @@ def _animate_arm(meshcat: Meshcat, material: Material, q: np.ndarray) -> None:
     agent = MakeAgent(material.run.experiment, material.body[0], scene_graph)
     to_pose = MultibodyPositionToGeometryPose(agent.plant)
     builder.AddSystem(to_pose)
-    builder.Connect(
-        to_pose.get_output_port(), scene_graph.get_source_pose_port(agent.plant.get_source_id())
-    )
+    source_id = agent.plant.get_source_id()
+    assert source_id is not None  # the plant is registered by MakeAgent
+    builder.Connect(to_pose.get_output_port(), scene_graph.get_source_pose_port(source_id))
     builder.ExportInput(to_pose.get_input_port(), "q")
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     diagram = builder.Build()

@@ -220,9 +220,13 @@ def outline(
     towards = mesh.face_normals[mesh.face_adjacency] @ view.towards > 0
     sharp = np.cos(mesh.face_adjacency_angles) < 2 * _EDGE**2 - 1
     front = (towards[:, 0] != towards[:, 1]) | (sharp & towards.any(axis=1))
-    lines = view.project(mesh.vertices[mesh.face_adjacency_edges])[..., :2]
-    for shown, level in ((front, zorder), (sharp & ~front, 0.0)):
-        ax.add_collection(LineCollection(lines[shown], colors=MUTED, linewidths=0.7, zorder=level))
+    edges = mesh.vertices[mesh.face_adjacency_edges]
+    # A silhouette that the body itself hides is not drawn.
+    front[front] = visible(edges[front].mean(axis=1), vertices, faces, view)
+    for shown, level in ((front, zorder), (sharp & ~towards.any(axis=1), 0.0)):
+        lines = list(view.project(edges[shown])[..., :2])
+        ax.add_collection(LineCollection(lines, colors=MUTED, linewidths=0.7, zorder=level))
+    ax.autoscale_view()
 
 
 def share_scale(axes: Sequence[Axes]) -> None:

@@ -51,7 +51,9 @@ def farthest(points: np.ndarray, num_points: int) -> np.ndarray:
 def along_sphere(points: np.ndarray) -> np.ndarray:
     """Great circles."""
     unit = points / np.linalg.norm(points, axis=1, keepdims=True)
-    return np.linalg.norm(points[0]) * np.arccos(np.clip(unit @ unit.T, -1, 1))
+    angle = np.arccos(np.clip(unit @ unit.T, -1, 1))
+    np.fill_diagonal(angle, 0)
+    return np.linalg.norm(points[0]) * angle
 
 
 def shape_error(found: np.ndarray, true: np.ndarray) -> float:

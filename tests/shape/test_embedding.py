@@ -26,7 +26,7 @@ def touched_sphere():
     touched, receptors = sphere(12_000), sphere(40)
     sensation = np.clip(touched @ receptors.T, 0, None) ** 4 * rng.uniform(0.2, 1, (12_000, 1))
     q = np.hstack([touched, rng.uniform(-0.3, 0.3, (12_000, 2))])
-    return QuotientLearner(150).fit(sensation, q).representation_
+    return QuotientLearner(250).fit(sensation, q).representation_
 
 
 @settings(max_examples=20, deadline=None)
@@ -51,14 +51,15 @@ def test_a_sphere_from_exact_geodesics():
     assert 0.02 < found.spectrum[3] < 0.2
 
 
-def test_a_torus_needs_more_than_one_start():
-    points = torus(300)
+def test_the_start_of_lowest_stress_is_finished():
+    points = torus(200)
     edges, length = neighbours(points, 12)
     distances = geodesics(edges, length, len(points))
     found = stress_embedding(distances)
     alone = [stress_embedding(distances, starts=[(0, 1, axis)]) for axis in (2, 3, 4, 5)]
     assert shape_error(found.positions, points) < 0.02
     assert found.stress == pytest.approx(min(one.stress for one in alone), rel=1e-6)
+    assert max(one.stress for one in alone) > 2 * found.stress
 
 
 def test_majorisation_never_loses_to_its_start():
@@ -71,8 +72,10 @@ def test_majorisation_never_loses_to_its_start():
 def test_units_do_not_matter():
     distances = along_sphere(sphere(60))
     metres, millimetres = stress_embedding(distances), stress_embedding(1000 * distances)
-    np.testing.assert_allclose(1000 * metres.positions, millimetres.positions, rtol=1e-6)
-    assert metres.stress == pytest.approx(millimetres.stress)
+    np.testing.assert_allclose(
+        pdist(1000 * metres.positions), pdist(millimetres.positions), rtol=1e-3
+    )
+    assert metres.stress == pytest.approx(millimetres.stress, rel=1e-6)
 
 
 def test_any_pose_is_the_same_body():
@@ -86,10 +89,10 @@ def test_any_pose_is_the_same_body():
 )
 def test_every_metric_recovers_a_touched_sphere(touched_sphere, metric, most):
     distances = body_distances(touched_sphere, metric)
-    assert distances.shape == (150, 150)
+    assert distances.shape == (250, 250)
     np.testing.assert_allclose(distances, distances.T, rtol=1e-6)
     assert (np.diag(distances) == 0).all()
-    rows = [touched_sphere.members(kernel) for kernel in range(150)]
+    rows = [touched_sphere.members(kernel) for kernel in range(250)]
     true = np.array([touched_sphere.kernel_q[r, :3].mean(axis=0) for r in rows])
     assert shape_error(embed(touched_sphere, metric).positions, true) < most
 

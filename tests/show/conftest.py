@@ -1,15 +1,21 @@
 """A small run, laid out by hand on a ball: no babbling, no learning."""
 
+import socket
+
+import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from pydrake.geometry import Meshcat
 
 from selftouch_drake.body import build_body
 from selftouch_drake.experience import Shard, write_shard
 from selftouch_drake.experiment import Body, Experiment, Skin
 from selftouch_drake.files import save_arrays
-from selftouch_drake.representation import QuotientRepresentation, neighbour_edges
+from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory
 from selftouch_drake.shape import topology
+from selftouch_drake.show import write_report
 
 NUM_KERNELS, PER_KERNEL, RADIUS = 60, 5, 0.25
 MALICIOUS = '<script>alert("&")</script>'
@@ -23,7 +29,7 @@ def spread(count: int) -> np.ndarray:
     return np.stack([r * np.cos(angle), r * np.sin(angle), z], axis=1)
 
 
-def make_run(path, *, stage: str, name: str = "ball") -> RunDirectory:
+def _make_run(path, *, stage: str, name: str = "ball") -> RunDirectory:
     """A run that has come as far as `stage`."""
     experiment = Experiment(
         name=name,
@@ -64,7 +70,7 @@ def _babble(run, fields, kernels, targets, q):
 
 def _learn(run, kernels, targets, q):
     distance = np.linalg.norm(kernels[:, None] - kernels, axis=2)
-    edges = neighbour_edges(distance, 6, mutual=False)
+    edges = np.argwhere(np.triu(distance < 0.6, k=1))
     QuotientRepresentation(
         target_sensations=targets,
         kernel_offsets=PER_KERNEL * np.arange(NUM_KERNELS + 1),
@@ -101,6 +107,42 @@ def _plan(run, targets, q, *, executed):
     save_arrays(run.plan(0, 40), arrays)
 
 
+@pytest.fixture
+def make_run(tmp_path):
+    """Makes a run that has come as far as a stage."""
+    return lambda stage: _make_run(tmp_path / "run", stage=stage)
+
+
+@pytest.fixture
+def unrendered(monkeypatch):
+    """Figures are made but not turned into pixels, where only their being there matters."""
+
+    def savefig(figure, path, **options):
+        path.write_bytes(b"pixels")
+
+    monkeypatch.setattr(Figure, "savefig", savefig)
+
+
 @pytest.fixture(scope="session")
-def executed_run(tmp_path_factory) -> RunDirectory:
-    return make_run(tmp_path_factory.mktemp("runs") / "run", stage="executed", name=MALICIOUS)
+def reported(tmp_path_factory) -> RunDirectory:
+    """A run that was executed and reported, under a malicious name."""
+    run = _make_run(tmp_path_factory.mktemp("runs") / "run", stage="executed", name=MALICIOUS)
+    style, ports = dict(mpl.rcParams), []
+
+    def opened(params):
+        meshcat = Meshcat(params)
+        ports.append(meshcat.port())
+        return meshcat
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("selftouch_drake.show.playback.Meshcat", opened)
+        write_report(run)
+    assert dict(mpl.rcParams) == style, "drawing changed matplotlib's own settings"
+    assert not any(map(_served, ports)), "the Meshcat server was left open"
+    assert len(ports) == 1
+    return run
+
+
+def _served(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("localhost", port)) == 0

@@ -85,5 +85,6 @@ def test_an_arm_that_follows_the_walk_does_not_jerk(cube_world):
     plant.SetPositions(plant.GetMyMutableContextFromRoot(context), start)
     simulator.AdvanceTo(2.0)
     v = log.FindLog(context).data()[6:, 40:]
-    # The walk's own change of velocity from step to step is 0.2 rad/s, standard deviation.
-    assert np.abs(np.diff(v, axis=1)).max() < 1.0
+    into_the_instant = np.diff(v, axis=1)[:, ::20]
+    # The walk turns there only for the plant step after, by 0.2 rad/s (standard deviation).
+    assert np.abs(into_the_instant).max() < 0.02

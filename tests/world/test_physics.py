@@ -245,7 +245,9 @@ def test_every_pressed_point_is_felt_by_three_receptors(shape, seed):
     sensation = rig(shape).feel(rig(shape).touch(rng))
     (info,) = rig(shape).contacts()
     p_WQ, force = pressed_points(info.contact_surface())
-    weights = rig(shape).fields.weights_at(in_body_frame(RigidTransform(), np.array(p_WQ))).toarray()
+    weights = (
+        rig(shape).fields.weights_at(in_body_frame(RigidTransform(), np.array(p_WQ))).toarray()
+    )
     assert max(force) > 0
     assert (weights > 0).sum(axis=1).min() >= 3
     assert (sensation > 0).sum() >= 3

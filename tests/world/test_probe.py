@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+import trimesh
 
 from selftouch_drake.babbling import RandomWalk
 from selftouch_drake.body import FINGERTIP_RADIUS
@@ -41,13 +42,25 @@ def test_the_screen_changes_no_sensation(world, monkeypatch):
 
 def test_the_screen_passes_every_fingertip_that_meets_the_skin(world, screen):
     rng = np.random.default_rng(2)
-    tets = world.skin.tetrahedra[rng.integers(len(world.skin.tetrahedra), size=20_000)]
-    corners = world.skin.tet_vertices[tets]
-    inside = np.einsum("nk,nki->ni", rng.dirichlet(np.ones(4), 20_000), corners)
+    corners = world.skin.tet_vertices[world.skin.tetrahedra]
+    tets = corners[rng.integers(len(corners), size=20_000)]
+    inside = np.einsum("nk,nki->ni", rng.dirichlet(np.ones(4), 20_000), tets)
     away = rng.standard_normal((20_000, 3))
     away *= FINGERTIP_RADIUS / np.linalg.norm(away, axis=1, keepdims=True)
+    assert screen.may_touch(inside[:, None]).all()
     assert screen.may_touch((inside + away)[:, None]).all()
-    assert screen.may_touch(world.skin.vertices[:, None]).all()
+
+
+def test_the_screen_passes_every_fingertip_that_just_touches(world, screen):
+    rng = np.random.default_rng(2)
+    for side, vertices in ((1, world.skin.vertices), (-1, world.skin.inner_vertices)):
+        surface = trimesh.Trimesh(vertices, world.skin.faces, process=False)
+        face = rng.integers(len(surface.faces), size=200_000)
+        on_surface = np.einsum(
+            "nk,nki->ni", rng.dirichlet(np.ones(3), len(face)), surface.triangles[face]
+        )
+        p_BF = on_surface + side * FINGERTIP_RADIUS * surface.face_normals[face]
+        assert screen.may_touch(p_BF[:, None]).all()
 
 
 def test_the_screen_saves_work(world, screen):
