@@ -114,7 +114,7 @@ def test_damage_anywhere_is_told_or_harmless(tmp_path):
     flipped = [
         told(whole[:at] + bytes([whole[at] ^ bits]) + whole[at + 1 :])
         for at in range(len(whole))
-        for bits in (0x01, 0x55, 0xFF)
+        for bits in (0x01, 0xFF)
     ]
     assert sum(flipped) > len(flipped) / 2
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import eigh, inv
 from scipy.spatial.distance import cdist
+from threadpoolctl import threadpool_limits
 
 from selftouch_drake.representation.graph import (
     complete_edges,
@@ -24,6 +25,9 @@ from selftouch_drake.representation.graph import (
 )
 from selftouch_drake.representation.quotient import QuotientRepresentation
 from selftouch_drake.representation.set_distances import set_distances
+
+# Sums in another order, by another number of threads, turn the axes of a symmetric body freely.
+_one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,6 +125,7 @@ def embed_representation(
     return dataclasses.replace(representation, embedding=embed(representation, metric).positions)
 
 
+@_one_thread
 def classical_embedding(distances: np.ndarray) -> Embedding:
     """Lays out points by classical multidimensional scaling.
 
@@ -133,6 +138,7 @@ def classical_embedding(distances: np.ndarray) -> Embedding:
     )
 
 
+@_one_thread
 def stress_embedding(
     distances: np.ndarray,
     *,

@@ -5,6 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist, squareform
 from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
 
 from selftouch_drake.representation import QuotientLearner, geodesics
 from selftouch_drake.shape import (
@@ -76,6 +77,15 @@ def test_units_do_not_matter():
         pdist(1000 * metres.positions), pdist(millimetres.positions), rtol=1e-3
     )
     assert metres.stress == pytest.approx(millimetres.stress, rel=1e-6)
+
+
+def test_the_number_of_threads_does_not_matter():
+    distances = along_sphere(sphere(300))
+    found = []
+    for num_threads in (1, 2):
+        with threadpool_limits(num_threads, user_api="blas"):
+            found.append(stress_embedding(distances).positions)
+    np.testing.assert_array_equal(*found)
 
 
 def test_any_pose_is_the_same_body():
