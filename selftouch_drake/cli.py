@@ -36,6 +36,7 @@ class Teaching(click.Group):
     """Lists the verbs in the order in which one uses them."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
+        """The verbs as they are defined here."""
         return list(self.commands)
 
 
@@ -45,7 +46,7 @@ class Teaching(click.Group):
 )
 @click.version_option(__version__, prog_name="selftouch")
 def cli() -> None:
-    """An agent finds out, by touching itself, that it has a body.
+    r"""An agent finds out, by touching itself, that it has a body.
 
     It babbles with its arm, keeps what it felt where, and builds from that alone a graph of its
     own sensations: the shape of its body, and a map on which to plan from any sensation to any
@@ -169,7 +170,9 @@ def report(run: Path) -> None:
 
 @cli.command()
 @RUN
-@click.option("--port", type=click.IntRange(1024, 65535), help="Of the browser page.  [the first free]")
+@click.option(
+    "--port", type=click.IntRange(1024, 65535), help="Of the browser page.  [the first free]"
+)
 def play(run: Path, port: int | None) -> None:
     """Show the executed plans of RUN in a browser, until Ctrl-C."""
     from selftouch_drake.show import play as show

@@ -152,6 +152,7 @@ class Experiment:
 
     @property
     def num_fingers(self) -> int:
+        """One or two."""
         return END_EFFECTORS[self.end_effector]
 
     def random_stream(self, purpose: str, *index: int) -> np.random.SeedSequence:

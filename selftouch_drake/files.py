@@ -38,7 +38,7 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Writes arrays to an `.npz` file, whole or not at all; equal arrays give equal bytes."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with written_whole(path) as aside, aside.open("wb") as file:
-        np.savez(file, **arrays)
+        np.savez(file, allow_pickle=False, **arrays)
 
 
 def load_arrays(path: Path, names: Iterable[str] = ()) -> dict[str, np.ndarray]:

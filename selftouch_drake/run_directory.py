@@ -72,34 +72,42 @@ class RunDirectory:
 
     @property
     def experience(self) -> Path:
+        """Shards of what the agent felt."""
         return self.path / "experience"
 
     @property
     def truth(self) -> Path:
+        """Shards of what only the experimenter may know."""
         return self.path / "truth"
 
     @property
     def skin(self) -> Path:
+        """Receptors and outer surface: the truth side."""
         return self.path / "skin.npz"
 
     @property
     def representation(self) -> Path:
+        """What the agent learned."""
         return self.path / "representation.npz"
 
     @property
     def topology(self) -> Path:
+        """The persistence diagram of the recovered body."""
         return self.path / "topology.npz"
 
     @property
     def figures(self) -> Path:
+        """Folder of pictures."""
         return self.path / "figures"
 
     @property
     def playback(self) -> Path:
+        """The recording of one plan."""
         return self.path / "playback.html"
 
     @property
     def report(self) -> Path:
+        """The story of the run."""
         return self.path / "report.html"
 
     def plan(self, start: int, goal: int) -> Path:

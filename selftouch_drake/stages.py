@@ -1,7 +1,7 @@
-"""The stages of a run: babble, learn, plan, execute, evaluate. Each reads and writes a run directory.
+"""The stages of a run: babble, learn, plan, execute, evaluate.
 
-A stage is a function of the run; what it computes lives in the packages. A stage that runs again
-replaces what it made and drops what was made from it.
+Each is a function of the run, reads and writes its directory, and leaves what it computes to the
+packages. A stage that runs again replaces what it made and drops what was made from it.
 """
 
 from __future__ import annotations
@@ -62,14 +62,17 @@ class World:
 
     @cached_property
     def body(self) -> tuple[HollowSkin, ReceptiveFields]:
+        """The skin and its receptive fields."""
         return build_body(self._experiment)
 
     @cached_property
     def probe(self) -> ContactProbe:
+        """What is felt at given configurations."""
         return ContactProbe(self._experiment, *self.body)
 
     @cached_property
     def dynamic(self) -> DynamicWorld:
+        """The agent under dynamics."""
         return DynamicWorld(self._experiment, *self.body)
 
 
@@ -83,13 +86,13 @@ def local_executor(num_workers: int | None = None) -> Executor:
     )
 
 
-def babble(run: RunDirectory, world: World, executor: Executor, progress: Progress = silent) -> None:
+def babble(
+    run: RunDirectory, world: World, executor: Executor, progress: Progress = silent
+) -> None:
     """Collects the experience of the run; walks that are stored already are kept."""
     began = time.perf_counter()
     _, fields = world.body
-    save_arrays(
-        run.skin, {"p_BS": fields.p_BS, "vertices": fields.vertices, "faces": fields.faces}
-    )
+    save_arrays(run.skin, {"p_BS": fields.p_BS, "vertices": fields.vertices, "faces": fields.faces})
     wanted, stored = run.experiment.babbling.num_samples, 0
 
     def count(num_rows: int) -> None:
@@ -133,9 +136,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     progress(0.9, "holes")
     found = topology(representation.embedding)
     representation.save(run.representation)
-    save_arrays(
-        run.topology, {f"diagram_{dim}": bars for dim, bars in enumerate(found.diagram)}
-    )
+    save_arrays(run.topology, {f"diagram_{dim}": bars for dim, bars in enumerate(found.diagram)})
     sizes = np.diff(representation.kernel_offsets)
     run.add_metrics(
         {

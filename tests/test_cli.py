@@ -62,7 +62,13 @@ def assert_is_complete(run):
     assert set(metrics["shape_rms_fraction_by_metric"]) == {"literal", "motor", "sensorimotor"}
     assert metrics["planning_num_pairs"] == metrics["execution_num_pairs"] == 1
     assert 0 < metrics["execution_contact_mean"] <= 1
-    for name in ("experiment.yaml", "skin.npz", "representation.npz", "report.html", "playback.html"):
+    for name in (
+        "experiment.yaml",
+        "skin.npz",
+        "representation.npz",
+        "report.html",
+        "playback.html",
+    ):
         assert (run / name).stat().st_size > 0, name
     assert list((run / "figures").glob("*.png"))
     (plan,) = (run / "plans").glob("*.npz")
@@ -77,7 +83,9 @@ def assert_is_complete(run):
 
 def test_same_seed_same_bytes(cube_run, tmp_path):
     again = tmp_path / "again"
-    assert selftouch("babble", "cube", "--out", again, "--set", SMALL, "--workers", 1).returncode == 0
+    assert (
+        selftouch("babble", "cube", "--out", again, "--set", SMALL, "--workers", 1).returncode == 0
+    )
     assert selftouch("learn", again).returncode == 0
     for folder in ("experience", "truth"):
         assert files_below(again / folder) == files_below(cube_run / folder)
@@ -137,7 +145,9 @@ def test_ctrl_c_leaves_a_run_to_resume(tmp_path, cube_run):
     assert [name for name in files_below(run) if name.endswith(".part")] == []
     assert selftouch("run", "cube", "--out", run, "--set", SMALL).returncode == 0
     assert files_below(run / "experience") == files_below(cube_run / "experience")
-    same = (run / "representation.npz").read_bytes() == (cube_run / "representation.npz").read_bytes()
+    same = (run / "representation.npz").read_bytes() == (
+        cube_run / "representation.npz"
+    ).read_bytes()
     assert same
 
 
@@ -208,7 +218,9 @@ def test_half_finished_run_is_refused(tmp_path, cube_run):
     run = tmp_path / "run"
     run.mkdir()
     shutil.copy(cube_run / "experiment.yaml", run)
-    assert refused("learn", run).startswith(f"{run} is half-finished: babbling has not come to its end")
+    assert refused("learn", run).startswith(
+        f"{run} is half-finished: babbling has not come to its end"
+    )
     assert refused("plan", run, "--from", 0, "--to", 1) == (
         f"{run} has learned nothing yet; run `selftouch learn {run}`"
     )

@@ -15,7 +15,13 @@ def test_naive_package_loads_neither_drake_nor_the_world(package):
     modules = subprocess.run(
         [sys.executable, "-c", listing], capture_output=True, text=True, check=True
     ).stdout.splitlines()
-    forbidden = ("pydrake", "selftouch_drake.world", "selftouch_drake.body", "selftouch_drake.acting",
-                 "selftouch_drake.evaluation", "selftouch_drake.experiment")
+    forbidden = (
+        "pydrake",
+        "selftouch_drake.world",
+        "selftouch_drake.body",
+        "selftouch_drake.acting",
+        "selftouch_drake.evaluation",
+        "selftouch_drake.experiment",
+    )
     assert package in modules
     assert [name for name in modules if name.startswith(forbidden)] == []

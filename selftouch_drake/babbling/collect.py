@@ -25,7 +25,7 @@ PATIENCE = 2_000_000
 _WORLD_LOCK = Lock()
 
 
-class NeverTouches(ValueError):
+class NeverTouchesError(ValueError):
     """The random walk does not find the body."""
 
 
@@ -40,7 +40,7 @@ def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: in
     """Walks until `num_rows` configurations touched.
 
     Raises:
-        NeverTouches: there was no touch in a very long walk.
+        NeverTouchesError: there was no touch in a very long walk.
     """
     babbling, agent = experiment.babbling, source.agent
     source.begin(
@@ -63,9 +63,10 @@ def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: in
         num_kept += len(touching)
         num_steps += len(q)
         if num_kept == 0 and num_steps >= PATIENCE:
-            raise NeverTouches(
+            raise NeverTouchesError(
                 f"babbling touched nothing in {num_steps} steps; "
-                f"make the body reachable ({ARM_REACH} m from the shoulder) or babbling.step_size larger"
+                f"make the body reachable ({ARM_REACH} m from the shoulder), "
+                "or babbling.step_size larger"
             )
     step = np.concatenate(kept_step)
     q = np.concatenate(kept_q)
@@ -130,5 +131,8 @@ def _collect_and_store(text: str, run: str, walk: int, num_rows: int, fingerprin
 def _world(text: str) -> tuple[Experiment, Source]:
     """The world of an experiment, built once a process: Drake's diagrams cannot be pickled."""
     experiment = experiment_from_fields(yaml.safe_load(text))
-    make = {"kinematic": KinematicSource, "dynamic": DynamicSource}[experiment.babbling.mode]
-    return experiment, make(experiment, *build_body(experiment))
+    sources: dict[str, Callable[..., Source]] = {
+        "kinematic": KinematicSource,
+        "dynamic": DynamicSource,
+    }
+    return experiment, sources[experiment.babbling.mode](experiment, *build_body(experiment))

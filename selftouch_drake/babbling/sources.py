@@ -89,9 +89,7 @@ class DynamicSource:
         self._simulator = Simulator(self._diagram)
         self._simulator.Initialize()
         context, plant = self._simulator.get_mutable_context(), self.agent.plant
-        start = self._babbler.GetOutputPort("q").Eval(
-            self._babbler.GetMyContextFromRoot(context)
-        )
+        start = self._babbler.GetOutputPort("q").Eval(self._babbler.GetMyContextFromRoot(context))
         plant.SetPositions(plant.GetMyMutableContextFromRoot(context), start)
         self._clear_logs()
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import trimesh
 
@@ -32,21 +34,16 @@ def build_body(experiment: Experiment) -> tuple[HollowSkin, ReceptiveFields]:
 
 def outer_surface(body: Body) -> trimesh.Trimesh:
     """The closed outer surface that `body` describes."""
-    make = {
-        "sphere": lambda resolution: surfaces.sphere(body.radius, resolution=resolution),
-        "cube": lambda resolution: surfaces.cube(body.side, resolution=resolution),
-        "torus": lambda resolution: surfaces.torus(
-            body.major_radius, body.minor_radius, resolution=resolution
-        ),
-        "ellipsoid": lambda resolution: surfaces.ellipsoid(
-            tuple(body.semi_axes), resolution=resolution
-        ),
-        "cylinder": lambda resolution: surfaces.cylinder(
-            body.radius, body.height, resolution=resolution
-        ),
-        "mesh": lambda resolution: surfaces.mesh_file(body.mesh, resolution=resolution),
+    make: dict[str, Callable[..., trimesh.Trimesh]] = {
+        "sphere": surfaces.sphere,
+        "cube": surfaces.cube,
+        "torus": surfaces.torus,
+        "ellipsoid": surfaces.ellipsoid,
+        "cylinder": surfaces.cylinder,
+        "mesh": surfaces.mesh_file,
     }
-    return make[body.shape](body.resolution)
+    dimensions = [getattr(body, name) for name in SHAPES[body.shape]]
+    return make[body.shape](*dimensions, resolution=body.resolution)
 
 
 def _require_reach(surface: trimesh.Trimesh, body: Body) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import GeometryId, SceneGraph
+from pydrake.geometry import GeometryId, HydroelasticContactRepresentation, SceneGraph
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import LoadModelDirectives, Parser, ProcessModelDirectives
 from pydrake.multibody.plant import (
@@ -20,7 +20,6 @@ from pydrake.multibody.tree import (
     RigidBody,
     SpatialInertia,
 )
-from pydrake.geometry import HydroelasticContactRepresentation
 
 from selftouch_drake.body import HollowSkin
 from selftouch_drake.experiment import Experiment
@@ -74,9 +73,7 @@ def MakeAgent(experiment: Experiment, skin: HollowSkin, scene_graph: SceneGraph)
     plant.SetUseSampledOutputPorts(False)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
 
-    body = plant.AddRigidBody(
-        "body", SpatialInertia.SolidSphereWithMass(mass=1.0, radius=0.1)
-    )
+    body = plant.AddRigidBody("body", SpatialInertia.SolidSphereWithMass(mass=1.0, radius=0.1))
     plant.WeldFrames(plant.world_frame(), body.body_frame(), RigidTransform())
     skin_id = RegisterSkin(
         plant, body, skin, hydroelastic_modulus=experiment.skin.hydroelastic_modulus

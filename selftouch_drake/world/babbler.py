@@ -30,7 +30,8 @@ class Babbler(LeafSystem):
 
     def __init__(self, *, num_joints: int, period_s: float, walk: RandomWalk | None = None):
         super().__init__()
-        self._walk = walk
+        if walk is not None:
+            self.set_walk(walk)
         self._num_joints = num_joints
         self._period_s = period_s
         # The step that was left, the one that is gone to, and when the one was left. Drake updates

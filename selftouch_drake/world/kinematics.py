@@ -40,9 +40,7 @@ class FingertipKinematics:
                 ]
             ),
             p_WJ=np.array([frame.translation() for frame in frames]),
-            p_WF=np.array(
-                [tip.CalcPoseInWorld(context).translation() for tip in agent.fingertips]
-            ),
+            p_WF=np.array([tip.CalcPoseInWorld(context).translation() for tip in agent.fingertips]),
         )
 
     def positions(self, q: np.ndarray) -> np.ndarray:

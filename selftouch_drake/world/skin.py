@@ -44,9 +44,7 @@ def RegisterSkin(
         hydroelastic_modulus: Pa.
     """
     properties = ProximityProperties()
-    AddContactMaterial(
-        dissipation=SKIN_DISSIPATION, friction=SKIN_FRICTION, properties=properties
-    )
+    AddContactMaterial(dissipation=SKIN_DISSIPATION, friction=SKIN_FRICTION, properties=properties)
     AddCompliantHydroelasticProperties(
         resolution_hint=skin.thickness,  # asked for, but a mesh has its own resolution
         hydroelastic_modulus=hydroelastic_modulus,

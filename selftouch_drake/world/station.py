@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
-from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Context, Diagram, DiagramBuilder
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from selftouch_drake.body import HollowSkin, ReceptiveFields
@@ -83,9 +81,7 @@ def MakeDynamicStation(
         plant.get_geometry_pose_output_port(),
         scene_graph.get_source_pose_port(plant.get_source_id()),
     )
-    builder.Connect(
-        scene_graph.get_query_output_port(), plant.get_geometry_query_input_port()
-    )
+    builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
     gravity = builder.AddNamedSystem(
         "gravity_compensation",
         InverseDynamics(plant, InverseDynamics.InverseDynamicsMode.kGravityCompensation),

@@ -6,7 +6,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from selftouch_drake.babbling import NeverTouches, RandomWalk, collect, collect_walk, walk_sizes
+from selftouch_drake.babbling import (
+    NeverTouchesError,
+    RandomWalk,
+    collect,
+    collect_walk,
+    walk_sizes,
+)
 from selftouch_drake.babbling.sources import (
     DYNAMIC_BATCH,
     SAMPLE_PERIOD,
@@ -223,7 +229,7 @@ def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeyp
     monkeypatch.setattr(experiment.babbling, "step_size", 1e-9)
     # The walk hardly moves, and this one starts away from the body.
     away = next(w for w in range(20) if not probe.sensations(_first(probe, experiment, w)).any())
-    with pytest.raises(NeverTouches) as error:
+    with pytest.raises(NeverTouchesError) as error:
         collect_walk(source, experiment, away, 10)
     assert str(error.value) == (
         "babbling touched nothing in 12288 steps; make the body reachable (0.92 m from the "
