@@ -46,7 +46,7 @@ class Teaching(click.Group):
 )
 @click.version_option(__version__, prog_name="selftouch")
 def cli() -> None:
-    r"""An agent finds out, by touching itself, that it has a body.
+    """An agent finds out, by touching itself, that it has a body.
 
     It babbles with its arm, keeps what it felt where, and builds from that alone a graph of its
     own sensations: the shape of its body, and a map on which to plan from any sensation to any
@@ -59,7 +59,7 @@ def cli() -> None:
     selftouch plan runs/cube --from 3 --to 250
     selftouch execute runs/cube --from 3 --to 250
     selftouch play runs/cube                  watch it in a browser
-    """
+    """  # noqa: D301 - click keeps the lines after a \b as they are
 
 
 @cli.command()
@@ -134,13 +134,27 @@ def plan(run: Path, start: int, goal: int) -> None:
 @RUN
 @FROM
 @TO
-def execute(run: Path, start: int, goal: int) -> None:
+@click.option(
+    "--rehearse",
+    "max_tries",
+    type=click.IntRange(min=1),
+    metavar="N",
+    help="Plan and try up to N times until contact is never lost, and remember what was learned.",
+)
+def execute(run: Path, start: int, goal: int, max_tries: int | None) -> None:
     """Execute a planned motion in the dynamic world, and keep what was felt."""
     from selftouch_drake import stages
+    from selftouch_drake.acting.rehearsal import best
 
     directory = _open(run)
-    felt = stages.execute(directory, stages.World(directory.experiment), start, goal)["felt"]
-    click.echo(f"in contact: {felt.any(axis=1).mean():.1%} of the time")
+    world = stages.World(directory.experiment)
+    if max_tries is None:
+        contact = stages.execute(directory, world, start, goal)["felt"].any(axis=1).mean()
+    else:
+        tries = stages.rehearse(directory, world, start, goal, max_tries)
+        contact = best(tries).contact
+        click.echo("tries: " + ", ".join(f"{one.contact:.1%}" for one in tries))
+    click.echo(f"in contact: {contact:.1%} of the time")
     click.echo(f"plan: {directory.plan(start, goal)}")
 
 
@@ -248,8 +262,11 @@ def _progress(stage: str) -> Iterator[Callable[[float, str], None]]:
         TextColumn("{task.description}"),
     )
     with Progress(*columns, console=Console(stderr=True)) as bar:
-        task = bar.add_task("", total=1.0, stage=stage)
-        yield lambda fraction, doing: bar.update(task, completed=fraction, description=doing)
+        # Seen from its first report on: what is refused at once leaves only the reason.
+        task = bar.add_task("", total=1.0, stage=stage, visible=False)
+        yield lambda fraction, doing: bar.update(
+            task, completed=fraction, description=doing, visible=True
+        )
 
 
 def _print_headline(directory) -> None:

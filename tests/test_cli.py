@@ -203,7 +203,9 @@ def test_open_mesh_is_refused(tmp_path):
     (tmp_path / "open.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     (tmp_path / "open.yaml").write_text("name: open\nbody: {shape: mesh, mesh: open.obj}\n")
     line = refused("babble", tmp_path / "open.yaml", "--out", tmp_path / "run")
-    assert line.startswith(f"body.mesh is {str(tmp_path / 'open.obj')!r}"), line
+    assert line == (
+        f"body.mesh {tmp_path / 'open.obj'} is open; close its holes so that it is watertight"
+    )
     assert not (tmp_path / "run").exists()
 
 

@@ -233,7 +233,7 @@ def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeyp
         collect_walk(source, experiment, away, 10)
     assert str(error.value) == (
         "babbling touched nothing in 12288 steps; make the body reachable (0.92 m from the "
-        "shoulder) or babbling.step_size larger"
+        "shoulder), or babbling.step_size larger"
     )
 
 
