@@ -23,10 +23,11 @@ from pydrake.geometry import HydroelasticContactRepresentation
 from selftouch_drake.babbling import RandomWalk, collect_walk
 from selftouch_drake.babbling.sources import KinematicSource
 from selftouch_drake.body import FINGERTIP_RADIUS, P_B_SHOULDER, build_body
+from selftouch_drake.executors import local_executor
 from selftouch_drake.experience import write_shard
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.run_directory import RunDirectory
-from selftouch_drake.stages import World, babble, local_executor
+from selftouch_drake.stages import World, babble
 from selftouch_drake.world import MakeDynamicStation
 
 

@@ -28,6 +28,9 @@ SET = click.option(
 WORKERS = click.option(
     "--workers", type=click.IntRange(min=1), help="Processes that babble.  [one a core]"
 )
+SCHEDULER = click.option(
+    "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers babble, tcp://host:port."
+)
 FROM = click.option("--from", "start", type=int, required=True, help="Target sensation to start.")
 TO = click.option("--to", "goal", type=int, required=True, help="Target sensation to reach.")
 
@@ -67,7 +70,10 @@ def cli() -> None:
 @OUT
 @SET
 @WORKERS
-def run(experiment: str, out: Path | None, overrides: str, workers: int | None) -> None:
+@SCHEDULER
+def run(
+    experiment: str, out: Path | None, overrides: str, workers: int | None, scheduler: str | None
+) -> None:
     """Babble, learn, plan, execute, evaluate and report, all of EXPERIMENT.
 
     EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`) or a YAML file.
@@ -78,7 +84,7 @@ def run(experiment: str, out: Path | None, overrides: str, workers: int | None) 
 
     directory, world = _begin(experiment, out, overrides)
     if not stages.has_babbled(directory):
-        _babble(directory, world, workers)
+        _babble(directory, world, workers, scheduler)
     if not stages.has_learned(directory):
         with _progress("learn") as progress:
             stages.learn(directory, progress)
@@ -96,10 +102,13 @@ def run(experiment: str, out: Path | None, overrides: str, workers: int | None) 
 @OUT
 @SET
 @WORKERS
-def babble(experiment: str, out: Path | None, overrides: str, workers: int | None) -> None:
+@SCHEDULER
+def babble(
+    experiment: str, out: Path | None, overrides: str, workers: int | None, scheduler: str | None
+) -> None:
     """Walk at random through motor space and keep what touches."""
     directory, world = _begin(experiment, out, overrides)
-    _babble(directory, world, workers)
+    _babble(directory, world, workers, scheduler)
     click.echo(f"experience: {directory.experience}")
 
 
@@ -149,7 +158,7 @@ def execute(run: Path, start: int, goal: int, max_tries: int | None) -> None:
     directory = _open(run)
     world = stages.World(directory.experiment)
     if max_tries is None:
-        contact = stages.execute(directory, world, start, goal)["felt"].any(axis=1).mean()
+        contact = stages.execute(directory, world, start, goal)["felt"].any(axis=1).mean().item()
     else:
         tries = stages.rehearse(directory, world, start, goal, max_tries)
         contact = best(tries).contact
@@ -191,7 +200,7 @@ def play(run: Path, port: int | None) -> None:
     """Show the executed plans of RUN in a browser, until Ctrl-C."""
     from selftouch_drake.show import play as show
 
-    show(_open(run), port=port, announce=click.echo)
+    show(_open(run, writing=False), port=port, announce=click.echo)
 
 
 @cli.command()
@@ -232,19 +241,26 @@ def _begin(experiment: str, out: Path | None, overrides: str):
     world = World(loaded)
     # A body that cannot be made is refused before anything is written.
     _ = world.body
-    return RunDirectory.create(out or Path("runs") / loaded.name, loaded), world
+    directory = RunDirectory.create(out or Path("runs") / loaded.name, loaded)
+    click.get_current_context().with_resource(directory.writing())
+    return directory, world
 
 
-def _open(run: Path):
+def _open(run: Path, *, writing: bool = True):
     from selftouch_drake.run_directory import RunDirectory
 
-    return RunDirectory.open(run)
+    directory = RunDirectory.open(run)
+    if writing:
+        click.get_current_context().with_resource(directory.writing())
+    return directory
 
 
-def _babble(directory, world, workers: int | None) -> None:
+def _babble(directory, world, workers: int | None, scheduler: str | None) -> None:
     from selftouch_drake import stages
+    from selftouch_drake.executors import dask_executor, local_executor
 
-    with _progress("babble") as progress, stages.local_executor(workers) as executor:
+    chosen = dask_executor(scheduler) if scheduler else local_executor(workers)
+    with _progress("babble") as progress, chosen as executor:
         stages.babble(directory, world, executor, progress)
 
 

@@ -123,6 +123,8 @@ class Execution:
     # Rad/s and rad/s², limits of the timed plans, every joint.
     max_velocity: float = 1.0
     max_acceleration: float = 5.0
+    # Tries of a rehearsal: after six, those pairs that still lose contact seldom get better.
+    max_tries: int = 6
 
 
 @dataclass(kw_only=True, slots=True)
@@ -354,9 +356,15 @@ def _check_values(experiment: Experiment) -> None:
         ("babbling.walk_size", e.babbling.walk_size, 1),
         ("representation.num_targets", e.representation.num_targets, 50),
         ("representation.max_kernel_size", e.representation.max_kernel_size, 2),
+        ("execution.max_tries", e.execution.max_tries, 1),
         ("evaluation.num_pairs", e.evaluation.num_pairs, 0),
     ):
         require(value >= least, name, value, f"give at least {least}")
+    for name, value, most in (
+        ("babbling.num_samples", e.babbling.num_samples, 1_000_000_000),
+        ("babbling.walk_size", e.babbling.walk_size, 100_000),
+    ):
+        require(value <= most, name, value, f"give at most {most}")
     require(
         e.representation.num_targets <= e.babbling.num_samples,
         "representation.num_targets",

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
+from filelock import FileLock, Timeout
 
 from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
 from selftouch_drake.files import write_text_whole
@@ -70,6 +73,28 @@ class RunDirectory:
             )
         return RunDirectory(path, load_experiment(file))
 
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Holds the run for one writer; the hold ends with its process, however that ends.
+
+        Raises:
+            RunError: another process writes here.
+        """
+        lock = FileLock(self.path / ".lock")
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            raise RunError(
+                f"{self.path} is being written by another process; wait for it, "
+                "or choose another --out"
+            ) from None
+        try:
+            for orphan in self.path.rglob(".*.part"):
+                orphan.unlink(missing_ok=True)
+            yield
+        finally:
+            lock.release()
+
     @property
     def experience(self) -> Path:
         """Shards of what the agent felt."""
@@ -89,6 +114,11 @@ class RunDirectory:
     def representation(self) -> Path:
         """What the agent learned."""
         return self.path / "representation.npz"
+
+    @property
+    def rehearsal(self) -> Path:
+        """What rehearsals have taught."""
+        return self.path / "rehearsal.npz"
 
     @property
     def topology(self) -> Path:
@@ -142,7 +172,9 @@ class RunDirectory:
         fields = yaml.safe_load(dump_experiment(self.experiment))
         keys = ("seed", "body", "skin", "end_effector", "babbling")
         text = json.dumps({key: fields[key] for key in keys}, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        mesh = self.experiment.body.mesh
+        shape = Path(mesh).read_bytes() if mesh is not None else b""
+        return hashlib.sha256(text.encode() + shape).hexdigest()[:16]
 
 
 def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, Any] | None:

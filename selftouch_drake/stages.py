@@ -6,34 +6,32 @@ packages. A stage that runs again replaces what it made and drops what was made 
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import shutil
-import signal
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor, ProcessPoolExecutor
-from functools import cached_property
+from concurrent.futures import Executor
 
 import numpy as np
 
-from selftouch_drake.acting.execution import LOG_PERIOD, DynamicWorld
-from selftouch_drake.acting.timing import time_path
-from selftouch_drake.babbling import collect
-from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
+from selftouch_drake.acting.rehearsal import Try
+from selftouch_drake.babbling import collect, require_complete
 from selftouch_drake.evaluation import (
     coverage,
     kernel_positions,
     kernel_spread,
     neighbour_agreement,
-    score_motion,
     shape_rms_fraction,
-    summarise,
 )
 from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.experiment import Experiment
-from selftouch_drake.files import load_arrays, save_arrays
-from selftouch_drake.planning import Planner, jerk_reduction, predict_sensation
+from selftouch_drake.files import save_arrays
+from selftouch_drake.motions import (
+    Motion,
+    Pilot,
+    World,
+    execute,
+    load_representation,
+    rehearse_motion,
+)
 from selftouch_drake.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory, RunError
 from selftouch_drake.shape import (
@@ -44,7 +42,20 @@ from selftouch_drake.shape import (
     intrinsic_dimension,
     topology,
 )
-from selftouch_drake.world.probe import ContactProbe
+from selftouch_drake.trials import score_motions
+
+__all__ = [
+    "Pilot",
+    "World",
+    "babble",
+    "evaluate",
+    "execute",
+    "has_babbled",
+    "has_evaluated",
+    "has_learned",
+    "learn",
+    "rehearse",
+]
 
 # Told the fraction of the stage that is done and what it is doing.
 Progress = Callable[[float, str], None]
@@ -52,38 +63,6 @@ Progress = Callable[[float, str], None]
 
 def silent(fraction: float, doing: str) -> None:
     """Reports progress to nobody."""
-
-
-class World:
-    """The world of an experiment, each part built when first asked for."""
-
-    def __init__(self, experiment: Experiment):
-        self._experiment = experiment
-
-    @cached_property
-    def body(self) -> tuple[HollowSkin, ReceptiveFields]:
-        """The skin and its receptive fields."""
-        return build_body(self._experiment)
-
-    @cached_property
-    def probe(self) -> ContactProbe:
-        """What is felt at given configurations."""
-        return ContactProbe(self._experiment, *self.body)
-
-    @cached_property
-    def dynamic(self) -> DynamicWorld:
-        """The agent under dynamics."""
-        return DynamicWorld(self._experiment, *self.body)
-
-
-def local_executor(num_workers: int | None = None) -> Executor:
-    """A pool of processes, one a core by default; they leave Ctrl-C to the main process."""
-    return ProcessPoolExecutor(
-        num_workers or os.cpu_count(),
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_IGN),
-    )
 
 
 def babble(
@@ -116,8 +95,9 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     began = time.perf_counter()
     _require_experience(run)
     shutil.rmtree(run.path / "plans", ignore_errors=True)
+    run.rehearsal.unlink(missing_ok=True)
     run.drop_metrics("representation", "kernel", "learning", "topology", "intrinsic")
-    run.drop_metrics("neighbour", "shape", "planning", "execution")
+    run.drop_metrics("neighbour", "shape", "planning", "execution", "rehearsal")
     experience = ExperienceReader(run.experience)
     settings = run.experiment.representation
     learner = QuotientLearner(
@@ -154,127 +134,29 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     return representation
 
 
-class Pilot:
-    """Plans over a run's representation, with timing, and keeps the plans in the run.
+def rehearse(
+    run: RunDirectory, world: World, start: int, goal: int, max_tries: int
+) -> list[Try[Motion]]:
+    """Plans and executes until contact is never lost, and remembers for every later plan.
 
-    Args:
-        run: a run that has learned.
+    Returns:
+        The tries, in order; the plan of the best is stored.
     """
-
-    def __init__(self, run: RunDirectory):
-        self.run = run
-        self.representation = load_representation(run)
-        self._planner = Planner(
-            self.representation, knot_spacing=run.experiment.planning.knot_spacing
-        )
-        self.query_s: list[float] = []
-        self.jerk_reduction: list[float] = []
-
-    def plan(self, start: int, goal: int) -> dict[str, np.ndarray]:
-        """Plans from a configuration of `start`, drawn from the seed, to `goal`, and stores it."""
-        q_start = self._some_configuration(start, goal)
-        limits = self.run.experiment.execution
-        began = time.perf_counter()
-        plan = self._planner.plan(q_start, start, goal)
-        num_joints = len(q_start)
-        timed = time_path(
-            plan.path,
-            velocity_limit=np.full(num_joints, limits.max_velocity),
-            acceleration_limit=np.full(num_joints, limits.max_acceleration),
-            rate_hz=1 / LOG_PERIOD,
-        )
-        self.query_s.append(time.perf_counter() - began)
-        self.jerk_reduction.append(jerk_reduction(plan))
-        arrays = {
-            "nodes": plan.nodes,
-            "waypoints_q": plan.waypoints_q,
-            "time_s": timed.time_s,
-            "q": timed.q,
-            "v": timed.v,
-            "predicted": predict_sensation(self.representation, plan, timed.s),
-        }
-        save_arrays(self.run.plan(start, goal), arrays)
-        return arrays
-
-    def _some_configuration(self, start: int, goal: int) -> np.ndarray:
-        """Where the arm is when it is asked: any configuration of the start kernel."""
-        _require_targets(self.representation, start, goal)
-        members = self.representation.kernel_q[self.representation.members(start)]
-        stream = self.run.experiment.random_stream("start", start, goal)
-        return members[np.random.default_rng(stream).integers(len(members))].astype(float)
-
-
-def execute(run: RunDirectory, world: World, start: int, goal: int) -> dict[str, np.ndarray]:
-    """Executes a stored plan in the dynamic world and stores what was felt beside it."""
-    _require_targets(load_representation(run), start, goal)
-    if not run.plan(start, goal).exists():
-        raise RunError(
-            f"{run.path} has no plan from {start} to {goal}; make one with "
-            f"`selftouch plan {run.path} --from {start} --to {goal}`"
-        )
-    plan = load_arrays(run.plan(start, goal), ("time_s", "q", "v", "predicted"))
-    done = world.dynamic.execute(plan["time_s"], plan["q"], plan["v"])
-    kinematics = world.probe.kinematics
-    plan |= {
-        "felt": done.felt,
-        "q_measured": done.q_measured,
-        "v_measured": done.v_measured,
-        "torque": done.torque,
-        "p_WF_planned": kinematics.positions(plan["q"]).reshape(len(plan["q"]), -1),
-        "p_WF_measured": kinematics.positions(done.q_measured).reshape(len(done.q_measured), -1),
-    }
-    save_arrays(run.plan(start, goal), plan)
-    return plan
+    pilot = Pilot(run)
+    tries = rehearse_motion(pilot, world, start, goal, max_tries=max_tries)
+    pilot.memory.save(run.rehearsal)
+    return tries
 
 
 def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> None:
     """Scores what was learned against the truth, and random plans as felt in the world."""
-    pilot = Pilot(run)
     progress(0.0, "against the truth")
-    run.add_metrics(_score_against_truth(run, world, pilot.representation))
-    targets = pilot.representation.target_sensations
-    planned, executed, tracking, force = [], [], [], []
-    pairs = random_pairs(run)
-    for number, (start, goal) in enumerate(pairs):
-        progress(0.1 + 0.9 * number / len(pairs), f"sensation {start} to {goal}")
-        plan = pilot.plan(start, goal)
-        felt = world.probe.sensations(plan["q"])
-        planned.append(score_motion(felt, plan["predicted"], targets, goal))
-        plan = execute(run, world, start, goal)
-        executed.append(score_motion(plan["felt"], plan["predicted"], targets, goal))
-        tracking.append(np.sqrt(np.mean(np.square(plan["q_measured"] - plan["q"]))))
-        force.append(plan["felt"].sum(axis=1).max())
-    if pairs:
-        query_ms = 1e3 * np.array(pilot.query_s)
-        run.add_metrics(
-            {
-                **summarise(planned, "planning"),
-                "planning_jerk_reduction": float(np.median(pilot.jerk_reduction)),
-                "planning_query_ms_median": float(np.median(query_ms)),
-                "planning_query_ms_p95": float(np.percentile(query_ms, 95)),
-                **summarise(executed, "execution"),
-                "execution_tracking_rms_rad": float(np.sqrt(np.mean(np.square(tracking)))),
-                "execution_force_max_N": float(np.max(force)),
-            }
-        )
+    run.add_metrics(_score_against_truth(run, world, load_representation(run)))
+    figures = score_motions(
+        run, world, lambda fraction, doing: progress(0.1 + 0.9 * fraction, doing)
+    )
+    run.add_metrics(figures)
     progress(1.0, "evaluated")
-
-
-def random_pairs(run: RunDirectory) -> list[tuple[int, int]]:
-    """The pairs of start and goal that `evaluate` plans, drawn from the seed without repetition."""
-    num_targets = run.experiment.representation.num_targets
-    random = np.random.default_rng(run.experiment.random_stream("pairs"))
-    wanted = min(run.experiment.evaluation.num_pairs, num_targets * (num_targets - 1))
-    codes = random.choice(num_targets * (num_targets - 1), size=wanted, replace=False)
-    starts, goals = codes // (num_targets - 1), codes % (num_targets - 1)
-    return [(int(i), int(j + (j >= i))) for i, j in zip(starts, goals, strict=True)]
-
-
-def load_representation(run: RunDirectory) -> QuotientRepresentation:
-    """The representation of a run that has learned."""
-    if not run.representation.exists():
-        raise RunError(f"{run.path} has learned nothing yet; run `selftouch learn {run.path}`")
-    return QuotientRepresentation.load(run.representation)
 
 
 def _score_against_truth(
@@ -318,15 +200,6 @@ def has_evaluated(run: RunDirectory) -> bool:
     return done in run.metrics()
 
 
-def _require_targets(representation: QuotientRepresentation, start: int, goal: int) -> None:
-    num_targets = representation.num_targets
-    for name, target in (("--from", start), ("--to", goal)):
-        if not 0 <= target < num_targets:
-            raise RunError(
-                f"{name} is {target}; this run has target sensations 0 to {num_targets - 1}"
-            )
-
-
 def _require_experience(run: RunDirectory) -> None:
     """Refuses experience that is not there, or only in part."""
     if not has_babbled(run):
@@ -334,3 +207,4 @@ def _require_experience(run: RunDirectory) -> None:
             f"{run.path} is half-finished: babbling has not come to its end; "
             f"resume it with `selftouch babble {run.path / 'experiment.yaml'} --out {run.path}`"
         )
+    require_complete(run)

@@ -14,7 +14,13 @@ import yaml
 from selftouch_drake.babbling.sources import DynamicSource, KinematicSource, Source
 from selftouch_drake.babbling.walk import RandomWalk
 from selftouch_drake.body import ARM_REACH, build_body
-from selftouch_drake.experience import Shard, read_num_steps, write_shard
+from selftouch_drake.experience import (
+    Shard,
+    StoreError,
+    read_num_steps,
+    shard_name,
+    write_shard,
+)
 from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
 from selftouch_drake.run_directory import RunDirectory
 from selftouch_drake.world.kinematics import FingertipKinematics
@@ -98,14 +104,12 @@ def collect(
     """
     fingerprint = run.fingerprint()
     num_steps, futures = 0, {}
-    text = dump_experiment(run.experiment)
+    text, folder = dump_experiment(run.experiment), str(run.path.resolve())
     try:
         for walk, num_rows in enumerate(walk_sizes(run.experiment)):
             known = read_num_steps(run.path, walk, num_rows=num_rows, fingerprint=fingerprint)
             if known is None:
-                job = executor.submit(
-                    _collect_and_store, text, str(run.path), walk, num_rows, fingerprint
-                )
+                job = executor.submit(_collect_and_store, text, folder, walk, num_rows, fingerprint)
                 futures[job] = num_rows
             else:
                 num_steps += known
@@ -117,6 +121,24 @@ def collect(
         for job in futures:
             job.cancel()
     return num_steps
+
+
+def require_complete(run: RunDirectory) -> None:
+    """Refuses experience of which a shard is missing, damaged or foreign.
+
+    Raises:
+        StoreError: naming the shard.
+    """
+    fingerprint = run.fingerprint()
+    for walk, num_rows in enumerate(walk_sizes(run.experiment)):
+        known = read_num_steps(run.path, walk, num_rows=num_rows, fingerprint=fingerprint)
+        if known is None:
+            raise StoreError(
+                f"{run.experience / shard_name(walk)} is missing; collect it again with "
+                f"`selftouch babble {run.path / 'experiment.yaml'} --out {run.path}`"
+            )
+    if len(list(run.experience.glob("part-*.parquet"))) > len(walk_sizes(run.experiment)):
+        raise StoreError(f"{run.experience} holds shards that are not of this run; remove them")
 
 
 def _collect_and_store(text: str, run: str, walk: int, num_rows: int, fingerprint: str) -> int:

@@ -1,7 +1,15 @@
 """Scores of the agent against the truth; the only package that reads both sides."""
 
 from selftouch_drake.evaluation.coverage import coverage, touch_density
-from selftouch_drake.evaluation.motion import MotionScore, cosine_distance, score_motion, summarise
+from selftouch_drake.evaluation.motion import (
+    MotionScore,
+    cosine_distance,
+    score_motion,
+    spatial_jerk_reduction,
+    summarise,
+    time_off_skin,
+    wall_points,
+)
 from selftouch_drake.evaluation.shape import (
     align,
     kernel_positions,
@@ -20,6 +28,9 @@ __all__ = [
     "neighbour_agreement",
     "score_motion",
     "shape_rms_fraction",
+    "spatial_jerk_reduction",
     "summarise",
+    "time_off_skin",
     "touch_density",
+    "wall_points",
 ]

@@ -2,9 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+import trimesh
+from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
+
+from selftouch_drake.body import FINGERTIP_RADIUS, HollowSkin
+from selftouch_drake.planning import polyline
+
+# m, between the points that stand for the skin's wall: half a fingertip's radius.
+_WALL_SPACING = 0.005
+# Jerk is compared on samples this far apart, in rad of path length, as `jerk_reduction` does.
+_JERK_SPACING = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,3 +73,55 @@ def summarise(scores: list[MotionScore], prefix: str) -> dict[str, float]:
             np.mean([score.prediction_error for score in scores])
         ),
     }
+
+
+def wall_points(skin: HollowSkin) -> cKDTree:
+    """Points on the outer, middle and inner layer of the wall, for `time_off_skin`."""
+    num_vertices = len(skin.vertices)
+    layers = np.concatenate([skin.faces + layer * num_vertices for layer in range(3)])
+    points, _ = trimesh.remesh.subdivide_to_size(skin.tet_vertices, layers, max_edge=_WALL_SPACING)
+    return cKDTree(points)
+
+
+def time_off_skin(time_s: np.ndarray, p_WF: np.ndarray, wall: cKDTree) -> float:
+    """Time in the cavity, or outside, by more than a fingertip's radius off the skin.
+
+    What counts is the gap between the wall and the nearest fingertip's own surface. To lose
+    contact by less is to graze; to lose it by more is to leave the body.
+
+    Args:
+        time_s: `(T,)` s.
+        p_WF: `(T, 3 * fingers)` m, centres of the fingertips.
+        wall: of `wall_points`.
+
+    Returns:
+        s.
+    """
+    distance, _ = wall.query(p_WF.reshape(len(p_WF), -1, 3))
+    off = distance.min(axis=1) > 2 * FINGERTIP_RADIUS
+    return float(np.sum(off[:-1] * np.diff(time_s)))
+
+
+def spatial_jerk_reduction(
+    s: np.ndarray,
+    p_WF: np.ndarray,
+    waypoints_q: np.ndarray,
+    to_space: Callable[[np.ndarray], np.ndarray],
+) -> float:
+    """How many times smaller the jerk of the fingertip's path in space is than the polyline's.
+
+    Both are sampled every 0.02 rad of planned path length; jerk is the root mean square of third
+    differences, so that it tells of the path, and not of how fast it was followed.
+
+    Args:
+        s: `(T,)` rad, where on the planned path the arm was meant to be.
+        p_WF: `(T, 3 * fingers)` m, where the fingertips were.
+        waypoints_q: `(W, J)` rad, of the plan.
+        to_space: from `(N, J)` rad to `(N, fingers, 3)` m.
+    """
+    moved = np.concatenate([[True], np.diff(s) > 1e-6])
+    at = np.linspace(s[0], s[-1], max(5, int(np.ptp(s) / _JERK_SPACING)))
+    smooth = CubicSpline(s[moved], p_WF[moved])(at)
+    rough = to_space(polyline(waypoints_q)(at)).reshape(len(at), -1)
+    jerk = [np.sqrt(np.mean(np.square(np.diff(p, 3, axis=0)))) for p in (rough, smooth)]
+    return float(jerk[0] / jerk[1])

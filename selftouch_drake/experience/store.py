@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.dataset
 import pyarrow.parquet as pq
 
 from selftouch_drake.files import written_whole
@@ -99,6 +100,19 @@ class ExperienceReader:
         self._paths = sorted(folder.glob("part-*.parquet"))
         if not self._paths:
             raise StoreError(f"{folder} holds no shard; run `selftouch babble` first")
+
+    @property
+    def num_rows(self) -> int:
+        """Touches in all shards, read from their footers."""
+        return sum(_open(path).metadata.num_rows for path in self._paths)
+
+    def dataset(self) -> pyarrow.dataset.Dataset:
+        """All shards as one Arrow dataset, for pandas, polars, DuckDB and the like.
+
+        Nothing is read until asked: `dataset().to_table(columns=["q"])`, `scanner(...)`,
+        `polars.scan_pyarrow_dataset(dataset())`.
+        """
+        return pyarrow.dataset.dataset([str(path) for path in self._paths], format="parquet")
 
     def batches(self, column: str) -> Iterator[np.ndarray]:
         """The rows `(N, width)` of a vector column, one array a shard."""

@@ -1,0 +1,183 @@
+"""Rehearsal: the agent acts, notices where it felt nothing, and plans round that place."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import numpy as np
+
+from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.representation import QuotientRepresentation
+
+#: An edge on which contact was lost costs this many times more from then on.
+LOSS_FACTOR = 8.0
+# Six losses: beyond that an edge is as good as cut, and the costs stay far from overflow.
+_MOST_PENALTY = LOSS_FACTOR**6
+
+Motion = TypeVar("Motion")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RehearsalMemory:
+    """What the agent remembers of its rehearsals; it outlasts them, and serves every later plan.
+
+    Attributes:
+        edge_penalty: `(E,)` factors on the cost of the representation's edges, 1 or more.
+        num_tries: motions that were executed to learn it.
+        belongs_to: fingerprint of the representation whose edges these are.
+    """
+
+    edge_penalty: np.ndarray
+    num_tries: int
+    belongs_to: str
+
+    @classmethod
+    def blank(cls, representation: QuotientRepresentation) -> RehearsalMemory:
+        """The memory of an agent that has rehearsed nothing."""
+        return cls(
+            edge_penalty=np.ones(len(representation.edges)),
+            num_tries=0,
+            belongs_to=fingerprint(representation),
+        )
+
+    def after(self, lost_edges: np.ndarray) -> RehearsalMemory:
+        """The memory after one more try, which lost contact on `lost_edges` `(n,)`."""
+        penalty = self.edge_penalty.copy()
+        penalty[lost_edges] = np.minimum(LOSS_FACTOR * penalty[lost_edges], _MOST_PENALTY)
+        return replace(self, edge_penalty=penalty, num_tries=self.num_tries + 1)
+
+    def save(self, path: Path) -> None:
+        """Writes the memory, whole or not at all."""
+        save_arrays(
+            path,
+            {
+                "edge_penalty": self.edge_penalty,
+                "num_tries": np.array(self.num_tries),
+                "belongs_to": np.array(self.belongs_to),
+            },
+        )
+
+    @classmethod
+    def load(cls, path: Path, representation: QuotientRepresentation) -> RehearsalMemory:
+        """Reads what `save` wrote.
+
+        Raises:
+            FileNotFoundError: there is no such file.
+            ValueError: the file is damaged, or remembers the edges of another representation.
+        """
+        arrays = load_arrays(path, ("edge_penalty", "num_tries", "belongs_to"))
+        memory = cls(
+            edge_penalty=arrays["edge_penalty"],
+            num_tries=int(arrays["num_tries"]),
+            belongs_to=str(arrays["belongs_to"]),
+        )
+        expected = (len(representation.edges),)
+        if memory.belongs_to != fingerprint(representation) or (
+            memory.edge_penalty.shape != expected
+        ):
+            raise ValueError(
+                f"{path} remembers rehearsals of another representation; delete it, and rehearse "
+                "again"
+            )
+        return memory
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Try(Generic[Motion]):
+    """One executed plan, as the agent itself can judge it.
+
+    Attributes:
+        contact: share of the time in which something was felt.
+        reached: whether the last sensation was nearest to the one that was wanted.
+        lost_edges: `(n,)` rows of the representation's `edges` on which nothing was felt; the
+            last edge of the plan if the goal was missed.
+        motion: what was executed and felt.
+    """
+
+    contact: float
+    reached: bool
+    lost_edges: np.ndarray
+    motion: Motion
+
+    @property
+    def perfect(self) -> bool:
+        """Whether there is nothing left to do better."""
+        return self.reached and self.contact == 1.0
+
+
+def judge(
+    motion: Motion,
+    *,
+    felt: np.ndarray,
+    s: np.ndarray,
+    waypoint_s: np.ndarray,
+    edges: np.ndarray,
+    goal: int,
+    target_sensations: np.ndarray,
+) -> Try[Motion]:
+    """Judges an executed plan by what was felt along it.
+
+    Args:
+        motion: what was executed, handed through.
+        felt: `(T, S)` N, sensations along the motion.
+        s: `(T,)` rad, where on the path the arm was meant to be.
+        waypoint_s: `(W,)` rad, where on the path each waypoint is.
+        edges: `(W - 1,)` row in the representation's `edges` of each step, -1 for none.
+        goal: the target sensation that was wanted.
+        target_sensations: `(K, S)` unit L2 norm.
+    """
+    touching = felt.any(axis=1)
+    reached = bool(touching[-1] and np.argmax(target_sensations @ felt[-1]) == goal)
+    lost = np.zeros(len(edges), dtype=bool)
+    if len(edges):
+        step = np.searchsorted(waypoint_s, s, side="right") - 1
+        lost[np.unique(step[~touching].clip(0, len(edges) - 1))] = True
+        lost[-1] |= not reached
+    return Try(
+        contact=float(touching.mean()),
+        reached=reached,
+        lost_edges=np.unique(edges[lost & (edges >= 0)]),
+        motion=motion,
+    )
+
+
+def rehearse(
+    attempt: Callable[[RehearsalMemory], Try[Motion]], memory: RehearsalMemory, *, max_tries: int
+) -> tuple[list[Try[Motion]], RehearsalMemory]:
+    """Tries until nothing is lost any more, each time with what the tries before have taught.
+
+    Args:
+        attempt: plans with the given memory, executes and judges.
+        memory: what is remembered from before.
+        max_tries: most tries, at least one.
+
+    Returns:
+        The tries in order (`best` tells which one to keep), and the memory after them.
+
+    Raises:
+        ValueError: `max_tries` is below one.
+    """
+    if max_tries < 1:
+        raise ValueError(f"max_tries is {max_tries}: give at least 1")
+    tries: list[Try[Motion]] = []
+    while len(tries) < max_tries and not (tries and tries[-1].perfect):
+        tries.append(attempt(memory))
+        memory = memory.after(tries[-1].lost_edges)
+    return tries, memory
+
+
+def best(tries: list[Try[Motion]]) -> Try[Motion]:
+    """The try to keep: one that reached its goal, with the most contact; the first of equals."""
+    return max(tries, key=lambda one: (one.reached, one.contact))
+
+
+def fingerprint(representation: QuotientRepresentation) -> str:
+    """Identifies the targets and edges of a representation."""
+    digest = hashlib.sha256()
+    for array in (representation.target_sensations, representation.edges):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()[:16]

@@ -1,0 +1,201 @@
+"""Motions of a run: planned, timed, executed and rehearsed, and kept in its `plans` folder."""
+
+from __future__ import annotations
+
+import time
+from functools import cached_property
+
+import numpy as np
+
+from selftouch_drake.acting.execution import LOG_PERIOD, DynamicWorld
+from selftouch_drake.acting.rehearsal import RehearsalMemory, Try, best, judge, rehearse
+from selftouch_drake.acting.timing import time_path
+from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.planning import Plan, Planner, jerk_reduction, predict_sensation
+from selftouch_drake.representation import QuotientRepresentation
+from selftouch_drake.run_directory import RunDirectory, RunError
+from selftouch_drake.world.probe import ContactProbe
+
+# A motion is a dictionary of arrays, as the file of a plan holds them.
+Motion = dict[str, np.ndarray]
+
+
+class World:
+    """The world of an experiment, each part built when first asked for."""
+
+    def __init__(self, experiment: Experiment):
+        self._experiment = experiment
+
+    @cached_property
+    def body(self) -> tuple[HollowSkin, ReceptiveFields]:
+        """The hollow skin and its receptive fields."""
+        return build_body(self._experiment)
+
+    @cached_property
+    def probe(self) -> ContactProbe:
+        """What is felt at given configurations, without time."""
+        return ContactProbe(self._experiment, *self.body)
+
+    @cached_property
+    def dynamic(self) -> DynamicWorld:
+        """Where plans are executed."""
+        return DynamicWorld(self._experiment, *self.body)
+
+
+class Pilot:
+    """Plans over a run's representation, with timing, and keeps the plans in the run.
+
+    Args:
+        run: a run that has learned.
+        memory: what rehearsals have taught; by default what the run remembers of them.
+    """
+
+    def __init__(self, run: RunDirectory, memory: RehearsalMemory | None = None):
+        self.run = run
+        self.representation = load_representation(run)
+        self.memory = load_memory(run, self.representation) if memory is None else memory
+        self._planner = Planner(
+            self.representation, knot_spacing=run.experiment.planning.knot_spacing
+        )
+        self.query_s: list[float] = []
+        self.jerk_reduction: list[float] = []
+
+    def plan(self, start: int, goal: int) -> Motion:
+        """Plans from a configuration of `start`, drawn from the seed, to `goal`, and stores it."""
+        q_start = self._some_configuration(start, goal)
+        began = time.perf_counter()
+        plan = self._planner.plan(q_start, start, goal, edge_penalty=self.memory.edge_penalty)
+        motion = self._timed(plan)
+        self.query_s.append(time.perf_counter() - began)
+        self.jerk_reduction.append(jerk_reduction(plan))
+        save_arrays(self.run.plan(start, goal), motion)
+        return motion
+
+    def _timed(self, plan: Plan) -> Motion:
+        limits, num_joints = self.run.experiment.execution, plan.waypoints_q.shape[1]
+        timed = time_path(
+            plan.path,
+            velocity_limit=np.full(num_joints, limits.max_velocity),
+            acceleration_limit=np.full(num_joints, limits.max_acceleration),
+            rate_hz=1 / LOG_PERIOD,
+        )
+        return {
+            "nodes": plan.nodes,
+            "edges": plan.edges,
+            "waypoints_q": plan.waypoints_q,
+            "waypoint_s": plan.waypoint_s,
+            "time_s": timed.time_s,
+            "s": timed.s,
+            "q": timed.q,
+            "v": timed.v,
+            "predicted": predict_sensation(self.representation, plan, timed.s),
+        }
+
+    def _some_configuration(self, start: int, goal: int) -> np.ndarray:
+        """Where the arm is when it is asked: any configuration of the start kernel."""
+        require_targets(self.representation, start, goal)
+        members = self.representation.kernel_q[self.representation.members(start)]
+        stream = self.run.experiment.random_stream("start", start, goal)
+        return members[np.random.default_rng(stream).integers(len(members))].astype(float)
+
+
+def execute(run: RunDirectory, world: World, start: int, goal: int) -> Motion:
+    """Executes a stored plan in the dynamic world and stores what was felt beside it."""
+    require_targets(load_representation(run), start, goal)
+    if not run.plan(start, goal).exists():
+        raise RunError(
+            f"{run.path} has no plan from {start} to {goal}; make one with "
+            f"`selftouch plan {run.path} --from {start} --to {goal}`"
+        )
+    plan = load_arrays(run.plan(start, goal), ("time_s", "q", "v", "predicted"))
+    motion = executed(world, plan)
+    save_arrays(run.plan(start, goal), motion)
+    return motion
+
+
+def executed(world: World, plan: Motion) -> Motion:
+    """A timed plan with what became of it in the dynamic world."""
+    done = world.dynamic.execute(plan["time_s"], plan["q"], plan["v"])
+    kinematics = world.probe.kinematics
+    return plan | {
+        "felt": done.felt,
+        "q_measured": done.q_measured,
+        "v_measured": done.v_measured,
+        "torque": done.torque,
+        "p_WF_planned": kinematics.positions(plan["q"]).reshape(len(plan["q"]), -1),
+        "p_WF_measured": kinematics.positions(done.q_measured).reshape(len(done.q_measured), -1),
+    }
+
+
+def rehearse_motion(
+    pilot: Pilot,
+    world: World,
+    start: int,
+    goal: int,
+    *,
+    max_tries: int,
+    known: Try[Motion] | None = None,
+) -> list[Try[Motion]]:
+    """Plans and executes until contact is never lost; the pilot remembers what it learned.
+
+    Args:
+        pilot: its memory grows with every try.
+        world: where plans are executed.
+        start: the target sensation to leave.
+        goal: the target sensation to reach.
+        max_tries: most executions.
+        known: a try from before; the same plan is not executed again.
+
+    Returns:
+        The tries, in order; the plan of the best is stored in the run.
+    """
+
+    def attempt(memory: RehearsalMemory) -> Try[Motion]:
+        pilot.memory = memory
+        plan = pilot.plan(start, goal)
+        if known is not None and np.array_equal(plan["q"], known.motion["q"]):
+            return known
+        return judged(executed(world, plan), goal, pilot.representation)
+
+    tries, pilot.memory = rehearse(attempt, pilot.memory, max_tries=max_tries)
+    save_arrays(pilot.run.plan(start, goal), best(tries).motion)
+    return tries
+
+
+def judged(motion: Motion, goal: int, representation: QuotientRepresentation) -> Try[Motion]:
+    """An executed motion, as the agent itself judges it."""
+    return judge(
+        motion,
+        felt=motion["felt"],
+        s=motion["s"],
+        waypoint_s=motion["waypoint_s"],
+        edges=motion["edges"],
+        goal=goal,
+        target_sensations=representation.target_sensations,
+    )
+
+
+def load_representation(run: RunDirectory) -> QuotientRepresentation:
+    """The representation of a run that has learned."""
+    if not run.representation.exists():
+        raise RunError(f"{run.path} has learned nothing yet; run `selftouch learn {run.path}`")
+    return QuotientRepresentation.load(run.representation)
+
+
+def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> RehearsalMemory:
+    """What a run remembers of its rehearsals; blank if there were none."""
+    if not run.rehearsal.exists():
+        return RehearsalMemory.blank(representation)
+    return RehearsalMemory.load(run.rehearsal, representation)
+
+
+def require_targets(representation: QuotientRepresentation, start: int, goal: int) -> None:
+    """Refuses target sensations that a run does not have."""
+    num_targets = representation.num_targets
+    for name, target in (("--from", start), ("--to", goal)):
+        if not 0 <= target < num_targets:
+            raise RunError(
+                f"{name} is {target}; this run has target sensations 0 to {num_targets - 1}"
+            )

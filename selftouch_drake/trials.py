@@ -1,0 +1,145 @@
+"""Trials of a run: random plans, executed and rehearsed, and the figures that come of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from selftouch_drake.acting.rehearsal import RehearsalMemory, Try, best
+from selftouch_drake.evaluation import (
+    MotionScore,
+    score_motion,
+    spatial_jerk_reduction,
+    summarise,
+    time_off_skin,
+    wall_points,
+)
+from selftouch_drake.files import save_arrays
+from selftouch_drake.motions import (
+    Motion,
+    Pilot,
+    World,
+    executed,
+    judged,
+    load_representation,
+    rehearse_motion,
+)
+from selftouch_drake.run_directory import RunDirectory
+
+
+def score_motions(
+    run: RunDirectory, world: World, progress: Callable[[float, str], None]
+) -> dict[str, object]:
+    """Plans, executes and rehearses random pairs, and scores them against what was felt.
+
+    The agent begins with a blank memory, whatever the run remembers, so that the figures are the
+    same every time. First tries are planned without memory; rehearsals remember those before.
+
+    Args:
+        run: a run that has learned.
+        world: its world.
+        progress: told the fraction done and what is being done.
+
+    Returns:
+        Figures as `metrics.json` names them; none if the experiment asks for no pair.
+    """
+    pairs = random_pairs(run)
+    if not pairs:
+        return {}
+    representation = load_representation(run)
+    wall = wall_points(world.body[0])
+    blank = RehearsalMemory.blank(representation)
+    first, rehearsing = Pilot(run, blank), Pilot(run, blank)
+    planned, motions, rehearsals = [], [], []
+    for number, (start, goal) in enumerate(pairs):
+        progress(number / len(pairs), f"sensation {start} to {goal}")
+        plan = first.plan(start, goal)
+        felt = world.probe.sensations(plan["q"])
+        planned.append(_score(plan | {"felt": felt}, goal, representation.target_sensations))
+        motions.append(executed(world, plan))
+        known = judged(motions[-1], goal, representation)
+        rehearsals.append(
+            rehearse_motion(
+                rehearsing,
+                world,
+                start,
+                goal,
+                max_tries=run.experiment.execution.max_tries,
+                known=known,
+            )
+        )
+        # What stays in the run is the first try, which the figures are about.
+        save_arrays(run.plan(start, goal), motions[-1])
+    query_ms = 1e3 * np.array(first.query_s)
+    goals = [goal for _, goal in pairs]
+    return {
+        **summarise(planned, "planning"),
+        "planning_jerk_reduction": float(np.median(first.jerk_reduction)),
+        "planning_query_ms_median": float(np.median(query_ms)),
+        "planning_query_ms_p95": float(np.percentile(query_ms, 95)),
+        **execution_figures(motions, goals, representation.target_sensations),
+        "execution_time_off_skin_s": sum(_time_off_skin(motion, wall) for motion in motions),
+        "execution_fingertip_jerk_reduction": _fingertip_jerk_reduction(motions, world),
+        **rehearsal_figures(rehearsals),
+        "rehearsal_time_off_skin_s": sum(
+            _time_off_skin(best(tries).motion, wall) for tries in rehearsals
+        ),
+    }
+
+
+def execution_figures(
+    motions: list[Motion], goals: list[int], target_sensations: np.ndarray
+) -> dict[str, float]:
+    """Figures of executed motions, each to its goal."""
+    scores = [_score(m, goal, target_sensations) for m, goal in zip(motions, goals, strict=True)]
+    tracking = [np.mean(np.square(m["q_measured"] - m["q"])) for m in motions]
+    return {
+        **summarise(scores, "execution"),
+        "execution_tracking_rms_rad": float(np.sqrt(np.mean(tracking))),
+        "execution_force_max_N": float(max(m["felt"].sum(axis=1).max() for m in motions)),
+    }
+
+
+def rehearsal_figures(rehearsals: list[list[Try[Motion]]]) -> dict[str, object]:
+    """Figures of rehearsals in the order in which they were made."""
+    kept = [best(tries) for tries in rehearsals]
+    contact = [one.contact for one in kept]
+    return {
+        "rehearsal_reach_rate": float(np.mean([one.reached for one in kept])),
+        "rehearsal_contact_mean": float(np.mean(contact)),
+        "rehearsal_contact_worst": float(np.min(contact)),
+        "rehearsal_tries_mean": float(np.mean([len(tries) for tries in rehearsals])),
+    }
+
+
+def random_pairs(run: RunDirectory) -> list[tuple[int, int]]:
+    """The pairs of start and goal that are tried, drawn from the seed without repetition."""
+    num_targets = run.experiment.representation.num_targets
+    random = np.random.default_rng(run.experiment.random_stream("pairs"))
+    wanted = min(run.experiment.evaluation.num_pairs, num_targets * (num_targets - 1))
+    codes = random.choice(num_targets * (num_targets - 1), size=wanted, replace=False)
+    starts, goals = codes // (num_targets - 1), codes % (num_targets - 1)
+    return [(int(i), int(j + (j >= i))) for i, j in zip(starts, goals, strict=True)]
+
+
+def _time_off_skin(motion: Motion, wall: cKDTree) -> float:
+    return time_off_skin(motion["time_s"], motion["p_WF_measured"], wall)
+
+
+def _fingertip_jerk_reduction(motions: list[Motion], world: World) -> float:
+    """The median over motions of more than one step."""
+    to_space = world.probe.kinematics.positions
+    reductions = [
+        spatial_jerk_reduction(
+            motion["s"], motion["p_WF_measured"], motion["waypoints_q"], to_space
+        )
+        for motion in motions
+        if len(motion["edges"]) > 1
+    ]
+    return float(np.median(reductions)) if reductions else 1.0
+
+
+def _score(motion: Motion, goal: int, target_sensations: np.ndarray) -> MotionScore:
+    return score_motion(motion["felt"], motion["predicted"], target_sensations, goal)

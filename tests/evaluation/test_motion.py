@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+
+from selftouch_drake.body import hollow_skin, sphere
+from selftouch_drake.evaluation import (
+    cosine_distance,
+    score_motion,
+    spatial_jerk_reduction,
+    summarise,
+    time_off_skin,
+    wall_points,
+)
+
+TARGETS = np.eye(3)
+
+
+def test_a_motion_is_scored_by_what_was_felt():
+    felt = np.array([[2.0, 0, 0], [0, 0, 0], [0, 3.0, 0], [0, 0, 1.0]])
+    predicted = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, 0, 1.0], [0, 0, 5.0]])
+    score = score_motion(felt, predicted, TARGETS, goal=2)
+    assert (score.contact, score.reached) == (0.75, True)
+    assert score.prediction_error == pytest.approx(1 / 3)
+    assert not score_motion(felt, predicted, TARGETS, goal=1).reached
+
+
+def test_a_motion_that_ends_off_the_skin_reached_nothing():
+    felt = np.array([[1.0, 0, 0], [0, 0, 0]])
+    assert not score_motion(felt, felt + 1.0, TARGETS, goal=0).reached
+
+
+def test_a_motion_that_never_touches_predicted_nothing():
+    score = score_motion(np.zeros((3, 3)), np.ones((3, 3)), TARGETS, goal=0)
+    assert (score.contact, score.reached, score.prediction_error) == (0.0, False, 1.0)
+
+
+def test_the_summary_tells_the_mean_and_the_worst():
+    felt = np.array([[1.0, 0, 0], [0, 1.0, 0]])
+    lost = felt * [[1.0], [0.0]]
+    scores = [score_motion(f, felt, TARGETS, goal=1) for f in (felt, lost)]
+    assert summarise(scores, "execution") == {
+        "execution_num_pairs": 2,
+        "execution_reach_rate": 0.5,
+        "execution_contact_mean": 0.75,
+        "execution_contact_worst": 0.5,
+        "execution_prediction_error_mean": 0.0,
+    }
+
+
+def test_cosine_distance_has_no_scale():
+    a = np.array([[1.0, 0.0], [3.0, 3.0], [1.0, 0.0]])
+    b = np.array([[9.0, 0.0], [1.0, 1.0], [0.0, 2.0]])
+    assert cosine_distance(a, b) == pytest.approx([0.0, 0.0, 1.0])
+
+
+@pytest.fixture(scope="module")
+def wall():
+    return wall_points(hollow_skin(sphere(0.25), 0.03, 0.01))
+
+
+@pytest.mark.parametrize(
+    ("radius", "off"),
+    [(0.30, True), (0.26, False), (0.235, False), (0.215, False), (0.18, True), (0.0, True)],
+)
+def test_off_the_skin_is_in_the_cavity_or_far_outside(wall, radius, off):
+    direction = np.array([0.48, 0.6, 0.64])
+    p_WF = np.tile(radius * direction, (11, 1))
+    time_s = 0.01 * np.arange(11)
+    assert time_off_skin(time_s, p_WF, wall) == pytest.approx(0.1 if off else 0.0)
+
+
+def test_one_of_two_fingers_on_the_skin_is_enough(wall):
+    there, away = np.array([0.0, 0.0, 0.25]), np.array([0.0, 0.0, 0.35])
+    p_WF = np.tile(np.concatenate([away, there]), (5, 1))
+    assert time_off_skin(np.arange(5.0), p_WF, wall) == 0.0
+    assert time_off_skin(np.arange(5.0), p_WF[:, [0, 1, 2, 0, 1, 2]], wall) == 4.0
+
+
+def test_spatial_jerk_compares_paths_and_not_their_speed():
+    waypoints_q = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0]])
+
+    def to_space(q):
+        return np.concatenate([q, np.zeros((len(q), 1))], axis=1)[:, None]
+
+    round_corners = CubicSpline(np.arange(4.0), waypoints_q)
+    slow, fast = np.linspace(0.0, 3.0, 400), 3.0 * np.linspace(0.0, 1.0, 500) ** 2
+    reductions = [
+        spatial_jerk_reduction(s, to_space(round_corners(s))[:, 0], waypoints_q, to_space)
+        for s in (slow, fast)
+    ]
+    assert reductions[0] > 10.0
+    assert reductions == pytest.approx([reductions[0]] * 2, rel=0.02)
+    dense = np.linspace(0.0, 3.0, 3001)
+    corners = np.stack([np.interp(dense, np.arange(4.0), w) for w in waypoints_q.T], axis=1)
+    same = spatial_jerk_reduction(dense, to_space(corners)[:, 0], waypoints_q, to_space)
+    assert same == pytest.approx(1.0, rel=0.05)

@@ -1,0 +1,206 @@
+"""What goes wrong outside: killed processes, full disks, second writers, lost shards."""
+
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from filelock import FileLock
+
+from selftouch_drake.babbling import collect
+from selftouch_drake.executors import dask_executor, local_executor
+from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experiment import load_experiment, parse_overrides
+from selftouch_drake.run_directory import RunDirectory
+
+SMALL = "{babbling: {num_samples: 1200, walk_size: 300}, representation: {num_targets: 50}}"
+NUM_SHARDS = 4
+
+
+def command(verb, *arguments):
+    return [sys.executable, "-m", "selftouch_drake.cli", verb, *map(str, arguments)]
+
+
+def babble(run, *more, **options):
+    arguments = ("cube", "--out", run, "--set", SMALL, "--workers", 1, *more)
+    return subprocess.run(
+        command("babble", *arguments), capture_output=True, text=True, timeout=200, **options
+    )
+
+
+def refused(done) -> str:
+    assert done.returncode == 2, (done.returncode, done.stdout, done.stderr)
+    assert "Traceback" not in done.stderr
+    return done.stderr.strip().splitlines()[-1].removeprefix("selftouch: ")
+
+
+def shards(run: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(run)): path.read_bytes()
+        for folder in ("experience", "truth")
+        for path in sorted((run / folder).iterdir())
+    }
+
+
+@pytest.fixture(scope="session")
+def whole_run(tmp_path_factory):
+    run = tmp_path_factory.mktemp("whole") / "run"
+    done = babble(run)
+    assert done.returncode == 0, done.stderr
+    assert len(shards(run)) == 2 * NUM_SHARDS
+    return run
+
+
+@pytest.fixture
+def run(whole_run, tmp_path):
+    shutil.copytree(whole_run, tmp_path / "run")
+    return tmp_path / "run"
+
+
+@pytest.mark.parametrize("num_stored", [0, 2])
+def test_killed_at_any_moment_and_started_again_gives_the_same_bytes(
+    num_stored, whole_run, tmp_path
+):
+    run = tmp_path / "run"
+    arguments = ("cube", "--out", run, "--set", SMALL, "--workers", 1)
+    process = subprocess.Popen(
+        command("babble", *arguments), start_new_session=True, stderr=subprocess.DEVNULL
+    )
+    deadline = time.monotonic() + 120
+    while len(list(run.glob("experience/part-*"))) < num_stored or not run.exists():
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.005)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    kept = list(run.glob("experience/part-*"))
+    assert num_stored <= len(kept) < NUM_SHARDS
+    stamps = {path: path.stat().st_mtime_ns for path in kept}
+    assert babble(run).returncode == 0
+    assert shards(run) == shards(whole_run)
+    assert {path: path.stat().st_mtime_ns for path in kept} == stamps
+
+
+def test_a_second_writer_is_refused_and_readers_are_not(run):
+    before = shards(run)
+    with FileLock(run / ".lock"):
+        line = refused(babble(run))
+        held = subprocess.run(command("learn", run), capture_output=True, text=True)
+    assert line == (
+        f"{run} is being written by another process; wait for it, or choose another --out"
+    )
+    assert refused(held) == line
+    assert shards(run) == before
+
+
+def test_a_full_disk_is_told_and_leaves_no_half_shard(tmp_path):
+    # The kernel refuses every file beyond this size, as it refuses all when the disk is full: the
+    # skin's file fits, the only shard does not.
+    run, limit = tmp_path / "run", 300_000
+    large = ("--set", "{babbling: {num_samples: 6000, walk_size: 6000}}")
+
+    def small_files():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    line = refused(babble(run, *large, preexec_fn=small_files))
+    assert "File too large" in line
+    assert list((run / "experience").iterdir()) == []
+    assert babble(run, *large).returncode == 0
+    (shard,) = (run / "experience").iterdir()
+    assert shard.stat().st_size > limit
+
+
+def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+    # Not even root may make a folder there.
+    line = refused(babble(Path("/proc/selftouch")))
+    assert "/proc/selftouch" in line
+
+
+@pytest.mark.parametrize("verb", ["learn"])
+def test_a_lost_shard_is_named_and_collected_again(verb, run, whole_run):
+    lost = run / "experience" / "part-00002.parquet"
+    lost.unlink()
+    done = subprocess.run(command(verb, run), capture_output=True, text=True)
+    assert refused(done) == (
+        f"{lost} is missing; collect it again with "
+        f"`selftouch babble {run / 'experiment.yaml'} --out {run}`"
+    )
+    again = command("babble", run / "experiment.yaml", "--out", run)
+    assert subprocess.run(again, capture_output=True).returncode == 0
+    assert shards(run) == shards(whole_run)
+
+
+def test_an_altered_shard_is_named(run):
+    shard = run / "experience" / "part-00001.parquet"
+    altered = bytearray(shard.read_bytes())
+    altered[len(altered) // 3] ^= 0xFF
+    shard.write_bytes(altered)
+    done = subprocess.run(command("learn", run), capture_output=True, text=True)
+    assert refused(done).startswith(f"{shard} is damaged (")
+    assert not (run / "representation.npz").exists()
+
+
+def test_a_shard_too_many_is_refused(run):
+    shutil.copy(
+        run / "experience" / "part-00000.parquet", run / "experience" / "part-00009.parquet"
+    )
+    done = subprocess.run(command("learn", run), capture_output=True, text=True)
+    assert refused(done) == (
+        f"{run / 'experience'} holds shards that are not of this run; remove them"
+    )
+
+
+def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(whole_run, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    experiment = load_experiment("cube", parse_overrides(SMALL))
+    run = RunDirectory.create(tmp_path / "run", experiment)
+    stored = []
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+        ) as cluster,
+        dask_executor(cluster.scheduler_address) as executor,
+    ):
+
+        def kill_one(num_rows):
+            if not stored:
+                victim = next(iter(cluster.workers.values()))
+                os.kill(victim.process.process.pid, signal.SIGKILL)
+            stored.append(num_rows)
+
+        collect(run, executor=executor, progress=kill_one)
+    assert stored == [300] * NUM_SHARDS
+    assert shards(run.path) == shards(whole_run)
+
+
+def test_a_scheduler_that_is_not_there_is_told(tmp_path):
+    line = refused(babble(tmp_path / "run", "--scheduler", "tcp://127.0.0.1:9"))
+    assert line.startswith("--scheduler tcp://127.0.0.1:9 does not answer: ")
+
+
+def test_pandas_polars_and_arrow_read_what_numpy_reads(whole_run):
+    pandas, polars = pytest.importorskip("pandas"), pytest.importorskip("polars")
+    reader = ExperienceReader(whole_run / "experience")
+    q, sensation = reader.read("q"), reader.read("sensation")
+    assert reader.num_rows == len(q) == len(sensation) == 1200
+    frame = pandas.read_parquet(whole_run / "experience")
+    np.testing.assert_array_equal(np.stack(frame["q"]), q)
+    lazy = polars.scan_parquet(whole_run / "experience" / "*.parquet")
+    np.testing.assert_array_equal(lazy.select("sensation").collect()["sensation"], sensation)
+    table = reader.dataset().to_table(columns=["q"])
+    assert table.column_names == ["q"]
+    np.testing.assert_array_equal(np.stack(table["q"].to_pandas()), q)
+
+
+def test_one_and_two_processes_share_a_pool(whole_run, tmp_path):
+    experiment = load_experiment("cube", parse_overrides(SMALL))
+    run = RunDirectory.create(tmp_path / "run", experiment)
+    with local_executor(2) as executor:
+        collect(run, executor=executor)
+    assert shards(run.path) == shards(whole_run)
