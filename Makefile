@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO ?= runs/demo
 
-.PHONY: help demo test lint bench install clean
+.PHONY: help demo test lint bench million install clean
 
 help:  ## what one can ask for
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -23,6 +23,9 @@ lint: $(VENV)/.installed-dev  ## style and types
 
 bench: $(VENV)/.installed-bench  ## what a touch costs, beside what one would write instead
 	$(BIN)/python benchmarks/babbling.py
+
+million: $(VENV)/.installed  ## collect a million touches of sphere, cube and torus
+	$(BIN)/python benchmarks/million.py
 
 install: $(VENV)/.installed  ## the package and what it needs, into .venv
 

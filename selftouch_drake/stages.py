@@ -81,10 +81,16 @@ def babble(
 
     num_steps = collect(run, executor=executor, progress=count)
     wall = time.perf_counter() - began
+    force = np.concatenate(
+        [felt.sum(axis=1) for felt in ExperienceReader(run.experience).batches("sensation")]
+    )
     run.add_metrics(
         {
             "babbling_num_samples": wanted,
             "babbling_num_steps": num_steps,
+            "babbling_touch_rate": wanted / num_steps,
+            "babbling_force_median_N": float(np.median(force)),
+            "babbling_force_max_N": float(force.max()),
             "babbling_wall_s": run.metrics().get("babbling_wall_s", 0.0) + wall,
         }
     )
@@ -171,7 +177,7 @@ def _score_against_truth(
         for metric in METRICS
     }
     return {
-        **coverage(p_WF, fields.vertices, fields.faces),
+        **coverage(fields.vertices, fields.faces, p_WF.reshape(-1, 3)),
         "kernel_spread_median_m": float(np.median(spread)),
         "kernel_spread_worst_m": float(spread.max()),
         "neighbour_agreement": neighbour_agreement(representation.set_distance, positions),

@@ -5,13 +5,11 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-import trimesh
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
-from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
+from selftouch_drake.evaluation import touch_density
 from selftouch_drake.show.scene import (
     View,
     add_scene,
@@ -26,9 +24,6 @@ from selftouch_drake.show.scene import (
     visible,
 )
 from selftouch_drake.show.style import AMOUNT, BLUE, GREEN, INK, PALE, SKIN, VERMILION, styled
-
-# m, over which touches are averaged: about the spacing of receptors.
-_BLUR = 0.03
 
 
 @styled
@@ -131,24 +126,3 @@ def coverage(vertices: np.ndarray, faces: np.ndarray, p_WF: np.ndarray) -> Figur
         extend="max",
     )
     return figure
-
-
-def touch_density(vertices: np.ndarray, faces: np.ndarray, p_WF: np.ndarray) -> np.ndarray:
-    """`(V,)` touches / cm² round each vertex of a surface, blurred over a few centimetres.
-
-    A touch belongs to the vertex nearest to it, also when the fingertip is in the wall.
-    """
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    tree = cKDTree(vertices)
-    _, nearest = tree.query(p_WF)
-    touches = np.bincount(nearest, minlength=len(vertices))
-    area = np.zeros(len(vertices))
-    np.add.at(area, mesh.faces, mesh.area_faces[:, None] / 3)
-    near = csr_array(tree.sparse_distance_matrix(tree, _BLUR))
-    near.data = np.square(1 - np.square(near.data / _BLUR))
-    near.setdiag(1.0)
-    # The other wall of a thin body is near in space, but faces elsewhere.
-    i, j = near.nonzero()
-    aligned = (mesh.vertex_normals[i] * mesh.vertex_normals[j]).sum(axis=1) > 0
-    near = near.multiply(csr_array((aligned.astype(float), (i, j)), shape=near.shape)).tocsr()
-    return (near @ touches) / (near @ area) / 1e4

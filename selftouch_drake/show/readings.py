@@ -27,7 +27,13 @@ _STAGES: dict[str, dict[str, tuple[str, str]]] = {
     "Babbling": {
         "babbling_num_samples": ("motor configurations kept because they touched", ""),
         "babbling_num_steps": ("steps of random walk it took to find them", ""),
+        "babbling_touch_rate": ("share of the steps that touched", "%"),
+        "babbling_force_median_N": ("force of a typical touch", "N"),
+        "babbling_force_max_N": ("force of the hardest touch", "N"),
         "babbling_wall_s": ("time it took", "s"),
+        "coverage_share_10_touches": ("skin where a fingertip-wide spot was touched 10 times", "%"),
+        "coverage_share_100_touches": ("skin where it was touched 100 times", "%"),
+        "coverage_evenness": ("entropy of touches over area; 1 is perfectly even", ""),
     },
     "Learning": {
         "representation_num_targets": ("target sensations, each with one motor kernel set", ""),

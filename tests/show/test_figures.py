@@ -3,8 +3,8 @@ import pytest
 import trimesh
 from matplotlib.image import imread
 
+from selftouch_drake.evaluation import touch_density
 from selftouch_drake.show import FIGURES, write_figures
-from selftouch_drake.show.experience_figures import touch_density
 from selftouch_drake.show.graph_figures import spectral_order
 from selftouch_drake.show.material import Material
 from selftouch_drake.show.motion_figures import evenly_spaced

@@ -1,0 +1,70 @@
+"""A million touches: wall time, size on disk and memory of a worker. Run: `make million`.
+
+For every body a small and a large run, in two processes; the store is read back and checked.
+"""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from selftouch_drake.babbling import collect, require_complete
+from selftouch_drake.executors import local_executor
+from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.run_directory import RunDirectory
+
+
+def peak_memory_mb(delay_s: float) -> float:
+    """Peak resident memory of the process that runs this, in MB."""
+    time.sleep(delay_s)  # so that every worker takes one of these
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def measure(body: str, num_samples: int, workers: int, folder: Path) -> str:
+    """Collects, reads back and checks; returns a line of the table."""
+    overrides = {"babbling": {"num_samples": num_samples}}
+    run = RunDirectory.create(folder / f"{body}-{num_samples}", load_experiment(body, overrides))
+    began = time.perf_counter()
+    with local_executor(workers) as executor:
+        collect(run, executor=executor)
+        wall = time.perf_counter() - began
+        memory = max(executor.map(peak_memory_mb, [0.2] * 2 * workers))
+    require_complete(run)
+    experience = ExperienceReader(run.experience)
+    rows = 0
+    for q, sensation in zip(experience.batches("q"), experience.batches("sensation"), strict=True):
+        assert np.isfinite(q).all()
+        assert (sensation >= 0).all()
+        assert sensation.any(axis=1).all()
+        rows += len(q)
+    assert rows == experience.num_rows == num_samples
+    size = sum(path.stat().st_size for path in run.experience.iterdir()) / rows
+    return (
+        f"{body:<20}{rows:>12,}{wall:>10.1f}{rows / wall:>12,.0f}{size:>12.1f}{memory:>12.0f}"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("bodies", nargs="*", default=["sphere", "cube", "torus"])
+    parser.add_argument("--touches", type=int, default=1_000_000)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--keep", type=Path, help="keep the runs in this folder")
+    arguments = parser.parse_args()
+    header = ("touches", 12), ("wall s", 10), ("touches/s", 12), ("bytes/row", 12), ("peak MB", 12)
+    print(f"{'body':<20}" + "".join(f"{name:>{width}}" for name, width in header))
+    with tempfile.TemporaryDirectory() as folder:
+        for body in arguments.bodies:
+            for num_samples in (arguments.touches // 10, arguments.touches):
+                where = arguments.keep or Path(folder)
+                print(measure(body, num_samples, arguments.workers, where), flush=True)
+
+
+if __name__ == "__main__":
+    main()
