@@ -20,14 +20,13 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import HydroelasticContactRepresentation
 
-from selftouch_drake.babbling import RandomWalk, collect_walk
+from selftouch_drake.babbling import RandomWalk, collect, collect_walk
 from selftouch_drake.babbling.sources import KinematicSource
 from selftouch_drake.body import FINGERTIP_RADIUS, P_B_SHOULDER, build_body
 from selftouch_drake.executors import local_executor
 from selftouch_drake.experience import write_shard
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.run_directory import RunDirectory
-from selftouch_drake.stages import World, babble
 from selftouch_drake.world import MakeDynamicStation
 
 
@@ -144,15 +143,15 @@ def measure_processes(num_touches: int, turns: int) -> dict[int, float]:
     """Stored touches a second of one and of two processes that are already warm."""
     seconds: dict[int, list[float]] = {1: [], 2: []}
     executors = {workers: local_executor(workers) for workers in seconds}
+    overrides = {"babbling": {"num_samples": num_touches, "walk_size": num_touches // 20}}
+    experiment = load_experiment("sphere", overrides)
     for turn in range(turns + 1):
         for workers, executor in executors.items():
-            overrides = {"seed": turn, "babbling": {"num_samples": num_touches, "walk_size": 2500}}
-            experiment = load_experiment("sphere", overrides)
             with tempfile.TemporaryDirectory() as folder:
                 run = RunDirectory.create(Path(folder) / "run", experiment)
                 began = time.perf_counter()
-                babble(run, World(experiment), executor)
-                if turn:  # the first turn imports Drake in the workers
+                collect(run, executor=executor)
+                if turn:  # the first turn builds the world in the workers
                     seconds[workers].append(time.perf_counter() - began)
     for executor in executors.values():
         executor.shutdown()
