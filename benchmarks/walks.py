@@ -21,8 +21,8 @@ from selftouch_drake.experiment import load_experiment
 from selftouch_drake.run_directory import RunDirectory
 
 WALKS = [
-    *({"step_size": step, "persistence": 0.9} for step in (0.05, 0.1, 0.15, 0.3, 0.6)),
-    *({"step_size": 0.15, "persistence": share} for share in (0.0, 0.5, 0.98)),
+    *({"step_size": step, "persistence": 0.9} for step in (0.003, 0.01, 0.05, 0.15, 0.6)),
+    *({"step_size": 0.15, "persistence": share} for share in (0.0, 0.99)),
     {"step_size": 0.15, "persistence": 0.9, "mode": "dynamic"},
 ]
 
@@ -51,7 +51,7 @@ def measure(body: str, walk: dict, num_samples: int, executor) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--body", default="cube")
-    parser.add_argument("--touches", type=int, default=20_000)
+    parser.add_argument("--touches", type=int, default=50_000)
     arguments = parser.parse_args()
     print("| mode | step size (rad) | persistence | touch rate | skin touched ≥ 10 times ", end="")
     print("| evenness | force, median / max (N) | touches/s |")

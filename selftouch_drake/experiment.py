@@ -32,7 +32,7 @@ SHAPES = {
 }
 END_EFFECTORS = {"one_finger": 1, "two_fingers": 2}
 BABBLING_MODES = ("kinematic", "dynamic")
-METRICS = ("sensorimotor", "motor", "literal")
+METRICS = ("sensorimotor", "learned", "motor", "literal", "revolute_reference")
 # Purposes of randomness; a new one goes to the end, so that the others stay as they are.
 STREAMS = ("walk", "pairs", "start")
 

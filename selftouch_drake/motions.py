@@ -9,8 +9,9 @@ import numpy as np
 
 from selftouch_drake.acting.execution import LOG_PERIOD, DynamicWorld
 from selftouch_drake.acting.rehearsal import RehearsalMemory, Try, best, judge, rehearse
-from selftouch_drake.acting.timing import time_path
+from selftouch_drake.acting.timing import TimedPath, time_path
 from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
+from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.planning import Plan, Planner, jerk_reduction, predict_sensation
@@ -67,20 +68,28 @@ class Pilot:
         q_start = self._some_configuration(start, goal)
         began = time.perf_counter()
         plan = self._planner.plan(q_start, start, goal, edge_penalty=self.memory.edge_penalty)
-        motion = self._timed(plan)
+        timed = self._timed(plan)
         self.query_s.append(time.perf_counter() - began)
         self.jerk_reduction.append(jerk_reduction(plan))
+        motion = self._predicted(plan, timed)
         save_arrays(self.run.plan(start, goal), motion)
         return motion
 
-    def _timed(self, plan: Plan) -> Motion:
+    @cached_property
+    def kernel_sensation(self) -> np.ndarray:
+        """`(R, S)` unit L2 norm, what was felt at each configuration of the representation."""
+        return kernel_sensation(self.run, self.representation)
+
+    def _timed(self, plan: Plan) -> TimedPath:
         limits, num_joints = self.run.experiment.execution, plan.waypoints_q.shape[1]
-        timed = time_path(
+        return time_path(
             plan.path,
             velocity_limit=np.full(num_joints, limits.max_velocity),
             acceleration_limit=np.full(num_joints, limits.max_acceleration),
             rate_hz=1 / LOG_PERIOD,
         )
+
+    def _predicted(self, plan: Plan, timed: TimedPath) -> Motion:
         return {
             "nodes": plan.nodes,
             "edges": plan.edges,
@@ -90,7 +99,9 @@ class Pilot:
             "s": timed.s,
             "q": timed.q,
             "v": timed.v,
-            "predicted": predict_sensation(self.representation, plan, timed.s),
+            "predicted": predict_sensation(
+                self.representation, plan, timed.s, self.kernel_sensation
+            ),
         }
 
     def _some_configuration(self, start: int, goal: int) -> np.ndarray:
@@ -182,6 +193,19 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     if not run.representation.exists():
         raise RunError(f"{run.path} has learned nothing yet; run `selftouch learn {run.path}`")
     return QuotientRepresentation.load(run.representation)
+
+
+def kernel_sensation(run: RunDirectory, representation: QuotientRepresentation) -> np.ndarray:
+    """`(R, S)` unit L2 norm, what was felt at each row of the representation's `kernel_q`."""
+    num_receptors = representation.target_sensations.shape[1]
+    felt = np.zeros((len(representation.kernel_row), num_receptors), dtype=np.float32)
+    first = 0
+    for batch in ExperienceReader(run.experience).batches("sensation"):
+        here = representation.kernel_row - first
+        inside = (here >= 0) & (here < len(batch))
+        felt[inside] = batch[here[inside]]
+        first += len(batch)
+    return felt / np.linalg.norm(felt, axis=1, keepdims=True)
 
 
 def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> RehearsalMemory:

@@ -6,6 +6,7 @@ packages. A stage that runs again replaces what it made and drops what was made 
 
 from __future__ import annotations
 
+import dataclasses
 import shutil
 import time
 from collections.abc import Callable
@@ -36,10 +37,8 @@ from selftouch_drake.representation import QuotientLearner, QuotientRepresentati
 from selftouch_drake.run_directory import RunDirectory, RunError
 from selftouch_drake.shape import (
     METRICS,
-    body_distances,
-    embed,
-    embed_representation,
     intrinsic_dimension,
+    recover,
     topology,
 )
 from selftouch_drake.trials import score_motions
@@ -114,11 +113,17 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     learner.fit(
         experience.read("sensation"),
         experience.read("q"),
-        progress=lambda fraction, doing: progress(0.8 * fraction, doing),
+        progress=lambda fraction, doing: progress(0.6 * fraction, doing),
     )
-    progress(0.8, "shape")
-    distances = body_distances(learner.representation_, settings.metric)
-    representation = embed_representation(learner.representation_, settings.metric)
+    body = recover(
+        learner.representation_,
+        settings.metric,
+        seed=run.experiment.seed,
+        progress=lambda fraction: progress(0.6 + 0.3 * fraction, "shape"),
+    )
+    representation = dataclasses.replace(
+        learner.representation_, embedding=body.embedding.positions
+    )
     progress(0.9, "holes")
     found = topology(representation.embedding)
     representation.save(run.representation)
@@ -132,7 +137,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
             "kernel_size_max": int(sizes.max()),
             "topology_betti": list(found.betti),
             "topology_margin": found.margin,
-            "intrinsic_dimension": intrinsic_dimension(distances),
+            "intrinsic_dimension": intrinsic_dimension(body.distances),
             "learning_wall_s": time.perf_counter() - began,
         }
     )
@@ -172,16 +177,20 @@ def _score_against_truth(
     _, fields = world.body
     positions = kernel_positions(representation, p_WF)
     spread = kernel_spread(representation, p_WF)
-    by_metric = {
-        metric: shape_rms_fraction(embed(representation, metric).positions, positions)
-        for metric in METRICS
-    }
+    chosen = run.experiment.representation.metric
+    naive = [name for name, metric in METRICS.items() if metric.naive or name == chosen]
+    by_metric = {}
+    for metric in naive:
+        found = representation.embedding
+        if metric != chosen:
+            found = recover(representation, metric, seed=run.experiment.seed).embedding.positions
+        by_metric[metric] = shape_rms_fraction(found, positions)
     return {
         **coverage(fields.vertices, fields.faces, p_WF.reshape(-1, 3)),
         "kernel_spread_median_m": float(np.median(spread)),
         "kernel_spread_worst_m": float(spread.max()),
         "neighbour_agreement": neighbour_agreement(representation.set_distance, positions),
-        "shape_rms_fraction": by_metric[run.experiment.representation.metric],
+        "shape_rms_fraction": by_metric[chosen],
         "shape_rms_fraction_by_metric": by_metric,
     }
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.interpolate import BSpline
 
@@ -60,22 +62,38 @@ def smooth_path(
         knots = np.repeat([0.0, 1.0], DEGREE + 1)
         return BSpline(knots, np.repeat(ends[:1], DEGREE + 1, axis=0), DEGREE)
 
-    # Solved over knots one apart, so that the shortest path is as well conditioned as any.
+    along = polyline(waypoints_q)
     num_intervals = int(np.ceil(length / knot_spacing))
-    interval = length / num_intervals
+    path = smooth_curve(along, ends, length, num_intervals)
+    if lower is not None:
+        path.c = np.maximum(path.c, np.minimum(lower, waypoints_q.min(axis=0)))
+    if upper is not None:
+        path.c = np.minimum(path.c, np.maximum(upper, waypoints_q.max(axis=0)))
+    return path
+
+
+def smooth_curve(
+    curve: Callable[[np.ndarray], np.ndarray], ends: np.ndarray, length: float, num_intervals: int
+) -> BSpline:
+    """The quintic spline nearest a curve: squared distance plus l^6 x squared jerk.
+
+    The length l is the interval between knots.
+
+    Args:
+        curve: from `(N,)` rad in `[0, length]` to `(N, D)`.
+        ends: `(2, D)` where the spline starts and ends, its outer control points.
+        length: rad, positive.
+        num_intervals: of knots.
+    """
+    # Solved over knots one apart, so that the shortest path is as well conditioned as any.
     knots = np.pad(np.arange(num_intervals + 1.0), DEGREE, mode="edge")
     u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
     basis = BSpline(knots, np.eye(num_intervals + DEGREE), DEGREE)
     value, jerk = basis(u), basis.derivative(3)(u)
     normal = value.T @ value + jerk.T @ jerk
-    right = value.T @ polyline(waypoints_q)(u * interval) - normal[:, [0, -1]] @ ends
+    interval = length / num_intervals
+    right = value.T @ curve(u * interval) - normal[:, [0, -1]] @ ends
     inner = np.linalg.solve(normal[1:-1, 1:-1], right[1:-1])
-
-    control = np.concatenate([ends[:1], inner, ends[1:]])
-    if lower is not None:
-        control = np.maximum(control, np.minimum(lower, waypoints_q.min(axis=0)))
-    if upper is not None:
-        control = np.minimum(control, np.maximum(upper, waypoints_q.max(axis=0)))
     knots *= interval
     knots[-DEGREE - 1 :] = length
-    return BSpline(knots, control, DEGREE)
+    return BSpline(knots, np.concatenate([ends[:1], inner, ends[1:]]), DEGREE)

@@ -127,7 +127,7 @@ def quotient_pseudo_metric(minimum_distance: np.ndarray, edges: np.ndarray) -> n
     return geodesics(edges, minimum_distance[edges[:, 0], edges[:, 1]], len(minimum_distance))
 
 
-def locally_scaled(distance: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Edge lengths in units of the spacing around their ends, `d / sqrt(s_i s_j)`.
 
     The spacing `s_i` is the mean length of the edges at kernel i. Cells are evenly spaced in
@@ -135,17 +135,15 @@ def locally_scaled(distance: np.ndarray, edges: np.ndarray) -> np.ndarray:
     redundant.
 
     Args:
-        distance: `(K, K)` rad.
-        edges: `(E, 2)` pairs of kernels; every kernel has one.
+        length: `(E,)` positive.
+        edges: `(E, 2)` pairs of kernels.
 
     Returns:
         `(E,)` lengths, about 1.
     """
     i, j = edges.T
-    length = distance[i, j]
-    num_kernels = len(distance)
-    total = np.bincount(edges.ravel(), np.repeat(length, 2), num_kernels)
-    spacing = total / np.bincount(edges.ravel(), minlength=num_kernels)
+    total = np.bincount(edges.ravel(), np.repeat(length, 2))
+    spacing = total / np.maximum(np.bincount(edges.ravel()), 1)
     return length / np.sqrt(spacing[i] * spacing[j])
 
 

@@ -2,28 +2,38 @@
 
 from selftouch_drake.shape.dimension import intrinsic_dimension
 from selftouch_drake.shape.embedding import (
-    METRICS,
     Embedding,
-    body_distances,
     classical_embedding,
-    embed,
-    embed_representation,
     stress_embedding,
+    unbent_embedding,
 )
 from selftouch_drake.shape.homology import Topology, alpha_persistence, topology
+from selftouch_drake.shape.metrics import (
+    METRICS,
+    BodyGraph,
+    Metric,
+    RecoveredBody,
+    embed_representation,
+    recover,
+)
+from selftouch_drake.shape.quotient_map import quotient_coordinates
 from selftouch_drake.shape.surface import fitted_surface
 
 __all__ = [
     "METRICS",
+    "BodyGraph",
     "Embedding",
+    "Metric",
+    "RecoveredBody",
     "Topology",
     "alpha_persistence",
-    "body_distances",
     "classical_embedding",
-    "embed",
     "embed_representation",
     "fitted_surface",
     "intrinsic_dimension",
+    "quotient_coordinates",
+    "recover",
     "stress_embedding",
     "topology",
+    "unbent_embedding",
 ]
