@@ -45,9 +45,7 @@ def measure(body: str, num_samples: int, workers: int, folder: Path) -> str:
         rows += len(q)
     assert rows == experience.num_rows == num_samples
     size = sum(path.stat().st_size for path in run.experience.iterdir()) / rows
-    return (
-        f"{body:<20}{rows:>12,}{wall:>10.1f}{rows / wall:>12,.0f}{size:>12.1f}{memory:>12.0f}"
-    )
+    return f"{body:<20}{rows:>12,}{wall:>10.1f}{rows / wall:>12,.0f}{size:>12.1f}{memory:>12.0f}"
 
 
 def main() -> None:

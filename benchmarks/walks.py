@@ -1,6 +1,6 @@
 """What the parameters of the random walk do to touch rate and coverage. Run it as a script.
 
-Every row collects the same number of touches of one body; the table is a part of docs/babbling.md.
+Every row collects the same number of touches of one body; the table stands in docs/experience.md.
 """
 
 from __future__ import annotations

@@ -31,8 +31,39 @@ WORKERS = click.option(
 SCHEDULER = click.option(
     "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers babble, tcp://host:port."
 )
-FROM = click.option("--from", "start", type=int, required=True, help="Target sensation to start.")
-TO = click.option("--to", "goal", type=int, required=True, help="Target sensation to reach.")
+FROM = click.option("--from", "start", type=int, help="Target sensation to start.")
+TO = click.option("--to", "goal", type=int, help="Target sensation to reach.")
+
+
+class Numbers(click.ParamType):
+    """Numbers with commas between them."""
+
+    name = "numbers"
+
+    def __init__(self, kind: type):
+        self._kind = kind
+
+    def convert(self, value, param, ctx):
+        """The list of them."""
+        try:
+            return [self._kind(text) for text in value.split(",")]
+        except ValueError:
+            self.fail(f"{value!r} is not a list of numbers, as in 3,50,120", param, ctx)
+
+
+THROUGH = click.option(
+    "--through",
+    type=Numbers(int),
+    metavar="I,J,...",
+    help="Target sensations to pass, in order, instead of --from and --to.",
+)
+FROM_Q = click.option(
+    "--from-q",
+    "q_start",
+    type=Numbers(float),
+    metavar="Q1,Q2,...",
+    help="Joint angles to start at, in rad, touching or not, instead of --from.",
+)
 
 
 class Teaching(click.Group):
@@ -45,10 +76,12 @@ class Teaching(click.Group):
 
 @click.group(
     cls=Teaching,
+    invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
 @click.version_option(__version__, prog_name="selftouch")
-def cli() -> None:
+@click.pass_context
+def cli(ctx: click.Context) -> None:
     """An agent finds out, by touching itself, that it has a body.
 
     It babbles with its arm, keeps what it felt where, and builds from that alone a graph of its
@@ -63,6 +96,8 @@ def cli() -> None:
     selftouch execute runs/cube --from 3 --to 250
     selftouch play runs/cube                  watch it in a browser
     """  # noqa: D301 - click keeps the lines after a \b as they are
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
 
 
 @cli.command()
@@ -74,7 +109,7 @@ def cli() -> None:
 def run(
     experiment: str, out: Path | None, overrides: str, workers: int | None, scheduler: str | None
 ) -> None:
-    """Babble, learn, plan, execute, evaluate and report, all of EXPERIMENT.
+    """Do it all: babble, learn, plan, execute, evaluate, report.
 
     EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`) or a YAML file.
     Stages that are done are not done again: a run that was stopped goes on where it was.
@@ -127,22 +162,40 @@ def learn(run: Path) -> None:
 @cli.command()
 @RUN
 @FROM
+@FROM_Q
 @TO
-def plan(run: Path, start: int, goal: int) -> None:
-    """Plan a smooth motion from one target sensation to another."""
+@THROUGH
+def plan(
+    run: Path,
+    start: int | None,
+    q_start: list[float] | None,
+    goal: int | None,
+    through: list[int] | None,
+) -> None:
+    """Plan a smooth motion from sensation to sensation."""
+    import numpy as np
+
     from selftouch_drake import stages
 
     directory = _open(run)
-    arrays = stages.Pilot(directory).plan(start, goal)
-    route = " ".join(str(node) for node in arrays["nodes"])
-    click.echo(f"route: {route}\nduration: {arrays['time_s'][-1]:.2f} s")
-    click.echo(f"plan: {directory.plan(start, goal)}")
+    targets = _targets(start, q_start, goal, through)
+    pilot = stages.Pilot(directory)
+    if q_start is None:
+        motion = pilot.plan(*targets)
+    else:
+        world = stages.World(directory.experiment)
+        motion = pilot.plan_from(world, np.array(q_start), targets[-1])
+    route = " ".join("off" if node < 0 else str(node) for node in motion["nodes"])
+    click.echo(f"route: {route}\nduration: {motion['time_s'][-1]:.2f} s")
+    click.echo(f"plan: {directory.plan(*targets)}")
 
 
 @cli.command()
 @RUN
 @FROM
+@click.option("--free", is_flag=True, help="The plan that was made with --from-q.")
 @TO
+@THROUGH
 @click.option(
     "--rehearse",
     "max_tries",
@@ -150,27 +203,39 @@ def plan(run: Path, start: int, goal: int) -> None:
     metavar="N",
     help="Plan and try up to N times until contact is never lost, and remember what was learned.",
 )
-def execute(run: Path, start: int, goal: int, max_tries: int | None) -> None:
-    """Execute a planned motion in the dynamic world, and keep what was felt."""
+def execute(
+    run: Path,
+    start: int | None,
+    free: bool,
+    goal: int | None,
+    through: list[int] | None,
+    max_tries: int | None,
+) -> None:
+    """Execute a plan in the dynamic world, and keep what was felt."""
     from selftouch_drake import stages
     from selftouch_drake.acting.rehearsal import best
 
     directory = _open(run)
+    targets = _targets(start, [] if free else None, goal, through)
     world = stages.World(directory.experiment)
     if max_tries is None:
-        contact = stages.execute(directory, world, start, goal)["felt"].any(axis=1).mean().item()
+        motion = stages.execute(directory, world, *targets)
+        kept = stages.judged(motion, targets[-1], stages.load_representation(directory))
+    elif free or through:
+        raise click.UsageError("--rehearse takes --from and --to")
     else:
-        tries = stages.rehearse(directory, world, start, goal, max_tries)
-        contact = best(tries).contact
+        tries = stages.rehearse(directory, world, targets[0], targets[1], max_tries)
+        kept = best(tries)
         click.echo("tries: " + ", ".join(f"{one.contact:.1%}" for one in tries))
-    click.echo(f"in contact: {contact:.1%} of the time")
-    click.echo(f"plan: {directory.plan(start, goal)}")
+    click.echo(f"in contact: {kept.contact:.1%} of the time")
+    click.echo(f"sensation {targets[-1]}: {'reached' if kept.reached else 'missed'}")
+    click.echo(f"plan: {directory.plan(*targets)}")
 
 
 @cli.command()
 @RUN
 def evaluate(run: Path) -> None:
-    """Score RUN against the truth: shape, and random plans as felt in the world."""
+    """Score RUN against the truth: its shape, and random plans."""
     from selftouch_drake import stages
 
     directory = _open(run)
@@ -182,7 +247,7 @@ def evaluate(run: Path) -> None:
 @cli.command()
 @RUN
 def report(run: Path) -> None:
-    """Draw the figures and the recording of RUN, and write its report."""
+    """Draw figures and a recording of RUN, and write its report."""
     from selftouch_drake.show import write_report
 
     directory = _open(run)
@@ -232,6 +297,23 @@ def exit_status(command: Callable[[], object]) -> int:
     return 2
 
 
+def _targets(
+    start: int | None, q_start: list[float] | None, goal: int | None, through: list[int] | None
+) -> list:
+    """The targets that name a plan, from options of which only some go together."""
+    begins = [start is not None, q_start is not None, through is not None]
+    if sum(begins) != 1 or (goal is None) != (through is not None):
+        raise click.UsageError(
+            "a plan has a start and a goal: give --from and --to, or --through alone, "
+            "or a free start and --to"
+        )
+    if through is None:
+        return ["free" if start is None else start, goal]
+    if len(through) < 2:
+        raise click.UsageError(f"--through is {through[0]}; give two target sensations or more")
+    return through
+
+
 def _begin(experiment: str, out: Path | None, overrides: str):
     from selftouch_drake.experiment import load_experiment, parse_overrides
     from selftouch_drake.run_directory import RunDirectory
@@ -261,6 +343,7 @@ def _babble(directory, world, workers: int | None, scheduler: str | None) -> Non
 
     chosen = dask_executor(scheduler) if scheduler else local_executor(workers)
     with _progress("babble") as progress, chosen as executor:
+        progress(0.0, "the first walks")  # which may take minutes under dynamics
         stages.babble(directory, world, executor, progress)
 
 

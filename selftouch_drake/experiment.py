@@ -172,7 +172,8 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
 
     Args:
         source: the name of a shipped experiment or the path of a YAML file.
-        overrides: a nested mapping laid over the file, as in `{"skin": {"num_receptors": 50}}`.
+        overrides: a nested mapping laid over the file, as in `{"skin": {"num_receptors": 50}}`; a
+            relative `mesh` in it starts at the working directory.
 
     Raises:
         ExperimentError: naming the field, its value and the remedy.
@@ -180,12 +181,11 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
     path = _find(source)
     fields = _parse(path.read_bytes(), what=f"experiment {path}")
     try:
-        fields = _merged(fields, dict(overrides or {}))
+        fields = _merged(
+            _mesh_from(path.parent, fields), _mesh_from(Path.cwd(), dict(overrides or {}))
+        )
     except RecursionError:
         raise ExperimentError(f"experiment {path} contains itself; leave out the alias") from None
-    mesh = fields.get("body", {}).get("mesh") if isinstance(fields.get("body"), dict) else None
-    if isinstance(mesh, str) and mesh.isprintable() and not Path(mesh).is_absolute():
-        fields["body"]["mesh"] = str((path.parent / mesh).resolve())
     return experiment_from_fields(fields)
 
 
@@ -237,6 +237,17 @@ def _parse(text: str | bytes, *, what: str) -> dict[str, Any]:
             f"{what} is {_shown(fields)}, not a mapping; write for instance {{seed: 1}}"
         )
     return fields
+
+
+def _mesh_from(folder: Path, fields: dict[str, Any]) -> dict[str, Any]:
+    """The fields with a relative path of a mesh made to start at `folder`."""
+    body = fields.get("body")
+    if not isinstance(body, dict):
+        return fields
+    mesh = body.get("mesh")
+    if not isinstance(mesh, str) or not mesh.isprintable() or Path(mesh).is_absolute():
+        return fields
+    return {**fields, "body": {**body, "mesh": str((folder / mesh).resolve())}}
 
 
 def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
@@ -386,7 +397,7 @@ def _check_body(body: Body, require: typing.Callable, one_of: typing.Callable) -
     for name in sorted({dimension for shape in SHAPES.values() for dimension in shape}):
         value = getattr(body, name)
         if name not in needed:
-            remedy = f"shape {body.shape} takes {', '.join(needed)}; leave it out"
+            remedy = f"shape {body.shape} takes {', '.join(needed)}; leave it out, or make it null"
             require(value is None, f"body.{name}", value, remedy)
             continue
         require(value is not None, f"body.{name}", value, f"shape {body.shape} needs it")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -19,6 +20,19 @@ from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory, RunError
 from selftouch_drake.world.probe import ContactProbe
 
+#: What the file of a plan holds, executed or not.
+PLAN_ARRAYS = (
+    "nodes",
+    "edges",
+    "waypoints_q",
+    "waypoint_s",
+    "time_s",
+    "s",
+    "q",
+    "v",
+    "predicted",
+    "predicted_spread",
+)
 # A motion is a dictionary of arrays, as the file of a plan holds them.
 Motion = dict[str, np.ndarray]
 
@@ -63,17 +77,56 @@ class Pilot:
         self.query_s: list[float] = []
         self.jerk_reduction: list[float] = []
 
-    def plan(self, start: int, goal: int) -> Motion:
-        """Plans from a configuration of `start`, drawn from the seed, to `goal`, and stores it."""
-        q_start = self._some_configuration(start, goal)
+    def plan(self, *targets: int) -> Motion:
+        """Plans through target sensations and stores the plan.
+
+        Args:
+            targets: two or more, in order. The motion starts at a configuration of the first,
+                drawn from the seed.
+
+        Raises:
+            ValueError: as `Planner.plan_tour`.
+        """
+        require_targets(self.representation, *targets)
+        motion = self._planned(self._planner, self._some_configuration(*targets), targets)
+        save_arrays(self.run.plan(*targets), motion)
+        return motion
+
+    def plan_from(self, world: World, q_start: np.ndarray, goal: int) -> Motion:
+        """Plans from any configuration, touching or not, and stores the plan as `free-GOAL`.
+
+        Args:
+            world: where the agent feels whether it touches at `q_start`.
+            q_start: `(J,)` rad, where the arm is.
+            goal: the target sensation to reach.
+
+        Raises:
+            ValueError: as `Planner.plan_tour`, or `q_start` is outside the joints' limits.
+        """
+        require_targets(self.representation, 0, goal)
+        agent = world.probe.agent
+        planner = Planner(
+            self.representation,
+            knot_spacing=self.run.experiment.planning.knot_spacing,
+            lower=agent.lower,
+            upper=agent.upper,
+        )
+        q_start = planner.checked_configuration(q_start)
+        (felt,) = world.probe.sensations(q_start[None])
+        start = int(np.argmax(self.representation.target_sensations @ felt)) if felt.any() else None
+        motion = self._planned(planner, q_start, (start, goal))
+        save_arrays(self.run.plan("free", goal), motion)
+        return motion
+
+    def _planned(
+        self, planner: Planner, q_start: np.ndarray, targets: Sequence[int | None]
+    ) -> Motion:
         began = time.perf_counter()
-        plan = self._planner.plan(q_start, start, goal, edge_penalty=self.memory.edge_penalty)
+        plan = planner.plan_tour(q_start, targets, edge_penalty=self.memory.edge_penalty)
         timed = self._timed(plan)
         self.query_s.append(time.perf_counter() - began)
         self.jerk_reduction.append(jerk_reduction(plan))
-        motion = self._predicted(plan, timed)
-        save_arrays(self.run.plan(start, goal), motion)
-        return motion
+        return self._predicted(plan, timed)
 
     @cached_property
     def kernel_sensation(self) -> np.ndarray:
@@ -90,6 +143,7 @@ class Pilot:
         )
 
     def _predicted(self, plan: Plan, timed: TimedPath) -> Motion:
+        prediction = predict_sensation(self.representation, plan, timed.s, self.kernel_sensation)
         return {
             "nodes": plan.nodes,
             "edges": plan.edges,
@@ -99,31 +153,54 @@ class Pilot:
             "s": timed.s,
             "q": timed.q,
             "v": timed.v,
-            "predicted": predict_sensation(
-                self.representation, plan, timed.s, self.kernel_sensation
-            ),
+            "predicted": prediction.sensation,
+            "predicted_spread": prediction.spread,
         }
 
-    def _some_configuration(self, start: int, goal: int) -> np.ndarray:
-        """Where the arm is when it is asked: any configuration of the start kernel."""
-        require_targets(self.representation, start, goal)
-        members = self.representation.kernel_q[self.representation.members(start)]
-        stream = self.run.experiment.random_stream("start", start, goal)
+    def _some_configuration(self, *targets: int) -> np.ndarray:
+        """Where the arm is when it is asked: any configuration of the first kernel."""
+        members = self.representation.kernel_q[self.representation.members(targets[0])]
+        stream = self.run.experiment.random_stream("start", *targets)
         return members[np.random.default_rng(stream).integers(len(members))].astype(float)
 
 
-def execute(run: RunDirectory, world: World, start: int, goal: int) -> Motion:
-    """Executes a stored plan in the dynamic world and stores what was felt beside it."""
-    require_targets(load_representation(run), start, goal)
-    if not run.plan(start, goal).exists():
-        raise RunError(
-            f"{run.path} has no plan from {start} to {goal}; make one with "
-            f"`selftouch plan {run.path} --from {start} --to {goal}`"
-        )
-    plan = load_arrays(run.plan(start, goal), ("time_s", "q", "v", "predicted"))
+def execute(run: RunDirectory, world: World, *targets: int | str) -> Motion:
+    """Executes a stored plan in the dynamic world and stores what was felt beside it.
+
+    Args:
+        run: a run that has planned.
+        world: its world.
+        targets: of the plan, in order; `"free", GOAL` for one of `Pilot.plan_from`.
+
+    Raises:
+        RunError: there is no such target sensation, or no such plan.
+    """
+    require_targets(load_representation(run), *(t for t in targets if isinstance(t, int)))
+    if not run.plan(*targets).exists():
+        raise RunError(_no_plan(run, *targets))
+    plan = load_arrays(run.plan(*targets), PLAN_ARRAYS)
     motion = executed(world, plan)
-    save_arrays(run.plan(start, goal), motion)
+    save_arrays(run.plan(*targets), motion)
     return motion
+
+
+def _no_plan(run: RunDirectory, start: int | str, *goals: int | str) -> str:
+    goal = goals[-1]
+    if start == "free":
+        return (
+            f"{run.path} has no free plan to {goal}; make one with "
+            f"`selftouch plan {run.path} --from-q Q --to {goal}`"
+        )
+    if len(goals) > 1:
+        through = ",".join(map(str, (start, *goals)))
+        return (
+            f"{run.path} has no plan through {through}; make one with "
+            f"`selftouch plan {run.path} --through {through}`"
+        )
+    return (
+        f"{run.path} has no plan from {start} to {goal}; make one with "
+        f"`selftouch plan {run.path} --from {start} --to {goal}`"
+    )
 
 
 def executed(world: World, plan: Motion) -> Motion:
@@ -189,10 +266,22 @@ def judged(motion: Motion, goal: int, representation: QuotientRepresentation) ->
 
 
 def load_representation(run: RunDirectory) -> QuotientRepresentation:
-    """The representation of a run that has learned."""
+    """The representation of a run that has learned.
+
+    Raises:
+        RunError: there is none, or it is of another experiment.
+    """
     if not run.representation.exists():
         raise RunError(f"{run.path} has learned nothing yet; run `selftouch learn {run.path}`")
-    return QuotientRepresentation.load(run.representation)
+    representation = QuotientRepresentation.load(run.representation)
+    found = representation.target_sensations.shape
+    wanted = (run.experiment.representation.num_targets, run.experiment.skin.num_receptors)
+    if found != wanted:
+        raise RunError(
+            f"{run.representation} has {found[0]} targets over {found[1]} receptors, the "
+            f"experiment {wanted[0]} over {wanted[1]}; run `selftouch learn {run.path}`"
+        )
+    return representation
 
 
 def kernel_sensation(run: RunDirectory, representation: QuotientRepresentation) -> np.ndarray:
@@ -215,10 +304,11 @@ def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> Re
     return RehearsalMemory.load(run.rehearsal, representation)
 
 
-def require_targets(representation: QuotientRepresentation, start: int, goal: int) -> None:
+def require_targets(representation: QuotientRepresentation, *targets: int) -> None:
     """Refuses target sensations that a run does not have."""
     num_targets = representation.num_targets
-    for name, target in (("--from", start), ("--to", goal)):
+    names = ("--from", "--to") if len(targets) == 2 else ("--through",) * len(targets)
+    for name, target in zip(names, targets, strict=True):
         if not 0 <= target < num_targets:
             raise RunError(
                 f"{name} is {target}; this run has target sensations 0 to {num_targets - 1}"

@@ -140,9 +140,9 @@ class RunDirectory:
         """The story of the run."""
         return self.path / "report.html"
 
-    def plan(self, start: int, goal: int) -> Path:
-        """The file of the plan from target sensation `start` to `goal`."""
-        return self.path / "plans" / f"{start}-{goal}.npz"
+    def plan(self, *targets: int | str) -> Path:
+        """The file of the plan from one target sensation to the next and on, as in `3-50-120`."""
+        return self.path / "plans" / f"{'-'.join(map(str, targets))}.npz"
 
     def metrics(self) -> dict[str, Any]:
         """All figures so far; empty before the first stage is done."""
@@ -168,12 +168,19 @@ class RunDirectory:
         write_text_whole(self.path / "metrics.json", json.dumps(kept, indent=2) + "\n")
 
     def fingerprint(self) -> str:
-        """Identifies what decides the experience: seed, body, skin, end effector and babbling."""
+        """Identifies what decides the experience: seed, body, skin, end effector and babbling.
+
+        Under dynamics the joint controllers decide too. Of a mesh it is the content that counts,
+        not where it lies: a run may move to another machine.
+        """
         fields = yaml.safe_load(dump_experiment(self.experiment))
-        keys = ("seed", "body", "skin", "end_effector", "babbling")
-        text = json.dumps({key: fields[key] for key in keys}, sort_keys=True)
+        keys = ["seed", "body", "skin", "end_effector", "babbling"]
+        if self.experiment.babbling.mode == "dynamic":
+            keys.append("execution")
         mesh = self.experiment.body.mesh
         shape = Path(mesh).read_bytes() if mesh is not None else b""
+        fields["body"]["mesh"] = None
+        text = json.dumps({key: fields[key] for key in keys}, sort_keys=True)
         return hashlib.sha256(text.encode() + shape).hexdigest()[:16]
 
 

@@ -30,6 +30,7 @@ from selftouch_drake.motions import (
     Pilot,
     World,
     execute,
+    judged,
     load_representation,
     rehearse_motion,
 )
@@ -52,7 +53,9 @@ __all__ = [
     "has_babbled",
     "has_evaluated",
     "has_learned",
+    "judged",
     "learn",
+    "load_representation",
     "rehearse",
 ]
 

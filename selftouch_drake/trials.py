@@ -10,6 +10,8 @@ from scipy.spatial import cKDTree
 from selftouch_drake.acting.rehearsal import RehearsalMemory, Try, best
 from selftouch_drake.evaluation import (
     MotionScore,
+    calibration,
+    cosine_distance,
     score_motion,
     spatial_jerk_reduction,
     summarise,
@@ -81,7 +83,12 @@ def score_motions(
         "planning_query_ms_p95": float(np.percentile(query_ms, 95)),
         **execution_figures(motions, goals, representation.target_sensations),
         "execution_time_off_skin_s": sum(_time_off_skin(motion, wall) for motion in motions),
-        "execution_fingertip_jerk_reduction": _fingertip_jerk_reduction(motions, world),
+        "planning_fingertip_jerk_reduction": _fingertip_jerk_reduction(
+            motions, "p_WF_planned", world
+        ),
+        "execution_fingertip_jerk_reduction": _fingertip_jerk_reduction(
+            motions, "p_WF_measured", world
+        ),
         **rehearsal_figures(rehearsals),
         "rehearsal_time_off_skin_s": sum(
             _time_off_skin(best(tries).motion, wall) for tries in rehearsals
@@ -98,6 +105,7 @@ def execution_figures(
     return {
         **summarise(scores, "execution"),
         "execution_tracking_rms_rad": float(np.sqrt(np.mean(tracking))),
+        **_calibration_figures(motions),
         "execution_force_max_N": float(max(m["felt"].sum(axis=1).max() for m in motions)),
     }
 
@@ -124,17 +132,30 @@ def random_pairs(run: RunDirectory) -> list[tuple[int, int]]:
     return [(int(i), int(j + (j >= i))) for i, j in zip(starts, goals, strict=True)]
 
 
+def _calibration_figures(motions: list[Motion]) -> dict[str, float]:
+    foretold = [
+        m["felt"].any(axis=1) & m["predicted"].any(axis=1) & (m["predicted_spread"] > 0)
+        for m in motions
+    ]
+    found = calibration(
+        [
+            cosine_distance(m["felt"][rows], m["predicted"][rows])
+            for m, rows in zip(motions, foretold, strict=True)
+        ],
+        [m["predicted_spread"][rows] for m, rows in zip(motions, foretold, strict=True)],
+    )
+    return {f"execution_prediction_within_{share:.0%}"[:-1]: held for share, held in found.items()}
+
+
 def _time_off_skin(motion: Motion, wall: cKDTree) -> float:
     return time_off_skin(motion["time_s"], motion["p_WF_measured"], wall)
 
 
-def _fingertip_jerk_reduction(motions: list[Motion], world: World) -> float:
-    """The median over motions of more than one step."""
+def _fingertip_jerk_reduction(motions: list[Motion], path: str, world: World) -> float:
+    """The median over motions of more than one step; `path` names the fingertips' positions."""
     to_space = world.probe.kinematics.positions
     reductions = [
-        spatial_jerk_reduction(
-            motion["s"], motion["p_WF_measured"], motion["waypoints_q"], to_space
-        )
+        spatial_jerk_reduction(motion["s"], motion[path], motion["waypoints_q"], to_space)
         for motion in motions
         if len(motion["edges"]) > 1
     ]

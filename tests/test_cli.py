@@ -260,3 +260,5 @@ def test_help_teaches():
     for verb in ("run", "babble", "learn", "plan", "execute", "evaluate", "report", "play"):
         assert f"\n  {verb} " in text
     assert "selftouch plan runs/cube --from 3 --to 250" in text
+    assert "..." not in text.partition("Commands:")[2]  # no line of it is cut
+    assert selftouch().stdout == text

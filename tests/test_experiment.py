@@ -94,7 +94,7 @@ def test_the_default_experiment_is_valid():
         ("body: {shape: cube}", "body.side is None; shape cube needs it"),
         (
             "body: {shape: cube, side: 0.4, radius: 0.2}",
-            "body.radius is 0.2; shape cube takes side; leave it out",
+            "body.radius is 0.2; shape cube takes side; leave it out, or make it null",
         ),
         (
             "body: {shape: torus, major_radius: 0.2}",
@@ -285,6 +285,12 @@ def test_a_mesh_path_starts_at_the_experiment_file(tmp_path, monkeypatch):
     assert load_experiment(path).body.mesh == str(tmp_path / "duck.obj")
     path.write_text("body: {shape: mesh, mesh: /elsewhere/duck.obj}")
     assert load_experiment(path).body.mesh == "/elsewhere/duck.obj"
+
+
+def test_a_mesh_path_of_the_command_line_starts_where_one_is(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    overrides = parse_overrides("body: {mesh: duck.obj}")
+    assert load_experiment("double_torus", overrides).body.mesh == str(tmp_path / "duck.obj")
 
 
 def test_numbers_may_be_written_as_people_do():

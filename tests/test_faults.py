@@ -1,6 +1,7 @@
 """What goes wrong outside: killed processes, full disks, second writers, lost shards."""
 
 import os
+import re
 import resource
 import shutil
 import signal
@@ -13,9 +14,9 @@ import numpy as np
 import pytest
 from filelock import FileLock
 
-from selftouch_drake.babbling import collect
+from selftouch_drake.babbling import collect, require_complete
 from selftouch_drake.executors import dask_executor, local_executor
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience import ExperienceReader, StoreError
 from selftouch_drake.experiment import load_experiment, parse_overrides
 from selftouch_drake.run_directory import RunDirectory
 
@@ -134,6 +135,26 @@ def test_a_lost_shard_is_named_and_collected_again(verb, run, whole_run):
     again = command("babble", run / "experiment.yaml", "--out", run)
     assert subprocess.run(again, capture_output=True).returncode == 0
     assert shards(run) == shards(whole_run)
+
+
+def test_a_lost_shard_of_the_truth_is_collected_again(run, whole_run):
+    lost = run / "truth" / "part-00001.parquet"
+    lost.unlink()
+    with pytest.raises(StoreError, match=re.escape(f"{lost} is missing; collect it again with ")):
+        require_complete(RunDirectory.open(run), truth=True)
+    again = command("babble", run / "experiment.yaml", "--out", run)
+    assert subprocess.run(again, capture_output=True).returncode == 0
+    assert shards(run) == shards(whole_run)
+
+
+def test_a_worker_that_is_killed_is_told(tmp_path):
+    experiment = load_experiment("cube", parse_overrides(SMALL))
+    run = RunDirectory.create(tmp_path / "run", experiment)
+    with local_executor(1) as executor:
+        worker = executor.submit(os.getpid).result()
+        executor.submit(os.kill, worker, signal.SIGKILL)
+        with pytest.raises(ChildProcessError, match="go on from what is stored"):
+            collect(run, executor=executor)
 
 
 def test_an_altered_shard_is_named(run):

@@ -175,6 +175,21 @@ def test_the_fingerprint_is_of_what_decides_the_experience(run, tmp_path):
     prints = {fingerprint(**overrides) for overrides in other}
     assert len(prints) == len(other)
     assert run.fingerprint() not in prints
+    stiff = {"execution": {"stiffness": 1000.0}}
+    assert fingerprint(**stiff) == fingerprint()
+    dynamic = {"babbling": {"mode": "dynamic"}}
+    assert fingerprint(**stiff, **dynamic) != fingerprint(**dynamic)
+
+
+def test_the_fingerprint_of_a_mesh_is_that_of_its_content(tmp_path):
+    def fingerprint(path, content):
+        path.write_text(content)
+        mesh = {"side": None, "shape": "mesh", "mesh": str(path)}
+        return RunDirectory(tmp_path, load_experiment("cube", {"body": mesh})).fingerprint()
+
+    one = fingerprint(tmp_path / "one.obj", "a mesh")
+    assert fingerprint(tmp_path / "moved.obj", "a mesh") == one
+    assert fingerprint(tmp_path / "one.obj", "another mesh") != one
 
 
 def test_paths_are_those_of_the_contract(run):

@@ -22,7 +22,7 @@ LOG_PERIOD = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Execution:
-    """What happened along an executed trajectory, sampled every `LOG_PERIOD`.
+    """What happened along an executed trajectory, sampled every `log_period` of its world.
 
     Attributes:
         time_s: `(T,)` s.
@@ -47,6 +47,7 @@ class DynamicWorld:
         skin: its hollow skin.
         fields: its receptive fields.
         meshcat: where to show it.
+        log_period: s, between two entries of the log.
     """
 
     def __init__(
@@ -55,6 +56,8 @@ class DynamicWorld:
         skin: HollowSkin,
         fields: ReceptiveFields,
         meshcat: Meshcat | None = None,
+        *,
+        log_period: float = LOG_PERIOD,
     ):
         builder = DiagramBuilder()
         self._station = MakeDynamicStation(experiment, skin, fields, meshcat)
@@ -64,7 +67,7 @@ class DynamicWorld:
         self._source = builder.AddNamedSystem("plan_source", PlanSource(still))
         builder.Connect(self._source.get_output_port(), station.GetInputPort("desired_state"))
         self._logs = {
-            name: LogVectorOutput(port, builder, publish_period=LOG_PERIOD)
+            name: LogVectorOutput(port, builder, publish_period=log_period)
             for name, port in (
                 ("state", station.GetOutputPort("state")),
                 ("torque", station.GetOutputPort("torque")),
@@ -82,7 +85,8 @@ class DynamicWorld:
             v: `(T, J)` rad/s.
 
         Returns:
-            T entries, the last one at the end of the period in which the motion ends.
+            What happened until the end of the period in which the motion ends: T entries, if the
+            world logs every `LOG_PERIOD`.
         """
         self._source.set_trajectory(PiecewisePolynomial.CubicHermite(time_s, q.T, v.T))
         simulator = Simulator(self.diagram)

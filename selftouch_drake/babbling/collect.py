@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, as_completed
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -25,7 +25,7 @@ from selftouch_drake.experiment import Experiment, dump_experiment, experiment_f
 from selftouch_drake.run_directory import RunDirectory
 from selftouch_drake.world.kinematics import FingertipKinematics
 
-# A walk that has not touched once in so many steps never will.
+# A walk that has touched nothing in so many steps is lost.
 PATIENCE = 2_000_000
 # Executors may run jobs in threads, as Dask's do, but a world serves one at a time.
 _WORLD_LOCK = Lock()
@@ -46,7 +46,7 @@ def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: in
     """Walks until `num_rows` configurations touched.
 
     Raises:
-        NeverTouchesError: there was no touch in a very long walk.
+        NeverTouchesError: there was no touch in very many steps.
     """
     babbling, agent = experiment.babbling, source.agent
     source.begin(
@@ -59,7 +59,7 @@ def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: in
         )
     )
     kept_step, kept_q, kept_sensation = [], [], []
-    num_kept = num_steps = 0
+    num_kept = num_steps = last_touch = 0
     while num_kept < num_rows:
         q, sensation = source.next_steps()
         touching = np.flatnonzero(sensation.any(axis=1))[: num_rows - num_kept]
@@ -67,10 +67,12 @@ def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: in
         kept_q.append(q[touching])
         kept_sensation.append(sensation[touching].astype(np.float32))
         num_kept += len(touching)
+        if len(touching):
+            last_touch = num_steps + int(touching[-1])
         num_steps += len(q)
-        if num_kept == 0 and num_steps >= PATIENCE:
+        if num_kept < num_rows and num_steps - last_touch >= PATIENCE:
             raise NeverTouchesError(
-                f"babbling touched nothing in {num_steps} steps; "
+                f"babbling touched nothing in {num_steps - last_touch} steps; "
                 f"make the body reachable ({ARM_REACH} m from the shoulder), "
                 "or babbling.step_size larger"
             )
@@ -101,6 +103,11 @@ def collect(
         run: the run; its shards are written by the workers.
         executor: where the walks run; its workers must see the run directory.
         progress: called with the number of new rows whenever a walk is stored.
+
+    Raises:
+        ChildProcessError: a process of the executor was killed.
+        NeverTouchesError: a walk does not find the body.
+        StoreError: a stored shard is damaged, or of another experiment.
     """
     fingerprint = run.fingerprint()
     num_steps, futures = 0, {}
@@ -108,7 +115,7 @@ def collect(
     try:
         for walk, num_rows in enumerate(walk_sizes(run.experiment)):
             known = read_num_steps(run.path, walk, num_rows=num_rows, fingerprint=fingerprint)
-            if known is None:
+            if known is None or not (run.truth / shard_name(walk)).exists():
                 job = executor.submit(_collect_and_store, text, folder, walk, num_rows, fingerprint)
                 futures[job] = num_rows
             else:
@@ -117,28 +124,36 @@ def collect(
         for job in as_completed(futures):
             num_steps += job.result()
             progress(futures[job])
+    except BrokenExecutor:
+        raise ChildProcessError(
+            "a process that babbles was killed, perhaps for want of memory; go on from what is "
+            "stored with the same command and fewer --workers"
+        ) from None
     finally:
         for job in futures:
             job.cancel()
     return num_steps
 
 
-def require_complete(run: RunDirectory) -> None:
-    """Refuses experience of which a shard is missing, damaged or foreign.
+def require_complete(run: RunDirectory, *, truth: bool = False) -> None:
+    """Refuses experience, or its truth, of which a shard is missing, damaged or foreign.
 
     Raises:
         StoreError: naming the shard.
     """
-    fingerprint = run.fingerprint()
-    for walk, num_rows in enumerate(walk_sizes(run.experiment)):
-        known = read_num_steps(run.path, walk, num_rows=num_rows, fingerprint=fingerprint)
+    fingerprint, sizes = run.fingerprint(), walk_sizes(run.experiment)
+    folder = run.truth if truth else run.experience
+    for walk, num_rows in enumerate(sizes):
+        known = read_num_steps(
+            run.path, walk, num_rows=num_rows, fingerprint=fingerprint, folder=folder.name
+        )
         if known is None:
             raise StoreError(
-                f"{run.experience / shard_name(walk)} is missing; collect it again with "
+                f"{folder / shard_name(walk)} is missing; collect it again with "
                 f"`selftouch babble {run.path / 'experiment.yaml'} --out {run.path}`"
             )
-    if len(list(run.experience.glob("part-*.parquet"))) > len(walk_sizes(run.experiment)):
-        raise StoreError(f"{run.experience} holds shards that are not of this run; remove them")
+    if len(list(folder.glob("part-*.parquet"))) > len(sizes):
+        raise StoreError(f"{folder} holds shards that are not of this run; remove them")
 
 
 def _collect_and_store(text: str, run: str, walk: int, num_rows: int, fingerprint: str) -> int:

@@ -3,6 +3,7 @@
 from selftouch_drake.evaluation.coverage import coverage, touch_density
 from selftouch_drake.evaluation.motion import (
     MotionScore,
+    calibration,
     cosine_distance,
     score_motion,
     spatial_jerk_reduction,
@@ -21,6 +22,7 @@ from selftouch_drake.evaluation.shape import (
 __all__ = [
     "MotionScore",
     "align",
+    "calibration",
     "cosine_distance",
     "coverage",
     "kernel_positions",

@@ -26,7 +26,8 @@ class MotionScore:
     Attributes:
         contact: share of the time in contact.
         reached: whether the last sensation belongs to the goal's kernel.
-        prediction_error: mean cosine distance between predicted and felt, while in contact.
+        prediction_error: mean cosine distance between predicted and felt, while in contact; 1 if
+            it never is.
     """
 
     contact: float
@@ -41,16 +42,17 @@ def score_motion(
 
     Args:
         felt: `(T, S)` N, sensations along the motion.
-        predicted: `(T, S)` predicted sensations, any scale.
+        predicted: `(T, S)` predicted sensations, any scale; null where none was foretold.
         target_sensations: `(K, S)` unit L2 norm.
         goal: the target sensation to be reached.
     """
     touching = felt.any(axis=1)
-    cosine = cosine_distance(felt[touching], predicted[touching])
+    foretold = touching & predicted.any(axis=1)
+    cosine = cosine_distance(felt[foretold], predicted[foretold])
     return MotionScore(
         contact=float(touching.mean()),
         reached=bool(touching[-1] and int(np.argmax(target_sensations @ felt[-1])) == goal),
-        prediction_error=float(cosine.mean()) if touching.any() else 1.0,
+        prediction_error=float(cosine.mean()) if foretold.any() else 1.0,
     )
 
 
@@ -73,6 +75,32 @@ def summarise(scores: list[MotionScore], prefix: str) -> dict[str, float]:
             np.mean([score.prediction_error for score in scores])
         ),
     }
+
+
+def calibration(
+    errors: list[np.ndarray], spreads: list[np.ndarray], shares: tuple[float, ...] = (0.5, 0.9)
+) -> dict[float, float]:
+    """How well predicted uncertainty holds: the share of errors within the predicted bands.
+
+    The factor from spread to band is learned from the first half of the motions, such that it holds
+    the wanted share of their errors (split conformal prediction), and judged by the second half.
+
+    Args:
+        errors: one array `(T,)` a motion, of cosine distances from predicted to felt.
+        spreads: one array `(T,)` a motion, predicted before; positive.
+        shares: of the errors that each band is to hold.
+
+    Returns:
+        For each wanted share the share found; nothing with fewer than two motions.
+    """
+    half = len(errors) // 2
+    if half == 0:
+        return {}
+    ratios = [error / spread for error, spread in zip(errors, spreads, strict=True)]
+    known, new = np.concatenate(ratios[:half]), np.concatenate(ratios[half:])
+    if not (known.size and new.size):
+        return {}
+    return {share: float(np.mean(new <= np.quantile(known, share))) for share in shares}
 
 
 def wall_points(skin: HollowSkin) -> cKDTree:

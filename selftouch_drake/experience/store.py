@@ -68,13 +68,15 @@ def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
             )
 
 
-def read_num_steps(run: Path, walk: int, *, num_rows: int, fingerprint: str) -> int | None:
-    """The steps of a walk that is already stored, or None if it is not.
+def read_num_steps(
+    run: Path, walk: int, *, num_rows: int, fingerprint: str, folder: str = "experience"
+) -> int | None:
+    """The steps of a walk that is already stored in `folder`, or None if it is not.
 
     Raises:
         StoreError: the shard is damaged, or of another experiment.
     """
-    path = run / "experience" / shard_name(walk)
+    path = run / folder / shard_name(walk)
     if not path.exists():
         return None
     parquet = _open(path)
@@ -97,7 +99,8 @@ class ExperienceReader:
     """
 
     def __init__(self, folder: Path):
-        self._paths = sorted(folder.glob("part-*.parquet"))
+        # By number: beyond 99999 the names are longer.
+        self._paths = sorted(folder.glob("part-*.parquet"), key=lambda p: (len(p.name), p.name))
         if not self._paths:
             raise StoreError(f"{folder} holds no shard; run `selftouch babble` first")
 

@@ -1,12 +1,20 @@
 """From the quotient graph to a smooth geometric path in motor space (paper, section III)."""
 
-from selftouch_drake.planning.plan import Plan, Planner, RouteMethod, jerk_reduction
-from selftouch_drake.planning.prediction import predict_sensation
+from selftouch_drake.planning.plan import (
+    NO_KERNEL,
+    Plan,
+    Planner,
+    RouteMethod,
+    jerk_reduction,
+)
+from selftouch_drake.planning.prediction import Prediction, predict_sensation
 from selftouch_drake.planning.smoothing import polyline, smooth_path
 
 __all__ = [
+    "NO_KERNEL",
     "Plan",
     "Planner",
+    "Prediction",
     "RouteMethod",
     "jerk_reduction",
     "polyline",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Literal, get_args
@@ -23,6 +24,9 @@ from selftouch_drake.representation.quotient import QuotientRepresentation
 
 RouteMethod = Literal["carried", "literal"]
 
+#: Stands in a plan's nodes for a configuration in which nothing is felt.
+NO_KERNEL = -1
+
 # Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline has no
 # limit as samples get denser, so that the figure means something only for a stated spacing.
 _JERK_SPACING = 0.02
@@ -33,9 +37,10 @@ class Plan:
     """A geometric path in motor space through one configuration of each kernel on a route.
 
     Attributes:
-        nodes: `(W,)` kernels, from the start to the goal.
-        edges: `(W - 1,)` row in the representation's `edges` of each step; -1 where a literal
-            route follows no edge.
+        nodes: `(W,)` kernels, from the start to the goal; the first is `NO_KERNEL` if the arm
+            does not touch yet.
+        edges: `(W - 1,)` row in the representation's `edges` of each step; -1 where it follows no
+            edge, as on a literal route and towards the first touch.
         waypoints_q: `(W, J)` rad, one motor configuration a kernel.
         waypoint_s: `(W,)` rad, where on `path` each waypoint is: length of the polyline up to it.
         path: smooth quintic B-spline over `[0, waypoint_s[-1]]`, from the first waypoint to the
@@ -58,8 +63,9 @@ class Planner:
             along, then the smoothest configurations; `literal` for the paper's shortest path on
             the complete graph of `set_distance`, then the closest configurations.
         knot_spacing: rad of path length between knots of the smooth path; larger is smoother.
-        lower: `(J,)` rad, no path goes below it; default: the lowest configuration in experience.
-        upper: `(J,)` rad, no path goes above it; default: the highest configuration in experience.
+        lower: `(J,)` rad, no path goes below it, nor may it start there; by default no path goes
+            below the lowest configuration in experience, unless it starts there.
+        upper: `(J,)` rad, the same above.
 
     Raises:
         ValueError: if `route` is no such method or `knot_spacing` is not positive.
@@ -86,6 +92,10 @@ class Planner:
         self.knot_spacing = knot_spacing
         self.lower = kernel_q.min(axis=0) if lower is None else np.asarray(lower, dtype=float)
         self.upper = kernel_q.max(axis=0) if upper is None else np.asarray(upper, dtype=float)
+        self._limits = (
+            np.full(kernel_q.shape[1], -np.inf) if lower is None else self.lower,
+            np.full(kernel_q.shape[1], np.inf) if upper is None else self.upper,
+        )
         self._graph = RouteGraph.of(representation)
         self._leap_penalty = leap_penalty(representation)
         self._edge_row = {(int(i), int(j)): e for e, (i, j) in enumerate(representation.edges)}
@@ -93,7 +103,7 @@ class Planner:
     def plan(
         self,
         q_start: np.ndarray,
-        start: int,
+        start: int | None,
         goal: int,
         *,
         edge_penalty: np.ndarray | None = None,
@@ -102,7 +112,7 @@ class Planner:
 
         Args:
             q_start: `(J,)` rad, where the arm is.
-            start: the target sensation felt there.
+            start: the target sensation felt there; None if nothing is, see `plan_tour`.
             goal: the target sensation to feel; if it is `start`, the plan is to stay.
             edge_penalty: `(E,)` factors on the cost of the representation's edges, above 1 where
                 contact was lost before; a literal route has no edges and ignores it.
@@ -111,31 +121,52 @@ class Planner:
             ValueError: if a target is out of range, `q_start` or `edge_penalty` does not fit the
                 representation, or the graph does not connect the two targets.
         """
-        q_start = self._checked_configuration(q_start)
-        start, goal = self._checked_target(start), self._checked_target(goal)
-        penalty = self._leap_penalty * self._checked_penalty(edge_penalty)
+        return self.plan_tour(q_start, [start, goal], edge_penalty=edge_penalty)
 
-        if self.route == "literal":
-            nodes = shortest_route(self.representation.set_distance, start, goal)
-        else:
-            goal_q = self.representation.kernel_q[goal_members(self.representation, goal)]
-            nodes = carried_route(self._graph, q_start, start, goal, goal_q, penalty=penalty)
-        if nodes is None:
+    def plan_tour(
+        self,
+        q_start: np.ndarray,
+        targets: Sequence[int | None],
+        *,
+        edge_penalty: np.ndarray | None = None,
+    ) -> Plan:
+        """Plans one continuous motion through a list of target sensations.
+
+        Args:
+            q_start: `(J,)` rad, where the arm is.
+            targets: the target sensation felt there, then those to feel, in order. The first may
+                be None if nothing is felt; the arm then goes straight to the nearest firm touch it
+                knows, and the plan's first node is `NO_KERNEL`.
+            edge_penalty: `(E,)` as in `plan`.
+
+        Raises:
+            ValueError: as in `plan`, or there is no target to feel.
+        """
+        q_start = self.checked_configuration(q_start)
+        if len(targets) < 2:
             raise ValueError(
-                f"target {goal} cannot be reached from target {start}: the quotient graph does not "
-                "connect them; babble longer, or learn with a larger num_neighbours"
+                f"targets is {list(targets)}: give the sensation felt now, or None, and one to feel"
             )
-
-        if len(nodes) == 1:
-            waypoints_q = q_start[None]
-        elif self.route == "literal":
-            members = [self.representation.kernel_q[self.representation.members(k)] for k in nodes]
-            waypoints_q = closest_configurations([q_start[None], *members[1:]])
+        start, goals = targets[0], [self._checked_target(goal) for goal in targets[1:]]
+        penalty = self._leap_penalty * self._checked_penalty(edge_penalty)
+        if start is None:
+            here, q_touch = self._nearest_touch(q_start)
+            nodes, layers = [NO_KERNEL, here], [q_start[None], q_touch[None]]
         else:
-            firm = [self._graph.firm_configurations(k) for k in nodes[1:-1]]
-            waypoints_q = smoothest_configurations([q_start[None], *firm, goal_q])
+            here = self._checked_target(start)
+            nodes, layers = [here], [q_start[None]]
+
+        for goal in goals:
+            # The configuration that the legs before would end in decides where this one goes.
+            q = smoothest_configurations(layers)[-1]
+            after, candidates = self._leg(q, here, goal, penalty)
+            nodes += after
+            layers += candidates
+            here = goal
+        chosen = closest_configurations if self.route == "literal" else smoothest_configurations
+        waypoints_q = chosen(layers)
         return Plan(
-            nodes=nodes,
+            nodes=np.array(nodes),
             edges=np.array(
                 [self._edge_row.get((min(a, b), max(a, b)), -1) for a, b in pairwise(nodes)],
                 dtype=np.int64,
@@ -147,10 +178,37 @@ class Planner:
             ),
         )
 
-    def _checked_target(self, target: int) -> int:
+    def _leg(
+        self, q: np.ndarray, start: int, goal: int, penalty: np.ndarray
+    ) -> tuple[list[int], list[np.ndarray]]:
+        """The kernels after `start` on the way to `goal`, and the candidates in each."""
+        representation = self.representation
+        goal_q = representation.kernel_q[goal_members(representation, goal)]
+        if self.route == "literal":
+            nodes = shortest_route(representation.set_distance, start, goal)
+        else:
+            nodes = carried_route(self._graph, q, start, goal, goal_q, penalty=penalty)
+        if nodes is None:
+            raise ValueError(
+                f"target {goal} cannot be reached from target {start}: the quotient graph does not "
+                "connect them; babble longer, or learn with a larger num_neighbours"
+            )
+        after = nodes[1:].tolist()
+        if self.route == "literal":
+            return after, [representation.kernel_q[representation.members(k)] for k in after]
+        firm = [self._graph.firm_configurations(k) for k in after[:-1]]
+        return after, firm + [goal_q] * bool(after)
+
+    def _nearest_touch(self, q: np.ndarray) -> tuple[int, np.ndarray]:
+        """The kernel of the firm configuration nearest to `q`, and that configuration."""
+        column = int(np.square(self._graph.firm_q - q[:, None]).sum(axis=0).argmin())
+        kernel = int(np.searchsorted(self._graph.firm_offsets, column, side="right")) - 1
+        return kernel, self._graph.firm_q[:, column].astype(float)
+
+    def _checked_target(self, target: int | None) -> int:
         num_targets = self.representation.num_targets
         try:
-            index = operator.index(target)
+            index = operator.index(target)  # type: ignore[arg-type]
         except TypeError:
             raise ValueError(f"target {target!r} is not an index: give a whole number") from None
         if not 0 <= index < num_targets:
@@ -160,7 +218,12 @@ class Planner:
             )
         return index
 
-    def _checked_configuration(self, q_start: np.ndarray) -> np.ndarray:
+    def checked_configuration(self, q_start: np.ndarray) -> np.ndarray:
+        """The same as floats, if a plan may start there.
+
+        Raises:
+            ValueError: it has not one finite angle a joint, or is outside the limits given.
+        """
         q_start = np.asarray(q_start, dtype=float)
         num_joints = self.representation.kernel_q.shape[1]
         if q_start.shape != (num_joints,):
@@ -170,6 +233,15 @@ class Planner:
             )
         if not np.all(np.isfinite(q_start)):
             raise ValueError(f"q_start is {q_start.tolist()}: give finite joint angles in rad")
+        lower, upper = self._limits
+        # Stored configurations are float32.
+        outside = np.flatnonzero((q_start < lower - 1e-6) | (q_start > upper + 1e-6))
+        if outside.size:
+            joint = outside[0]
+            raise ValueError(
+                f"q_start[{joint}] is {q_start[joint]:g} rad: "
+                f"give one within the joint's limits, {lower[joint]:g} to {upper[joint]:g} rad"
+            )
         return q_start
 
     def _checked_penalty(self, edge_penalty: np.ndarray | None) -> np.ndarray:

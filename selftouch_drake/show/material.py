@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import SceneGraph
 
+from selftouch_drake.babbling import require_complete
 from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
 from selftouch_drake.evaluation import align, kernel_positions
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience import ExperienceReader, StoreError
 from selftouch_drake.files import load_arrays
 from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory, RunError
@@ -92,6 +93,10 @@ class Material:
     @cached_property
     def kernel_positions(self) -> np.ndarray:
         """`(K, 3)` m, where each kernel truly puts the first fingertip."""
+        try:
+            require_complete(self.run, truth=True)
+        except StoreError as error:
+            raise MissingError(str(error)) from None
         return kernel_positions(self.representation, self.p_WF)
 
     @cached_property

@@ -63,8 +63,9 @@ def play(
             raise ValueError(f"--port {port} is taken; choose another, or none") from None
     record(meshcat, material, pairs)
     announce(f"{len(pairs)} executed plans at {meshcat.web_url()} (Ctrl-C to end)")
-    while True:
-        time.sleep(1.0)
+    with contextlib.suppress(KeyboardInterrupt):
+        while True:
+            time.sleep(1.0)
 
 
 def _recorded_page(material: Material, start: int, goal: int) -> str:

@@ -61,6 +61,7 @@ _STAGES: dict[str, dict[str, tuple[str, str]]] = {
         "planning_contact_worst": ("the same for the worst plan", "%"),
         "planning_prediction_error_mean": ("cosine distance, sensation predicted to felt", ""),
         "planning_jerk_reduction": ("times less jerk than straight steps between kernels", "×"),
+        "planning_fingertip_jerk_reduction": ("the same for the fingertip's path in space", "×"),
         "planning_query_ms_median": ("time to plan", "ms"),
         "planning_query_ms_p95": ("the same for the slowest of twenty", "ms"),
     },
@@ -71,7 +72,18 @@ _STAGES: dict[str, dict[str, tuple[str, str]]] = {
         "execution_contact_worst": ("the same for the worst execution", "%"),
         "execution_tracking_rms_rad": ("angle between commanded and measured joints", "rad"),
         "execution_prediction_error_mean": ("cosine distance, sensation predicted to felt", ""),
+        "execution_prediction_within_50": ("felt within the band that was to hold half", "%"),
+        "execution_prediction_within_90": ("felt within the band that was to hold 90 %", "%"),
         "execution_force_max_N": ("strongest total force on the skin", "N"),
+        "execution_time_off_skin_s": ("time off the skin by more than a fingertip's radius", "s"),
+        "execution_fingertip_jerk_reduction": ("times less jerk of the fingertip's true path", "×"),
+    },
+    "The same after rehearsal": {
+        "rehearsal_reach_rate": ("rehearsed motions that end in the goal sensation", "%"),
+        "rehearsal_contact_mean": ("share of a rehearsed motion in contact", "%"),
+        "rehearsal_contact_worst": ("the same for the worst motion", "%"),
+        "rehearsal_tries_mean": ("tries until contact was never lost", ""),
+        "rehearsal_time_off_skin_s": ("time off the skin by more than a fingertip's radius", "s"),
     },
 }
 _HEADLINE = {

@@ -1,6 +1,7 @@
 import multiprocessing
 import sys
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -235,6 +236,25 @@ def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeyp
         "babbling touched nothing in 12288 steps; make the body reachable (0.92 m from the "
         "shoulder), or babbling.step_size larger"
     )
+
+
+def test_a_walk_that_stops_touching_is_told(experiment, monkeypatch):
+    class TouchesOnce:
+        """Touches in its first batch, and never again."""
+
+        agent = SimpleNamespace(lower=np.full(6, -1.0), upper=np.full(6, 1.0))
+
+        def begin(self, walk):
+            self.felt = 1.0
+
+        def next_steps(self):
+            sensation = np.zeros((1000, 3))
+            sensation[-1], self.felt = self.felt, 0.0
+            return np.zeros((1000, 6), np.float32), sensation
+
+    monkeypatch.setattr(collect_module, "PATIENCE", 10_000)
+    with pytest.raises(NeverTouchesError, match="touched nothing in 10001 steps"):
+        collect_walk(TouchesOnce(), experiment, 0, 2)
 
 
 def _first(probe, experiment, walk):

@@ -4,6 +4,7 @@ from scipy.interpolate import CubicSpline
 
 from selftouch_drake.body import hollow_skin, sphere
 from selftouch_drake.evaluation import (
+    calibration,
     cosine_distance,
     score_motion,
     spatial_jerk_reduction,
@@ -94,3 +95,20 @@ def test_spatial_jerk_compares_paths_and_not_their_speed():
     corners = np.stack([np.interp(dense, np.arange(4.0), w) for w in waypoints_q.T], axis=1)
     same = spatial_jerk_reduction(dense, to_space(corners)[:, 0], waypoints_q, to_space)
     assert same == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_calibrated_band_holds_what_it_promises():
+    rng = np.random.default_rng(0)
+    spreads = [rng.uniform(0.5, 2.0, 500) for _ in range(10)]
+    errors = [0.01 * spread * rng.chisquare(2, 500) for spread in spreads]
+    held = calibration(errors, spreads)
+    assert held[0.5] == pytest.approx(0.5, abs=0.04)
+    assert held[0.9] == pytest.approx(0.9, abs=0.04)
+    # Twice the error on what is new: the agent was too sure.
+    worse = errors[:5] + [2.0 * error for error in errors[5:]]
+    assert calibration(worse, spreads)[0.9] < 0.8
+
+
+def test_one_motion_calibrates_nothing():
+    assert calibration([np.ones(3)], [np.ones(3)]) == {}
+    assert calibration([np.ones(0), np.ones(0)], [np.ones(0), np.ones(0)]) == {}

@@ -42,7 +42,9 @@ def test_a_plan_to_where_one_is_stays_there(ring, planner):
     assert plan.waypoint_s.tolist() == [0.0]
     assert np.allclose(plan.path([0.0, 1.0]), ring.kernel_q[0])
     assert jerk_reduction(plan) == 1.0
-    assert np.allclose(predict_sensation(ring, plan, np.zeros(2)), ring.target_sensations[0])
+    assert np.allclose(
+        predict_sensation(ring, plan, np.zeros(2)).sensation, ring.target_sensations[0]
+    )
 
 
 def test_the_same_question_has_the_same_answer(ring):
@@ -72,12 +74,12 @@ def test_smoothing_reduces_jerk(ring, planner):
 
 def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planner):
     plan = planner.plan(ring.kernel_q[0], 0, 3)
-    predicted = predict_sensation(ring, plan, plan.waypoint_s)
+    predicted = predict_sensation(ring, plan, plan.waypoint_s).sensation
     assert np.allclose(predicted, ring.target_sensations[plan.nodes])
-    between = predict_sensation(ring, plan, np.linspace(0.0, plan.waypoint_s[-1], 50))
+    between = predict_sensation(ring, plan, np.linspace(0.0, plan.waypoint_s[-1], 50)).sensation
     assert between.shape == (50, 12)
     assert np.allclose(np.linalg.norm(between, axis=1), 1.0)
-    halfway = predict_sensation(ring, plan, plan.waypoint_s[1:2] / 2.0)[0]
+    halfway = predict_sensation(ring, plan, plan.waypoint_s[1:2] / 2.0).sensation[0]
     mean = ring.target_sensations[[0, 1]].sum(axis=0)
     assert np.allclose(halfway, mean / np.linalg.norm(mean))
 

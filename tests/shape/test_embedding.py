@@ -1,33 +1,14 @@
 import numpy as np
 import pytest
-from bodies import along_sphere, neighbours, shape_error, sphere, torus
+from bodies import along_sphere, cube, neighbours, shape_error, sphere, torus
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist, squareform
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.representation import QuotientLearner, geodesics
-from selftouch_drake.shape import (
-    METRICS,
-    body_distances,
-    classical_embedding,
-    embed,
-    embed_representation,
-    intrinsic_dimension,
-    stress_embedding,
-    topology,
-)
-
-
-@pytest.fixture(scope="module")
-def touched_sphere():
-    """A learned unit sphere of which the first three joints tell the place touched."""
-    rng = np.random.default_rng(0)
-    touched, receptors = sphere(12_000), sphere(40)
-    sensation = np.clip(touched @ receptors.T, 0, None) ** 4 * rng.uniform(0.2, 1, (12_000, 1))
-    q = np.hstack([touched, rng.uniform(-0.3, 0.3, (12_000, 2))])
-    return QuotientLearner(250).fit(sensation, q).representation_
+from selftouch_drake.representation import geodesics
+from selftouch_drake.shape import classical_embedding, stress_embedding, unbent_embedding
 
 
 @settings(max_examples=20, deadline=None)
@@ -94,44 +75,22 @@ def test_any_pose_is_the_same_body():
     assert shape_error(turned, points) < 1e-9
 
 
-@pytest.mark.parametrize(
-    ("metric", "most"), [("literal", 0.15), ("motor", 0.06), ("sensorimotor", 0.04)]
-)
-def test_every_metric_recovers_a_touched_sphere(touched_sphere, metric, most):
-    distances = body_distances(touched_sphere, metric)
-    assert distances.shape == (250, 250)
-    np.testing.assert_allclose(distances, distances.T, rtol=1e-6)
-    assert (np.diag(distances) == 0).all()
-    rows = [touched_sphere.members(kernel) for kernel in range(250)]
-    true = np.array([touched_sphere.kernel_q[r, :3].mean(axis=0) for r in rows])
-    assert shape_error(embed(touched_sphere, metric).positions, true) < most
-
-
-@pytest.mark.parametrize("metric", ["motor", "sensorimotor"])
-def test_every_pruned_metric_tells_topology_and_dimension(touched_sphere, metric):
-    found = topology(embed(touched_sphere, metric).positions)
-    assert found.betti == (1, 0, 1)
-    assert found.margin > 3
-    assert 1.8 < intrinsic_dimension(body_distances(touched_sphere, metric)) < 2.4
-
-
-def test_metrics_are_those_of_the_experiment():
-    assert list(METRICS) == ["literal", "motor", "sensorimotor"]
-
-
-def test_an_embedded_representation_is_otherwise_the_same(touched_sphere):
-    found = embed_representation(touched_sphere, "motor")
-    assert np.isnan(touched_sphere.embedding).all()
-    np.testing.assert_array_equal(found.embedding, embed(touched_sphere, "motor").positions)
-    assert found.edges is touched_sphere.edges
-
-
-def test_errors(touched_sphere):
-    with pytest.raises(ValueError, match="metric") as error:
-        embed(touched_sphere, "visual")
-    assert str(error.value) == (
-        "metric 'visual' is unknown: choose one of literal, motor, sensorimotor."
+def test_a_layout_unbends_a_cube():
+    points = cube(300)
+    edges, length = neighbours(points, 12)
+    distances = geodesics(edges, length, len(points))
+    errors = [
+        shape_error(unbent_embedding(edges, distances, num_passes=n).positions, points)
+        for n in (0, 1, 3)
+    ]
+    assert errors[0] > 1.2 * errors[1] > 1.2 * errors[2]
+    np.testing.assert_array_equal(
+        unbent_embedding(edges, distances, num_passes=0).positions,
+        stress_embedding(distances).positions,
     )
+
+
+def test_errors():
     with pytest.raises(ValueError, match="kernels") as error:
         stress_embedding(np.ones((3, 3)) - np.eye(3))
     assert str(error.value) == "num_targets=3: a body in space needs 4 kernels or more."
