@@ -59,7 +59,8 @@ def assert_is_complete(run):
     assert metrics["babbling_num_samples"] == 2000
     assert metrics["representation_num_targets"] == 60
     assert len(metrics["topology_betti"]) == 3
-    assert set(metrics["shape_rms_fraction_by_metric"]) == {"literal", "motor", "sensorimotor"}
+    computed = set(metrics["shape_rms_fraction_by_metric"])
+    assert computed == {"literal", "motor", "learned", "sensorimotor"}
     assert metrics["planning_num_pairs"] == metrics["execution_num_pairs"] == 1
     assert 0 < metrics["execution_contact_mean"] <= 1
     for name in (

@@ -137,7 +137,8 @@ def test_the_default_experiment_is_valid():
         ),
         (
             "representation: {metric: literall}",
-            "representation.metric is 'literall'; choose one of sensorimotor, motor, literal",
+            "representation.metric is 'literall'; choose one of sensorimotor, learned, motor, "
+            "literal, revolute_reference",
         ),
     ],
 )

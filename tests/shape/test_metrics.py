@@ -19,17 +19,11 @@ from selftouch_drake.shape.metrics import surface_edges
 
 @pytest.fixture(scope="module")
 def touched():
-    """A learned unit sphere that a finger on a three-jointed wrist touches: 5 joints, revolute."""
+    """A learned unit sphere of which the first three joints tell the place touched."""
     rng = np.random.default_rng(0)
-    num_rows = 12_000
-    place, receptors = sphere(num_rows), sphere(40)
-    sensation = np.clip(place @ receptors.T, 0, None) ** 4 * rng.uniform(0.2, 1, (num_rows, 1))
-    turn, tilt = np.arctan2(place[:, 1], place[:, 0]), np.arcsin(place[:, 2])
-    share = rng.uniform(-1, 1, (2, num_rows))
-    # Two pairs of joints whose sums alone matter, and one that does not.
-    q = np.stack(
-        [turn - share[0], share[0], tilt - share[1], share[1], rng.uniform(-1, 1, num_rows)], axis=1
-    )
+    place, receptors = sphere(12_000), sphere(40)
+    sensation = np.clip(place @ receptors.T, 0, None) ** 4 * rng.uniform(0.2, 1, (12_000, 1))
+    q = np.hstack([place, rng.uniform(-0.3, 0.3, (12_000, 2))])
     return QuotientLearner(250).fit(sensation, q).representation_, place
 
 
@@ -46,9 +40,9 @@ def bodies(touched):
 @pytest.mark.parametrize(
     ("metric", "most"),
     [
-        ("literal", 0.3),
-        ("motor", 0.08),
-        ("learned", 0.05),
+        ("literal", 0.15),
+        ("motor", 0.06),
+        ("learned", 0.04),
         ("sensorimotor", 0.03),
         ("revolute_reference", 0.03),
     ],
