@@ -130,7 +130,7 @@ def judge(
         goal: the target sensation that was wanted.
         target_sensations: `(K, S)` unit L2 norm.
     """
-    touching = felt.any(axis=1)
+    touching = np.any(felt, axis=1)
     reached = bool(touching[-1] and np.argmax(target_sensations @ felt[-1]) == goal)
     lost = np.zeros(len(edges), dtype=bool)
     if len(edges):

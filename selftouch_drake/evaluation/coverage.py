@@ -52,8 +52,8 @@ def coverage(vertices: np.ndarray, faces: np.ndarray, p_WF: np.ndarray) -> dict[
         p_WF: `(N, 3)` m, fingertip positions.
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    area = np.bincount(faces.ravel(), np.repeat(mesh.area_faces, 3), minlength=len(vertices))
-    area /= area.sum()
+    area_m2 = np.bincount(faces.ravel(), np.repeat(mesh.area_faces, 3), minlength=len(vertices))
+    area = area_m2 / area_m2.sum()
     density = touch_density(vertices, faces, p_WF)
     touches = area * density / np.sum(area * density)
     present = touches > 0

@@ -46,7 +46,7 @@ def score_motion(
         target_sensations: `(K, S)` unit L2 norm.
         goal: the target sensation to be reached.
     """
-    touching = felt.any(axis=1)
+    touching = np.any(felt, axis=1)
     foretold = touching & predicted.any(axis=1)
     cosine = cosine_distance(felt[foretold], predicted[foretold])
     return MotionScore(

@@ -99,7 +99,7 @@ def felt_and_predicted(time_s: np.ndarray, predicted: np.ndarray, felt: np.ndarr
     when = (time_s[:, None] * when).sum(axis=0) / np.maximum(when.sum(axis=0), 1e-12)
     active = active[np.argsort(when)]
     cosine = (felt_shape * predicted_shape).sum(axis=1)
-    touching = felt.any(axis=1)
+    touching = np.any(felt, axis=1)
 
     figure = Figure(figsize=(9.0, 6.2), layout="constrained")
     axes = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.5, 0.8))
@@ -136,7 +136,7 @@ def contact_and_tracking(
         q_measured: `(T, J)` rad.
         felt: `(T, S)` N.
     """
-    force, touching = felt.sum(axis=1), felt.any(axis=1)
+    force, touching = felt.sum(axis=1), np.any(felt, axis=1)
     error = 1e3 * (q_measured - q)
     figure = Figure(figsize=(9.0, 5.6), layout="constrained")
     pressing, moving, tracking = figure.subplots(3, 1, sharex=True)
