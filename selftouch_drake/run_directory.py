@@ -18,6 +18,8 @@ from selftouch_drake.files import write_text_whole
 
 # Raised whenever a file of a run changes its meaning.
 RUN_FORMAT = 1
+# What a killed process leaves of a file that it was writing aside.
+_ORPHAN = ".*.part"
 _HEADER = "# A run of selftouch_drake, format "
 
 
@@ -47,7 +49,10 @@ class RunDirectory:
                     f"{path} was begun with {name} {there!r}, not {here!r}; choose another --out"
                 )
             return run
-        if path.exists() and (not path.is_dir() or any(path.iterdir())):
+        # A killed start leaves its orphan, and no run yet.
+        if path.exists() and not (
+            path.is_dir() and all(found.match(_ORPHAN) for found in path.iterdir())
+        ):
             raise RunError(f"{path} is not a run and not empty; choose another --out")
         path.mkdir(parents=True, exist_ok=True)
         header = f"{_HEADER}{RUN_FORMAT}\n"
@@ -89,7 +94,7 @@ class RunDirectory:
                 "or choose another --out"
             ) from None
         try:
-            for orphan in self.path.rglob(".*.part"):
+            for orphan in self.path.rglob(_ORPHAN):
                 orphan.unlink(missing_ok=True)
             yield
         finally:

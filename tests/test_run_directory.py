@@ -113,6 +113,15 @@ def test_a_folder_that_is_not_a_run_is_refused_and_kept(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
 
 
+def test_a_start_that_was_killed_can_be_made_again(tmp_path):
+    experiment = load_experiment("cube")
+    orphan = tmp_path / ".experiment.yaml.4711.part"
+    orphan.write_text("name: cu")
+    with RunDirectory.create(tmp_path, experiment).writing():
+        assert not orphan.exists()
+    assert RunDirectory.open(tmp_path).experiment == experiment
+
+
 def test_a_file_is_not_a_run(tmp_path):
     file = tmp_path / "file"
     file.write_text("something")
