@@ -131,6 +131,11 @@ class RunDirectory:
         return self.path / "topology.npz"
 
     @property
+    def body_distances(self) -> Path:
+        """How far kernels lie apart along the recovered body."""
+        return self.path / "body_distances.npz"
+
+    @property
     def figures(self) -> Path:
         """Folder of pictures."""
         return self.path / "figures"

@@ -18,13 +18,16 @@ from selftouch_drake.acting.rehearsal import Try
 from selftouch_drake.babbling import collect, require_complete
 from selftouch_drake.evaluation import (
     coverage,
+    distance_distortion,
     kernel_positions,
     kernel_spread,
     neighbour_agreement,
     shape_rms_fraction,
+    surface_distances,
+    trustworthiness,
 )
 from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.files import save_arrays
+from selftouch_drake.files import load_arrays, save_arrays, written_whole
 from selftouch_drake.motions import (
     Motion,
     Pilot,
@@ -102,20 +105,14 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     """Builds the quotient representation from the experience, and reads off what it tells."""
     began = time.perf_counter()
     _require_experience(run)
-    shutil.rmtree(run.path / "plans", ignore_errors=True)
-    run.rehearsal.unlink(missing_ok=True)
-    run.drop_metrics("representation", "kernel", "learning", "topology", "intrinsic")
-    run.drop_metrics("neighbour", "shape", "planning", "execution", "rehearsal")
-    experience = ExperienceReader(run.experience)
     settings = run.experiment.representation
     learner = QuotientLearner(
         num_targets=settings.num_targets,
         max_kernel_size=settings.max_kernel_size,
         random_state=run.experiment.seed,
     )
-    learner.fit(
-        experience.read("sensation"),
-        experience.read("q"),
+    learner.fit_batches(
+        ExperienceReader(run.experience).touches,
         progress=lambda fraction, doing: progress(0.6 * fraction, doing),
     )
     body = recover(
@@ -129,23 +126,45 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     )
     progress(0.9, "holes")
     found = topology(representation.embedding)
-    representation.save(run.representation)
-    save_arrays(run.topology, {f"diagram_{dim}": bars for dim, bars in enumerate(found.diagram)})
+    diagrams = {f"diagram_{dimension}": bars for dimension, bars in enumerate(found.diagram)}
+    dimension = intrinsic_dimension(body.distances)
     sizes = np.diff(representation.kernel_offsets)
+    # Written aside first: what was learned before, and all that was made from it, stays as it is
+    # until the new is whole.
+    with (
+        written_whole(run.representation) as new_representation,
+        written_whole(run.topology) as new_topology,
+        written_whole(run.body_distances) as new_distances,
+    ):
+        representation.save(new_representation)
+        save_arrays(new_topology, diagrams)
+        save_arrays(new_distances, {"distances": body.distances.astype(np.float32)})
+        _forget_learning(run)
     run.add_metrics(
         {
             "representation_num_targets": representation.num_targets,
             "kernel_size_min": int(sizes.min()),
             "kernel_size_median": float(np.median(sizes)),
             "kernel_size_max": int(sizes.max()),
+            "graph_component_sizes": np.bincount(learner.component_).tolist(),
+            **({"graph_bridges": learner.bridges_.tolist()} if len(learner.bridges_) else {}),
             "topology_betti": list(found.betti),
             "topology_margin": found.margin,
-            "intrinsic_dimension": intrinsic_dimension(body.distances),
+            "intrinsic_dimension": dimension,
             "learning_wall_s": time.perf_counter() - began,
         }
     )
     progress(1.0, "learned")
     return representation
+
+
+def _forget_learning(run: RunDirectory) -> None:
+    """Drops the figures of what was learned before, and all that was made from it."""
+    run.drop_metrics("learning", "representation", "kernel", "graph", "topology", "intrinsic")
+    run.drop_metrics("neighbour", "shape", "trustworthiness", "continuity", "distance")
+    run.drop_metrics("planning", "execution", "rehearsal")
+    shutil.rmtree(run.path / "plans", ignore_errors=True)
+    run.rehearsal.unlink(missing_ok=True)
 
 
 def rehearse(
@@ -163,9 +182,15 @@ def rehearse(
 
 
 def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> None:
-    """Scores what was learned against the truth, and random plans as felt in the world."""
+    """Scores what was learned against the truth, and random plans as felt in the world.
+
+    Raises:
+        StoreError: the truth is not there, or only in part.
+    """
+    representation = load_representation(run)
+    require_complete(run, truth=True)
     progress(0.0, "against the truth")
-    run.add_metrics(_score_against_truth(run, world, load_representation(run)))
+    run.add_metrics(_score_against_truth(run, world, representation))
     figures = score_motions(
         run, world, lambda fraction, doing: progress(0.1 + 0.9 * fraction, doing)
     )
@@ -181,21 +206,53 @@ def _score_against_truth(
     positions = kernel_positions(representation, p_WF)
     spread = kernel_spread(representation, p_WF)
     chosen = run.experiment.representation.metric
-    naive = [name for name, metric in METRICS.items() if metric.naive or name == chosen]
-    by_metric = {}
-    for metric in naive:
-        found = representation.embedding
-        if metric != chosen:
-            found = recover(representation, metric, seed=run.experiment.seed).embedding.positions
-        by_metric[metric] = shape_rms_fraction(found, positions)
-    return {
+    found = {chosen: (representation.embedding, _distances_along_body(run, representation))}
+    for name in (name for name, metric in METRICS.items() if metric.naive and name != chosen):
+        body = recover(representation, name, seed=run.experiment.seed)
+        found[name] = (body.embedding.positions, body.distances)
+    shape_error = {
+        name: shape_rms_fraction(embedding, positions) for name, (embedding, _) in found.items()
+    }
+    figures: dict[str, object] = {
         **coverage(fields.vertices, fields.faces, p_WF.reshape(-1, 3)),
         "kernel_spread_median_m": float(np.median(spread)),
         "kernel_spread_worst_m": float(spread.max()),
         "neighbour_agreement": neighbour_agreement(representation.set_distance, positions),
-        "shape_rms_fraction": by_metric[chosen],
-        "shape_rms_fraction_by_metric": by_metric,
+        "shape_rms_fraction": shape_error[chosen],
+        "shape_rms_fraction_by_metric": shape_error,
     }
+    # With two fingers the quotient space is another than the body's surface.
+    if run.experiment.num_fingers == 1:
+        true = surface_distances(fields.vertices, fields.faces, positions)
+        _, distances = found[chosen]
+        distortion = {name: distance_distortion(d, true) for name, (_, d) in found.items()}
+        figures |= {
+            "trustworthiness": trustworthiness(distances, true),
+            "continuity": trustworthiness(true, distances),
+            "distance_distortion_median_fraction": distortion[chosen].median,
+            "distance_distortion_p95_fraction": distortion[chosen].p95,
+            "distance_distortion_median_fraction_by_metric": {
+                name: found.median for name, found in distortion.items()
+            },
+        }
+    return figures
+
+
+def _distances_along_body(run: RunDirectory, representation: QuotientRepresentation) -> np.ndarray:
+    """`(K, K)` along the recovered body, as `learn` left them."""
+    num_targets = representation.num_targets
+    try:
+        distances = load_arrays(run.body_distances, ["distances"])["distances"]
+    except FileNotFoundError:
+        raise RunError(
+            f"{run.body_distances} is not there; run `selftouch learn {run.path}`"
+        ) from None
+    if distances.shape != (num_targets, num_targets):
+        raise RunError(
+            f"{run.body_distances} has shape {distances.shape}, not {(num_targets, num_targets)}; "
+            f"run `selftouch learn {run.path}`"
+        )
+    return distances
 
 
 def has_babbled(run: RunDirectory) -> bool:

@@ -12,19 +12,25 @@ from selftouch_drake.evaluation.motion import (
     wall_points,
 )
 from selftouch_drake.evaluation.shape import (
+    Distortion,
     align,
+    distance_distortion,
     kernel_positions,
     kernel_spread,
     neighbour_agreement,
     shape_rms_fraction,
+    trustworthiness,
 )
+from selftouch_drake.evaluation.surface import surface_distances
 
 __all__ = [
+    "Distortion",
     "MotionScore",
     "align",
     "calibration",
     "cosine_distance",
     "coverage",
+    "distance_distortion",
     "kernel_positions",
     "kernel_spread",
     "neighbour_agreement",
@@ -32,7 +38,9 @@ __all__ = [
     "shape_rms_fraction",
     "spatial_jerk_reduction",
     "summarise",
+    "surface_distances",
     "time_off_skin",
     "touch_density",
+    "trustworthiness",
     "wall_points",
 ]

@@ -119,6 +119,7 @@ class ExperienceReader:
 
     def batches(self, column: str) -> Iterator[np.ndarray]:
         """The rows `(N, width)` of a vector column, one array a shard."""
+        width = None
         for path in self._paths:
             parquet = _open(path)
             schema = parquet.schema_arrow
@@ -134,7 +135,18 @@ class ExperienceReader:
                 ) from None
             if isinstance(vectors, pa.ChunkedArray):
                 vectors = vectors.chunk(0)
-            yield vectors.flatten().to_numpy().reshape(-1, vectors.type.list_size)
+            found = vectors.type.list_size
+            if width not in (None, found):
+                raise StoreError(
+                    f"{path} has {found} numbers a row in {column}, the shards before {width}; "
+                    "it is of another experiment, remove it"
+                )
+            width = found
+            yield vectors.flatten().to_numpy().reshape(-1, width)
+
+    def touches(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays a shard."""
+        return zip(self.batches("sensation"), self.batches("q"), strict=True)
 
     def read(self, column: str) -> np.ndarray:
         """All rows `(N, width)` of a vector column."""

@@ -11,7 +11,7 @@ from selftouch_drake.representation.graph import (
     quotient_pseudo_metric,
     to_networkx,
 )
-from selftouch_drake.representation.kernels import KernelSample, merge_kernels, sample_kernels
+from selftouch_drake.representation.kernels import KernelReservoir, KernelSample
 from selftouch_drake.representation.learner import QuotientLearner
 from selftouch_drake.representation.quantise import assign, target_sensations
 from selftouch_drake.representation.quotient import QuotientRepresentation
@@ -20,6 +20,7 @@ from selftouch_drake.representation.set_distances import SET_DISTANCES, SetDista
 __all__ = [
     "SET_DISTANCES",
     "DisconnectedWarning",
+    "KernelReservoir",
     "KernelSample",
     "QuotientLearner",
     "QuotientRepresentation",
@@ -30,10 +31,8 @@ __all__ = [
     "connected_edges",
     "geodesics",
     "locally_scaled",
-    "merge_kernels",
     "neighbour_edges",
     "quotient_pseudo_metric",
-    "sample_kernels",
     "set_distances",
     "target_sensations",
     "to_networkx",

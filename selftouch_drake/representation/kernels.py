@@ -2,8 +2,8 @@
 
 A kernel set keeps at most `max_size` of its configurations, every one with equal chance. Each row
 of the experience owns a random priority that depends on the seed and the row alone, and a kernel
-keeps the rows of lowest priority. So any cut of the experience into batches, merged in any order,
-gives the same kernels: a reservoir that streams.
+keeps the rows of lowest priority. So any cut of the experience into batches gives the same kernels,
+in memory that does not grow with the experience.
 """
 
 from __future__ import annotations
@@ -11,6 +11,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+
+#: Rows that wait at least before they are sorted in: sorting few rows often takes long.
+_LEAST_WAITING = 32_768
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -20,12 +23,12 @@ class KernelSample:
     Attributes:
         kernel: `(R,)` kernel that each kept row belongs to.
         row: `(R,)` row in the experience.
-        priority: `(R,)` in [0, 1): a kernel keeps its lowest.
+        columns: by name `(R, ...)`, what was added with these rows.
     """
 
     kernel: np.ndarray
     row: np.ndarray
-    priority: np.ndarray
+    columns: dict[str, np.ndarray]
 
     def offsets(self, num_kernels: int) -> np.ndarray:
         """`(K + 1,)`: kernel k owns rows `offsets[k]:offsets[k + 1]` of this sample."""
@@ -33,45 +36,75 @@ class KernelSample:
         return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
 
-def sample_kernels(
-    label: np.ndarray, max_size: int, *, seed: int, first_row: int = 0
-) -> KernelSample:
-    """Samples the kernels of one batch of experience without bias.
+class KernelReservoir:
+    """Samples kernels without bias from experience that streams by.
 
     Args:
-        label: `(n,)` kernel of each row of the batch.
+        num_kernels: K.
         max_size: most rows that a kernel keeps.
-        seed: of the priorities; the same for every batch of one experience.
-        first_row: row of the experience where the batch starts.
-
-    Returns:
-        The sample; kernels with at most `max_size` rows are complete.
+        seed: of the priorities.
     """
-    # PCG64 draws one 64-bit word a double, so that row i always sees the i-th draw.
-    priority = np.random.Generator(np.random.PCG64(seed).advance(first_row)).random(len(label))
-    return _lowest(
-        np.asarray(label, dtype=np.int64),
-        np.arange(first_row, first_row + len(label)),
-        priority,
-        max_size,
-    )
 
+    def __init__(self, num_kernels: int, max_size: int, *, seed: int):
+        self._max_size = max_size
+        self._random = np.random.Generator(np.random.PCG64(seed))
+        self._num_rows = 0
+        # A full kernel takes no row of higher priority than it has.
+        self._highest = np.ones(num_kernels)
+        self._settled: dict[str, np.ndarray] = {}
+        self._waiting: list[dict[str, np.ndarray]] = []
 
-def merge_kernels(a: KernelSample, b: KernelSample, max_size: int) -> KernelSample:
-    """Merges the samples of two batches: the sample of the two batches together."""
-    return _lowest(
-        np.concatenate([a.kernel, b.kernel]),
-        np.concatenate([a.row, b.row]),
-        np.concatenate([a.priority, b.priority]),
-        max_size,
-    )
+    @property
+    def num_rows(self) -> int:
+        """Rows of the experience that passed by."""
+        return self._num_rows
 
+    def add(self, kernel: np.ndarray, **columns: np.ndarray) -> None:
+        """Adds the next rows of the experience.
 
-def _lowest(
-    kernel: np.ndarray, row: np.ndarray, priority: np.ndarray, max_size: int
-) -> KernelSample:
-    order = np.lexsort((priority, kernel))
-    first = np.searchsorted(kernel[order], kernel[order])
-    keep = order[np.arange(len(order)) - first < max_size]
-    keep = keep[np.lexsort((row[keep], kernel[keep]))]
-    return KernelSample(kernel=kernel[keep], row=row[keep], priority=priority[keep])
+        Args:
+            kernel: `(n,)` kernel of each row.
+            columns: `(n, ...)` what to keep with the rows; the same names every time.
+        """
+        # One draw a row, in order: the i-th row has the i-th draw, however rows are cut.
+        priority = self._random.random(len(kernel))
+        taken = np.flatnonzero(priority < self._highest[kernel])
+        self._waiting.append(
+            {
+                "kernel": np.asarray(kernel, dtype=np.int64)[taken],
+                "row": self._num_rows + taken,
+                "priority": priority[taken],
+                **{name: column[taken] for name, column in columns.items()},
+            }
+        )
+        self._num_rows += len(kernel)
+        num_waiting = sum(len(part["row"]) for part in self._waiting)
+        if num_waiting > max(len(self._settled.get("row", ())), _LEAST_WAITING):
+            self._settle()
+
+    def sample(self) -> KernelSample:
+        """What is kept of the rows so far; kernels with at most `max_size` rows are complete."""
+        self._settle()
+        columns = dict(self._settled)
+        kernel, row, _ = (columns.pop(name) for name in ("kernel", "row", "priority"))
+        order = np.lexsort((row, kernel))
+        return KernelSample(
+            kernel=kernel[order],
+            row=row[order],
+            columns={name: column[order] for name, column in columns.items()},
+        )
+
+    def _settle(self) -> None:
+        """Keeps the lowest priorities of each kernel."""
+        parts = [self._settled] * bool(self._settled) + self._waiting
+        if not parts:
+            raise ValueError("no row was added: add some before asking for a sample.")
+        rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+        order = np.lexsort((rows["priority"], rows["kernel"]))
+        kernel = rows["kernel"][order]
+        rank = np.arange(len(order)) - np.searchsorted(kernel, kernel)
+        keep = order[rank < self._max_size]
+        last = order[rank == self._max_size - 1]
+        self._highest[rows["kernel"][last]] = rows["priority"][last]
+        self._settled = {name: column[keep] for name, column in rows.items()}
+        self._waiting = []

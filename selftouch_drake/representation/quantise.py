@@ -12,7 +12,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 #: Rows assigned at a time: bounds the (rows, K) table of similarities to some tens of MB.
-_CHUNK = 16_384
+BLOCK = 16_384
 
 #: Below this squared distance two unit sensations are the same one, to float32 rounding.
 _SAME = 1e-6
@@ -48,8 +48,8 @@ def assign(sensation: np.ndarray, target_sensations: np.ndarray) -> tuple[np.nda
     label = np.empty(len(sensation), dtype=np.int32)
     error = np.empty(len(sensation), dtype=np.float32)
     targets = np.ascontiguousarray(target_sensations.T)
-    for start in range(0, len(sensation), _CHUNK):
-        chunk = slice(start, start + _CHUNK)
+    for start in range(0, len(sensation), BLOCK):
+        chunk = slice(start, start + BLOCK)
         similarity = unit(sensation[chunk]) @ targets
         label[chunk] = similarity.argmax(axis=1)
         error[chunk] = 1.0 - similarity.max(axis=1)
@@ -81,9 +81,7 @@ def target_sensations(
     sensation: np.ndarray,
     num_targets: int,
     *,
-    rng: np.random.Generator,
     num_iterations: int = 4,
-    max_rows: int = 40_000,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> np.ndarray:
     """Quantises sensations by spherical k-means from a farthest-point start.
@@ -95,9 +93,7 @@ def target_sensations(
     Args:
         sensation: `(n, S)` N, no row null.
         num_targets: K, number of target sensations.
-        rng: chooses the rows to learn from, when there are more than `max_rows`.
         num_iterations: Lloyd iterations.
-        max_rows: rows to learn from.
         progress: told the fraction done.
 
     Returns:
@@ -106,10 +102,7 @@ def target_sensations(
     Raises:
         ValueError: there are fewer distinct sensations than targets.
     """
-    rows = np.arange(len(sensation))
-    if len(rows) > max_rows:
-        rows = np.sort(rng.choice(len(rows), max_rows, replace=False))
-    points = unit(sensation[rows])
+    points = unit(sensation)
     start = farthest_points(points, num_targets)
     if len(start) < num_targets:
         raise ValueError(

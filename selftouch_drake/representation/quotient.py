@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import zipfile
-import zlib
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
-from selftouch_drake.files import written_whole
+from selftouch_drake.files import load_arrays, save_arrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +31,7 @@ class QuotientRepresentation:
             by `selftouch_drake.shape.embed_representation`.
 
     Raises:
-        ValueError: shapes disagree, or a kernel is empty.
+        ValueError: shapes disagree, indices are no whole numbers, or a kernel is empty.
     """
 
     target_sensations: np.ndarray
@@ -48,8 +46,17 @@ class QuotientRepresentation:
     embedding: np.ndarray
 
     def __post_init__(self) -> None:
-        num_kernels, num_edges = len(self.target_sensations), len(self.edges)
-        num_rows = len(self.kernel_q)
+        for field in fields(self):
+            array = getattr(self, field.name)
+            wanted = "iu" if field.name in _INDICES else "fiu"
+            if array.dtype.kind not in wanted:
+                kind = "whole" if wanted == "iu" else "real"
+                raise ValueError(f"{field.name} holds {array.dtype}, not {kind} numbers.")
+        # Of a bare number the length is 0, and its shape is refused below.
+        num_kernels, num_edges, num_rows = (
+            array.shape[0] if array.ndim else 0
+            for array in (self.target_sensations, self.edges, self.kernel_q)
+        )
         expected: dict[str, tuple[int | None, ...]] = {
             "target_sensations": (num_kernels, None),
             "kernel_offsets": (num_kernels + 1,),
@@ -89,8 +96,7 @@ class QuotientRepresentation:
 
     def save(self, path: Path | str) -> None:
         """Writes the arrays to an `.npz` file, whole or not at all; equal arrays, equal bytes."""
-        with written_whole(Path(path)) as aside, aside.open("wb") as file:
-            np.savez(file, **{f.name: getattr(self, f.name) for f in fields(self)})
+        save_arrays(Path(path), {f.name: getattr(self, f.name) for f in fields(self)})
 
     @classmethod
     def load(cls, path: Path | str) -> QuotientRepresentation:
@@ -100,32 +106,19 @@ class QuotientRepresentation:
             FileNotFoundError: there is no such file.
             ValueError: the file is damaged, or is not a representation.
         """
+        names = [f.name for f in fields(cls)]
         try:
-            # A bare array (.npy) opens too, without the `files` of an archive.
-            with np.load(path, allow_pickle=False) as archive:
-                names = [f.name for f in fields(cls)]
-                if missing := [name for name in names if name not in archive.files]:
-                    raise ValueError(f"it lacks {', '.join(missing)}")
-                arrays = {name: archive[name] for name in names}
-            return cls(**arrays)
-        except FileNotFoundError:
-            raise
-        except _UNREADABLE as error:
-            reason = str(error).rstrip(".") or type(error).__name__
+            arrays = load_arrays(Path(path), names)
+        except ValueError as error:
+            raise ValueError(f"{error} with `selftouch learn`") from error
+        try:
+            return cls(**{name: arrays[name] for name in names})
+        except ValueError as error:
+            reason = str(error).rstrip(".")
             raise ValueError(
-                f"{path} is not a whole quotient representation ({reason}): learn again."
+                f"{path} is no quotient representation: {reason}; make it again with "
+                "`selftouch learn`"
             ) from error
 
 
-#: What numpy raises, in practice, for truncated, damaged and foreign files.
-_UNREADABLE = (
-    AttributeError,
-    EOFError,
-    KeyError,
-    NotImplementedError,
-    OSError,
-    TypeError,
-    ValueError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
+_INDICES = ("kernel_offsets", "kernel_row", "edges")

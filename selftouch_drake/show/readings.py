@@ -40,6 +40,8 @@ _STAGES: dict[str, dict[str, tuple[str, str]]] = {
         "kernel_size_min": ("configurations in the smallest kernel set", ""),
         "kernel_size_median": ("configurations in a typical kernel set", ""),
         "kernel_size_max": ("configurations in the largest kernel set", ""),
+        "graph_component_sizes": ("kernels in each part of the graph; one number is one part", ""),
+        "graph_bridges": ("edges that joined the parts, the shortest between them", ""),
         "learning_wall_s": ("time it took", "s"),
     },
     "What the graph tells the agent": {
@@ -53,6 +55,17 @@ _STAGES: dict[str, dict[str, tuple[str, str]]] = {
         "neighbour_agreement": ("of the 6 nearest kernels, those truly among the 12 nearest", "%"),
         "shape_rms_fraction": ("error of the recovered body, as a share of its extent", "%"),
         "shape_rms_fraction_by_metric": ("the same for each way to measure distance", "%"),
+        "trustworthiness": ("near on the recovered body is near on the real one; 1 is always", ""),
+        "continuity": ("near on the real body is near on the recovered one; 1 is always", ""),
+        "distance_distortion_median_fraction": (
+            "error of a typical distance along the recovered body, up to scale",
+            "%",
+        ),
+        "distance_distortion_p95_fraction": ("the same for the worst of twenty", "%"),
+        "distance_distortion_median_fraction_by_metric": (
+            "error of a typical distance for each way to measure distance",
+            "%",
+        ),
     },
     "Plans, checked without dynamics": {
         "planning_num_pairs": ("random pairs of start and goal sensation", ""),

@@ -1,10 +1,19 @@
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.representation.kernels import merge_kernels, sample_kernels
+from selftouch_drake.representation.kernels import KernelReservoir, KernelSample
 
 labels = st.lists(st.integers(0, 5), min_size=1, max_size=80).map(np.array)
+
+
+def sample_kernels(label, max_size, *, seed, cuts=()) -> KernelSample:
+    reservoir = KernelReservoir(6, max_size, seed=seed)
+    for rows in np.split(np.arange(len(label)), cuts):
+        reservoir.add(label[rows], doubled=2 * rows)
+    assert reservoir.num_rows == len(label)
+    return reservoir.sample()
 
 
 @given(labels)
@@ -27,14 +36,29 @@ def test_no_kernel_keeps_more_than_it_may(label, max_size):
 
 @settings(deadline=None)
 @given(labels, st.integers(1, 10), st.data())
-def test_batches_in_any_order_give_the_same_kernels(label, max_size, data):
-    cut = data.draw(st.integers(0, len(label)))
+def test_batches_of_any_size_give_the_same_kernels(label, max_size, data):
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(label)), max_size=4)))
     whole = sample_kernels(label, max_size, seed=7)
-    early = sample_kernels(label[:cut], max_size, seed=7)
-    late = sample_kernels(label[cut:], max_size, seed=7, first_row=cut)
-    for merged in (merge_kernels(early, late, max_size), merge_kernels(late, early, max_size)):
-        assert merged.row.tolist() == whole.row.tolist()
-        assert merged.kernel.tolist() == whole.kernel.tolist()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("selftouch_drake.representation.kernels._LEAST_WAITING", 3)
+        batched = sample_kernels(label, max_size, seed=7, cuts=cuts)
+    assert batched.row.tolist() == whole.row.tolist()
+    assert batched.kernel.tolist() == whole.kernel.tolist()
+    assert batched.columns["doubled"].tolist() == (2 * whole.row).tolist()
+
+
+def test_memory_does_not_grow_with_the_experience():
+    reservoir = KernelReservoir(6, 500, seed=0)
+    for _ in range(100):
+        reservoir.add(np.arange(10_000) % 6)
+        held = sum(len(part["row"]) for part in (reservoir._settled, *reservoir._waiting) if part)
+        assert held < 60_000
+    assert np.diff(reservoir.sample().offsets(6)).tolist() == [500] * 6
+
+
+def test_a_reservoir_that_was_given_nothing_has_no_sample():
+    with pytest.raises(ValueError, match="no row was added"):
+        KernelReservoir(6, 10, seed=0).sample()
 
 
 def test_every_row_has_an_equal_chance():

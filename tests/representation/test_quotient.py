@@ -68,9 +68,10 @@ def test_a_truncated_file_is_refused(representation, tmp_path, share):
     representation.save(path)
     whole = path.read_bytes()
     path.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(ValueError, match="learn again") as error:
+    with pytest.raises(ValueError, match="selftouch learn") as error:
         QuotientRepresentation.load(path)
-    assert str(error.value).startswith(f"{path} is not a whole quotient representation (")
+    assert str(error.value).startswith(f"{path} is damaged (")
+    assert str(error.value).endswith("); make it again with `selftouch learn`")
 
 
 def test_a_damaged_byte_is_refused(representation, tmp_path):
@@ -79,7 +80,7 @@ def test_a_damaged_byte_is_refused(representation, tmp_path):
     damaged = bytearray(path.read_bytes())
     damaged[len(damaged) // 2] ^= 0xFF
     path.write_bytes(damaged)
-    with pytest.raises(ValueError, match="learn again"):
+    with pytest.raises(ValueError, match="selftouch learn"):
         QuotientRepresentation.load(path)
 
 
@@ -88,7 +89,7 @@ def test_foreign_files_are_refused(tmp_path):
     np.save(tmp_path / "bare.npy", np.zeros(3))
     (tmp_path / "text.npz").write_text("kernels")
     for name in ("other.npz", "bare.npy", "text.npz"):
-        with pytest.raises(ValueError, match="learn again"):
+        with pytest.raises(ValueError, match="selftouch learn"):
             QuotientRepresentation.load(tmp_path / name)
 
 
@@ -100,7 +101,28 @@ def test_missing_keys_are_named(representation, tmp_path):
     with pytest.raises(ValueError, match="lacks") as error:
         QuotientRepresentation.load(path)
     assert str(error.value) == (
-        f"{path} is not a whole quotient representation (it lacks kernel_q, edges): learn again."
+        f"{path} lacks kernel_q, edges; make it again with `selftouch learn`"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "reason"),
+    [
+        ("embedding", np.zeros((5, 3)), "embedding has shape (5, 3), expected (120, 3)"),
+        ("kernel_offsets", np.array(3), "kernel_offsets has shape (), expected (121)"),
+        ("target_sensations", np.array(3), "target_sensations has shape (), expected "),
+        ("edges", np.full((9, 2), "x"), "edges holds <U1"),
+        ("kernel_q", np.full((9, 6), 1j), "kernel_q holds complex128"),
+        ("edges", np.zeros((9, 2)), "edges holds float64"),
+    ],
+)
+def test_arrays_that_are_something_else_are_refused(representation, tmp_path, name, array, reason):
+    arrays = {f.name: getattr(representation, f.name) for f in dataclasses.fields(representation)}
+    np.savez(tmp_path / "other.npz", **(arrays | {name: array}))
+    with pytest.raises(ValueError, match="selftouch learn") as error:
+        QuotientRepresentation.load(tmp_path / "other.npz")
+    assert str(error.value).startswith(
+        f"{tmp_path / 'other.npz'} is no quotient representation: {reason}"
     )
 
 
