@@ -1,3 +1,5 @@
+import importlib
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -49,6 +51,18 @@ def test_few_queries_stand_for_many():
     (all_ask,) = set_distances(q, offsets, "mean_nearest", max_queries=1000)
     (few_ask,) = set_distances(q, offsets, "mean_nearest", max_queries=200)
     np.testing.assert_allclose(few_ask, all_ask, rtol=0.1)
+
+
+@pytest.mark.parametrize("num_threads", [1, 2, 7])
+def test_any_number_of_threads_gives_the_same_bytes(num_threads, monkeypatch):
+    _, q, offsets = random_sets([30, 70, 1, 40, 55], 6, 0)
+    # The package has a function of the module's name.
+    module = importlib.import_module("selftouch_drake.representation.set_distances")
+    monkeypatch.setattr(module, "cpu_count", lambda: num_threads)
+    found = set_distances(q, offsets, *SET_DISTANCES)
+    monkeypatch.undo()
+    for here, there in zip(found, set_distances(q, offsets, *SET_DISTANCES), strict=True):
+        assert here.tobytes() == there.tobytes()
 
 
 def test_progress_rises_to_one():
