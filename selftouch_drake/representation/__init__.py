@@ -10,6 +10,7 @@ from selftouch_drake.representation.graph import (
     neighbour_edges,
     quotient_pseudo_metric,
     to_networkx,
+    write_graphml,
 )
 from selftouch_drake.representation.kernels import KernelReservoir, KernelSample
 from selftouch_drake.representation.learner import QuotientLearner
@@ -36,4 +37,5 @@ __all__ = [
     "set_distances",
     "target_sensations",
     "to_networkx",
+    "write_graphml",
 ]

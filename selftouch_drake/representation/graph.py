@@ -7,12 +7,16 @@ used here are pruned to near neighbours; both are a list of edges to the functio
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
 
 import networkx as nx
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
+from selftouch_drake.files import written_whole
 from selftouch_drake.representation.quotient import QuotientRepresentation
 
 #: Mutual nearest: two rings of a triangulated surface hold 18 kernels, one ring 6.
@@ -147,13 +151,18 @@ def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return length / np.sqrt(spacing[i] * spacing[j])
 
 
-def to_networkx(representation: QuotientRepresentation) -> nx.Graph:
+def to_networkx(representation: QuotientRepresentation, *, complete: bool = False) -> nx.Graph:
     """The quotient graph as a networkx graph.
+
+    Args:
+        representation: K kernels.
+        complete: join every two kernels, as the paper does, instead of neighbours alone.
 
     Returns:
         Nodes are kernels 0 to K - 1 with attributes `size` (stored configurations),
-        `target_sensation` (`(S,)` unit L2 norm) and `position` (`(3,)` in the embedding). Edges
-        have `cost` (rad, `edge_cost`) and `set_distance` (rad).
+        `target_sensation` (`(S,)` unit L2 norm) and `position` (`(3,)` in the embedding). Every
+        edge has `set_distance` (rad); edges between neighbours also have `cost` (rad, as
+        `edge_cost` of the representation).
     """
     graph = nx.Graph()
     sizes = np.diff(representation.kernel_offsets)
@@ -164,14 +173,40 @@ def to_networkx(representation: QuotientRepresentation) -> nx.Graph:
             target_sensation=representation.target_sensations[kernel],
             position=representation.embedding[kernel],
         )
-    for (i, j), cost in zip(representation.edges, representation.edge_cost, strict=True):
-        graph.add_edge(
-            int(i),
-            int(j),
-            cost=float(cost),
-            set_distance=float(representation.set_distance[i, j]),
-        )
+    edges = representation.edges
+    if complete:
+        edges = complete_edges(representation.num_targets)
+    distance = representation.set_distance[edges[:, 0], edges[:, 1]]
+    for (i, j), apart in zip(edges.tolist(), distance.tolist(), strict=True):
+        graph.add_edge(i, j, set_distance=apart)
+    costs = representation.edge_cost.tolist()
+    for (i, j), cost in zip(representation.edges.tolist(), costs, strict=True):
+        graph.edges[i, j]["cost"] = cost
     return graph
+
+
+def write_graphml(graph: nx.Graph, path: Path | str) -> None:
+    """Writes a graph of `to_networkx` for other programs, whole or not at all.
+
+    GraphML knows numbers but no vectors: a node's `position` becomes `position_0` to `position_2`,
+    its `target_sensation` becomes `target_sensation_0` and so on.
+    """
+    plain = nx.Graph()
+    for node, attributes in graph.nodes(data=True):
+        plain.add_node(node, **dict(_numbered(attributes)))
+    plain.add_edges_from(graph.edges(data=True))
+    with written_whole(Path(path)) as aside:
+        nx.write_graphml(plain, aside)
+
+
+def _numbered(attributes: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
+    for name, value in attributes.items():
+        if np.ndim(value) == 0:
+            yield name, value
+        else:
+            yield from (
+                (f"{name}_{i}", entry) for i, entry in enumerate(np.asarray(value).tolist())
+            )
 
 
 def _sparse(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> csr_array:

@@ -1,3 +1,4 @@
+import dataclasses
 import warnings
 
 import networkx as nx
@@ -17,6 +18,7 @@ from selftouch_drake.representation.graph import (
     neighbour_edges,
     quotient_pseudo_metric,
     to_networkx,
+    write_graphml,
 )
 
 
@@ -123,3 +125,27 @@ def test_networkx_carries_what_the_representation_holds(representation):
     assert graph.nodes[5]["size"] == members.stop - members.start
     assert graph.nodes[5]["target_sensation"] is not None
     assert graph.nodes[5]["position"].shape == (3,)
+
+
+def test_the_complete_graph_joins_all_and_prices_neighbours(representation):
+    graph = to_networkx(representation, complete=True)
+    assert graph.number_of_edges() == 120 * 119 / 2
+    assert graph.edges[3, 77]["set_distance"] == pytest.approx(representation.set_distance[3, 77])
+    priced = sorted(tuple(sorted((i, j))) for i, j, edge in graph.edges.data() if "cost" in edge)
+    assert priced == [tuple(edge) for edge in representation.edges.tolist()]
+
+
+def test_graphml_holds_what_the_graph_holds(representation, tmp_path):
+    graph = to_networkx(dataclasses.replace(representation, embedding=np.eye(120, 3)))
+    write_graphml(graph, tmp_path / "graph.graphml")
+    assert [path.name for path in tmp_path.iterdir()] == ["graph.graphml"]
+    found = nx.read_graphml(tmp_path / "graph.graphml", node_type=int)
+    assert list(found) == list(graph)
+    assert {frozenset(edge) for edge in found.edges} == {frozenset(edge) for edge in graph.edges}
+    i, j = representation.edges[7]
+    assert found.edges[i, j] == graph.edges[i, j]
+    node = found.nodes[1]
+    assert node["size"] == graph.nodes[1]["size"]
+    assert [node[f"position_{axis}"] for axis in range(3)] == [0.0, 1.0, 0.0]
+    felt = [node[f"target_sensation_{receptor}"] for receptor in range(30)]
+    np.testing.assert_array_equal(felt, representation.target_sensations[1])
