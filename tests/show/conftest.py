@@ -10,7 +10,7 @@ from pydrake.geometry import Meshcat
 
 from selftouch_drake.body import build_body
 from selftouch_drake.experience import Shard, write_shard
-from selftouch_drake.experiment import Babbling, Body, Experiment, Skin
+from selftouch_drake.experiment import Babbling, Body, Experiment, Representation, Skin
 from selftouch_drake.files import save_arrays
 from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory
@@ -36,6 +36,7 @@ def _make_run(path, *, stage: str, name: str = "ball") -> RunDirectory:
         body=Body(shape="sphere", radius=RADIUS, resolution=0.06),
         skin=Skin(num_receptors=20),
         babbling=Babbling(num_samples=NUM_KERNELS * PER_KERNEL),
+        representation=Representation(num_targets=NUM_KERNELS),
     )
     run = RunDirectory.create(path, experiment)
     stages = ("nothing", "babbled", "learned", "planned", "executed")
