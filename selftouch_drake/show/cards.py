@@ -24,7 +24,7 @@ _DPI = 100
 @styled
 def words(text: str, *, bold: bool = False) -> Figure:
     """One or two lines of text, centred."""
-    figure = Figure(figsize=(6.0, 0.7), facecolor="none")
+    figure = Figure(figsize=(8.0, 0.7), facecolor="none")
     weight = "bold" if bold else "normal"
     figure.text(0.5, 0.5, text, ha="center", va="center", fontsize=16, weight=weight)
     return figure

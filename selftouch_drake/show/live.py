@@ -176,12 +176,14 @@ class LiveShow:
         felt, expected = (np.array([entry[k] for entry in self._log]) for k in (0, 1))
         touching = felt.any(axis=1)
         there = int(np.argmax(self._known.target_sensations @ felt[-1]))
-        end = "reached" if touching[-1] and there == self._goal else f"came to {there} instead"
+        end = "reached" if there == self._goal else f"came to {there}"
+        if not touching[-1]:
+            end = "came off the skin"
         both = touching & expected.any(axis=1)
-        told = f"sensation {self._goal}: {end}, in contact {touching.mean():.0%} of the time"
+        told = f"sensation {self._goal}: {end}, in contact {touching.mean():.0%}"
         if both.any():
             likeness = 1.0 - cosine_distance(felt[both], expected[both]).mean()
-            told += f"\nfelt against expected: cosine {likeness:.2f}"
+            told += f"\nlikeness to what it expected: cosine {likeness:.2f}"
         self._tell(told)
         self._motion = None
 

@@ -49,7 +49,7 @@ def _with_legend(page: str, title: str, full: float) -> str:
         for x in np.linspace(0.0, 1.0, 9)
     )
     legend = f"""
-  <div style="position: fixed; left: 1rem; bottom: 1rem; max-width: 22rem; color: #22262b;
+  <div style="position: fixed; left: 1rem; top: 1rem; max-width: 22rem; color: #22262b;
               font: 14px/1.4 system-ui, sans-serif; pointer-events: none">
     <strong>{html.escape(title)}</strong><br>
     The agent touches itself. Blue is its plan, from green to blue; orange is the way its finger
