@@ -262,7 +262,7 @@ def report(run: Path) -> None:
     "--port", type=click.IntRange(1024, 65535), help="Of the browser page.  [the first free]"
 )
 def play(run: Path, port: int | None) -> None:
-    """Show the executed plans of RUN in a browser, until Ctrl-C."""
+    """Watch the agent of RUN live in a browser, and tell it what to feel, until Ctrl-C."""
     from selftouch_drake.show import play as show
 
     show(_open(run, writing=False), port=port, announce=click.echo)

@@ -18,6 +18,7 @@ from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.planning import Plan, Planner, jerk_reduction, predict_sensation
 from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory, RunError
+from selftouch_drake.world.agent import Agent
 from selftouch_drake.world.probe import ContactProbe
 
 #: What the file of a plan holds, executed or not.
@@ -74,6 +75,7 @@ class Pilot:
         self._planner = Planner(
             self.representation, knot_spacing=run.experiment.planning.knot_spacing
         )
+        self._free: Planner | None = None
         self.query_s: list[float] = []
         self.jerk_reduction: list[float] = []
 
@@ -105,18 +107,39 @@ class Pilot:
         """
         require_targets(self.representation, 0, goal)
         agent = world.probe.agent
-        planner = Planner(
-            self.representation,
-            knot_spacing=self.run.experiment.planning.knot_spacing,
-            lower=agent.lower,
-            upper=agent.upper,
-        )
-        q_start = planner.checked_configuration(q_start)
+        q_start = self._free_planner(agent).checked_configuration(q_start)
         (felt,) = world.probe.sensations(q_start[None])
-        start = int(np.argmax(self.representation.target_sensations @ felt)) if felt.any() else None
-        motion = self._planned(planner, q_start, (start, goal))
+        motion = self.motion_from(agent, q_start, felt, goal)
         save_arrays(self.run.plan("free", goal), motion)
         return motion
+
+    def motion_from(self, agent: Agent, q_start: np.ndarray, felt: np.ndarray, goal: int) -> Motion:
+        """Plans from any configuration, touching or not; nothing is stored.
+
+        Args:
+            agent: whose joints' limits hold.
+            q_start: `(J,)` rad, where the arm is.
+            felt: `(S,)` N, what is felt there.
+            goal: the target sensation to reach.
+
+        Raises:
+            ValueError: as `Planner.plan_tour`, or `q_start` is outside the joints' limits.
+        """
+        planner = self._free_planner(agent)
+        q_start = planner.checked_configuration(q_start)
+        start = int(np.argmax(self.representation.target_sensations @ felt)) if felt.any() else None
+        return self._planned(planner, q_start, (start, goal))
+
+    def _free_planner(self, agent: Agent) -> Planner:
+        """A planner that knows the joints' limits, as it may have to leave what it has felt."""
+        if self._free is None:
+            self._free = Planner(
+                self.representation,
+                knot_spacing=self.run.experiment.planning.knot_spacing,
+                lower=agent.lower,
+                upper=agent.upper,
+            )
+        return self._free
 
     def _planned(
         self, planner: Planner, q_start: np.ndarray, targets: Sequence[int | None]

@@ -1,8 +1,9 @@
 """What a person looks at: figures, the report, recordings (Meshcat)."""
 
 from selftouch_drake.show.figures import FIGURES, write_figures
+from selftouch_drake.show.live import play
 from selftouch_drake.show.material import MissingError
-from selftouch_drake.show.playback import play, write_playback
+from selftouch_drake.show.playback import write_playback
 from selftouch_drake.show.readings import Reading, headline, readings
 from selftouch_drake.show.report import write_report
 

@@ -10,7 +10,7 @@ from pydrake.geometry import Meshcat
 
 from selftouch_drake.body import build_body
 from selftouch_drake.experience import Shard, write_shard
-from selftouch_drake.experiment import Babbling, Body, Experiment, Skin
+from selftouch_drake.experiment import Babbling, Body, Experiment, Representation, Skin
 from selftouch_drake.files import save_arrays
 from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory
@@ -36,6 +36,7 @@ def _make_run(path, *, stage: str, name: str = "ball") -> RunDirectory:
         body=Body(shape="sphere", radius=RADIUS, resolution=0.06),
         skin=Skin(num_receptors=20),
         babbling=Babbling(num_samples=NUM_KERNELS * PER_KERNEL),
+        representation=Representation(num_targets=NUM_KERNELS),
     )
     run = RunDirectory.create(path, experiment)
     stages = ("nothing", "babbled", "learned", "planned", "executed")
@@ -136,7 +137,7 @@ def reported(tmp_path_factory) -> RunDirectory:
         return meshcat
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("selftouch_drake.show.playback.Meshcat", opened)
+        patch.setattr("selftouch_drake.show.server.Meshcat", opened)
         write_report(run)
     assert dict(mpl.rcParams) == style, "drawing changed matplotlib's own settings"
     assert not any(map(_served, ports)), "the Meshcat server was left open"

@@ -1,0 +1,168 @@
+"""What a browser shows, in headless Chromium: recording, report and the live agent.
+
+Screenshots stay in pytest's temporary directory, to be looked at.
+"""
+
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from selftouch_drake.show import FIGURES
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
+# ms; WebGL without a graphics card is slow, and so is a machine that tests on all its cores.
+PATIENCE = 120_000
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    playwright = pytest.importorskip("playwright.sync_api", reason="no playwright")
+    path = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if path is None:
+        pytest.skip("no Chromium on this machine; install it with `apt install chromium`")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=path, args=SOFTWARE_GL, timeout=PATIENCE)
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def visited(browser, url):
+    """A page, and what went wrong on it."""
+    page, errors = browser.new_page(viewport={"width": 800, "height": 500}), []
+    page.set_default_timeout(PATIENCE)
+    page.on("console", lambda m: errors.append(m.text) if m.type in ("error", "warning") else None)
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(url)
+    yield page, errors
+    page.close()
+
+
+def picture(page, path) -> np.ndarray:
+    """`(height, width, 3)` what the page's canvas shows, from 0 to 1."""
+    page.locator("canvas").first.screenshot(path=path)
+    return imread(path)[..., :3]
+
+
+def num_colors(image) -> int:
+    return len(np.unique((15 * image).round() @ [1, 16, 256]))
+
+
+def changed(before, after) -> float:
+    """The share of pixels that differ."""
+    return float((np.abs(before - after).max(axis=2) > 0.1).mean())
+
+
+def colors_at(page, time_s: float) -> list[str]:
+    """The colours of all receptors at a time of the recording."""
+    return page.evaluate(
+        """async (time) => {
+             viewer.animator.pause();
+             viewer.animator.seek(time);
+             await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
+             const body = viewer.scene_tree.find(["body", "receptors"]);
+             return Object.values(body.children).map(
+               receptor => receptor.find(["<object>"]).object.material.color.getHexString());
+           }""",
+        time_s,
+    )
+
+
+def test_the_recording_moves_and_colours_the_skin(chromium, reported, tmp_path):
+    with visited(chromium, reported.playback.as_uri()) as (page, errors):
+        page.wait_for_function("viewer.animator.duration > 0")
+        at_first = colors_at(page, 0.0)
+        first = picture(page, tmp_path / "first.png")
+        at_last = colors_at(page, 1.2)
+        last = picture(page, tmp_path / "last.png")
+        assert page.get_by_text("N a receptor").is_visible()
+    assert errors == []
+    assert num_colors(first) > 50
+    assert changed(first, last) > 0.002
+    assert len(at_first) == len(at_last) == reported.experiment.skin.num_receptors
+    assert at_first != at_last
+
+
+def test_the_report_shows_every_figure(chromium, reported, tmp_path):
+    with visited(chromium, reported.report.as_uri()) as (page, errors):
+        widths = page.eval_on_selector_all("img", "all => all.map(img => img.naturalWidth)")
+        page.screenshot(path=tmp_path / "report.png", full_page=True)
+        page.get_by_role("link", name="Watch this motion").click()
+        page.wait_for_function("viewer.animator.duration > 0")
+    assert errors == []
+    assert len(widths) == len(FIGURES)
+    assert min(widths) > 100
+
+
+@contextmanager
+def playing(run):
+    """A process that plays a run, and the lines that it tells."""
+    command = [sys.executable, "-m", "selftouch_drake.cli", "play", str(run.path)]
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
+    )  # fmt: skip
+    try:
+        yield process, iter(process.stdout.readline, "")
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def told(lines, pattern: str) -> re.Match:
+    """The first line to come that matches."""
+    heard = []
+    for line in lines:
+        heard.append(line)
+        if match := re.search(pattern, line):
+            return match
+    pytest.fail(f"never told {pattern!r}, but {heard}")
+
+
+def set_slider(page, name: str, value: float) -> None:
+    field = page.locator("li.cr", has_text=name).locator("input")
+    field.fill(str(value))
+    field.press("Enter")
+
+
+def test_the_live_agent_answers_and_a_browser_may_come_back(chromium, reported, tmp_path):
+    with playing(reported) as (process, lines):
+        url = told(lines, r"live at (http://\S+)")[1]
+        with visited(chromium, url) as (page, errors):
+            page.get_by_text("Open Controls").click()
+            set_slider(page, "target sensation", 40)
+            told(lines, r"^to sensation 40$")
+            page.wait_for_function("viewer.scene_tree.find(['plan', 'path_0']).object.children")
+            before = picture(page, tmp_path / "before.png")
+            told(lines, r"^sensation 40: .*in contact")
+            after = picture(page, tmp_path / "after.png")
+            assert errors == []
+        assert num_colors(after) > 50
+        assert changed(before, after) > 0.002
+
+        with visited(chromium, url) as (page, errors):
+            page.get_by_text("Open Controls").click()
+            slider = page.locator("li.cr", has_text="target sensation").locator("input")
+            assert slider.input_value() == "40"
+            assert num_colors(picture(page, tmp_path / "again.png")) > 50
+            page.locator("li.cr", has_text=re.compile("^end$")).click()
+            told(lines, "^ended$")
+            assert process.wait(60) == 0
+
+
+def test_ctrl_c_ends_the_live_agent(reported):
+    with playing(reported) as (process, lines):
+        told(lines, "to sensation")
+        process.send_signal(signal.SIGINT)
+        told(lines, "^ended$")
+        assert process.wait(60) == 0
+        assert process.stderr.read() == ""
