@@ -3,9 +3,11 @@
 from selftouch_drake.shape.dimension import intrinsic_dimension
 from selftouch_drake.shape.embedding import (
     Embedding,
+    MisfitWarning,
     classical_embedding,
     stress_embedding,
     unbent_embedding,
+    warn_of_misfit,
 )
 from selftouch_drake.shape.homology import Topology, alpha_persistence, topology
 from selftouch_drake.shape.metrics import (
@@ -24,6 +26,7 @@ __all__ = [
     "BodyGraph",
     "Embedding",
     "Metric",
+    "MisfitWarning",
     "RecoveredBody",
     "Topology",
     "alpha_persistence",
@@ -36,4 +39,5 @@ __all__ = [
     "stress_embedding",
     "topology",
     "unbent_embedding",
+    "warn_of_misfit",
 ]

@@ -28,6 +28,7 @@ from selftouch_drake.shape.embedding import (
     classical_embedding,
     stress_embedding,
     unbent_embedding,
+    warn_of_misfit,
 )
 from selftouch_drake.shape.quotient_map import quotient_coordinates
 from selftouch_drake.shape.revolute import revolute_coordinates
@@ -202,6 +203,11 @@ def recover(
 def embed_representation(
     representation: QuotientRepresentation, metric: str, *, seed: int = 0
 ) -> QuotientRepresentation:
-    """The same representation, its `embedding` filled by a metric."""
-    positions = recover(representation, metric, seed=seed).embedding.positions
-    return dataclasses.replace(representation, embedding=positions)
+    """The same representation, its `embedding` filled by a metric.
+
+    Warns:
+        MisfitWarning: the distances ask for more than three dimensions.
+    """
+    embedding = recover(representation, metric, seed=seed).embedding
+    warn_of_misfit(embedding)
+    return dataclasses.replace(representation, embedding=embedding.positions)

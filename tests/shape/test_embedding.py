@@ -1,3 +1,5 @@
+import warnings
+
 import numpy as np
 import pytest
 from bodies import along_sphere, cube, neighbours, shape_error, sphere, torus
@@ -8,7 +10,13 @@ from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.representation import geodesics
-from selftouch_drake.shape import classical_embedding, stress_embedding, unbent_embedding
+from selftouch_drake.shape import (
+    MisfitWarning,
+    classical_embedding,
+    stress_embedding,
+    unbent_embedding,
+    warn_of_misfit,
+)
 
 
 @settings(max_examples=20, deadline=None)
@@ -88,6 +96,29 @@ def test_a_layout_unbends_a_cube():
         unbent_embedding(edges, distances, num_passes=0).positions,
         stress_embedding(distances).positions,
     )
+
+
+def test_the_fourth_eigenvalue_warns_of_a_body_that_does_not_fit():
+    rng = np.random.default_rng(0)
+    flat, solid = rng.normal(size=(60, 3)), rng.normal(size=(60, 4)) * [1.0, 0.9, 0.8, 0.7]
+    for points in (flat, solid):
+        found = stress_embedding(squareform(pdist(points)))
+        assert found.fourth_eigenvalue == found.spectrum[3]
+    with pytest.warns(MisfitWarning) as told:
+        warn_of_misfit(found)
+    assert str(told[0].message) == (
+        "the recovered body does not fit in space: the fourth eigenvalue is "
+        f"{found.fourth_eigenvalue:.0%} of the first, above 15%: babble longer, or choose another "
+        "metric."
+    )
+
+
+@pytest.mark.parametrize("body", [sphere, cube, torus])
+def test_bodies_fit_without_a_warning(body):
+    points = body(200)
+    edges, length = neighbours(points, 12)
+    with warnings.catch_warnings(action="error"):
+        warn_of_misfit(stress_embedding(geodesics(edges, length, len(points))))
 
 
 def test_errors():

@@ -15,6 +15,7 @@ from selftouch_drake.shape import (
     topology,
 )
 from selftouch_drake.shape.metrics import surface_edges
+from selftouch_drake.shape.revolute import revolute_coordinates
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +102,19 @@ def test_progress_rises_to_one(touched):
     recover(touched[0], "learned", progress=told.append)
     assert told == sorted(told)
     assert told[-1] == 1.0
+
+
+def test_who_knows_that_joints_turn_finds_the_place():
+    rng = np.random.default_rng(1)
+    angle = rng.uniform(-np.pi, np.pi, (60, 3))
+    q = np.repeat(angle, 40, axis=0) + 0.02 * rng.standard_normal((2400, 3))
+    # The last joint moves nothing.
+    q[:, 2] = rng.uniform(-np.pi, np.pi, 2400)
+    found, offsets = revolute_coordinates(q, np.arange(61) * 40)
+    assert found.shape == (2400, 3)
+    np.testing.assert_array_equal(offsets, np.arange(61) * 40)
+    within = found.reshape(60, 40, 3).std(axis=1)
+    assert within.max() < 0.3 * found.std(axis=0).min()
 
 
 def test_an_embedded_representation_is_otherwise_the_same(touched, bodies):
