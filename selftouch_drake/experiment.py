@@ -30,7 +30,7 @@ SHAPES = {
     "cylinder": ("radius", "height"),
     "mesh": ("mesh",),
 }
-END_EFFECTORS = {"one_finger": 1, "two_fingers": 2}
+END_EFFECTORS = {"one_finger": 1, "two_fingers": 2, "two_wide_fingers": 2}
 BABBLING_MODES = ("kinematic", "dynamic")
 METRICS = ("sensorimotor", "learned", "motor", "literal", "revolute_reference")
 # Purposes of randomness; a new one goes to the end, so that the others stay as they are.
