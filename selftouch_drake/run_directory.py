@@ -19,6 +19,8 @@ from selftouch_drake.files import write_text_whole
 # Raised whenever a file of a run changes its meaning.
 RUN_FORMAT = 1
 _HEADER = "# A run of selftouch_drake, format "
+# What of `execution` decides how the arm follows what it is told.
+_CONTROLLER = ("time_step", "stiffness", "damping")
 
 
 class RunError(ValueError):
@@ -177,6 +179,8 @@ class RunDirectory:
         keys = ["seed", "body", "skin", "end_effector", "babbling"]
         if self.experiment.babbling.mode == "dynamic":
             keys.append("execution")
+            # Limits and tries are of plans.
+            fields["execution"] = {key: fields["execution"][key] for key in _CONTROLLER}
         mesh = self.experiment.body.mesh
         shape = Path(mesh).read_bytes() if mesh is not None else b""
         fields["body"]["mesh"] = None
