@@ -21,6 +21,8 @@ RUN_FORMAT = 1
 # What a killed process leaves of a file that it was writing aside.
 _ORPHAN = ".*.part"
 _HEADER = "# A run of selftouch_drake, format "
+# What of `execution` decides how the arm follows what it is told.
+_CONTROLLER = ("time_step", "stiffness", "damping")
 
 
 class RunError(ValueError):
@@ -187,6 +189,8 @@ class RunDirectory:
         keys = ["seed", "body", "skin", "end_effector", "babbling"]
         if self.experiment.babbling.mode == "dynamic":
             keys.append("execution")
+            # Limits and tries are of plans.
+            fields["execution"] = {key: fields["execution"][key] for key in _CONTROLLER}
         mesh = self.experiment.body.mesh
         shape = Path(mesh).read_bytes() if mesh is not None else b""
         fields["body"]["mesh"] = None

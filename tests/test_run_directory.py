@@ -188,6 +188,8 @@ def test_the_fingerprint_is_of_what_decides_the_experience(run, tmp_path):
     assert fingerprint(**stiff) == fingerprint()
     dynamic = {"babbling": {"mode": "dynamic"}}
     assert fingerprint(**stiff, **dynamic) != fingerprint(**dynamic)
+    of_plans = {"max_tries": 3, "max_velocity": 0.5, "max_acceleration": 2.0}
+    assert fingerprint(execution=of_plans, **dynamic) == fingerprint(**dynamic)
 
 
 def test_the_fingerprint_of_a_mesh_is_that_of_its_content(tmp_path):
