@@ -34,7 +34,7 @@ END_EFFECTORS = {"one_finger": 1, "two_fingers": 2}
 BABBLING_MODES = ("kinematic", "dynamic")
 METRICS = ("sensorimotor", "learned", "motor", "literal", "revolute_reference")
 # Purposes of randomness; a new one goes to the end, so that the others stay as they are.
-STREAMS = ("walk", "pairs", "start")
+STREAMS = ("walk", "pairs", "start", "skin", "joints")
 
 
 class ExperimentError(ValueError):
@@ -61,6 +61,33 @@ class Body:
 
 
 @dataclass(kw_only=True, slots=True)
+class Imperfections:
+    """What a real skin does to a sensation, in this order; by default nothing.
+
+    Noise is drawn from the seed and the motor configuration: another configuration has other noise.
+    """
+
+    # Share of each reading that leaks to the receptors whose fields overlap with its own.
+    cross_talk: float = 0.0
+    # Standard deviation of a reading's error, as a share of the reading.
+    multiplicative_noise: float = 0.0
+    # N, standard deviation of a reading's error, touched or not; a firm reading is 1 to 3 N.
+    additive_noise: float = 0.0
+    # N, the largest reading that a receptor gives; null if there is none.
+    saturation: float | None = None
+    # N, the step of the readings, as of a converter to numbers; 0 if there is none.
+    quantisation: float = 0.0
+    # Share of receptors that never read anything; the seed decides which.
+    dead: float = 0.0
+    # N, the agent's own: smaller readings count as none. Null is six standard deviations of the
+    # additive noise: one false touch in a million then; five would give hundreds, each of them
+    # unlike all else and so a target sensation of its own.
+    threshold: float | None = None
+    # Seconds from touch to reading, where there is time: under dynamics.
+    delay: float = 0.0
+
+
+@dataclass(kw_only=True, slots=True)
 class Skin:
     """The soft tactile skin that makes up the body's wall."""
 
@@ -70,6 +97,25 @@ class Skin:
     num_receptors: int = 100
     # Pa. Soft skin keeps contact forces at a few newtons; 1e6 gives hundreds.
     hydroelastic_modulus: float = 3.0e4
+    # 0 is an even layout; at u, receptors are 1 / (1 - u) times as far apart on one side of the
+    # body as on the other. The seed decides which side.
+    unevenness: float = 0.0
+    # Radius of the receptive fields, as a multiple of the least with which three overlap
+    # everywhere.
+    field_width: float = 1.0
+    imperfections: Imperfections = field(default_factory=Imperfections)
+
+
+@dataclass(kw_only=True, slots=True)
+class Joints:
+    """How well the agent knows its motor configuration; by default exactly."""
+
+    # Rad, standard deviation of the error of each angle that the agent remembers of its babbling.
+    noise: float = 0.0
+    # Rad, standard deviation of a constant offset of each joint that comes before plans are
+    # executed, as when an encoder slips. One from the beginning would change nothing: true angles
+    # are never known.
+    offset: float = 0.0
 
 
 @dataclass(kw_only=True, slots=True)
@@ -146,6 +192,7 @@ class Experiment:
     skin: Skin = field(default_factory=Skin)
     # `one_finger` or `two_fingers`.
     end_effector: str = "one_finger"
+    joints: Joints = field(default_factory=Joints)
     babbling: Babbling = field(default_factory=Babbling)
     representation: Representation = field(default_factory=Representation)
     planning: Planning = field(default_factory=Planning)
@@ -355,6 +402,7 @@ def _check_values(experiment: Experiment) -> None:
         e.skin.num_receptors,
         "give 20 to 200",
     )
+    _check_imperfections(e, require)
     one_of("babbling.mode", e.babbling.mode, BABBLING_MODES)
     require(
         0 <= e.babbling.persistence < 1,
@@ -383,6 +431,26 @@ def _check_values(experiment: Experiment) -> None:
         f"give at most babbling.num_samples, {e.babbling.num_samples}",
     )
     one_of("representation.metric", e.representation.metric, METRICS)
+
+
+def _check_imperfections(experiment: Experiment, require: typing.Callable) -> None:
+    skin, flaws, joints = experiment.skin, experiment.skin.imperfections, experiment.joints
+    for name, value, least, most in (
+        ("skin.unevenness", skin.unevenness, 0, 0.9),
+        ("skin.field_width", skin.field_width, 1, 3),
+        ("skin.imperfections.cross_talk", flaws.cross_talk, 0, 0.9),
+        ("skin.imperfections.multiplicative_noise", flaws.multiplicative_noise, 0, 1),
+        ("skin.imperfections.additive_noise", flaws.additive_noise, 0, 10),
+        ("skin.imperfections.saturation", flaws.saturation, 0.001, 1000),
+        ("skin.imperfections.quantisation", flaws.quantisation, 0, 10),
+        ("skin.imperfections.dead", flaws.dead, 0, 0.9),
+        ("skin.imperfections.threshold", flaws.threshold, 0, 100),
+        ("skin.imperfections.delay", flaws.delay, 0, 1),
+        ("joints.noise", joints.noise, 0, 1),
+        ("joints.offset", joints.offset, 0, 1),
+    ):
+        if value is not None:
+            require(least <= value <= most, name, value, f"give {least} to {most}")
 
 
 def _check_body(body: Body, require: typing.Callable, one_of: typing.Callable) -> None:
