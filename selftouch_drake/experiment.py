@@ -179,6 +179,9 @@ class Evaluation:
 
     # Random pairs of start and goal sensation that are planned and executed.
     num_pairs: int = 20
+    # Metrics whose shape error is told beside that of representation.metric; null is all that are
+    # naive. The learned one takes a minute.
+    shape_metrics: list[str] | None = None
 
 
 @dataclass(kw_only=True, slots=True)
@@ -226,9 +229,9 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
         ExperimentError: naming the field, its value and the remedy.
     """
     path = _find(source)
-    fields = _parse(path.read_bytes(), what=f"experiment {path}")
+    fields = parse_fields(path.read_bytes(), what=f"experiment {path}")
     try:
-        fields = _merged(
+        fields = merged(
             _mesh_from(path.parent, fields), _mesh_from(Path.cwd(), dict(overrides or {}))
         )
     except RecursionError:
@@ -238,7 +241,7 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
 
 def parse_overrides(text: str) -> dict[str, Any]:
     """Reads the YAML mapping of a `--set` option."""
-    return _parse(text, what="--set")
+    return parse_fields(text, what="--set")
 
 
 def experiment_from_fields(fields: Mapping[str, Any]) -> Experiment:
@@ -265,10 +268,15 @@ def _find(source: str | Path) -> Path:
     names = shipped_experiments()
     close = difflib.get_close_matches(str(source), names, n=1)
     hint = f"did you mean {close[0]}?" if close else f"shipped are {', '.join(names)}"
-    raise ExperimentError(f"experiment {_shown(str(source))} is neither shipped nor a file; {hint}")
+    raise ExperimentError(f"experiment {shown(str(source))} is neither shipped nor a file; {hint}")
 
 
-def _parse(text: str | bytes, *, what: str) -> dict[str, Any]:
+def parse_fields(text: str | bytes, *, what: str) -> dict[str, Any]:
+    """Reads a YAML mapping; `what` names it in errors.
+
+    Raises:
+        ExperimentError: it is not YAML, or no mapping.
+    """
     try:
         fields = yaml.safe_load(text)
     except RecursionError:
@@ -281,7 +289,7 @@ def _parse(text: str | bytes, *, what: str) -> dict[str, Any]:
         return {}
     if not isinstance(fields, dict):
         raise ExperimentError(
-            f"{what} is {_shown(fields)}, not a mapping; write for instance {{seed: 1}}"
+            f"{what} is {shown(fields)}, not a mapping; write for instance {{seed: 1}}"
         )
     return fields
 
@@ -297,23 +305,24 @@ def _mesh_from(folder: Path, fields: dict[str, Any]) -> dict[str, Any]:
     return {**fields, "body": {**body, "mesh": str((folder / mesh).resolve())}}
 
 
-def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """The fields of `over` laid over those of `base`, mapping by mapping."""
     result = dict(base)
     for key, value in over.items():
         both = isinstance(value, dict) and isinstance(result.get(key), dict)
-        result[key] = _merged(result[key], value) if both else value
+        result[key] = merged(result[key], value) if both else value
     return result
 
 
 def _checked_fields(fields: Any, schema: type, *, prefix: str) -> dict[str, Any]:
     """Names unknown keys and wrong types by their full path, which the YAML loader does not."""
     if not isinstance(fields, Mapping):
-        raise ExperimentError(f"{prefix[:-1]} is {_shown(fields)}; give a mapping of its fields")
+        raise ExperimentError(f"{prefix[:-1]} is {shown(fields)}; give a mapping of its fields")
     types = typing.get_type_hints(schema)
     checked = {}
     for key, value in fields.items():
         if key not in types:
-            text = _shown(key).strip("'")
+            text = shown(key).strip("'")
             close = difflib.get_close_matches(text, types, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(types)}"
             raise ExperimentError(f"unknown key {prefix}{text}; {hint}")
@@ -342,17 +351,17 @@ def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
     if kind is int and isinstance(value, int) and not isinstance(value, bool):
         if abs(value) < 2**63:
             return value
-        raise ExperimentError(f"{name} is {_shown(value)}; give a whole number below 2^63")
+        raise ExperimentError(f"{name} is {shown(value)}; give a whole number below 2^63")
     if kind is str and isinstance(value, str):
         return value
     if typing.get_origin(kind) is list and isinstance(value, list):
         (item,) = typing.get_args(kind)
         return [_checked_value(entry, item, name=f"{name}[{i}]") for i, entry in enumerate(value)]
     wanted = {float: "a finite number", int: "a whole number", str: "a text"}.get(kind, "a list")
-    raise ExperimentError(f"{name} is {_shown(value)}; give {wanted}")
+    raise ExperimentError(f"{name} is {shown(value)}; give {wanted}")
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
     """A value as an error quotes it: on one line, and short whatever it is."""
     short = reprlib.Repr()
     short.maxstring = short.maxother = 100
@@ -372,7 +381,7 @@ def _bare_defaults(fields: Mapping[str, Any]) -> Experiment:
 def _check_values(experiment: Experiment) -> None:
     def require(valid: bool, name: str, value: object, remedy: str) -> None:
         if not valid:
-            raise ExperimentError(f"{name} is {_shown(value)}; {remedy}")
+            raise ExperimentError(f"{name} is {shown(value)}; {remedy}")
 
     def one_of(name: str, value: str, choices: typing.Iterable[str]) -> None:
         require(value in choices, name, value, f"choose one of {', '.join(choices)}")
@@ -431,6 +440,8 @@ def _check_values(experiment: Experiment) -> None:
         f"give at most babbling.num_samples, {e.babbling.num_samples}",
     )
     one_of("representation.metric", e.representation.metric, METRICS)
+    for number, metric in enumerate(e.evaluation.shape_metrics or []):
+        one_of(f"evaluation.shape_metrics[{number}]", metric, METRICS)
 
 
 def _check_imperfections(experiment: Experiment, require: typing.Callable) -> None:

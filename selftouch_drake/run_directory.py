@@ -195,6 +195,12 @@ class RunDirectory:
         text = json.dumps({key: fields[key] for key in keys}, sort_keys=True)
         return hashlib.sha256(text.encode() + shape).hexdigest()[:16]
 
+    def learning_fingerprint(self) -> str:
+        """Identifies what decides what is learned: the experience and the representation."""
+        fields = yaml.safe_load(dump_experiment(self.experiment))["representation"]
+        text = self.fingerprint() + json.dumps(fields, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
 
 def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, Any] | None:
     def leaves(fields: Any, prefix: str = "") -> dict[str, Any]:

@@ -181,9 +181,11 @@ def _score_against_truth(
     positions = kernel_positions(representation, p_WF)
     spread = kernel_spread(representation, p_WF)
     chosen = run.experiment.representation.metric
-    naive = [name for name, metric in METRICS.items() if metric.naive or name == chosen]
+    asked = run.experiment.evaluation.shape_metrics
+    if asked is None:
+        asked = [name for name, metric in METRICS.items() if metric.naive]
     by_metric = {}
-    for metric in naive:
+    for metric in [name for name in METRICS if name == chosen or name in asked]:
         found = representation.embedding
         if metric != chosen:
             found = recover(representation, metric, seed=run.experiment.seed).embedding.positions
