@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -269,11 +270,47 @@ def play(run: Path, port: int | None) -> None:
 
 
 @cli.command()
-def experiments() -> None:
-    """List the shipped experiments."""
-    from selftouch_drake.experiment import shipped_experiments
+@click.argument("sweep", metavar="SWEEP")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    help="Folder of the sweep; one that was stopped goes on.  [runs/sweeps/NAME]",
+)
+@click.option("--workers", type=click.IntRange(min=1), help="Runs at a time.  [one a core]")
+@click.option(
+    "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run, tcp://host:port."
+)
+def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | None) -> None:
+    """Run experiments that differ in a few fields, and gather their figures.
 
-    click.echo("\n".join(shipped_experiments()))
+    SWEEP is the name of a shipped sweep (see `selftouch experiments`) or a YAML file, as in
+    `{experiments: [cube], seeds: [0, 1, 2], grid: {skin.num_receptors: [50, 100]}}`.
+    Babbling and learning that runs have in common are done once.
+    """
+    from selftouch_drake.executors import dask_executor, local_executor
+    from selftouch_drake.sweep import SweepDirectory, draw_figures, gather, load_sweep, run_sweep
+
+    loaded = load_sweep(sweep)
+    directory = SweepDirectory.create(out or Path("runs") / "sweeps" / loaded.name, loaded)
+    chosen = dask_executor(scheduler) if scheduler else local_executor(workers, ends_on_ctrl_c=True)
+    num_pending = len(loaded.experiments) if scheduler else 2 * (workers or os.cpu_count() or 1)
+    with directory.writing():
+        with _progress(f"{len(loaded.experiments)} runs") as progress, chosen as executor:
+            failed = run_sweep(loaded, directory, executor, progress, num_pending=num_pending)
+        table = gather(loaded, directory, failed)
+        draw_figures(table, directory.figures)
+    for name, reason in failed.items():
+        click.echo(f"failed: {name}: {reason}", err=True)
+    click.echo(f"table: {directory.table}\nfigures: {directory.figures}")
+
+
+@cli.command()
+def experiments() -> None:
+    """List the shipped experiments and sweeps."""
+    from selftouch_drake.experiment import shipped_experiments
+    from selftouch_drake.sweep import shipped_sweeps
+
+    click.echo("\n".join([*shipped_experiments(), *(f"sweep: {s}" for s in shipped_sweeps())]))
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -10,13 +10,17 @@ from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 
 
-def local_executor(num_workers: int | None = None) -> Executor:
-    """A pool of processes, one a core by default; they leave Ctrl-C to the main process."""
+def local_executor(num_workers: int | None = None, *, ends_on_ctrl_c: bool = False) -> Executor:
+    """A pool of processes, one a core by default.
+
+    They leave Ctrl-C to the main process, which waits for the jobs that are running; or they end on
+    it, for jobs that are long.
+    """
     return ProcessPoolExecutor(
         num_workers or os.cpu_count(),
         mp_context=multiprocessing.get_context("spawn"),
         initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_IGN),
+        initargs=(signal.SIGINT, signal.SIG_DFL if ends_on_ctrl_c else signal.SIG_IGN),
     )
 
 

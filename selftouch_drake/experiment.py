@@ -34,7 +34,7 @@ END_EFFECTORS = {"one_finger": 1, "two_fingers": 2, "two_wide_fingers": 2}
 BABBLING_MODES = ("kinematic", "dynamic")
 METRICS = ("sensorimotor", "learned", "motor", "literal", "revolute_reference")
 # Purposes of randomness; a new one goes to the end, so that the others stay as they are.
-STREAMS = ("walk", "pairs", "start")
+STREAMS = ("walk", "pairs", "start", "skin", "joints")
 
 
 class ExperimentError(ValueError):
@@ -61,6 +61,33 @@ class Body:
 
 
 @dataclass(kw_only=True, slots=True)
+class Imperfections:
+    """What a real skin does to a sensation, in this order; by default nothing.
+
+    Noise is drawn from the seed and the motor configuration: another configuration has other noise.
+    """
+
+    # Share of each reading that leaks to the receptors whose fields overlap with its own.
+    cross_talk: float = 0.0
+    # Standard deviation of a reading's error, as a share of the reading.
+    multiplicative_noise: float = 0.0
+    # N, standard deviation of a reading's error, touched or not; a firm reading is 1 to 3 N.
+    additive_noise: float = 0.0
+    # N, the largest reading that a receptor gives; null if there is none.
+    saturation: float | None = None
+    # N, the step of the readings, as of a converter to numbers; 0 if there is none.
+    quantisation: float = 0.0
+    # Share of receptors that never read anything; the seed decides which.
+    dead: float = 0.0
+    # N, the agent's own: smaller readings count as none. Null is six standard deviations of the
+    # additive noise: one false touch in a million then; five would give hundreds, each of them
+    # unlike all else and so a target sensation of its own.
+    threshold: float | None = None
+    # Seconds from touch to reading, where there is time: under dynamics.
+    delay: float = 0.0
+
+
+@dataclass(kw_only=True, slots=True)
 class Skin:
     """The soft tactile skin that makes up the body's wall."""
 
@@ -70,6 +97,25 @@ class Skin:
     num_receptors: int = 100
     # Pa. Soft skin keeps contact forces at a few newtons; 1e6 gives hundreds.
     hydroelastic_modulus: float = 3.0e4
+    # 0 is an even layout; at u, receptors are 1 / (1 - u) times as far apart on one side of the
+    # body as on the other. The seed decides which side.
+    unevenness: float = 0.0
+    # Radius of the receptive fields, as a multiple of the least with which three overlap
+    # everywhere.
+    field_width: float = 1.0
+    imperfections: Imperfections = field(default_factory=Imperfections)
+
+
+@dataclass(kw_only=True, slots=True)
+class Joints:
+    """How well the agent knows its motor configuration; by default exactly."""
+
+    # Rad, standard deviation of the error of each angle that the agent remembers of its babbling.
+    noise: float = 0.0
+    # Rad, standard deviation of a constant offset of each joint that comes before plans are
+    # executed, as when an encoder slips. One from the beginning would change nothing: true angles
+    # are never known.
+    offset: float = 0.0
 
 
 @dataclass(kw_only=True, slots=True)
@@ -133,6 +179,9 @@ class Evaluation:
 
     # Random pairs of start and goal sensation that are planned and executed.
     num_pairs: int = 20
+    # Metrics whose shape error is told beside that of representation.metric; null is all that are
+    # naive. The learned one takes a minute.
+    shape_metrics: list[str] | None = None
 
 
 @dataclass(kw_only=True, slots=True)
@@ -146,6 +195,7 @@ class Experiment:
     skin: Skin = field(default_factory=Skin)
     # `one_finger` or `two_fingers`.
     end_effector: str = "one_finger"
+    joints: Joints = field(default_factory=Joints)
     babbling: Babbling = field(default_factory=Babbling)
     representation: Representation = field(default_factory=Representation)
     planning: Planning = field(default_factory=Planning)
@@ -179,9 +229,9 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
         ExperimentError: naming the field, its value and the remedy.
     """
     path = _find(source)
-    fields = _parse(path.read_bytes(), what=f"experiment {path}")
+    fields = parse_fields(path.read_bytes(), what=f"experiment {path}")
     try:
-        fields = _merged(
+        fields = merged(
             _mesh_from(path.parent, fields), _mesh_from(Path.cwd(), dict(overrides or {}))
         )
     except RecursionError:
@@ -191,7 +241,7 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
 
 def parse_overrides(text: str) -> dict[str, Any]:
     """Reads the YAML mapping of a `--set` option."""
-    return _parse(text, what="--set")
+    return parse_fields(text, what="--set")
 
 
 def experiment_from_fields(fields: Mapping[str, Any]) -> Experiment:
@@ -218,10 +268,15 @@ def _find(source: str | Path) -> Path:
     names = shipped_experiments()
     close = difflib.get_close_matches(str(source), names, n=1)
     hint = f"did you mean {close[0]}?" if close else f"shipped are {', '.join(names)}"
-    raise ExperimentError(f"experiment {_shown(str(source))} is neither shipped nor a file; {hint}")
+    raise ExperimentError(f"experiment {shown(str(source))} is neither shipped nor a file; {hint}")
 
 
-def _parse(text: str | bytes, *, what: str) -> dict[str, Any]:
+def parse_fields(text: str | bytes, *, what: str) -> dict[str, Any]:
+    """Reads a YAML mapping; `what` names it in errors.
+
+    Raises:
+        ExperimentError: it is not YAML, or no mapping.
+    """
     try:
         fields = yaml.safe_load(text)
     except RecursionError:
@@ -234,7 +289,7 @@ def _parse(text: str | bytes, *, what: str) -> dict[str, Any]:
         return {}
     if not isinstance(fields, dict):
         raise ExperimentError(
-            f"{what} is {_shown(fields)}, not a mapping; write for instance {{seed: 1}}"
+            f"{what} is {shown(fields)}, not a mapping; write for instance {{seed: 1}}"
         )
     return fields
 
@@ -250,23 +305,24 @@ def _mesh_from(folder: Path, fields: dict[str, Any]) -> dict[str, Any]:
     return {**fields, "body": {**body, "mesh": str((folder / mesh).resolve())}}
 
 
-def _merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
+    """The fields of `over` laid over those of `base`, mapping by mapping."""
     result = dict(base)
     for key, value in over.items():
         both = isinstance(value, dict) and isinstance(result.get(key), dict)
-        result[key] = _merged(result[key], value) if both else value
+        result[key] = merged(result[key], value) if both else value
     return result
 
 
 def _checked_fields(fields: Any, schema: type, *, prefix: str) -> dict[str, Any]:
     """Names unknown keys and wrong types by their full path, which the YAML loader does not."""
     if not isinstance(fields, Mapping):
-        raise ExperimentError(f"{prefix[:-1]} is {_shown(fields)}; give a mapping of its fields")
+        raise ExperimentError(f"{prefix[:-1]} is {shown(fields)}; give a mapping of its fields")
     types = typing.get_type_hints(schema)
     checked = {}
     for key, value in fields.items():
         if key not in types:
-            text = _shown(key).strip("'")
+            text = shown(key).strip("'")
             close = difflib.get_close_matches(text, types, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(types)}"
             raise ExperimentError(f"unknown key {prefix}{text}; {hint}")
@@ -295,17 +351,17 @@ def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
     if kind is int and isinstance(value, int) and not isinstance(value, bool):
         if abs(value) < 2**63:
             return value
-        raise ExperimentError(f"{name} is {_shown(value)}; give a whole number below 2^63")
+        raise ExperimentError(f"{name} is {shown(value)}; give a whole number below 2^63")
     if kind is str and isinstance(value, str):
         return value
     if typing.get_origin(kind) is list and isinstance(value, list):
         (item,) = typing.get_args(kind)
         return [_checked_value(entry, item, name=f"{name}[{i}]") for i, entry in enumerate(value)]
     wanted = {float: "a finite number", int: "a whole number", str: "a text"}.get(kind, "a list")
-    raise ExperimentError(f"{name} is {_shown(value)}; give {wanted}")
+    raise ExperimentError(f"{name} is {shown(value)}; give {wanted}")
 
 
-def _shown(value: object) -> str:
+def shown(value: object) -> str:
     """A value as an error quotes it: on one line, and short whatever it is."""
     short = reprlib.Repr()
     short.maxstring = short.maxother = 100
@@ -325,7 +381,7 @@ def _bare_defaults(fields: Mapping[str, Any]) -> Experiment:
 def _check_values(experiment: Experiment) -> None:
     def require(valid: bool, name: str, value: object, remedy: str) -> None:
         if not valid:
-            raise ExperimentError(f"{name} is {_shown(value)}; {remedy}")
+            raise ExperimentError(f"{name} is {shown(value)}; {remedy}")
 
     def one_of(name: str, value: str, choices: typing.Iterable[str]) -> None:
         require(value in choices, name, value, f"choose one of {', '.join(choices)}")
@@ -355,6 +411,7 @@ def _check_values(experiment: Experiment) -> None:
         e.skin.num_receptors,
         "give 20 to 200",
     )
+    _check_imperfections(e, require)
     one_of("babbling.mode", e.babbling.mode, BABBLING_MODES)
     require(
         0 <= e.babbling.persistence < 1,
@@ -383,6 +440,28 @@ def _check_values(experiment: Experiment) -> None:
         f"give at most babbling.num_samples, {e.babbling.num_samples}",
     )
     one_of("representation.metric", e.representation.metric, METRICS)
+    for number, metric in enumerate(e.evaluation.shape_metrics or []):
+        one_of(f"evaluation.shape_metrics[{number}]", metric, METRICS)
+
+
+def _check_imperfections(experiment: Experiment, require: typing.Callable) -> None:
+    skin, flaws, joints = experiment.skin, experiment.skin.imperfections, experiment.joints
+    for name, value, least, most in (
+        ("skin.unevenness", skin.unevenness, 0, 0.9),
+        ("skin.field_width", skin.field_width, 1, 3),
+        ("skin.imperfections.cross_talk", flaws.cross_talk, 0, 0.9),
+        ("skin.imperfections.multiplicative_noise", flaws.multiplicative_noise, 0, 1),
+        ("skin.imperfections.additive_noise", flaws.additive_noise, 0, 10),
+        ("skin.imperfections.saturation", flaws.saturation, 0.001, 1000),
+        ("skin.imperfections.quantisation", flaws.quantisation, 0, 10),
+        ("skin.imperfections.dead", flaws.dead, 0, 0.9),
+        ("skin.imperfections.threshold", flaws.threshold, 0, 100),
+        ("skin.imperfections.delay", flaws.delay, 0, 1),
+        ("joints.noise", joints.noise, 0, 1),
+        ("joints.offset", joints.offset, 0, 1),
+    ):
+        if value is not None:
+            require(least <= value <= most, name, value, f"give {least} to {most}")
 
 
 def _check_body(body: Body, require: typing.Callable, one_of: typing.Callable) -> None:

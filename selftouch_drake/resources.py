@@ -1,4 +1,4 @@
-"""Where models and experiments lie: inside an installed wheel, or beside a checkout's package."""
+"""Where models, experiments and sweeps lie: in a wheel, or beside a checkout's package."""
 
 from pathlib import Path
 
@@ -7,3 +7,4 @@ _ROOT = _PACKAGE if (_PACKAGE / "models").is_dir() else _PACKAGE.parent
 
 MODELS = _ROOT / "models"
 EXPERIMENTS = _ROOT / "experiments"
+SWEEPS = _ROOT / "sweeps"

@@ -13,7 +13,7 @@ from typing import Any
 import yaml
 from filelock import FileLock, Timeout
 
-from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
+from selftouch_drake.experiment import Experiment, Skin, dump_experiment, load_experiment
 from selftouch_drake.files import write_text_whole
 
 # Raised whenever a file of a run changes its meaning.
@@ -180,13 +180,20 @@ class RunDirectory:
         write_text_whole(self.path / "metrics.json", json.dumps(kept, indent=2) + "\n")
 
     def fingerprint(self) -> str:
-        """Identifies what decides the experience: seed, body, skin, end effector and babbling.
+        """Identifies what decides the experience: seed, body, skin, arm and babbling.
 
         Under dynamics the joint controllers decide too. Of a mesh it is the content that counts,
         not where it lies: a run may move to another machine.
         """
         fields = yaml.safe_load(dump_experiment(self.experiment))
         keys = ["seed", "body", "skin", "end_effector", "babbling"]
+        # Fields that came later count where they are used: older experience stays what it is.
+        for name in ("unevenness", "field_width", "imperfections"):
+            if getattr(self.experiment.skin, name) == getattr(Skin(), name):
+                del fields["skin"][name]
+        if self.experiment.joints.noise:
+            keys.append("joints")
+            del fields["joints"]["offset"]
         if self.experiment.babbling.mode == "dynamic":
             keys.append("execution")
             # Limits and tries are of plans.
@@ -196,6 +203,12 @@ class RunDirectory:
         fields["body"]["mesh"] = None
         text = json.dumps({key: fields[key] for key in keys}, sort_keys=True)
         return hashlib.sha256(text.encode() + shape).hexdigest()[:16]
+
+    def learning_fingerprint(self) -> str:
+        """Identifies what decides what is learned: the experience and the representation."""
+        fields = yaml.safe_load(dump_experiment(self.experiment))["representation"]
+        text = self.fingerprint() + json.dumps(fields, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, Any] | None:

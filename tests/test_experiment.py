@@ -24,7 +24,7 @@ from selftouch_drake.experiment import (
 )
 
 TOP_FIELDS = (
-    "name, seed, body, skin, end_effector, babbling, "
+    "name, seed, body, skin, end_effector, joints, babbling, "
     "representation, planning, execution, evaluation"
 )
 BODY_FIELDS = "shape, radius, side, major_radius, minor_radius, height, semi_axes, mesh, resolution"
@@ -124,6 +124,21 @@ def test_the_default_experiment_is_valid():
             "end_effector: three_fingers",
             "end_effector is 'three_fingers'; choose one of one_finger, two_fingers",
         ),
+        ("skin: {unevenness: 1}", "skin.unevenness is 1.0; give 0 to 0.9"),
+        ("skin: {field_width: 0.5}", "skin.field_width is 0.5; give 1 to 3"),
+        (
+            "skin: {imperfections: {dead: -0.1}}",
+            "skin.imperfections.dead is -0.1; give 0 to 0.9",
+        ),
+        (
+            "skin: {imperfections: {saturation: 0}}",
+            "skin.imperfections.saturation is 0.0; give 0.001 to 1000",
+        ),
+        (
+            "skin: {imperfections: {additive: 1}}",
+            "unknown key skin.imperfections.additive; did you mean additive_noise?",
+        ),
+        ("joints: {noise: 2}", "joints.noise is 2.0; give 0 to 1"),
         ("babbling: {mode: loud}", "babbling.mode is 'loud'; choose one of kinematic, dynamic"),
         (
             "babbling: {persistence: 1}",

@@ -172,11 +172,16 @@ def test_the_fingerprint_is_of_what_decides_the_experience(run, tmp_path):
         {"representation": {"num_targets": 100}},
         {"evaluation": {"num_pairs": 3}},
         {"planning": {"knot_spacing": 0.2}},
+        {"joints": {"offset": 0.01}},
     ]
     other = [
         {"seed": 1},
         {"body": {"side": 0.4}},
         {"skin": {"num_receptors": 50}},
+        {"skin": {"unevenness": 0.5}},
+        {"skin": {"field_width": 1.5}},
+        {"skin": {"imperfections": {"dead": 0.05}}},
+        {"joints": {"noise": 0.01}},
         {"end_effector": "two_fingers"},
         {"babbling": {"step_size": 0.1}},
     ]
@@ -184,6 +189,8 @@ def test_the_fingerprint_is_of_what_decides_the_experience(run, tmp_path):
     prints = {fingerprint(**overrides) for overrides in other}
     assert len(prints) == len(other)
     assert run.fingerprint() not in prints
+    # Experience from before skins could be imperfect is still experience.
+    assert run.fingerprint() == "95ccd79891a8221a"
     stiff = {"execution": {"stiffness": 1000.0}}
     assert fingerprint(**stiff) == fingerprint()
     dynamic = {"babbling": {"mode": "dynamic"}}

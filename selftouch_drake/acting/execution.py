@@ -13,6 +13,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.body import HollowSkin, ReceptiveFields
 from selftouch_drake.experiment import Experiment
+from selftouch_drake.world.joints import slip
 from selftouch_drake.world.plan_source import PlanSource
 from selftouch_drake.world.station import MakeDynamicStation
 
@@ -63,6 +64,7 @@ class DynamicWorld:
         self._station = MakeDynamicStation(experiment, skin, fields, meshcat)
         station = builder.AddNamedSystem("station", self._station.diagram)
         num_joints = self._station.agent.plant.num_positions()
+        self._slip = slip(experiment, num_joints)
         still = PiecewisePolynomial(np.zeros((num_joints, 1)))
         self._source = builder.AddNamedSystem("plan_source", PlanSource(still))
         builder.Connect(self._source.get_output_port(), station.GetInputPort("desired_state"))
@@ -88,6 +90,8 @@ class DynamicWorld:
             What happened until the end of the period in which the motion ends: T entries, if the
             world logs every `LOG_PERIOD`.
         """
+        # Where the arm truly goes, if its joints read too much.
+        q = q - self._slip
         self._source.set_trajectory(PiecewisePolynomial.CubicHermite(time_s, q.T, v.T))
         simulator = Simulator(self.diagram)
         context = simulator.get_mutable_context()

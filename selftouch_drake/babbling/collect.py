@@ -23,6 +23,7 @@ from selftouch_drake.experience import (
 )
 from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
 from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.world.joints import remembered
 from selftouch_drake.world.kinematics import FingertipKinematics
 
 # A walk that has touched nothing in so many steps is lost.
@@ -83,7 +84,7 @@ def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: in
         walk=walk,
         num_steps=int(step[-1]) + 1,
         step=step,
-        q=q,
+        q=remembered(experiment, q),
         sensation=np.concatenate(kept_sensation),
         p_WF=p_WF.reshape(len(q), -1),
     )

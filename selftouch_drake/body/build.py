@@ -28,8 +28,11 @@ def build_body(experiment: Experiment) -> tuple[HollowSkin, ReceptiveFields]:
     surface = outer_surface(experiment.body)
     _require_reach(surface, experiment.body)
     skin = hollow_skin(surface, experiment.skin.thickness, FINGERTIP_RADIUS)
-    p_BS = place_receptors(surface, experiment.skin.num_receptors, experiment.seed)
-    return skin, receptive_fields(surface, p_BS)
+    layout = experiment.skin
+    p_BS = place_receptors(
+        surface, layout.num_receptors, experiment.seed, unevenness=layout.unevenness
+    )
+    return skin, receptive_fields(surface, p_BS, width=layout.field_width)
 
 
 def outer_surface(body: Body) -> trimesh.Trimesh:

@@ -106,13 +106,19 @@ class ReceptiveFields:
         return 1 / 3 - np.einsum("fij,fj->fi", self._gradients, centroids)
 
 
-def place_receptors(surface: trimesh.Trimesh, num_receptors: int, seed: int) -> np.ndarray:
+def place_receptors(
+    surface: trimesh.Trimesh, num_receptors: int, seed: int, *, unevenness: float = 0.0
+) -> np.ndarray:
     """Spreads receptors evenly: each sits at the vertex farthest, on the surface, from all before.
+
+    An uneven layout takes distances for shorter the farther they lie to one side of the body.
 
     Args:
         surface: Closed outer surface in the body's frame, m.
         num_receptors: 20 to 200.
-        seed: Chooses the first vertex.
+        seed: Chooses the first vertex, and the side where receptors are few.
+        unevenness: 0 to below 1; at u they are 1 / (1 - u) times as far apart there as on the
+            other side.
 
     Returns:
         `p_BS`: `(num_receptors, 3)` m, in the body's frame.
@@ -128,16 +134,26 @@ def place_receptors(surface: trimesh.Trimesh, num_receptors: int, seed: int) -> 
     paths = surface_paths(surface)
     vertex = np.random.default_rng(seed).integers(len(surface.vertices))
     distance = np.full(len(surface.vertices), np.inf)
+    crowding = _crowding(surface.vertices, unevenness, seed)
     receptors = []
     for _ in range(num_receptors):
         receptors.append(vertex)
         nearer = dijkstra(paths, indices=vertex, limit=distance.max())
         distance = np.minimum(distance, nearer)
-        vertex = distance.argmax()
+        vertex = (crowding * distance).argmax()
     return surface.vertices[receptors]
 
 
-def receptive_fields(surface: trimesh.Trimesh, p_BS: np.ndarray) -> ReceptiveFields:
+def _crowding(vertices: np.ndarray, unevenness: float, seed: int) -> np.ndarray:
+    """`(V,)` 1 on one side of the body, falling to `1 - unevenness` on the other."""
+    side = np.random.default_rng([seed, 1]).standard_normal(3)
+    along = vertices @ side
+    return 1 - unevenness * (along - along.min()) / np.ptp(along)
+
+
+def receptive_fields(
+    surface: trimesh.Trimesh, p_BS: np.ndarray, *, width: float = 1.0
+) -> ReceptiveFields:
     """Gives each receptor a smooth round field, wide enough for three to overlap everywhere.
 
     A receptor is felt from the vertex of the surface that is nearest to it.
@@ -145,6 +161,7 @@ def receptive_fields(surface: trimesh.Trimesh, p_BS: np.ndarray) -> ReceptiveFie
     Args:
         surface: Closed outer surface in the body's frame, m.
         p_BS: `(S, 3)` m, receptors on the surface.
+        width: Radius of the fields, as a multiple of that least one.
     """
     surface = _refined(surface)
     _, nearest = cKDTree(surface.vertices).query(p_BS)
@@ -152,10 +169,10 @@ def receptive_fields(surface: trimesh.Trimesh, p_BS: np.ndarray) -> ReceptiveFie
     reach = 3 * math.sqrt(surface.area / len(p_BS))
     distance = dijkstra(paths, indices=nearest, limit=reach)
     farthest = np.partition(distance, OVERLAP - 1, axis=0)[OVERLAP - 1].max()
-    if FIELD_MARGIN * farthest > reach:
+    if width * FIELD_MARGIN * farthest > reach:
         distance = dijkstra(paths, indices=nearest)
         farthest = np.partition(distance, OVERLAP - 1, axis=0)[OVERLAP - 1].max()
-    radius = FIELD_MARGIN * farthest
+    radius = width * FIELD_MARGIN * farthest
     bump = np.square(np.maximum(1 - np.square(distance / radius), 0)).T
     vertex_weights = csr_matrix(bump / bump.sum(axis=1, keepdims=True))
     return ReceptiveFields(

@@ -4,7 +4,13 @@ from selftouch_drake.world.agent import Agent, MakeAgent
 from selftouch_drake.world.babbler import Babbler
 from selftouch_drake.world.plan_source import PlanSource
 from selftouch_drake.world.probe import ContactProbe
-from selftouch_drake.world.skin import KinematicTactileSkin, RegisterSkin, TactileSkin
+from selftouch_drake.world.readings import Readings
+from selftouch_drake.world.skin import (
+    KinematicTactileSkin,
+    RegisterSkin,
+    SkinReadout,
+    TactileSkin,
+)
 from selftouch_drake.world.station import MakeDynamicStation, MakeKinematicStation, Station
 
 __all__ = [
@@ -16,7 +22,9 @@ __all__ = [
     "MakeDynamicStation",
     "MakeKinematicStation",
     "PlanSource",
+    "Readings",
     "RegisterSkin",
+    "SkinReadout",
     "Station",
     "TactileSkin",
 ]

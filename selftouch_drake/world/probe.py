@@ -12,6 +12,7 @@ from selftouch_drake.body import FINGERTIP_RADIUS, HollowSkin, ReceptiveFields
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.world.contact import pressed_points
 from selftouch_drake.world.kinematics import FingertipKinematics
+from selftouch_drake.world.readings import Readings
 from selftouch_drake.world.station import MakeKinematicStation
 
 
@@ -48,7 +49,7 @@ class TouchScreen:
 
 
 class ContactProbe:
-    """Evaluates Drake's hydroelastic contact at given configurations.
+    """Evaluates Drake's hydroelastic contact at given configurations, as the skin reads it.
 
     Args:
         experiment: the experiment whose agent is probed.
@@ -65,6 +66,7 @@ class ContactProbe:
         )
         self._query = station.diagram.GetOutputPort("query_object")
         self._screen = TouchScreen(skin)
+        self._readings = Readings.of(experiment, fields)
         self.agent = station.agent
         self.kinematics = FingertipKinematics.of(station.agent)
 
@@ -97,4 +99,4 @@ class ContactProbe:
             )
             felt = ((gather @ interpolation) @ self._fields.vertex_weights).toarray()
             np.add.at(sensation, touched, felt)
-        return sensation
+        return sensation if self._readings is None else self._readings(sensation, q)

@@ -25,6 +25,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from selftouch_drake.body import HollowSkin, ReceptiveFields, vtk_text
 from selftouch_drake.world.contact import in_body_frame, pressed_points
+from selftouch_drake.world.readings import Readings
 
 # Slippery, as the skin of a finger that explores: friction changes no reading, only the effort.
 SKIN_FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
@@ -131,6 +132,65 @@ class TactileSkin(LeafSystem):
         builder.Connect(plant.get_contact_results_output_port(), skin.get_input_port(0))
         builder.Connect(plant.get_body_poses_output_port(), skin.get_input_port(1))
         return skin
+
+
+class SkinReadout(LeafSystem):
+    """Reads a skin that is not perfect: noisy, partly dead, late.
+
+    Goes behind a `TactileSkin` or a `KinematicTactileSkin`.
+
+    .. pydrake_system::
+
+        name: SkinReadout
+        input_ports:
+        - sensation
+        - q
+        output_ports:
+        - reading
+
+    - sensation: `(S,)` N, of a perfect skin.
+    - q: `(J,)` rad, the configuration in which it is felt; noise comes from it.
+    - reading: `(S,)` N.
+
+    Args:
+        readings: what is read of a sensation.
+        num_joints: J.
+        period_s: of the world's discrete steps, 0 for a world without time; the delay is rounded
+            to whole steps.
+    """
+
+    def __init__(self, readings: Readings, *, num_joints: int, period_s: float = 0.0):
+        super().__init__()
+        self._readings = readings
+        num_receptors = len(readings.alive)
+        self._sensation = self.DeclareVectorInputPort("sensation", num_receptors)
+        self._q = self.DeclareVectorInputPort("q", num_joints)
+        self._num_late = round(readings.flaws.delay / period_s) if period_s else 0
+        self.DeclareVectorOutputPort("reading", num_receptors, self._calc_reading)
+        if self._num_late:
+            # The readings of the last steps, oldest first.
+            self.DeclareDiscreteState(self._num_late * num_receptors)
+            self.DeclareInitializationDiscreteUpdateEvent(self._begin)
+            self.DeclarePeriodicDiscreteUpdateEvent(period_s, 0.0, self._step)
+
+    def _now(self, context) -> np.ndarray:
+        return self._readings(self._sensation.Eval(context)[None], self._q.Eval(context)[None])[0]
+
+    def _begin(self, context, discrete_state):
+        # What is touched when the world begins was touched before.
+        discrete_state.set_value(np.tile(self._now(context), self._num_late))
+
+    def _step(self, context, discrete_state):
+        late = context.get_discrete_state_vector().value()
+        now = self._now(context)
+        discrete_state.set_value(np.concatenate([late[len(now) :], now]))
+
+    def _calc_reading(self, context, output):
+        if self._num_late:
+            late = context.get_discrete_state_vector().value()
+            output.SetFromVector(late[: output.size()])
+        else:
+            output.SetFromVector(self._now(context))
 
 
 class KinematicTactileSkin(LeafSystem):

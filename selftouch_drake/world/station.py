@@ -7,12 +7,14 @@ from dataclasses import dataclass
 from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
 from pydrake.systems.controllers import InverseDynamics
 from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import Demultiplexer
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from selftouch_drake.body import HollowSkin, ReceptiveFields
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.world.agent import Agent, MakeAgent
-from selftouch_drake.world.skin import KinematicTactileSkin, TactileSkin
+from selftouch_drake.world.readings import Readings
+from selftouch_drake.world.skin import KinematicTactileSkin, SkinReadout, TactileSkin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +57,14 @@ def MakeKinematicStation(
     )
     builder.Connect(scene_graph.get_query_output_port(), touch.get_input_port())
     builder.ExportInput(to_pose.get_input_port(), "q")
-    builder.ExportOutput(touch.get_output_port(), "sensation")
+    sensation = touch.get_output_port()
+    if readings := Readings.of(experiment, fields):
+        num_joints = agent.plant.num_positions()
+        readout = builder.AddNamedSystem("readout", SkinReadout(readings, num_joints=num_joints))
+        builder.Connect(sensation, readout.GetInputPort("sensation"))
+        builder.ConnectInput("q", readout.GetInputPort("q"))
+        sensation = readout.get_output_port()
+    builder.ExportOutput(sensation, "sensation")
     builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
     if meshcat is not None:
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
@@ -96,7 +105,19 @@ def MakeDynamicStation(
     )
     builder.ExportInput(plant.get_desired_state_input_port(agent.arm), "desired_state")
     builder.ExportOutput(plant.get_state_output_port(), "state")
-    builder.ExportOutput(touch.get_output_port(), "sensation")
+    sensation = touch.get_output_port()
+    if readings := Readings.of(experiment, fields):
+        num_joints = plant.num_positions()
+        readout = builder.AddNamedSystem(
+            "readout",
+            SkinReadout(readings, num_joints=num_joints, period_s=plant.time_step()),
+        )
+        configuration = builder.AddSystem(Demultiplexer([num_joints, num_joints]))
+        builder.Connect(plant.get_state_output_port(), configuration.get_input_port())
+        builder.Connect(configuration.get_output_port(0), readout.GetInputPort("q"))
+        builder.Connect(sensation, readout.GetInputPort("sensation"))
+        sensation = readout.get_output_port()
+    builder.ExportOutput(sensation, "sensation")
     builder.ExportOutput(plant.get_net_actuation_output_port(), "torque")
     builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
     builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")

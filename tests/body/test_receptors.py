@@ -56,6 +56,32 @@ def test_receptors_are_spread_evenly(name):
     assert nearest.max() < 1.35 * spacing
 
 
+def test_an_uneven_layout_is_sparse_on_one_side_only():
+    surface = STANDARD_BODIES["sphere"]
+    even, uneven = (
+        body.place_receptors(surface, 200, seed=0, unevenness=unevenness)
+        for unevenness in (0.0, 0.6)
+    )
+    spacing = []
+    for p_BS in (even, uneven):
+        distance = np.linalg.norm(p_BS[:, None] - p_BS, axis=2)
+        spacing.append(np.sort(distance, axis=1)[:, 1])
+    assert spacing[0].max() / spacing[0].min() < 2
+    few, many = np.quantile(spacing[1], [0.98, 0.02])
+    assert 2 < few / many < 3.5
+    # Few on one side: their mean lies off the centre.
+    assert np.linalg.norm(uneven.mean(axis=0)) > 5 * np.linalg.norm(even.mean(axis=0))
+
+
+def test_wide_fields_reach_as_much_farther():
+    surface = STANDARD_BODIES["torus"]
+    p_BS = body.place_receptors(surface, 50, seed=0)
+    one, two = (body.receptive_fields(surface, p_BS, width=width) for width in (1.0, 2.0))
+    assert two.radius == pytest.approx(2 * one.radius)
+    np.testing.assert_allclose(two.vertex_weights.sum(axis=1), 1, atol=1e-12)
+    assert 3 < two.vertex_weights.nnz / one.vertex_weights.nnz < 4.5
+
+
 def test_the_seed_alone_chooses_the_receptors():
     surface = STANDARD_BODIES["torus"]
     first, again, other = (body.place_receptors(surface, 30, seed) for seed in (1, 1, 2))

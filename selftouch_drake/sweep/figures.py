@@ -1,0 +1,125 @@
+"""Each figure of a sweep against each field that varies."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from selftouch_drake.files import written_whole
+from selftouch_drake.show.style import styled
+from selftouch_drake.sweep.table import figure_names, varied_fields
+
+_NUM_COLUMNS = 4
+Row = dict[str, Any]
+
+
+def draw_figures(table: pa.Table, folder: Path) -> list[Path]:
+    """Draws one picture a field that varies, a panel a figure, and returns their paths.
+
+    A line is the median over seeds of one experiment, a band from the least to the most. Where one
+    value of another field is the most frequent, as where each field varies alone, only rows of it
+    count; where none is, as in a grid, all do.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    rows = _numbers(table)
+    paths = []
+    for field in varied_fields(table):
+        chosen = _along(field, rows, varied_fields(table))
+        names = [name for name in _panels(rows, table) if any(name in row for row in chosen)]
+        if len({_key(row[field]) for row in chosen}) < 2 or not names:
+            continue
+        path = folder / f"{field}.png"
+        figure = _draw(field, chosen, names)
+        with written_whole(path) as aside:
+            figure.savefig(aside, format="png")
+        paths.append(path)
+    return paths
+
+
+def _numbers(table: pa.Table) -> list[Row]:
+    """The rows, with lists of numbers spread over columns and all other values left out."""
+    rows = []
+    for row in table.to_pylist():
+        numbers = {k: row[k] for k in ("experiment", "seed", *varied_fields(table))}
+        for name in figure_names(table):
+            value = row[name]
+            entries = (
+                {f"{name}[{i}]": v for i, v in enumerate(value)}
+                if isinstance(value, list)
+                else {name: value}
+            )
+            for key, number in entries.items():
+                if isinstance(number, (int, float)) and math.isfinite(number):
+                    numbers[key] = number
+        rows.append(numbers)
+    return rows
+
+
+def _panels(rows: list[Row], table: pa.Table) -> list[str]:
+    others = {"experiment", "seed", *varied_fields(table)}
+    return list(dict.fromkeys(name for row in rows for name in row if name not in others))
+
+
+def _along(field: str, rows: list[Row], fields: list[str]) -> list[Row]:
+    """The rows in which only `field` varies, as far as there is a usual value of the others."""
+    for other in fields:
+        if other == field:
+            continue
+        counts = Counter(_key(row[other]) for row in rows).most_common(2)
+        if len(counts) == 1 or counts[0][1] > counts[1][1]:
+            rows = [row for row in rows if _key(row[other]) == counts[0][0]]
+    return rows
+
+
+def _key(value: Any) -> str:
+    return str(value)
+
+
+@styled
+def _draw(field: str, rows: list[Row], names: list[str]) -> Figure:
+    num_rows = math.ceil(len(names) / _NUM_COLUMNS)
+    figure = Figure(figsize=(3.2 * _NUM_COLUMNS, 2.3 * num_rows), layout="constrained")
+    panels = figure.subplots(num_rows, _NUM_COLUMNS, squeeze=False).ravel()
+    for panel, name in zip(panels, names, strict=False):
+        _panel(panel, field, name, rows)
+    for panel in panels[len(names) :]:
+        panel.remove()
+    handles, labels = panels[0].get_legend_handles_labels()
+    if len(labels) > 1:
+        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
+    figure.suptitle(field, x=0.01, ha="left")
+    return figure
+
+
+def _panel(panel: Axes, field: str, name: str, rows: list[Row]) -> None:
+    values = sorted({row[field] for row in rows if _is_number(row[field])})
+    numeric = len(values) == len({_key(row[field]) for row in rows})
+    places = values if numeric else sorted({_key(row[field]) for row in rows})
+    at = {_key(value): value if numeric else i for i, value in enumerate(places)}
+    for experiment in dict.fromkeys(row["experiment"] for row in rows):
+        found = defaultdict(list)
+        for row in rows:
+            if row["experiment"] == experiment and name in row:
+                found[at[_key(row[field])]].append(row[name])
+        x = np.array(sorted(found))
+        low, middle, high = (
+            np.array([np.quantile(found[place], share) for place in x]) for share in (0, 0.5, 1)
+        )
+        (line,) = panel.plot(x, middle, marker=".", label=experiment)
+        panel.fill_between(x, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
+    if not numeric:
+        panel.set_xticks(range(len(places)), places)
+    elif values[0] > 0 and values[-1] > 20 * values[0]:
+        panel.set_xscale("log")
+    panel.set_title(name, fontsize=8)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)

@@ -1,0 +1,273 @@
+"""Running a sweep: each run is a directory of its own, and shared stages are computed once."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterator
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Executor,
+    Future,
+    ThreadPoolExecutor,
+    wait,
+)
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+from filelock import FileLock, Timeout
+from threadpoolctl import threadpool_limits
+
+from selftouch_drake import stages
+from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
+from selftouch_drake.files import write_text_whole
+from selftouch_drake.run_directory import RunDirectory, RunError
+from selftouch_drake.sweep.design import Sweep
+
+_HEADER = "# A sweep of selftouch_drake, format 1\n"
+# What begins the name of a figure that a stage leaves for those who share the stage.
+_BABBLED = ("babbling",)
+_LEARNED = ("representation", "kernel_size", "learning", "topology", "intrinsic")
+
+
+@dataclass(frozen=True, slots=True)
+class SweepDirectory:
+    """Where a sweep keeps its runs, its table and its figures."""
+
+    path: Path
+
+    @staticmethod
+    def create(path: Path, sweep: Sweep) -> SweepDirectory:
+        """Begins a sweep, or goes on with one; runs that are there already are kept.
+
+        Raises:
+            RunError: the folder is not empty, and no sweep of that name.
+        """
+        header = f"{_HEADER}name: {sweep.name}\n"
+        file = path / "sweep.yaml"
+        if file.is_file():
+            if not file.read_bytes().startswith(header.encode()):
+                raise RunError(f"{path} is not of sweep {sweep.name}; choose another --out")
+        elif path.exists() and (not path.is_dir() or any(path.iterdir())):
+            raise RunError(f"{path} is not a sweep and not empty; choose another --out")
+        path.mkdir(parents=True, exist_ok=True)
+        names = [run_name(experiment) for experiment in sweep.experiments]
+        content = {"fields": list(sweep.fields), "runs": names}
+        write_text_whole(file, header + yaml.safe_dump(content, sort_keys=False))
+        return SweepDirectory(path)
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Holds the sweep for one writer.
+
+        Raises:
+            RunError: another process runs it.
+        """
+        lock = FileLock(self.path / ".lock")
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            raise RunError(
+                f"{self.path} is being run by another process; wait for it, or choose another --out"
+            ) from None
+        try:
+            yield
+        finally:
+            lock.release()
+
+    @property
+    def table(self) -> Path:
+        """All figures of all runs."""
+        return self.path / "table.parquet"
+
+    @property
+    def figures(self) -> Path:
+        """Folder of pictures."""
+        return self.path / "figures"
+
+    def run(self, experiment: Experiment) -> RunDirectory:
+        """The run of an experiment, whether it is there or not."""
+        return RunDirectory(self.path / "runs" / run_name(experiment), experiment)
+
+
+def run_name(experiment: Experiment) -> str:
+    """Tells runs of a sweep apart: name, seed, and a digest of all fields."""
+    digest = hashlib.sha256(dump_experiment(experiment).encode()).hexdigest()[:8]
+    word = "".join(c if c.isalnum() else "_" for c in experiment.name)[:40]
+    return f"{word}-s{experiment.seed}-{digest}"
+
+
+def run_sweep(
+    sweep: Sweep,
+    directory: SweepDirectory,
+    executor: Executor,
+    progress: Callable[[float, str], None] = stages.silent,
+    *,
+    num_pending: int = 8,
+) -> dict[str, str]:
+    """Runs what is missing of a sweep.
+
+    Runs that share their experience share its files, as hard links where the disk has them; so do
+    those that share what is learned.
+
+    Args:
+        sweep: what is run.
+        directory: where.
+        executor: its workers must see the directory.
+        progress: told the fraction done and what was done last.
+        num_pending: jobs that the executor has at a time; twice its workers keep them busy.
+
+    Returns:
+        For each run that failed by a mistake of its own, the reason, by the run's name.
+
+    Raises:
+        ChildProcessError: a process of the executor was killed.
+    """
+    jobs = _jobs(sweep, directory)
+    later = {name: job for name, job in jobs.items() if job.after is not None}
+    ready = deque((name, job) for name, job in jobs.items() if job.after is None)
+    failed: dict[str, str] = {}
+    pending: dict[Future, str] = {}
+    num_done = 0
+    try:
+        while ready or pending:
+            while ready and len(pending) < num_pending:
+                name, job = ready.popleft()
+                if runs := [run for run in job.runs if Path(run[0]).name not in failed]:
+                    pending[executor.submit(_do, job.stage, runs)] = name
+                else:
+                    num_done += 1 + _drop(later, name)
+            for future in wait(pending, return_when=FIRST_COMPLETED).done:
+                name = pending.pop(future)
+                failed |= future.result()
+                num_done += 1
+                progress(num_done / len(jobs), name)
+                # What was begun is finished before more is begun: a sweep that is cut short has
+                # some whole runs, not many half ones.
+                after = [(n, job) for n, job in later.items() if job.after == name]
+                ready.extendleft(reversed(after))
+                for name, _ in after:
+                    del later[name]
+    except BrokenExecutor:
+        raise ChildProcessError(
+            "a process of the sweep was killed, perhaps for want of memory; go on with the same "
+            "command and fewer --workers"
+        ) from None
+    finally:
+        for future in pending:
+            future.cancel()
+    return failed
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """One stage for runs that share it: path and experiment of each; the first does the work."""
+
+    stage: str
+    runs: list[tuple[str, str]]
+    after: str | None
+
+
+def _jobs(sweep: Sweep, directory: SweepDirectory) -> dict[str, _Job]:
+    """What is to be done, by name: babbling first, then learning from it, then evaluation."""
+    groups: dict[str, dict[str, list[Experiment]]] = defaultdict(lambda: defaultdict(list))
+    for experiment in sweep.experiments:
+        run = directory.run(experiment)
+        groups[run.fingerprint()][run.learning_fingerprint()].append(experiment)
+    jobs = {}
+    for experience, learners in groups.items():
+        everyone = [entry for runs in learners.values() for entry in _entries(directory, runs)]
+        babble = f"babble {experience}"
+        jobs[babble] = _Job("babble", everyone, None)
+        for learner, experiments in learners.items():
+            entries = _entries(directory, experiments)
+            learn = f"learn {learner}"
+            jobs[learn] = _Job("learn", entries, babble)
+            for entry in entries:
+                jobs[f"evaluate {Path(entry[0]).name}"] = _Job("evaluate", [entry], learn)
+    return jobs
+
+
+def _entries(directory: SweepDirectory, experiments: list[Experiment]) -> list[tuple[str, str]]:
+    return [
+        (str(directory.run(experiment).path.resolve()), dump_experiment(experiment))
+        for experiment in experiments
+    ]
+
+
+def _drop(later: dict[str, _Job], name: str) -> int:
+    """Forgets what waits for a job that will not run; returns how many these were."""
+    after = [waiting for waiting, job in later.items() if job.after == name]
+    for waiting in after:
+        del later[waiting]
+    return len(after) + sum(_drop(later, waiting) for waiting in after)
+
+
+def _do(stage: str, runs: list[tuple[str, str]]) -> dict[str, str]:
+    """Does a stage in the first of `runs` and shares it with the others; returns who failed."""
+    work: dict[str, Callable[..., None]] = {
+        "babble": _babble,
+        "learn": _learn,
+        "evaluate": _evaluate,
+    }
+    # Runs are many and cores are few: one thread each.
+    with threadpool_limits(1):
+        try:
+            directories = [
+                RunDirectory.create(Path(path), experiment_from_fields(yaml.safe_load(text)))
+                for path, text in runs
+            ]
+            work[stage](*directories)
+        except ValueError as error:
+            return {Path(path).name: " ".join(str(error).split()) for path, _ in runs}
+    return {}
+
+
+def _babble(first: RunDirectory, *others: RunDirectory) -> None:
+    # Whoever has babbled already serves the others.
+    donor = next((run for run in (first, *others) if stages.has_babbled(run)), first)
+    if not stages.has_babbled(donor):
+        with donor.writing(), ThreadPoolExecutor(1) as executor:
+            stages.babble(donor, stages.World(donor.experiment), executor)
+    for run in (first, *others):
+        if not stages.has_babbled(run):
+            shards = sorted(p for f in ("truth", "experience") for p in (donor.path / f).iterdir())
+            _share(donor, run, [*shards, donor.skin], _BABBLED)
+
+
+def _learn(first: RunDirectory, *others: RunDirectory) -> None:
+    donor = next((run for run in (first, *others) if stages.has_learned(run)), first)
+    if not stages.has_learned(donor):
+        with donor.writing():
+            stages.learn(donor)
+    for run in (first, *others):
+        if not stages.has_learned(run):
+            _share(donor, run, [donor.representation, donor.topology], _LEARNED)
+
+
+def _evaluate(run: RunDirectory) -> None:
+    if not stages.has_evaluated(run):
+        with run.writing():
+            stages.evaluate(run, stages.World(run.experiment))
+
+
+def _share(donor: RunDirectory, run: RunDirectory, files: list[Path], figures: tuple) -> None:
+    """Gives `run` the files of a stage, and then its figures, which say that the stage is done."""
+    with run.writing():
+        for file in files:
+            there = run.path / file.relative_to(donor.path)
+            there.parent.mkdir(exist_ok=True)
+            there.unlink(missing_ok=True)
+            try:
+                os.link(file, there)
+            except OSError:  # a disk without hard links
+                aside = there.with_name(f".{there.name}.part")
+                shutil.copyfile(file, aside)
+                aside.replace(there)
+        known = donor.metrics()
+        run.add_metrics({k: v for k, v in known.items() if k.startswith(figures)})

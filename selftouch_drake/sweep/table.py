@@ -1,0 +1,80 @@
+"""The table of a sweep: a row a run, with what varied and every figure."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from selftouch_drake.files import written_whole
+from selftouch_drake.sweep.design import Sweep, fields_of, flat
+from selftouch_drake.sweep.runs import SweepDirectory, run_name
+
+# Columns that are not figures, before those of the fields that vary.
+_KEYS = ("run", "experiment", "seed", "error")
+
+
+def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> pa.Table:
+    """Writes the figures of all runs to `table.parquet` and returns them.
+
+    Columns: `run`, `experiment`, `seed`, `error` (null where there was none), the fields that vary
+    by their dotted names, then every figure of `metrics.json`; one that a run lacks is null.
+    """
+    rows: list[dict[str, Any]] = []
+    for experiment in sweep.experiments:
+        run, fields = directory.run(experiment), fields_of(experiment)
+        name = run_name(experiment)
+        row = {
+            "run": name,
+            "experiment": experiment.name,
+            "seed": experiment.seed,
+            "error": failed.get(name),
+        }
+        row |= {field: fields.get(field) for field in sweep.fields if field != "seed"}
+        rows.append(row | flat(run.metrics() if run.path.is_dir() else {}))
+    columns = dict.fromkeys(key for row in rows for key in row)
+    table = pa.table({key: _column([row.get(key) for row in rows]) for key in columns})
+    varied = [field for field in sweep.fields if field != "seed"]
+    table = table.replace_schema_metadata({b"selftouch.fields": "\n".join(varied).encode()})
+    with written_whole(directory.table) as aside:
+        pq.write_table(table, aside, compression="zstd", write_page_checksum=True)
+    return table
+
+
+def _column(values: list) -> pa.Array:
+    try:
+        return pa.array(values)
+    except pa.ArrowException:  # values of many kinds
+        return pa.array([None if value is None else str(value) for value in values])
+
+
+def read_table(path: Path) -> pa.Table:
+    """Reads the table of a sweep.
+
+    Raises:
+        ValueError: the file is damaged, or no such table.
+    """
+    try:
+        table = pq.read_table(path, page_checksum_verification=True)
+    except FileNotFoundError:
+        raise
+    except (pa.ArrowException, OSError) as error:
+        reason = str(error).splitlines()[0]
+        raise ValueError(f"{path} is damaged ({reason}); run the sweep again") from None
+    if b"selftouch.fields" not in (table.schema.metadata or {}):
+        raise ValueError(f"{path} is not the table of a sweep; run the sweep again")
+    return table
+
+
+def varied_fields(table: pa.Table) -> list[str]:
+    """The fields that vary, as the table's columns name them."""
+    text = table.schema.metadata[b"selftouch.fields"].decode()
+    return [field for field in text.split("\n") if field]
+
+
+def figure_names(table: pa.Table) -> list[str]:
+    """The columns that are figures."""
+    others = {*_KEYS, *varied_fields(table)}
+    return [name for name in table.column_names if name not in others]

@@ -1,0 +1,123 @@
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from selftouch_drake.experiment import ExperimentError, load_experiment
+from selftouch_drake.sweep import SweepError, load_sweep, shipped_sweeps
+from selftouch_drake.sweep.design import KEYS, flat, nested
+
+
+@pytest.fixture
+def sweep(tmp_path):
+    """Loads a sweep of the given text."""
+
+    def load(text):
+        path = tmp_path / "mine.yaml"
+        path.write_text(text)
+        return load_sweep(path)
+
+    return load
+
+
+@pytest.mark.parametrize("name", shipped_sweeps())
+def test_shipped_sweeps_load(name):
+    sweep = load_sweep(name)
+    assert sweep.name == name
+    assert sweep.fields
+    assert len({e.seed for e in sweep.experiments}) > 1
+
+
+def test_a_grid_is_every_combination(sweep):
+    found = sweep(
+        "experiments: [cube, torus]\nseeds: [3, 4]\n"
+        "grid: {skin.num_receptors: [50, 100], joints.noise: [0, 0.1, 0.2]}"
+    )
+    assert found.name == "mine"
+    assert found.fields == ("skin.num_receptors", "joints.noise")
+    assert len(found.experiments) == 2 * 2 * 2 * 3
+    points = {(e.name, e.seed, e.skin.num_receptors, e.joints.noise) for e in found.experiments}
+    assert len(points) == len(found.experiments)
+
+
+def test_fields_that_vary_each_alone_meet_in_the_middle(sweep):
+    found = sweep("each: {skin.num_receptors: [50, 100], joints.noise: [0, 0.1]}")
+    points = [(e.skin.num_receptors, e.joints.noise) for e in found.experiments]
+    assert points == [(50, 0.0), (100, 0.0), (100, 0.1)]
+
+
+def test_cases_are_laid_over_what_is_set(sweep):
+    found = sweep(
+        "set: {babbling: {num_samples: 999}, skin: {num_receptors: 30}}\n"
+        "cases: [{}, {skin: {num_receptors: 40, unevenness: 0.5}}]"
+    )
+    assert [e.babbling.num_samples for e in found.experiments] == [999, 999]
+    assert [e.skin.num_receptors for e in found.experiments] == [30, 40]
+    assert found.fields == ("skin.num_receptors", "skin.unevenness")
+
+
+def test_a_sweep_of_nothing_is_one_run(sweep):
+    assert sweep("").experiments == (load_experiment("sphere"),)
+
+
+def test_an_experiment_beside_the_sweep_is_found(sweep, tmp_path, monkeypatch):
+    (tmp_path / "mine_too.yaml").write_text("name: own\nbody: {radius: 0.2}")
+    monkeypatch.chdir("/")
+    (experiment,) = sweep("experiments: [mine_too.yaml]").experiments
+    assert experiment.name == "own"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("seed: [1]", "unknown key 'seed'; did you mean seeds?"),
+        ("colour: red", f"unknown key 'colour'; known are {', '.join(KEYS)}"),
+        ("name: 3", "name is 3; give a printable name"),
+        ("seeds: 3", "seeds is 3; give a list of whole numbers"),
+        ("seeds: []", "seeds is []; give a list of whole numbers"),
+        ("seeds: [true]", "seeds is [True]; give a list of whole numbers"),
+        ("experiments: cube", "experiments is 'cube'; give a list of texts"),
+        ("set: 1", "set is 1; give a mapping of fields"),
+        ("grid: [1]", "grid is [1]; give a mapping of fields"),
+        ("grid: {1: [1]}", "grid has 1; name a field, as in skin.num_receptors"),
+        ("each: {a..b: [1]}", "each has 'a..b'; name a field, as in skin.num_receptors"),
+        ("each: {seed: 1}", "each.seed is 1; give a list of values"),
+        ("cases: {}", "cases is {}; give a list of mappings"),
+        ("cases: [1]", "cases[0] is 1; give a mapping of fields"),
+    ],
+)
+def test_a_mistake_is_told(sweep, text, message, tmp_path):
+    with pytest.raises(SweepError) as error:
+        sweep(text)
+    assert str(error.value) == f"sweep {tmp_path / 'mine.yaml'}: {message}"
+
+
+def test_too_many_runs_are_refused(sweep, tmp_path):
+    many = list(range(50))
+    text = yaml.safe_dump({"grid": {f"a.f{i}": many for i in range(9)}})
+    with pytest.raises(SweepError, match=f"has {50**9} runs; give at most 2000"):
+        sweep(text)
+
+
+def test_a_wrong_experiment_is_told_before_anything_runs(sweep):
+    with pytest.raises(ExperimentError, match=r"^skin\.num_receptors is 7; give 20 to 200$"):
+        sweep("each: {skin.num_receptors: [50, 7]}")
+    with pytest.raises(ExperimentError, match=r"^experiment 'cubes' is neither shipped nor a"):
+        sweep("experiments: [cubes]")
+    with pytest.raises(SweepError, match=r"^sweep 'trusd' is neither shipped .* mean trust\?$"):
+        load_sweep("trusd")
+
+
+fields = st.recursive(
+    st.integers() | st.text(max_size=3),
+    lambda inner: st.dictionaries(
+        st.text("abc", min_size=1, max_size=3), inner, min_size=1, max_size=3
+    ),
+    max_leaves=8,
+).filter(lambda value: isinstance(value, dict))
+
+
+@settings(max_examples=50, deadline=None)
+@given(fields=fields)
+def test_flat_and_nested_undo_each_other(fields):
+    assert nested(flat(fields)) == fields

@@ -1,0 +1,196 @@
+import json
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from selftouch_drake import stages
+from selftouch_drake.run_directory import RunDirectory, RunError
+from selftouch_drake.sweep import (
+    SweepDirectory,
+    draw_figures,
+    gather,
+    load_sweep,
+    read_table,
+    run_sweep,
+)
+from selftouch_drake.sweep.runs import run_name
+from selftouch_drake.sweep.table import figure_names, varied_fields
+
+SWEEP = """
+experiments: [sphere]
+set:
+  body: {resolution: 0.04}
+  babbling: {num_samples: 600, walk_size: 300}
+  evaluation: {num_pairs: 0, shape_metrics: []}
+cases:
+  - representation: {num_targets: 50, metric: motor}
+  - representation: {num_targets: 60, metric: motor}
+  - {representation: {num_targets: 60, metric: motor}, planning: {knot_spacing: 0.2}}
+  - skin: {thickness: 0.4}
+"""
+
+
+class Here(Executor):
+    """Does each job at once, in this thread, and remembers which stages were asked for."""
+
+    def __init__(self):
+        self.stages = []
+
+    def submit(self, function, /, *args):
+        self.stages.append(args[0])
+        future = Future()
+        try:
+            future.set_result(function(*args))
+        except BaseException as error:
+            future.set_exception(error)
+        return future
+
+
+@pytest.fixture(scope="module")
+def sweep(tmp_path_factory):
+    path = tmp_path_factory.mktemp("sweep") / "small.yaml"
+    path.write_text(SWEEP)
+    return load_sweep(path)
+
+
+@pytest.fixture(scope="module")
+def finished(sweep, tmp_path_factory):
+    """The directory of a finished sweep, how often each stage truly ran, and who failed."""
+    directory = SweepDirectory.create(tmp_path_factory.mktemp("out") / "sweep", sweep)
+    did = []
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("babble", "learn", "evaluate"):
+            original = getattr(stages, name)
+
+            def counted(*args, name=name, original=original):
+                did.append(name)
+                return original(*args)
+
+            patch.setattr(stages, name, counted)
+        told = []
+        failed = run_sweep(sweep, directory, Here(), lambda fraction, _: told.append(fraction))
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    return directory, did, failed
+
+
+def test_shared_stages_are_computed_once(finished, sweep):
+    directory, did, _ = finished
+    # Two experiences, of which one cannot be; two representations; three runs to score.
+    assert sorted(did) == ["babble"] * 2 + ["evaluate"] * 3 + ["learn"] * 2
+    runs = [directory.run(e) for e in sweep.experiments[:3]]
+    shards = [(run.experience / "part-00000.parquet").stat().st_ino for run in runs]
+    assert shards[0] == shards[1] == shards[2]
+    learned = [run.representation.stat().st_ino for run in runs]
+    assert learned[0] != learned[1] == learned[2]
+
+
+def test_every_run_is_a_run_like_any_other(finished, sweep):
+    directory, *_ = finished
+    for experiment in sweep.experiments[:3]:
+        run = RunDirectory.open(directory.run(experiment).path)
+        assert run.experiment == experiment
+        assert stages.has_babbled(run)
+        assert stages.has_learned(run)
+        assert stages.has_evaluated(run)
+        assert run.metrics()["representation_num_targets"] == experiment.representation.num_targets
+        assert len(stages.load_representation(run).target_sensations) == (
+            experiment.representation.num_targets
+        )
+
+
+def test_a_run_that_cannot_be_is_told_and_the_others_go_on(finished, sweep):
+    _, _, failed = finished
+    assert list(failed) == [run_name(sweep.experiments[3])]
+    assert failed[run_name(sweep.experiments[3])].startswith("skin.thickness is 0.4 m")
+
+
+def test_a_finished_sweep_is_not_done_again(finished, sweep):
+    directory, *_ = finished
+    before = {p: p.stat().st_mtime_ns for p in directory.path.rglob("*.parquet")}
+    before |= {p: p.stat().st_mtime_ns for p in directory.path.rglob("metrics.json")}
+    again = run_sweep(sweep, SweepDirectory.create(directory.path, sweep), Here())
+    assert len(again) == 1
+    assert {p: p.stat().st_mtime_ns for p in before} == before
+
+
+def test_the_table_holds_what_varied_and_every_figure(finished, sweep):
+    directory, _, failed = finished
+    table = gather(sweep, directory, failed)
+    assert read_table(directory.table).equals(table)
+    assert varied_fields(table) == [
+        "representation.num_targets",
+        "representation.metric",
+        "planning.knot_spacing",
+        "skin.thickness",
+    ]
+    rows = table.to_pylist()
+    assert [row["representation.num_targets"] for row in rows] == [50, 60, 60, 300]
+    assert [row["error"] is None for row in rows] == [True, True, True, False]
+    assert rows[3]["shape_rms_fraction"] is None
+    for row, experiment in zip(rows[:3], sweep.experiments[:3], strict=True):
+        metrics = json.loads((directory.run(experiment).path / "metrics.json").read_text())
+        assert row["run"] == run_name(experiment)
+        assert row["babbling_num_steps"] == metrics["babbling_num_steps"]
+        assert row["shape_rms_fraction"] == metrics["shape_rms_fraction"]
+        assert row["topology_betti"] == metrics["topology_betti"]
+    assert "shape_rms_fraction_by_metric.motor" in figure_names(table)
+
+
+def test_pictures_are_drawn_of_what_varied(tmp_path):
+    table = pa.table(
+        {
+            "run": list("abcdef"),
+            "experiment": ["cube"] * 6,
+            "seed": [0, 1] * 3,
+            "skin.num_receptors": [50, 50, 100, 100, 50, 50],
+            "skin.imperfections.saturation": [None, None, None, None, 1.0, 1.0],
+            "shape_rms_fraction": [0.1, 0.2, 0.1, None, 0.3, 0.3],
+            "topology_betti": [[1, 0, 1]] * 5 + [None],
+        }
+    ).replace_schema_metadata(
+        {"selftouch.fields": "skin.num_receptors\nskin.imperfections.saturation"}
+    )
+    paths = draw_figures(table, tmp_path / "figures")
+    assert [path.name for path in paths] == [
+        "skin.num_receptors.png",
+        "skin.imperfections.saturation.png",
+    ]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
+
+
+def test_another_folder_is_refused_and_kept(sweep, tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(RunError, match="is not a sweep and not empty; choose another --out"):
+        SweepDirectory.create(tmp_path, sweep)
+    (tmp_path / "sweep.yaml").write_text("name: another\n")
+    with pytest.raises(RunError, match="is not of sweep small; choose another --out"):
+        SweepDirectory.create(tmp_path, sweep)
+    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+
+
+def test_one_writer_at_a_time(sweep, tmp_path):
+    directory = SweepDirectory.create(tmp_path / "sweep", sweep)
+    with (
+        directory.writing(),
+        ThreadPoolExecutor(1) as other,
+        pytest.raises(RunError, match="is being run by another process"),
+    ):
+        other.submit(directory.writing().__enter__).result()
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1", b"PAR1" * 9, b"{}"])
+def test_a_damaged_table_is_told(content, tmp_path):
+    path = tmp_path / "table.parquet"
+    path.write_bytes(content)
+    with pytest.raises(ValueError, match=r"is damaged .*; run the sweep again"):
+        read_table(path)
+
+
+def test_a_foreign_table_is_told(tmp_path):
+    path = tmp_path / "table.parquet"
+    pa.parquet.write_table(pa.table({"q": np.arange(3)}), path)
+    with pytest.raises(ValueError, match="is not the table of a sweep"):
+        read_table(path)
