@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -319,9 +320,14 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def exit_status(command: Callable[[], object]) -> int:
-    """Runs `command`; a mistake becomes one line on stderr instead of a traceback."""
+    """Runs `command`; a mistake becomes one line on stderr instead of a traceback.
+
+    So does a warning of this package, which does not end the command.
+    """
     try:
-        result = command()
+        with warnings.catch_warnings():
+            warnings.showwarning = _own_warnings_in_one_line(warnings.showwarning)
+            result = command()
         return result if isinstance(result, int) else 0
     except (KeyboardInterrupt, click.Abort):
         click.echo("selftouch: stopped; the same command goes on from here", err=True)
@@ -332,6 +338,16 @@ def exit_status(command: Callable[[], object]) -> int:
         message = str(error)
     click.echo(f"selftouch: {' '.join(message.split())}", err=True)
     return 2
+
+
+def _own_warnings_in_one_line(others: Callable[..., None]) -> Callable[..., None]:
+    def show(message, category, *where, **options) -> None:
+        if category.__module__.startswith("selftouch_drake."):
+            click.echo(f"selftouch: warning: {message}", err=True)
+        else:
+            others(message, category, *where, **options)
+
+    return show
 
 
 def _targets(

@@ -7,12 +7,15 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from selftouch_drake.cli import exit_status
 from selftouch_drake.experiment import shipped_experiments
+from selftouch_drake.representation import connected_edges
 
 SMALL = (
     "{babbling: {num_samples: 2000, walk_size: 1000}, representation: {num_targets: 60}, "
@@ -102,6 +105,10 @@ def test_truth_is_not_read_by_learn(cube_run, tmp_path):
     assert selftouch("learn", blind).returncode == 0
     known = (cube_run / "representation.npz").read_bytes()
     assert (blind / "representation.npz").read_bytes() == known
+    assert refused("evaluate", blind) == (
+        f"{blind / 'truth' / 'part-00000.parquet'} is missing; collect it again with "
+        f"`selftouch babble {blind / 'experiment.yaml'} --out {blind}`"
+    )
 
 
 def test_stages_one_by_one(cube_run, tmp_path):
@@ -263,3 +270,16 @@ def test_help_teaches():
     assert "selftouch plan runs/cube --from 3 --to 250" in text
     assert "..." not in text.partition("Commands:")[2]  # no line of it is cut
     assert selftouch().stdout == text
+
+
+def test_a_graph_in_parts_is_told_in_one_line(capfd):
+    def learn_two_parts():
+        connected_edges(np.array([[0, 1]]), np.array([[0, 1, 5], [1, 0, 4], [5, 4, 0.0]]))
+        warnings.warn("of another package", UserWarning, stacklevel=1)
+
+    with pytest.warns(UserWarning, match="of another package"):
+        assert exit_status(learn_two_parts) == 0
+    assert capfd.readouterr().err == (
+        "selftouch: warning: the quotient graph fell into 2 parts (2 with kernel 0, 1 with "
+        "kernel 2) and was joined by a bridge (1-2): babble longer, or use more neighbours.\n"
+    )

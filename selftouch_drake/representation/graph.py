@@ -79,7 +79,8 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
         `(E + components - 1, 2)` pairs i < j, sorted.
 
     Warns:
-        DisconnectedWarning: bridges were added; the text tells sizes and members of the parts.
+        DisconnectedWarning: bridges were added; the text tells sizes and members of the parts, and
+            the bridges.
     """
     label = component_labels(edges, len(distance))
     num_components = int(label.max()) + 1
@@ -97,7 +98,8 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
     bridges = np.sort(bridge[tree.row, tree.col], axis=1)
     warnings.warn(
         f"the quotient graph fell into {num_components} parts ({_describe(label)}) and was joined "
-        f"by {len(bridges)} bridges: babble longer, or use more neighbours.",
+        f"by {'a bridge' if len(bridges) == 1 else f'{len(bridges)} bridges'} ({_pairs(bridges)}): "
+        "babble longer, or use more neighbours.",
         DisconnectedWarning,
         stacklevel=2,
     )
@@ -219,6 +221,10 @@ def _closest_pair(distance: np.ndarray, inside_a: np.ndarray, inside_b: np.ndarr
     a, b = np.flatnonzero(inside_a), np.flatnonzero(inside_b)
     i, j = np.unravel_index(distance[np.ix_(a, b)].argmin(), (len(a), len(b)))
     return [int(a[i]), int(b[j])]
+
+
+def _pairs(edges: np.ndarray) -> str:
+    return ", ".join(f"{i}-{j}" for i, j in edges[:5]) + (", ..." if len(edges) > 5 else "")
 
 
 def _describe(label: np.ndarray) -> str:
