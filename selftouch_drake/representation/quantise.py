@@ -104,6 +104,10 @@ def target_sensations(
     """
     points = unit(sensation)
     start = farthest_points(points, num_targets)
+    if len(start) == 1:
+        raise ValueError(
+            "sensation is the same in every row: babble until the finger touches more places."
+        )
     if len(start) < num_targets:
         raise ValueError(
             f"num_targets={num_targets}, but the experience holds only {len(start)} distinct "

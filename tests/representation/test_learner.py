@@ -287,8 +287,13 @@ def changed(array, index, value):
         (
             {},
             {"sensation": lambda s: np.ones_like(s)},
-            "num_targets=50, but the experience holds only 1 distinct sensations: ask for at most "
-            "1 targets, or babble longer.",
+            "sensation is the same in every row: babble until the finger touches more places.",
+        ),
+        (
+            {},
+            {"sensation": lambda s: np.repeat(s[:20], 25, axis=0)},
+            "num_targets=50, but the experience holds only 20 distinct sensations: ask for at most "
+            "20 targets, or babble longer.",
         ),
         (
             {},

@@ -1,0 +1,215 @@
+"""What learning costs: set distances beside scipy's, all of `learn`, and how both grow.
+
+Run: `python benchmarks/learning.py RUN`, on a run that has learned 1000 targets from a million
+touches. It reads the run and leaves it as it is. Times are of the processor, not of the clock, so
+that a machine with other work gives nearly the same; the clock is told beside them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+import json
+import os
+import resource
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
+
+from selftouch_drake import stages
+from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.representation import QuotientLearner, QuotientRepresentation
+from selftouch_drake.representation.set_distances import _nearest_squared
+from selftouch_drake.run_directory import RunDirectory
+
+NUM_TARGETS = KERNEL_SIZE = 1000
+
+
+def measure_peers(representation: QuotientRepresentation, num_sets: int, turns: int) -> list[dict]:
+    """Nearest distances between a part of all sets, by each way, on one core.
+
+    The ways take turns; each has float32 or float64 as it likes best, trees included.
+    """
+    chosen = np.random.default_rng(0).choice(representation.num_targets, num_sets, replace=False)
+    sets = [representation.kernel_q[representation.members(k)] for k in chosen]
+    doubles = [np.asarray(members, dtype=float) for members in sets]
+    members, offsets = np.concatenate(sets), np.cumsum([0, *map(len, sets)])
+    nearest_squared = _nearest_squared(members.shape[1])
+
+    def here() -> list[np.ndarray]:
+        tables = [np.empty((num_sets, len(a)), dtype=np.float32) for a in sets]
+        for a, table in zip(sets, tables, strict=True):
+            nearest_squared(np.ascontiguousarray(a.T), members, offsets, table)
+        return [np.sqrt(table) for table in tables]
+
+    def tree() -> list[np.ndarray]:
+        trees = [cKDTree(b) for b in doubles]
+        return [np.array([tree.query(a)[0] for tree in trees]) for a in doubles]
+
+    def distances() -> list[np.ndarray]:
+        return [np.sqrt([cdist(a, b, "sqeuclidean").min(axis=1) for b in doubles]) for a in doubles]
+
+    ways: dict[str, Callable[[], list[np.ndarray]]]
+    ways = {"selftouch_drake": here, "scipy cKDTree": tree, "scipy cdist": distances}
+    here()  # compiled now
+    seconds: dict[str, list[float]] = {name: [] for name in ways}
+    found = {}
+    for _ in range(turns):
+        for name, way in ways.items():
+            began = time.thread_time()
+            found[name] = way()
+            seconds[name].append(time.thread_time() - began)
+    num_pairs = float(len(members)) ** 2
+    nanoseconds = {name: 1e9 * statistics.median(s) / num_pairs for name, s in seconds.items()}
+    return [
+        {
+            "way": name,
+            "ns_per_pair": cost,
+            "times_here": cost / nanoseconds["selftouch_drake"],
+            "all_pairs_2_cores_s": cost * 1e-9 * 1e12 / 2,
+            "largest_difference_rad": max(
+                float(np.abs(a - b).max())
+                for a, b in zip(found[name], found["scipy cdist"], strict=True)
+            ),
+        }
+        for name, cost in nanoseconds.items()
+    ]
+
+
+def fit(run: Path, num_rows: int, num_targets: int, kernel_size: int) -> QuotientLearner:
+    """Learns from the first rows of a run; beyond its end the same shards come again."""
+    reader = ExperienceReader(run / "experience")
+
+    def batches() -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        left = num_rows
+        for sensation, q in itertools.chain.from_iterable(
+            reader.touches() for _ in itertools.count()
+        ):
+            yield sensation[:left], q[:left]
+            left -= len(q[:left])
+            if left == 0:
+                return
+
+    return QuotientLearner(num_targets, kernel_size).fit_batches(batches)
+
+
+def learn(run: Path) -> None:
+    """All of `selftouch learn`, on a copy that shares the shards."""
+    with tempfile.TemporaryDirectory(dir=run.parent) as folder:
+        copy = shutil.copytree(run, Path(folder) / "run", copy_function=os.link)
+        stages.learn(RunDirectory.open(copy))
+
+
+def measure_in_child(run: Path, *arguments: int) -> dict[str, float]:
+    """Time and peak memory of `fit`, or without arguments of `learn`, in a process of its own."""
+    command = [sys.executable, __file__, str(run), "--child", json.dumps(arguments)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return json.loads(done.stdout)
+
+
+def child(run: Path, arguments: list[int]) -> dict[str, float]:
+    began = time.perf_counter()
+    if arguments:
+        fit(run, *arguments)
+    else:
+        learn(run)
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return {
+        "processor_s": used.ru_utime + used.ru_stime,
+        "clock_s": time.perf_counter() - began,
+        "peak_MB": used.ru_maxrss / 1024,
+    }
+
+
+def grid(num_rows: int, largest: int) -> list[tuple[str, int, int, int]]:
+    """What grows, and rows, targets and kernel size of each point; the middle is common to all."""
+    rows = [n for n in (100_000, 300_000, 1_000_000, 3_000_000, 10_000_000) if n <= largest]
+    return [
+        *(("rows", n, NUM_TARGETS, KERNEL_SIZE) for n in rows),
+        *(("targets", num_rows, n, KERNEL_SIZE) for n in (100, 300, 1000, 2000)),
+        *(("kernel size", num_rows, NUM_TARGETS, n) for n in (100, 300, 1000)),
+    ]
+
+
+def draw(points: list[dict], path: Path) -> None:
+    """Time and memory over each thing that grows."""
+    labels = {"rows": "touches", "targets": "target sensations", "kernel size": "kernel size"}
+    figure, axes = plt.subplots(2, 3, figsize=(9, 5), sharey="row", layout="constrained")
+    for column, (grown, label) in enumerate(labels.items()):
+        own = [point for point in points if point["grown"] == grown]
+        x = [point[grown.replace(" ", "_")] for point in own]
+        for row, (key, name) in enumerate(
+            (("processor_s", "processor time (s)"), ("peak_MB", "peak memory (MB)"))
+        ):
+            axis = axes[row, column]
+            axis.plot(x, [point[key] for point in own], "o-")
+            axis.set(xscale="log", xlabel=label if row else "", ylim=(0, None))
+            if column == 0:
+                axis.set_ylabel(name)
+            axis.grid(alpha=0.3)
+    figure.savefig(path, dpi=120)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("run", type=Path)
+    parser.add_argument("--sets", type=int, default=12, help="of which nearest are searched")
+    parser.add_argument("--turns", type=int, default=5)
+    parser.add_argument("--largest", type=int, default=10_000_000, help="most touches")
+    parser.add_argument("--data", type=Path, default=Path("learning.csv"))
+    parser.add_argument("--plot", type=Path, default=Path("learning.png"))
+    parser.add_argument("--child", type=json.loads, help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.child is not None:
+        print(json.dumps(child(arguments.run, arguments.child)))
+        return
+
+    num_rows = ExperienceReader(arguments.run / "experience").num_rows
+    learned = fit(arguments.run, num_rows, NUM_TARGETS, KERNEL_SIZE).representation_
+    print(
+        f"{'nearest, one core':<20}{'ns/pair':>10}{'times':>8}{'1e12, 2 cores':>16}{'differs':>12}"
+    )
+    for row in measure_peers(learned, arguments.sets, arguments.turns):
+        print(
+            f"{row['way']:<20}{row['ns_per_pair']:>10.3f}{row['times_here']:>8.1f}"
+            f"{row['all_pairs_2_cores_s']:>14,.0f} s{row['largest_difference_rad']:>8.0e} rad",
+            flush=True,
+        )
+    header = f"{'processor s':>14}{'clock s':>10}{'peak MB':>10}"
+    print(f"\n{'all of learn':<34}{header}")
+    whole = measure_in_child(arguments.run)
+    print(f"{f'{num_rows:,} touches':<34}{_costs(whole)}", flush=True)
+    print(f"\n{'touches':>12}{'targets':>10}{'kernel':>8}{'':<4}{header}")
+    points = []
+    known: dict[tuple[int, int, int], dict[str, float]] = {}
+    for grown, *sizes in grid(num_rows, arguments.largest):
+        key = (sizes[0], sizes[1], sizes[2])
+        known[key] = known.get(key) or measure_in_child(arguments.run, *key)
+        points.append(
+            {"grown": grown, "rows": key[0], "targets": key[1], "kernel_size": key[2]} | known[key]
+        )
+        print(f"{key[0]:>12,}{key[1]:>10,}{key[2]:>8,}{'':<4}{_costs(known[key])}", flush=True)
+    with arguments.data.open("w", newline="") as file:
+        writer = csv.DictWriter(file, points[0])
+        writer.writeheader()
+        writer.writerows(points)
+    draw(points, arguments.plot)
+
+
+def _costs(found: dict[str, float]) -> str:
+    return f"{found['processor_s']:>14.1f}{found['clock_s']:>10.1f}{found['peak_MB']:>10.0f}"
+
+
+if __name__ == "__main__":
+    main()
