@@ -137,7 +137,7 @@ def grid(num_rows: int, largest: int) -> list[tuple[str, int, int, int]]:
     rows = [n for n in (100_000, 300_000, 1_000_000, 3_000_000, 10_000_000) if n <= largest]
     return [
         *(("rows", n, NUM_TARGETS, KERNEL_SIZE) for n in rows),
-        *(("targets", num_rows, n, KERNEL_SIZE) for n in (100, 300, 1000, 2000)),
+        *(("targets", num_rows, n, KERNEL_SIZE) for n in (100, 300, 1000)),
         *(("kernel size", num_rows, NUM_TARGETS, n) for n in (100, 300, 1000)),
     ]
 
@@ -191,19 +191,20 @@ def main() -> None:
     whole = measure_in_child(arguments.run)
     print(f"{f'{num_rows:,} touches':<34}{_costs(whole)}", flush=True)
     print(f"\n{'touches':>12}{'targets':>10}{'kernel':>8}{'':<4}{header}")
-    points = []
+    points: list[dict] = []
     known: dict[tuple[int, int, int], dict[str, float]] = {}
-    for grown, *sizes in grid(num_rows, arguments.largest):
-        key = (sizes[0], sizes[1], sizes[2])
-        known[key] = known.get(key) or measure_in_child(arguments.run, *key)
-        points.append(
-            {"grown": grown, "rows": key[0], "targets": key[1], "kernel_size": key[2]} | known[key]
-        )
-        print(f"{key[0]:>12,}{key[1]:>10,}{key[2]:>8,}{'':<4}{_costs(known[key])}", flush=True)
     with arguments.data.open("w", newline="") as file:
-        writer = csv.DictWriter(file, points[0])
+        names = ("grown", "rows", "targets", "kernel_size", *whole)
+        writer = csv.DictWriter(file, names)
         writer.writeheader()
-        writer.writerows(points)
+        for grown, *sizes in grid(num_rows, arguments.largest):
+            key = (sizes[0], sizes[1], sizes[2])
+            known[key] = known.get(key) or measure_in_child(arguments.run, *key)
+            point = dict(zip(names, (grown, *key, *known[key].values()), strict=True))
+            points.append(point)
+            writer.writerow(point)
+            file.flush()
+            print(f"{key[0]:>12,}{key[1]:>10,}{key[2]:>8,}{'':<4}{_costs(point)}", flush=True)
     draw(points, arguments.plot)
 
 

@@ -268,7 +268,8 @@ def has_babbled(run: RunDirectory) -> bool:
 
 def has_learned(run: RunDirectory) -> bool:
     """Whether `learn` came to its end."""
-    return "learning_wall_s" in run.metrics() and run.representation.exists()
+    made = (run.representation, run.topology, run.body_distances)
+    return "learning_wall_s" in run.metrics() and all(path.exists() for path in made)
 
 
 def has_evaluated(run: RunDirectory) -> bool:

@@ -147,6 +147,7 @@ def test_scores_against_the_truth(run, monkeypatch):
     assert set(distortion) == set(figures["shape_rms_fraction_by_metric"]) == naive
     assert 0.0 < figures["distance_distortion_median_fraction"] < 0.3
     run.body_distances.unlink()
+    assert not stages.has_learned(run)
     with pytest.raises(RunError, match="is not there; run `selftouch learn"):
         stages._score_against_truth(run, world, stages.load_representation(run))
 

@@ -24,7 +24,6 @@ from selftouch_drake.representation.quantise import (
     assign,
     strength,
     target_sensations,
-    unit,
 )
 from selftouch_drake.representation.quotient import QuotientRepresentation
 from selftouch_drake.representation.set_distances import MAX_QUERIES, SET_DISTANCES, set_distances
@@ -130,7 +129,7 @@ class QuotientLearner(BaseEstimator):
 
         some = KernelReservoir(1, MAX_ROWS, seed=int(quantise_seed))
         for sensation, _ in _in_blocks(self._checked(batches())):
-            some.add(np.zeros(len(sensation), dtype=int), sensation=unit(sensation))
+            some.add(np.zeros(len(sensation), dtype=int), sensation=sensation)
             progress(0.0, "target sensations")
         if some.num_rows < self.num_targets:
             raise ValueError(

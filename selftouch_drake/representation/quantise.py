@@ -52,7 +52,7 @@ def assign(sensation: np.ndarray, target_sensations: np.ndarray) -> tuple[np.nda
         chunk = slice(start, start + BLOCK)
         similarity = unit(sensation[chunk]) @ targets
         label[chunk] = similarity.argmax(axis=1)
-        error[chunk] = 1.0 - similarity.max(axis=1)
+        error[chunk] = 1.0 - similarity[np.arange(len(similarity)), label[chunk]]
     return label, np.maximum(error, 0.0)
 
 

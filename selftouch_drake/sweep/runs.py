@@ -32,7 +32,7 @@ from selftouch_drake.sweep.design import Sweep
 _HEADER = "# A sweep of selftouch_drake, format 1\n"
 # What begins the name of a figure that a stage leaves for those who share the stage.
 _BABBLED = ("babbling",)
-_LEARNED = ("representation", "kernel_size", "learning", "topology", "intrinsic")
+_LEARNED = ("representation", "kernel_size", "learning", "graph", "topology", "intrinsic")
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,7 +247,8 @@ def _learn(first: RunDirectory, *others: RunDirectory) -> None:
             stages.learn(donor)
     for run in (first, *others):
         if not stages.has_learned(run):
-            _share(donor, run, [donor.representation, donor.topology], _LEARNED)
+            learned = [donor.representation, donor.topology, donor.body_distances]
+            _share(donor, run, learned, _LEARNED)
 
 
 def _evaluate(run: RunDirectory) -> None:
