@@ -33,7 +33,8 @@ from selftouch_drake.representation import QuotientLearner, QuotientRepresentati
 from selftouch_drake.representation.set_distances import _nearest_squared
 from selftouch_drake.run_directory import RunDirectory
 
-NUM_TARGETS = KERNEL_SIZE = 1000
+# Where one thing grows, the others stay at these.
+NUM_ROWS, NUM_TARGETS, KERNEL_SIZE = 300_000, 300, 300
 
 
 def measure_peers(representation: QuotientRepresentation, num_sets: int, turns: int) -> list[dict]:
@@ -132,13 +133,13 @@ def child(run: Path, arguments: list[int]) -> dict[str, float]:
     }
 
 
-def grid(num_rows: int, largest: int) -> list[tuple[str, int, int, int]]:
-    """What grows, and rows, targets and kernel size of each point; the middle is common to all."""
+def grid(largest: int) -> list[tuple[str, int, int, int]]:
+    """What grows, and rows, targets and kernel size of each point."""
     rows = [n for n in (100_000, 300_000, 1_000_000, 3_000_000, 10_000_000) if n <= largest]
     return [
         *(("rows", n, NUM_TARGETS, KERNEL_SIZE) for n in rows),
-        *(("targets", num_rows, n, KERNEL_SIZE) for n in (100, 300, 1000)),
-        *(("kernel size", num_rows, NUM_TARGETS, n) for n in (100, 300, 1000)),
+        *(("targets", NUM_ROWS, n, KERNEL_SIZE) for n in (100, 300, 1000)),
+        *(("kernel size", NUM_ROWS, NUM_TARGETS, n) for n in (100, 300, 1000)),
     ]
 
 
@@ -176,7 +177,7 @@ def main() -> None:
         return
 
     num_rows = ExperienceReader(arguments.run / "experience").num_rows
-    learned = fit(arguments.run, num_rows, NUM_TARGETS, KERNEL_SIZE).representation_
+    learned = stages.load_representation(RunDirectory.open(arguments.run))
     print(
         f"{'nearest, one core':<20}{'ns/pair':>10}{'times':>8}{'1e12, 2 cores':>16}{'differs':>12}"
     )
@@ -197,7 +198,7 @@ def main() -> None:
         names = ("grown", "rows", "targets", "kernel_size", *whole)
         writer = csv.DictWriter(file, names)
         writer.writeheader()
-        for grown, *sizes in grid(num_rows, arguments.largest):
+        for grown, *sizes in grid(arguments.largest):
             key = (sizes[0], sizes[1], sizes[2])
             known[key] = known.get(key) or measure_in_child(arguments.run, *key)
             point = dict(zip(names, (grown, *key, *known[key].values()), strict=True))
