@@ -1,7 +1,7 @@
 """Every notebook runs from its first cell to its last, at a small scale.
 
-A notebook names its scale in a cell that is tagged `parameters`, as papermill has it; what is named
-there and below is made small in a cell after it. What a notebook asserts, it shows.
+After the first cell that assigns one of the names in `SMALL`, a cell is put that makes it small; a
+notebook that assigns none is small by itself. What a notebook asserts, it shows.
 """
 
 import ast
@@ -14,7 +14,7 @@ from nbclient import NotebookClient
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 SMALL = {
     "NUM_SAMPLES": 4000,
-    "NUM_TARGETS": 80,
+    "NUM_KERNELS": 80,
     "NUM_PAIRS": 1,
     "NUM_STEPS": 40_000,
     "NUM_PLACES": 60,
@@ -26,30 +26,34 @@ PATIENCE = 600
 
 
 @pytest.fixture(scope="session")
-def runs(tmp_path_factory):
+def folder(tmp_path_factory):
     """Where notebooks leave their runs, for one another."""
     return tmp_path_factory.mktemp("runs")
 
 
-def named(source: str) -> set[str]:
-    assigned = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Assign))
-    return {target.id for node in assigned for target in node.targets}
+def assigned(cell) -> set[str]:
+    """The names that a cell assigns at its top level."""
+    if cell.cell_type != "code":
+        return set()
+    lines = [line for line in cell.source.splitlines() if not line.startswith(("%", "!"))]
+    statements = ast.parse("\n".join(lines)).body
+    targets = [t for node in statements if isinstance(node, ast.Assign) for t in node.targets]
+    return {node.id for t in targets for node in ast.walk(t) if isinstance(node, ast.Name)}
 
 
-def made_small(notebook, runs):
+def made_small(notebook, folder):
+    values = {**SMALL, "FOLDER": str(folder)}
     for number, cell in enumerate(notebook.cells):
-        if "parameters" in cell.metadata.get("tags", []):
-            values = {**SMALL, "RUNS": str(runs)}
-            small = sorted(named(cell.source) & {*values})
+        if small := sorted(assigned(cell) & {*values}):
             lines = [f"{name} = {values[name]!r}" for name in small]
             notebook.cells.insert(number + 1, nbformat.v4.new_code_cell("\n".join(lines)))
-            return notebook
+            break
     return notebook
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebook_runs(path, runs, tmp_path):
-    notebook = made_small(nbformat.read(path, as_version=4), runs)
+def test_notebook_runs(path, folder, tmp_path):
+    notebook = made_small(nbformat.read(path, as_version=4), folder)
     where = {"metadata": {"path": tmp_path}}
     NotebookClient(notebook, timeout=PATIENCE, kernel_name="python3", resources=where).execute()
 
