@@ -117,11 +117,13 @@ def run(
     Stages that are done are not done again: a run that was stopped goes on where it was.
     """
     from selftouch_drake import stages
-    from selftouch_drake.show import write_report
+    from selftouch_drake.show import write_figures, write_report
 
     directory, world = _begin(experiment, out, overrides)
     if not stages.has_babbled(directory):
         _babble(directory, world, workers, scheduler)
+        for picture in write_figures(directory):
+            click.echo(f"first picture: {picture}")
     if not stages.has_learned(directory):
         with _progress("learn") as progress:
             stages.learn(directory, progress)
@@ -248,13 +250,14 @@ def evaluate(run: Path) -> None:
 
 @cli.command()
 @RUN
-def report(run: Path) -> None:
+@click.option("--vector", is_flag=True, help="Write the figures as PDF as well, for papers.")
+def report(run: Path, vector: bool) -> None:
     """Draw figures and a recording of RUN, and write its report."""
     from selftouch_drake.show import write_report
 
     directory = _open(run)
     with _progress("report") as progress:
-        path = write_report(directory, progress)
+        path = write_report(directory, progress, vector=vector)
     click.echo(f"report: {path}")
 
 

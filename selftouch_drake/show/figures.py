@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial.distance import cdist
@@ -136,6 +137,7 @@ FIGURES: dict[str, Callable[[Material], Figure]] = {
 def write_figures(
     run: RunDirectory,
     *,
+    vector: bool = False,
     progress: Callable[[float, str], None] = lambda fraction, doing: None,
     skipped: Callable[[str, str], None] = lambda name, reason: None,
 ) -> list[Path]:
@@ -143,11 +145,13 @@ def write_figures(
 
     Args:
         run: the run, with any of its stages done.
+        vector: whether to write each as PDF as well, for papers: words, lines and marks as such,
+            shaded bodies as pictures.
         progress: told the fraction done and what is being drawn.
         skipped: told the name of each figure that cannot be drawn, and the reason.
 
     Returns:
-        The files written, in the order of `FIGURES`. A figure that cannot be drawn any more is
+        The PNG files written, in the order of `FIGURES`. A figure that cannot be drawn any more is
         removed, so that none shows what is no longer true.
     """
     material = Material(run)
@@ -155,16 +159,25 @@ def write_figures(
     written = []
     for number, (name, draw) in enumerate(FIGURES.items()):
         progress(number / len(FIGURES), name.replace("_", " "))
-        path = run.figures / f"{name}.png"
+        path, for_papers = (run.figures / f"{name}.{kind}" for kind in ("png", "pdf"))
+        # A PDF of before is not asked for now, and may no longer be true.
+        for_papers.unlink(missing_ok=True)
         try:
             figure = draw(material)
         except MissingError as reason:
             path.unlink(missing_ok=True)
             skipped(name, str(reason))
             continue
-        with written_whole(path) as aside:
-            figure.savefig(
-                aside, format="png", dpi=DPI, bbox_inches="tight", metadata={"Software": None}
-            )
+        _write(figure, path, dpi=DPI, metadata={"Software": None})
+        if vector:
+            _write(figure, for_papers, dpi=2 * DPI, metadata={"CreationDate": None})
         written.append(path)
     return written
+
+
+def _write(figure: Figure, path: Path, *, dpi: int, metadata: dict[str, None]) -> None:
+    # Letters stay letters in a PDF, as journals ask.
+    with written_whole(path) as aside, mpl.rc_context({"pdf.fonttype": 42}):
+        figure.savefig(
+            aside, format=path.suffix[1:], dpi=dpi, bbox_inches="tight", metadata=metadata
+        )

@@ -1,4 +1,4 @@
-"""The figures of `metrics.json` in words: what each means, in its unit."""
+"""The figures of `metrics.json` in words: what each means, in its unit, and what would be good."""
 
 from __future__ import annotations
 
@@ -15,11 +15,13 @@ class Reading:
         key: its name in `metrics.json`.
         value: the number with its unit, as text.
         meaning: one line.
+        good: what would be good, in a few words; empty where nothing is better than anything else.
     """
 
     key: str
     value: str
     meaning: str
+    good: str = ""
 
 
 # Stage, then key: meaning and unit. A share is shown in percent.
@@ -99,6 +101,40 @@ _STAGES: dict[str, dict[str, tuple[str, str]]] = {
         "rehearsal_time_off_skin_s": ("time off the skin by more than a fingertip's radius", "s"),
     },
 }
+# What would be good, for figures that can be good or bad.
+_GOOD = {
+    "babbling_touch_rate": "3 to 8 % is what random walks give",
+    "coverage_share_10_touches": "100 %",
+    "coverage_share_100_touches": "near 100 %",
+    "coverage_evenness": "above 0.9",
+    "kernel_size_min": "above 20",
+    "topology_betti": "1, 0, 1 for a ball; 1, 2, 1 for a torus",
+    "topology_margin": "above 2",
+    "intrinsic_dimension": "1.8 to 2.4, with one finger",
+    "kernel_spread_median_m": "a receptor's spacing or less: 0.02 to 0.05 m",
+    "kernel_spread_worst_m": "at most twice the median",
+    "neighbour_agreement": "above 90 %",
+    "shape_rms_fraction": "below 5 %",
+    "planning_reach_rate": "100 %",
+    "planning_contact_mean": "above 99 %",
+    "planning_contact_worst": "above 90 %",
+    "planning_prediction_error_mean": "below 0.05",
+    "planning_jerk_reduction": "above 10",
+    "planning_query_ms_median": "below 100 ms",
+    "execution_reach_rate": "100 %",
+    "execution_contact_mean": "above 99 %",
+    "execution_contact_worst": "above 90 %",
+    "execution_tracking_rms_rad": "below 0.01 rad",
+    "execution_prediction_error_mean": "below 0.05",
+    "execution_prediction_within_50": "50 %",
+    "execution_prediction_within_90": "90 %",
+    "execution_force_max_N": "below 30 N: a firm touch",
+    "execution_time_off_skin_s": "0 s",
+    "rehearsal_reach_rate": "100 %",
+    "rehearsal_contact_mean": "above 99.5 %",
+    "rehearsal_contact_worst": "above 95 %",
+    "rehearsal_time_off_skin_s": "0 s",
+}
 _HEADLINE = {
     "shape_rms_fraction": "shape error",
     "topology_betti": "components, loops, voids",
@@ -117,7 +153,12 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
     """
     stages = {
         stage: [
-            Reading(key=key, value=_text(metrics[key], unit), meaning=meaning)
+            Reading(
+                key=key,
+                value=_text(metrics[key], unit),
+                meaning=meaning,
+                good=_GOOD.get(key, ""),
+            )
             for key, (meaning, unit) in known.items()
             if key in metrics
         ]

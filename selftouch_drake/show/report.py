@@ -54,7 +54,10 @@ class PlanLine:
 
 
 def write_report(
-    run: RunDirectory, progress: Callable[[float, str], None] = lambda fraction, doing: None
+    run: RunDirectory,
+    progress: Callable[[float, str], None] = lambda fraction, doing: None,
+    *,
+    vector: bool = False,
 ) -> Path:
     """Draws the figures and the recording of a run, and writes its `report.html`.
 
@@ -64,10 +67,12 @@ def write_report(
     Args:
         run: the run, with any of its stages done.
         progress: told the fraction done and what is being drawn.
+        vector: whether to write the figures as PDF as well.
     """
     reasons: dict[str, str] = {}
     written = write_figures(
         run,
+        vector=vector,
         progress=lambda fraction, doing: progress(0.7 * fraction, doing),
         skipped=reasons.__setitem__,
     )

@@ -170,6 +170,8 @@ def draw(
         edgecolors=colors,
         linewidths=0.3,
         zorder=zorder,
+        # Thousands of triangles stay pixels in a vector file, and can be translucent there.
+        rasterized=True,
     )
     if opacity < 1.0:
         fade = np.array([1.0, 1.0, 1.0, opacity])

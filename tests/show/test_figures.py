@@ -38,6 +38,22 @@ def test_the_same_run_gives_the_same_bytes(reported, monkeypatch):
     assert written[1].read_bytes() == before
 
 
+def test_a_vector_file_keeps_letters_and_is_small(make_run, monkeypatch):
+    run = make_run("planned")
+    monkeypatch.setattr("selftouch_drake.show.figures.FIGURES", {"plan_path": FIGURES["plan_path"]})
+    write_figures(run, vector=True)
+    pdf = run.figures / "plan_path.pdf"
+    first = pdf.read_bytes()
+    assert first.startswith(b"%PDF")
+    assert b"/TrueType" in first or b"/CIDFontType2" in first
+    assert b"/Image" in first
+    assert len(first) < 1e6
+    write_figures(run, vector=True)
+    assert pdf.read_bytes() == first, "the same run gives the same bytes"
+    write_figures(run)
+    assert not pdf.exists(), "not asked for"
+
+
 @pytest.mark.parametrize(
     ("stage", "drawn"),
     [

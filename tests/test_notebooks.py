@@ -1,0 +1,66 @@
+"""Every notebook runs from its first cell to its last, at a small scale.
+
+After the first cell that assigns one of the names in `SMALL`, a cell is put that makes it small; a
+notebook that assigns none is small by itself. What a notebook asserts, it shows.
+"""
+
+import ast
+from pathlib import Path
+
+import nbformat
+import pytest
+from nbclient import NotebookClient
+
+NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
+SMALL = {
+    "NUM_SAMPLES": 4000,
+    "NUM_KERNELS": 80,
+    "NUM_PAIRS": 1,
+    "NUM_STEPS": 40_000,
+    "NUM_PLACES": 60,
+    "NUM_RECEPTORS": (20, 50),
+    "METRICS_SHOWN": ("motor", "sensorimotor"),
+}
+# s a cell, on a machine that tests on all its cores.
+PATIENCE = 600
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory):
+    """Where notebooks leave their runs, for one another."""
+    return tmp_path_factory.mktemp("runs")
+
+
+def assigned(cell) -> set[str]:
+    """The names that a cell assigns at its top level."""
+    if cell.cell_type != "code":
+        return set()
+    lines = [line for line in cell.source.splitlines() if not line.startswith(("%", "!"))]
+    statements = ast.parse("\n".join(lines)).body
+    targets = [t for node in statements if isinstance(node, ast.Assign) for t in node.targets]
+    return {node.id for t in targets for node in ast.walk(t) if isinstance(node, ast.Name)}
+
+
+def made_small(notebook, folder):
+    values = {**SMALL, "FOLDER": str(folder)}
+    for number, cell in enumerate(notebook.cells):
+        if small := sorted(assigned(cell) & {*values}):
+            lines = [f"{name} = {values[name]!r}" for name in small]
+            notebook.cells.insert(number + 1, nbformat.v4.new_code_cell("\n".join(lines)))
+            break
+    return notebook
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_notebook_runs(path, folder, tmp_path):
+    notebook = made_small(nbformat.read(path, as_version=4), folder)
+    where = {"metadata": {"path": tmp_path}}
+    NotebookClient(notebook, timeout=PATIENCE, kernel_name="python3", resources=where).execute()
+
+
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+def test_outputs_are_cleared(path):
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    code = [cell for cell in notebook.cells if cell.cell_type == "code"]
+    assert all(not cell.outputs and cell.execution_count is None for cell in code)
