@@ -4,9 +4,12 @@
     python benchmarks/shape.py runs/torus --skins lopsided noisy worn --metrics learned
     python benchmarks/shape.py runs/torus --samples 30000 100000 --targets 100 300
 
-Every combination is a row of the table: printed, and added to the CSV file. Rows that the file
-holds already are not computed again, so that a long table can be stopped and resumed. What was
-learned is kept in `--cache`. Seconds are of CPU time, so that other work does not change them.
+    python benchmarks/shape.py --out docs/data/shape.csv
+
+Every combination is a row of the CSV file. Rows that it holds already are not computed again, so
+that a long table can be stopped and resumed. What was learned is kept in `--cache`. Seconds are of
+CPU time, so that other work does not change them. At the end all rows of the file are printed as a
+table: medians and worst over the seeds of runs and networks.
 
 Skins are worn out after the fact, in the stored sensations; rows left null are dropped:
 
@@ -22,6 +25,7 @@ import argparse
 import csv
 import dataclasses
 import itertools
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -168,7 +172,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("runs", nargs="+", type=Path)
+    parser.add_argument("runs", nargs="*", type=Path)
     parser.add_argument("--out", type=Path, default=Path("shape.csv"))
     parser.add_argument("--cache", type=Path, default=Path("shape-cache"))
     parser.add_argument("--metrics", nargs="+", choices=METRICS, default=list(METRICS))
@@ -212,7 +216,47 @@ def main() -> None:
             experience = experience or Experience(run)
             for row in rows(experience, case, missing, arguments.cache):
                 _append(arguments.out, row)
-                print(" ".join(f"{name}={value}" for name, value in row.items()), flush=True)
+                figures = ("body", "seed", "skin", "metric", "network_seed", "error", "betti")
+                print(*(row[name] for name in figures), file=sys.stderr, flush=True)
+    if arguments.out.exists():
+        print(summary(arguments.out))
+
+
+def summary(path: Path) -> str:
+    """The table as Markdown: a line for each body, skin, size and metric."""
+    columns = ("body", "skin", "samples", "targets", "receptors", "metric")
+    groups: dict[tuple[str, ...], list[dict[str, str]]] = {}
+    with path.open() as file:
+        for row in csv.DictReader(file):
+            groups.setdefault(tuple(row[name] for name in columns), []).append(row)
+    header = (
+        *columns,
+        "times",
+        "error, median / worst",
+        "Betti numbers",
+        "least margin",
+        "dimension",
+        "4th eigenvalue",
+        "CPU s",
+    )
+    lines = [" | ".join(header), "|".join(["---"] * len(header))]
+    for group, found in sorted(groups.items()):
+        figure = {
+            name: np.array([float(row[name]) for row in found])
+            for name in ("error", "margin", "dimension", "fourth_eigenvalue", "metric_cpu_s")
+        }
+        cells = (
+            *group,
+            str(len(found)),
+            f"{np.median(figure['error']):.1%} / {figure['error'].max():.1%}",
+            "; ".join(sorted({row["betti"] for row in found})),
+            f"{figure['margin'].min():.1f}",
+            f"{figure['dimension'].min():.2f} to {figure['dimension'].max():.2f}",
+            f"{figure['fourth_eigenvalue'].max():.0%}",
+            f"{np.median(figure['metric_cpu_s']):.0f}",
+        )
+        lines.append(" | ".join(cells))
+    return "\n".join(f"| {line} |" for line in lines)
 
 
 def _key(row: dict) -> tuple[str, ...]:
