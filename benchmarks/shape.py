@@ -14,9 +14,10 @@ table: medians and worst over the seeds of runs and networks.
 Skins are worn out after the fact, in the stored sensations; rows left null are dropped:
 
 - `whole`: as it is;
-- `lopsided`: a third of all receptors is missing, all of them on one half of the body;
+- `lopsided`: on one half of the body every third receptor is missing, drawn at random;
 - `noisy`: every reading is wrong by 5 % (normal), and 5 % of the receptors are dead;
-- `worn`: all of this.
+- `worn`: all of this;
+- `patchy`: the same, and on that half two of three receptors are missing.
 """
 
 from __future__ import annotations
@@ -46,11 +47,13 @@ from selftouch_drake.representation.set_distances import MAX_QUERIES
 from selftouch_drake.run_directory import RunDirectory
 from selftouch_drake.shape import METRICS, intrinsic_dimension, recover, topology
 
+#: Share of the receptors of one half that are missing, and whether readings are noisy.
 SKINS = {
-    "whole": (False, False),
-    "lopsided": (True, False),
-    "noisy": (False, True),
-    "worn": (True, True),
+    "whole": (0.0, False),
+    "lopsided": (1 / 3, False),
+    "noisy": (0.0, True),
+    "worn": (1 / 3, True),
+    "patchy": (2 / 3, True),
 }
 LEARNING_METRICS = ("learned",)
 
@@ -85,10 +88,10 @@ class Experience:
         """Sensations, motor configurations and true positions, of rows that are not null."""
         rows = slice(case.samples)
         sensation = self.sensation[rows]
-        lopsided, noisy = SKINS[case.skin]
+        share, noisy = SKINS[case.skin]
         rng = np.random.default_rng(case.seed)
-        if lopsided:
-            sensation = sensation[:, ~self._missing(rng)]
+        if share:
+            sensation = sensation[:, ~self._missing(share, rng)]
         if noisy:
             error = rng.standard_normal(sensation.shape, dtype=np.float32)
             sensation = np.maximum(sensation * (1.0 + np.float32(0.05) * error), 0.0)
@@ -97,12 +100,12 @@ class Experience:
         touching = sensation.any(axis=1)
         return sensation[touching], self.q[rows][touching], self.p_WF[rows][touching]
 
-    def _missing(self, rng: np.random.Generator) -> np.ndarray:
-        """A third of the receptors, drawn from those on one half of the body."""
+    def _missing(self, share: float, rng: np.random.Generator) -> np.ndarray:
+        """Which receptors are missing: a share of those on one half of the body."""
         side = load_arrays(self.run.skin)["p_BS"][:, 0]
         half = np.flatnonzero(side > np.median(side))
         missing = np.zeros(len(side), dtype=bool)
-        missing[rng.choice(half, len(side) // 3, replace=False)] = True
+        missing[rng.choice(half, int(share * len(half)), replace=False)] = True
         return missing
 
 
