@@ -4,16 +4,20 @@
     python benchmarks/shape.py runs/torus --skins lopsided noisy worn --metrics learned
     python benchmarks/shape.py runs/torus --samples 30000 100000 --targets 100 300
 
-Every combination is a row of the table: printed, and added to the CSV file. Rows that the file
-holds already are not computed again, so that a long table can be stopped and resumed. What was
-learned is kept in `--cache`. Seconds are of CPU time, so that other work does not change them.
+    python benchmarks/shape.py --out docs/data/shape.csv
+
+Every combination is a row of the CSV file. Rows that it holds already are not computed again, so
+that a long table can be stopped and resumed. What was learned is kept in `--cache`. Seconds are of
+CPU time, so that other work does not change them. At the end all rows of the file are printed as a
+table: medians and worst over the seeds of runs and networks.
 
 Skins are worn out after the fact, in the stored sensations; rows left null are dropped:
 
 - `whole`: as it is;
-- `lopsided`: a third of all receptors is missing, all of them on one half of the body;
+- `lopsided`: on one half of the body every third receptor is missing, drawn at random;
 - `noisy`: every reading is wrong by 5 % (normal), and 5 % of the receptors are dead;
-- `worn`: all of this.
+- `worn`: all of this;
+- `patchy`: the same, and on that half two of three receptors are missing.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ import argparse
 import csv
 import dataclasses
 import itertools
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -42,11 +47,13 @@ from selftouch_drake.representation.set_distances import MAX_QUERIES
 from selftouch_drake.run_directory import RunDirectory
 from selftouch_drake.shape import METRICS, intrinsic_dimension, recover, topology
 
+#: Share of the receptors of one half that are missing, and whether readings are noisy.
 SKINS = {
-    "whole": (False, False),
-    "lopsided": (True, False),
-    "noisy": (False, True),
-    "worn": (True, True),
+    "whole": (0.0, False),
+    "lopsided": (1 / 3, False),
+    "noisy": (0.0, True),
+    "worn": (1 / 3, True),
+    "patchy": (2 / 3, True),
 }
 LEARNING_METRICS = ("learned",)
 
@@ -81,10 +88,10 @@ class Experience:
         """Sensations, motor configurations and true positions, of rows that are not null."""
         rows = slice(case.samples)
         sensation = self.sensation[rows]
-        lopsided, noisy = SKINS[case.skin]
+        share, noisy = SKINS[case.skin]
         rng = np.random.default_rng(case.seed)
-        if lopsided:
-            sensation = sensation[:, ~self._missing(rng)]
+        if share:
+            sensation = sensation[:, ~self._missing(share, rng)]
         if noisy:
             error = rng.standard_normal(sensation.shape, dtype=np.float32)
             sensation = np.maximum(sensation * (1.0 + np.float32(0.05) * error), 0.0)
@@ -93,12 +100,12 @@ class Experience:
         touching = sensation.any(axis=1)
         return sensation[touching], self.q[rows][touching], self.p_WF[rows][touching]
 
-    def _missing(self, rng: np.random.Generator) -> np.ndarray:
-        """A third of the receptors, drawn from those on one half of the body."""
+    def _missing(self, share: float, rng: np.random.Generator) -> np.ndarray:
+        """Which receptors are missing: a share of those on one half of the body."""
         side = load_arrays(self.run.skin)["p_BS"][:, 0]
         half = np.flatnonzero(side > np.median(side))
         missing = np.zeros(len(side), dtype=bool)
-        missing[rng.choice(half, len(side) // 3, replace=False)] = True
+        missing[rng.choice(half, int(share * len(half)), replace=False)] = True
         return missing
 
 
@@ -168,7 +175,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("runs", nargs="+", type=Path)
+    parser.add_argument("runs", nargs="*", type=Path)
     parser.add_argument("--out", type=Path, default=Path("shape.csv"))
     parser.add_argument("--cache", type=Path, default=Path("shape-cache"))
     parser.add_argument("--metrics", nargs="+", choices=METRICS, default=list(METRICS))
@@ -212,7 +219,47 @@ def main() -> None:
             experience = experience or Experience(run)
             for row in rows(experience, case, missing, arguments.cache):
                 _append(arguments.out, row)
-                print(" ".join(f"{name}={value}" for name, value in row.items()), flush=True)
+                figures = ("body", "seed", "skin", "metric", "network_seed", "error", "betti")
+                print(*(row[name] for name in figures), file=sys.stderr, flush=True)
+    if arguments.out.exists():
+        print(summary(arguments.out))
+
+
+def summary(path: Path) -> str:
+    """The table as Markdown: a line for each body, skin, size and metric."""
+    columns = ("body", "skin", "samples", "targets", "receptors", "metric")
+    groups: dict[tuple[str, ...], list[dict[str, str]]] = {}
+    with path.open() as file:
+        for row in csv.DictReader(file):
+            groups.setdefault(tuple(row[name] for name in columns), []).append(row)
+    header = (
+        *columns,
+        "times",
+        "error, median / worst",
+        "Betti numbers",
+        "least margin",
+        "dimension",
+        "4th eigenvalue",
+        "CPU s",
+    )
+    lines = [" | ".join(header), "|".join(["---"] * len(header))]
+    for group, found in sorted(groups.items()):
+        figure = {
+            name: np.array([float(row[name]) for row in found])
+            for name in ("error", "margin", "dimension", "fourth_eigenvalue", "metric_cpu_s")
+        }
+        cells = (
+            *group,
+            str(len(found)),
+            f"{np.median(figure['error']):.1%} / {figure['error'].max():.1%}",
+            "; ".join(sorted({row["betti"] for row in found})),
+            f"{figure['margin'].min():.1f}",
+            f"{figure['dimension'].min():.2f} to {figure['dimension'].max():.2f}",
+            f"{figure['fourth_eigenvalue'].max():.0%}",
+            f"{np.median(figure['metric_cpu_s']):.0f}",
+        )
+        lines.append(" | ".join(cells))
+    return "\n".join(f"| {line} |" for line in lines)
 
 
 def _key(row: dict) -> tuple[str, ...]:
