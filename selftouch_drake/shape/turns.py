@@ -19,7 +19,7 @@ _NUM_LANDMARKS = 300
 
 #: Least stretch of scale, as a ratio, over which a loop must be one to Z/2 and none to Z/3. Ties
 #: and rounding make stretches up to 1.05 on spaces without torsion.
-_LEAST_STRETCH = 1.15
+_LEAST_STRETCH = 1.1
 
 #: A loop of twice the length dies at twice the scale: how far the torsion of a cover is looked for.
 _LARGEST = 2.2
