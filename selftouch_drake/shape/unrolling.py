@@ -48,6 +48,11 @@ class Torsion:
         return float(self.scale[1] / self.scale[0])
 
     @property
+    def middle(self) -> float:
+        """A scale amid the stretch, at which the sample covers the space and its loop is open."""
+        return float(np.sqrt(self.scale.prod()))
+
+    @property
     def found(self) -> bool:
         """Whether the stretch is longer than chance makes it."""
         return self.stretch >= _LEAST_STRETCH
@@ -164,11 +169,10 @@ def double_cover(distances: np.ndarray, found: Torsion) -> np.ndarray:
         lies over k and over k + K. Infinite where there is no path.
     """
     num = len(distances)
-    longest = float(np.sqrt(found.scale.prod()))
     flips = np.zeros((num, num), dtype=bool)
     i, j = found.cocycle.T
     flips[i, j] = flips[j, i] = True
-    i, j = np.nonzero((distances <= longest) & ~np.eye(num, dtype=bool))
+    i, j = np.nonzero((distances <= found.middle) & ~np.eye(num, dtype=bool))
     start = np.concatenate([i, i + num])
     end = np.concatenate([j + num * flips[i, j], j + num * ~flips[i, j]])
     steps = csr_array((np.tile(distances[i, j], 2), (start, end)), shape=(2 * num, 2 * num))
