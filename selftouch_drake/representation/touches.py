@@ -12,9 +12,9 @@ import numpy as np
 from selftouch_drake.representation.quantise import strength
 
 #: Receptors count as overlapping if they feel together in this share of the touches of the rarer of
-#: the two. Measured on a sphere with 100 receptors, fingers a quarter turn apart: at 0.4 no touch of
-#: one finger was parted, and 73 % of those of two were; at 0.2 it was 28 %, as receptors between two
-#: fingers join them; at 0.5 some touches of one finger fell apart.
+#: the two. Measured on a sphere with 100 receptors, fingers a quarter turn apart: at 0.4 no touch
+#: of one finger was parted, and 73 % of those of two were; at 0.2 it was 28 %, as receptors between
+#: two fingers join them; at 0.5 some touches of one finger fell apart.
 _LEAST_SHARED = 0.4
 
 

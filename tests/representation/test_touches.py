@@ -55,5 +55,5 @@ def test_equal_touches_forget_how_hard_each_pressed():
         [[[30.0, 40.0, 0, 0], [0, 0, 0, 2]]],
     )
     np.testing.assert_allclose(equal_touches(light), [[0.6, 0.8, 0, 1]], rtol=1e-6)
-    np.testing.assert_allclose(equal_touches(np.array(firm)), equal_touches(light), rtol=1e-6)
+    np.testing.assert_allclose(equal_touches(firm), equal_touches(light), rtol=1e-6)
     np.testing.assert_array_equal(equal_touches(np.zeros((1, 2, 4))), np.zeros((1, 4)))

@@ -83,7 +83,7 @@ def test_swapping_the_ends_of_a_chord_takes_four_turns_to_come_undone():
 
     for told_apart, order in ((False, 4), (True, 2)):
         distances = chords_apart(told_apart)
-        picked = landmarks(distances, 180)
+        picked = landmarks(distances, 150)
         chosen = distances[np.ix_(picked, picked)]
         np.fill_diagonal(chosen, 0)
         assert turns((chosen + chosen.T) / 2).order == order
