@@ -2,6 +2,8 @@
 
     python benchmarks/two_fingers.py ideal     # numpy alone: chords on a sphere, a few minutes
     python benchmarks/two_fingers.py touches   # Drake: a hand spread wide, some ten minutes
+    python benchmarks/two_fingers.py figure    # the bars of the touches
+    python benchmarks/two_fingers.py mixed     # sensations as they are, one touch or two
     python benchmarks/two_fingers.py runs RUN... # runs of shipped experiments with two fingers
 
 Needs ripser: pip install 'selftouch-drake[homology]'. The figures stand in docs/two_fingers.md.
@@ -15,6 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.sparse import csr_array, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
@@ -350,6 +353,27 @@ def leading_sign(i: np.ndarray, j: np.ndarray, sign: np.ndarray, num: int) -> np
     return label
 
 
+def figure(arguments: argparse.Namespace) -> None:
+    """Bars of the space by motor kernel sets, and of its covers, to both coefficients."""
+    bars = np.load(arguments.data.with_suffix(".bars.npz"))
+    names = {1: "Chords, ends alike", 2: "Its double cover:\nends told apart", 4: "Cover of four"}
+    unit = np.median(bars["motor_1_mod_3"][:, 1])
+    drawing = Figure(figsize=(9.0, 3.0), layout="constrained")
+    axes = drawing.subplots(1, 3, sharex=True)
+    for ax, (cover, name) in zip(axes, names.items(), strict=True):
+        for prime, colour, side in ((2, "#0072B2", 0.2), (3, "#E69F00", -0.2)):
+            some = bars[f"motor_{cover}_mod_{prime}"] / unit
+            some = some[np.argsort(some[:, 0] - some[:, 1])][:12]
+            place = -np.arange(len(some)) + side
+            ax.hlines(place, some[:, 0], some[:, 1], color=colour, lw=2, label=f"mod {prime}")
+        ax.set_title(name)
+        ax.set_yticks([])
+        ax.set_xlabel("scale, in median deaths")
+    axes[0].legend(loc="lower right", frameon=False)
+    drawing.suptitle("Longest loops of what two fingers feel, from motor kernel sets")
+    drawing.savefig(DOCS / "images" / "two_fingers.png", dpi=150)
+
+
 DEPTH = {
     "sphere": lambda p: 0.25 - np.linalg.norm(p, axis=-1),
     "torus": lambda p: 0.09 - np.hypot(np.hypot(p[..., 0], p[..., 1]) - 0.22, p[..., 2]),
@@ -397,14 +421,15 @@ def runs(arguments: argparse.Namespace) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["ideal", "touches", "mixed", "runs"])
+    parser.add_argument("what", choices=["ideal", "touches", "mixed", "figure", "runs"])
     parser.add_argument("runs", nargs="*", type=Path)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rows", type=int, default=400_000)
     parser.add_argument("--landmarks", type=int, default=300)
     parser.add_argument("--data", type=Path, default=Path("two_fingers.npz"))
     arguments = parser.parse_args()
-    {"ideal": ideal, "touches": touches, "mixed": mixed, "runs": runs}[arguments.what](arguments)
+    what = {"ideal": ideal, "touches": touches, "mixed": mixed, "figure": figure, "runs": runs}
+    what[arguments.what](arguments)
 
 
 if __name__ == "__main__":
