@@ -28,13 +28,13 @@ from selftouch_drake.body import build_body
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.representation import (
+    KernelReservoir,
     QuotientLearner,
     assign,
     connected_edges,
     geodesics,
     locally_scaled,
     neighbour_edges,
-    sample_kernels,
     set_distances,
     target_sensations,
 )
@@ -128,7 +128,7 @@ def ideal(arguments: argparse.Namespace) -> None:
     def targets(angle: float, ends: np.ndarray, num: int) -> np.ndarray:
         chords = random_chords(20 * num, np.radians(angle), rng)
         press = felt(chords.reshape(-1, 3), receptors).reshape(*chords.shape[:2], -1)
-        return target_sensations(np.einsum("nes,ne->ns", press, ends), num, rng=rng)
+        return target_sensations(np.einsum("nes,ne->ns", press, ends)[:40_000], num)
 
     rows = []
     for angle, num in ((75, 1000), (75, 2000), (75, 4000), (90, 1000), (90, 2000), (90, 4000)):
@@ -195,13 +195,16 @@ def num_touching(p_WF: np.ndarray) -> np.ndarray:
 
 def by_kernels(q: np.ndarray, sensation: np.ndarray, num_targets: int) -> tuple:
     """Quantises, and measures motor kernel sets: targets, rows, offsets, `(K, K)` distances."""
-    targets = target_sensations(sensation, num_targets, rng=np.random.default_rng(0))
-    sample = sample_kernels(assign(sensation, targets)[0], 400, seed=0)
-    offsets = sample.offsets(num_targets)
-    (apart,) = set_distances(q[sample.row], offsets, "quantile")
+    some = np.random.default_rng(0).permutation(len(sensation))[:40_000]
+    targets = target_sensations(sensation[np.sort(some)], num_targets)
+    kernels = KernelReservoir(num_targets, 400, seed=0)
+    kernels.add(assign(sensation, targets)[0], row=np.arange(len(sensation)))
+    sample = kernels.sample()
+    row, offsets = sample.columns["row"], sample.offsets(num_targets)
+    (apart,) = set_distances(q[row], offsets, "quantile")
     edges = connected_edges(neighbour_edges(apart), apart)
     length = locally_scaled(apart[edges[:, 0], edges[:, 1]], edges)
-    return targets, sample.row, offsets, geodesics(edges, length, num_targets)
+    return targets, row, offsets, geodesics(edges, length, num_targets)
 
 
 def touches(arguments: argparse.Namespace) -> None:
@@ -390,12 +393,14 @@ def runs(arguments: argparse.Namespace) -> None:
     """What the kernels of ordinary runs hold, and the dimension of their quotient graphs."""
     rows = []
     for run in arguments.runs:
-        q, sensation = (ExperienceReader(run / "experience").read(c) for c in ("q", "sensation"))
-        p_WF = ExperienceReader(run / "truth").read("p_WF").reshape(len(q), 2, 3).astype(float)
+        kept = slice(arguments.rows)
+        experience, truth = ExperienceReader(run / "experience"), ExperienceReader(run / "truth")
+        q, sensation = (experience.read(column)[kept] for column in ("q", "sensation"))
+        p_WF = truth.read("p_WF")[kept].reshape(len(q), 2, 3).astype(float)
         body = load_experiment(run / "experiment.yaml").body.shape
         depth = DEPTH[body](p_WF)
         both = ((depth > -0.01) & (depth < 0.04)).all(axis=1)
-        learned = QuotientLearner(1000, 400).fit(sensation, q).representation_
+        learned = QuotientLearner(arguments.targets, 400).fit(sensation, q).representation_
         graph = motor(learned, 0, lambda fraction: None)
         distances = geodesics(graph.edges, graph.length, learned.num_targets)
         share = np.add.reduceat(both[learned.kernel_row], learned.kernel_offsets[:-1])
@@ -403,6 +408,7 @@ def runs(arguments: argparse.Namespace) -> None:
         line = {
             "body": body,
             "rows": len(q),
+            "targets": arguments.targets,
             "rows_of_two": round(float(both.mean()), 3),
             "kernels_of_one": int((share < 0.1).sum()),
             "kernels_mixed": int(((share >= 0.1) & (share <= 0.9)).sum()),
@@ -425,6 +431,7 @@ def main() -> None:
     parser.add_argument("runs", nargs="*", type=Path)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rows", type=int, default=400_000)
+    parser.add_argument("--targets", type=int, default=1000, help="of runs")
     parser.add_argument("--landmarks", type=int, default=300)
     parser.add_argument("--data", type=Path, default=Path("two_fingers.npz"))
     arguments = parser.parse_args()
