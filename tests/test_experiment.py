@@ -35,7 +35,7 @@ SHIPPED = ", ".join(shipped_experiments())
 def test_shipped_experiments_load(name):
     experiment = load_experiment(name)
     assert experiment.name == name
-    assert experiment.num_fingers == (2 if name.endswith("two_fingers") else 1)
+    assert experiment.num_fingers == (2 if "_two_" in name else 1)
 
 
 def test_every_body_of_the_plan_is_shipped():
@@ -122,7 +122,8 @@ def test_the_default_experiment_is_valid():
         ),
         (
             "end_effector: three_fingers",
-            "end_effector is 'three_fingers'; choose one of one_finger, two_fingers",
+            "end_effector is 'three_fingers'; choose one of one_finger, two_fingers, "
+            "two_wide_fingers",
         ),
         ("skin: {unevenness: 1}", "skin.unevenness is 1.0; give 0 to 0.9"),
         ("skin: {field_width: 0.5}", "skin.field_width is 0.5; give 1 to 3"),

@@ -20,6 +20,7 @@ from selftouch_drake.shape.metrics import (
 )
 from selftouch_drake.shape.quotient_map import quotient_coordinates
 from selftouch_drake.shape.surface import fitted_surface
+from selftouch_drake.shape.unrolling import Torsion, Turns, double_cover, landmarks, torsion, turns
 
 __all__ = [
     "METRICS",
@@ -29,15 +30,21 @@ __all__ = [
     "MisfitWarning",
     "RecoveredBody",
     "Topology",
+    "Torsion",
+    "Turns",
     "alpha_persistence",
     "classical_embedding",
+    "double_cover",
     "embed_representation",
     "fitted_surface",
     "intrinsic_dimension",
+    "landmarks",
     "quotient_coordinates",
     "recover",
     "stress_embedding",
     "topology",
+    "torsion",
+    "turns",
     "unbent_embedding",
     "warn_of_misfit",
 ]

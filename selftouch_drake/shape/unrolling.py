@@ -19,7 +19,7 @@ _NUM_LANDMARKS = 300
 
 #: Least stretch of scale, as a ratio, over which a loop must be one to Z/2 and none to Z/3. Ties
 #: and rounding make stretches up to 1.05 on spaces without torsion.
-_LEAST_STRETCH = 1.15
+_LEAST_STRETCH = 1.1
 
 #: A loop of twice the length dies at twice the scale: how far the torsion of a cover is looked for.
 _LARGEST = 2.2
@@ -46,6 +46,11 @@ class Torsion:
     def stretch(self) -> float:
         """Ratio of the ends of `scale`; 1 if there is no torsion."""
         return float(self.scale[1] / self.scale[0])
+
+    @property
+    def middle(self) -> float:
+        """A scale amid the stretch, at which the sample covers the space and its loop is open."""
+        return float(np.sqrt(self.scale.prod()))
 
     @property
     def found(self) -> bool:
@@ -164,11 +169,10 @@ def double_cover(distances: np.ndarray, found: Torsion) -> np.ndarray:
         lies over k and over k + K. Infinite where there is no path.
     """
     num = len(distances)
-    longest = float(np.sqrt(found.scale.prod()))
     flips = np.zeros((num, num), dtype=bool)
     i, j = found.cocycle.T
     flips[i, j] = flips[j, i] = True
-    i, j = np.nonzero((distances <= longest) & ~np.eye(num, dtype=bool))
+    i, j = np.nonzero((distances <= found.middle) & ~np.eye(num, dtype=bool))
     start = np.concatenate([i, i + num])
     end = np.concatenate([j + num * flips[i, j], j + num * ~flips[i, j]])
     steps = csr_array((np.tile(distances[i, j], 2), (start, end)), shape=(2 * num, 2 * num))

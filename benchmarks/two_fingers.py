@@ -1,0 +1,443 @@
+"""What two fingers feel: how many turns of the hand come undone, for ideal presses and touches.
+
+    python benchmarks/two_fingers.py ideal     # numpy alone: chords on a sphere, a few minutes
+    python benchmarks/two_fingers.py touches   # Drake: a hand spread wide, some ten minutes
+    python benchmarks/two_fingers.py figure    # the bars of the touches
+    python benchmarks/two_fingers.py mixed     # sensations as they are, one touch or two
+    python benchmarks/two_fingers.py runs RUN... # runs of shipped experiments with two fingers
+
+Needs ripser: pip install 'selftouch-drake[homology]'. The figures stand in docs/two_fingers.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from scipy.sparse import csr_array, diags
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import eigsh
+from scipy.spatial import cKDTree
+
+from selftouch_drake.babbling.walk import RandomWalk
+from selftouch_drake.body import build_body
+from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.representation import (
+    KernelReservoir,
+    QuotientLearner,
+    assign,
+    connected_edges,
+    geodesics,
+    locally_scaled,
+    neighbour_edges,
+    set_distances,
+    target_sensations,
+)
+from selftouch_drake.representation.touches import (
+    equal_touches,
+    overlapping,
+    separate_touches,
+)
+from selftouch_drake.shape import Turns, intrinsic_dimension, landmarks, turns
+from selftouch_drake.shape.metrics import motor
+from selftouch_drake.world.probe import ContactProbe, TouchScreen
+
+DOCS = Path(__file__).parent.parent / "docs"
+
+
+def sphere_points(num_points: int) -> np.ndarray:
+    i = np.arange(num_points) + 0.5
+    z, turn = 1 - 2 * i / num_points, i * np.pi * (1 + np.sqrt(5))
+    flat = np.sqrt(1 - z**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
+
+
+def random_chords(num: int, angle: float, rng: np.random.Generator) -> np.ndarray:
+    """`(num, 2, 3)` ends of chords of the unit sphere, `angle` rad apart, any way round."""
+    middle, across = rng.standard_normal((2, num, 3))
+    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
+    across -= np.einsum("nx,nx->n", across, middle)[:, None] * middle
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return np.stack(
+        [np.cos(angle / 2) * middle + side * np.sin(angle / 2) * across for side in (1, -1)], axis=1
+    )
+
+
+def felt(points: np.ndarray, receptors: np.ndarray) -> np.ndarray:
+    """Overlapping round fields on the unit sphere that add up to one, as those of the skin."""
+    angle = np.arccos(np.clip(sphere_points(5000) @ receptors.T, -1, 1))
+    radius = 1.15 * np.sort(angle, axis=1)[:, 2].max()
+    angle = np.arccos(np.clip(points @ receptors.T, -1, 1))
+    bump = np.square(np.maximum(1 - np.square(angle / radius), 0))
+    return bump / bump.sum(axis=1, keepdims=True)
+
+
+def by_sensation(targets: np.ndarray) -> np.ndarray:
+    """`(K, K)` shortest paths through the eight nearest target sensations."""
+    near, index = cKDTree(targets).query(targets, 9)
+    pairs = np.stack([np.repeat(np.arange(len(targets)), 8), index[:, 1:].ravel()], axis=1)
+    edges, first = np.unique(np.sort(pairs, axis=1), axis=0, return_index=True)
+    return geodesics(edges, near[:, 1:].ravel()[first], len(targets))
+
+
+def few(distances: np.ndarray, num: int) -> np.ndarray:
+    picked = landmarks(distances, num)
+    return distances[np.ix_(picked, picked)]
+
+
+def longest(bars: np.ndarray) -> list[float]:
+    return [*np.sort(bars[:, 1] - bars[:, 0])[::-1][:2].tolist(), 0.0, 0.0][:2]
+
+
+def lines(name: str, found: Turns) -> Iterator[dict]:
+    """A line for the space and for each cover; lengths in the scale at which Z/3 has no loop."""
+    for cover, t in enumerate(found.covers):
+        unit = found.covers[0].scale[0]
+        (two, next_two), (three, _) = longest(t.bars2 / unit), longest(t.bars3 / unit)
+        yield {
+            "space": name,
+            "cover": 2**cover,
+            "longest_bar_mod_2": round(two, 2),
+            "next_bar_mod_2": round(next_two, 2),
+            "longest_bar_mod_3": round(three, 2),
+            "stretch": round(t.stretch, 2),
+            "order": found.order,
+        }
+
+
+def write(name: str, rows: list[dict]) -> None:
+    path = DOCS / "data" / f"two_fingers_{name}.csv"
+    path.parent.mkdir(exist_ok=True)
+    with path.open("w", newline="") as file:
+        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        table.writeheader()
+        table.writerows(rows)
+    print(path.read_text())
+
+
+def ideal(arguments: argparse.Namespace) -> None:
+    """Chords of one length, both ends pressed alike; then told apart; then with lifted fingers."""
+    rng = np.random.default_rng(arguments.seed)
+    receptors = sphere_points(100)
+
+    def targets(angle: float, ends: np.ndarray, num: int) -> np.ndarray:
+        chords = random_chords(20 * num, np.radians(angle), rng)
+        press = felt(chords.reshape(-1, 3), receptors).reshape(*chords.shape[:2], -1)
+        return target_sensations(np.einsum("nes,ne->ns", press, ends)[:40_000], num)
+
+    rows = []
+    for angle, num in ((75, 1000), (75, 2000), (75, 4000), (90, 1000), (90, 2000), (90, 4000)):
+        alike = targets(angle, np.ones((20 * num, 2)), num)
+        found = turns(few(by_sensation(alike), arguments.landmarks))
+        rows += [{"angle_deg": angle, "targets": num, **line} for line in lines("alike", found)]
+    num = 4000
+    share = np.pi / 2 * rng.uniform(size=20 * num)
+    lifted = np.stack([np.cos(share), np.sin(share)], axis=1)
+    # Two fingers, one of which always presses half as hard, are not alike.
+    unlike = np.tile([1.0, 0.5], (20 * num, 1))
+    for name, ends in (("unlike", unlike), ("one or two touches", lifted)):
+        found = turns(few(by_sensation(targets(90, ends, num)), arguments.landmarks))
+        rows += [{"angle_deg": 90, "targets": num, **line} for line in lines(name, found)]
+    write("ideal", rows)
+
+
+def collect(seed: int, num_rows: int) -> dict[str, np.ndarray]:
+    """Walks of the hand spread wide: some touches as they come, then those that may be of both.
+
+    Where only one fingertip is near the skin Drake is not asked: the agent would leave such rows
+    out, and they are nine touches in ten.
+    """
+    experiment = load_experiment("sphere_two_wide_fingers", {"seed": seed})
+    skin, fields = build_body(experiment)
+    probe, screen = ContactProbe(experiment, skin, fields), TouchScreen(skin)
+    babbling = experiment.babbling
+    kept: dict[bool, list] = {False: [], True: []}
+    num_kept = num_steps = number = 0
+    while num_kept < num_rows:
+        walk = RandomWalk(
+            lower=probe.agent.lower,
+            upper=probe.agent.upper,
+            step_size=babbling.step_size,
+            persistence=babbling.persistence,
+            seed=experiment.random_stream("walk", number),
+        )
+        number += 1
+        for _ in range(50):
+            q = walk.steps(8192).astype(np.float32)
+            num_steps += len(q)
+            p_WF = probe.kinematics.positions(q.astype(float))
+            near = np.stack([screen.may_touch(p_WF[:, [f]]) for f in (0, 1)])
+            both = len(kept[False]) >= 20
+            maybe = near.all(axis=0) if both else near.any(axis=0)
+            sensation = probe.sensations(q[maybe])
+            touching = sensation.any(axis=1)
+            kept[both].append(
+                (q[maybe][touching], sensation[touching].astype(np.float32), p_WF[maybe][touching])
+            )
+            num_kept += both * int(touching.sum())
+    columns = {}
+    for both, names in ((False, ("aq", "as_", "ap")), (True, ("q", "s", "p"))):
+        for name, column in zip(names, zip(*kept[both], strict=True), strict=True):
+            columns[name] = np.concatenate(column)
+    return {**columns, "steps": np.array(num_steps)}
+
+
+def num_touching(p_WF: np.ndarray) -> np.ndarray:
+    """`(N,)` fingertips that press a sphere of 0.25 m with a skin of 3 cm: the truth."""
+    radius = np.linalg.norm(p_WF, axis=2)
+    return np.sum((radius > 0.21) & (radius < 0.26), axis=1)
+
+
+def by_kernels(q: np.ndarray, sensation: np.ndarray, num_targets: int) -> tuple:
+    """Quantises, and measures motor kernel sets: targets, rows, offsets, `(K, K)` distances."""
+    some = np.random.default_rng(0).permutation(len(sensation))[:40_000]
+    targets = target_sensations(sensation[np.sort(some)], num_targets)
+    kernels = KernelReservoir(num_targets, 400, seed=0)
+    kernels.add(assign(sensation, targets)[0], row=np.arange(len(sensation)))
+    sample = kernels.sample()
+    row, offsets = sample.columns["row"], sample.offsets(num_targets)
+    (apart,) = set_distances(q[row], offsets, "quantile")
+    edges = connected_edges(neighbour_edges(apart), apart)
+    length = locally_scaled(apart[edges[:, 0], edges[:, 1]], edges)
+    return targets, row, offsets, geodesics(edges, length, num_targets)
+
+
+def touches(arguments: argparse.Namespace) -> None:
+    if arguments.data.exists():
+        data = dict(np.load(arguments.data))
+    else:
+        data = collect(arguments.seed, arguments.rows)
+        np.savez(arguments.data, **data)
+    overlap = overlapping(data["as_"])
+    number, parts = separate_touches(data["s"], overlap)
+    one_number, _ = separate_touches(data["as_"], overlap)
+    two = number == 2
+    q, even, p_WF = data["q"][two], equal_touches(parts[two]), data["p"][two].astype(float)
+    all_true, true = num_touching(data["ap"]), num_touching(data["p"])
+    share = float((all_true == 2).mean())
+    print(f"touches of both fingers: {share:.1%} of all; told by the agent: ", end="")
+    print(f"{(one_number[all_true == 2] == 2).mean():.1%}, ", end="")
+    print(f"touches of one taken for two: {(one_number[all_true == 1] > 1).mean():.2%}")
+    angle = [np.degrees(np.arccos(np.clip(cosine(p), -1, 1))) for p in p_WF[::100]]
+    print(f"chords {np.percentile(angle, [5, 50, 95]).round(0)} deg; rows of both {len(q)}")
+    print(f"as many touches: {(true == 2).sum() / share / 1e6:.2f} M")
+
+    rows, shown = [], {}
+    for num_rows, num_targets in (
+        (len(q) // 3, 2000),
+        (len(q) // 3, 1000),
+        (len(q) // 10, 1000),
+        (len(q), 2000),
+    ):
+        targets, row, offsets, by_motor = by_kernels(q[:num_rows], even[:num_rows], num_targets)
+        for metric, distances in (("motor", by_motor), ("sensation", by_sensation(targets))):
+            picked = landmarks(distances, arguments.landmarks)
+            found = turns(distances[np.ix_(picked, picked)])
+            shown[metric] = found
+            told = dict.fromkeys(("edges_right", "configurations_told", "of_these_right"), np.nan)
+            if found.order > 1:
+                told = fingers_told(q, p_WF, row, offsets, picked, distances, found)
+            rows += [
+                {"rows": num_rows, "targets": num_targets, **line, **told}
+                for line in lines(f"two touches, {metric}", found)
+            ]
+        write(f"touches_s{arguments.seed}", rows)
+    np.savez(arguments.data.with_suffix(".bars.npz"), **bars_of(shown))
+
+
+def mixed(arguments: argparse.Namespace) -> None:
+    """Sensations as they are: force not evened out, and touches of one finger among them."""
+    data = np.load(arguments.data)
+    two = separate_touches(data["s"], overlapping(data["as_"]))[0] == 2
+    rows = []
+    for name, kept in (("two touches as felt", two), ("one or two touches", two | True)):
+        targets, _, _, by_motor = by_kernels(data["q"][kept], data["s"][kept], 4000)
+        for metric, distances in (("motor", by_motor), ("sensation", by_sensation(targets))):
+            found = turns(few(distances, arguments.landmarks))
+            rows += [
+                {"rows": int(kept.sum()), "targets": 4000, **line}
+                for line in lines(f"{name}, {metric}", found)
+            ]
+            print(rows[-1], flush=True)
+    write(f"mixed_s{arguments.seed}", rows)
+
+
+def bars_of(shown: dict[str, Turns]) -> dict[str, np.ndarray]:
+    return {
+        f"{metric}_{2**cover}_mod_{prime}": bars
+        for metric, found in shown.items()
+        for cover, t in enumerate(found.covers)
+        for prime, bars in ((2, t.bars2), (3, t.bars3))
+    }
+
+
+def cosine(p: np.ndarray) -> float:
+    return float(p[0] @ p[1] / np.linalg.norm(p[0]) / np.linalg.norm(p[1]))
+
+
+def fingers_told(
+    q: np.ndarray,
+    p_WF: np.ndarray,
+    row: np.ndarray,
+    offsets: np.ndarray,
+    picked: np.ndarray,
+    distances: np.ndarray,
+    found: Turns,
+) -> dict[str, float]:
+    """Scores the turns against the truth: do they say which finger is at which end?
+
+    The agent labels its configurations so that near ones in neighbouring kernels have the same
+    label, or the other one if the step is a turn. The truth: which finger is at an end of the
+    chord, up to the name of each end.
+    """
+    turn = found.covers[0]
+    flips = np.zeros((len(picked),) * 2, dtype=bool)
+    flips[tuple(turn.cocycle.T)] = True
+    flips |= flips.T
+    near = distances[np.ix_(picked, picked)] <= turn.middle
+
+    members = [row[offsets[k] : offsets[k + 1]] for k in picked]
+    first_end, chord = zip(*[ends_of(p_WF[rows]) for rows in members], strict=True)
+    chords = np.array(chord)
+    i, j = np.nonzero(np.triu(near, 1))
+    same, other = (
+        np.linalg.norm(chords[i] - chords[j][:, order], axis=(1, 2)) for order in ([0, 1], [1, 0])
+    )
+    sign = np.where(flips[i, j] == (same > other), 1.0, -1.0)
+    name = leading_sign(i, j, sign, len(picked))
+    edges_right = np.mean(sign == name[i] * name[j])
+
+    kernel = np.repeat(np.arange(len(picked)), [len(rows) for rows in members])
+    configurations = q[np.concatenate(members)]
+    truth = np.where(np.concatenate(first_end), 1, -1) * name[kernel]
+    _, index = cKDTree(configurations).query(configurations, 21)
+    a, b = np.repeat(np.arange(len(index)), 20), index[:, 1:].ravel()
+    step = near[kernel[a], kernel[b]]
+    a, b = a[step], b[step]
+    label = leading_sign(a, b, np.where(flips[kernel[a], kernel[b]], -1.0, 1.0), len(index))
+    right = np.mean(label[label != 0] == truth[label != 0])
+    return {
+        "edges_right": round(float(edges_right), 4),
+        "configurations_told": round(float(np.mean(label != 0)), 4),
+        "of_these_right": round(float(max(right, 1 - right)), 4),
+    }
+
+
+def ends_of(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Names the ends of a kernel's chords: which rows have finger 0 at the first, and the chord."""
+    chord, swapped = p[0], np.zeros(len(p), dtype=bool)
+    for _ in range(3):
+        there, back = (np.linalg.norm(x - chord, axis=(1, 2)) for x in (p, p[:, ::-1]))
+        swapped = there > back
+        chord = np.where(swapped[:, None, None], p[:, ::-1], p).mean(axis=0)
+    return ~swapped, chord
+
+
+def leading_sign(i: np.ndarray, j: np.ndarray, sign: np.ndarray, num: int) -> np.ndarray:
+    """`(num,)` labels +1 and -1 that agree with the signs between pairs as well as may be.
+
+    Labels in one component say nothing of those in another: outside the largest they are 0.
+    """
+    signed = csr_array((sign, (i, j)), shape=(num, num))
+    signed = signed + signed.T
+    _, component = connected_components(signed, directed=False)
+    inside = np.flatnonzero(component == np.bincount(component).argmax())
+    part = signed[inside][:, inside]
+    scale = diags(1.0 / np.sqrt(np.maximum(abs(part).sum(axis=1), 1.0)))
+    start = np.random.default_rng(0).standard_normal(len(inside))
+    _, vectors = eigsh(scale @ part @ scale, 1, which="LA", v0=start)
+    label = np.zeros(num)
+    label[inside] = np.where(vectors[:, -1] >= 0, 1.0, -1.0)
+    return label
+
+
+def figure(arguments: argparse.Namespace) -> None:
+    """Bars of the space by motor kernel sets, and of its covers, to both coefficients."""
+    bars = np.load(arguments.data.with_suffix(".bars.npz"))
+    names = {1: "Chords, ends alike", 2: "Its double cover:\nends told apart", 4: "Cover of four"}
+    unit = np.median(bars["motor_1_mod_3"][:, 1])
+    drawing = Figure(figsize=(9.0, 3.0), layout="constrained")
+    axes = drawing.subplots(1, 3, sharex=True)
+    for ax, (cover, name) in zip(axes, names.items(), strict=True):
+        for prime, colour, side in ((2, "#0072B2", 0.2), (3, "#E69F00", -0.2)):
+            some = bars[f"motor_{cover}_mod_{prime}"] / unit
+            some = some[np.argsort(some[:, 0] - some[:, 1])][:12]
+            place = -np.arange(len(some)) + side
+            ax.hlines(place, some[:, 0], some[:, 1], color=colour, lw=2, label=f"mod {prime}")
+        ax.set_title(name)
+        ax.set_yticks([])
+        ax.set_xlabel("scale, in median deaths")
+    axes[0].legend(loc="lower right", frameon=False)
+    drawing.suptitle("Longest loops of what two fingers feel, from motor kernel sets")
+    drawing.savefig(DOCS / "images" / "two_fingers.png", dpi=150)
+
+
+DEPTH = {
+    "sphere": lambda p: 0.25 - np.linalg.norm(p, axis=-1),
+    "torus": lambda p: 0.09 - np.hypot(np.hypot(p[..., 0], p[..., 1]) - 0.22, p[..., 2]),
+    "cube": lambda p: (
+        -(
+            np.linalg.norm(np.maximum(np.abs(p) - 0.22, 0), axis=-1)
+            + np.minimum((np.abs(p) - 0.22).max(axis=-1), 0)
+        )
+    ),
+}
+
+
+def runs(arguments: argparse.Namespace) -> None:
+    """What the kernels of ordinary runs hold, and the dimension of their quotient graphs."""
+    rows = []
+    for run in arguments.runs:
+        kept = slice(arguments.rows)
+        experience, truth = ExperienceReader(run / "experience"), ExperienceReader(run / "truth")
+        q, sensation = (experience.read(column)[kept] for column in ("q", "sensation"))
+        p_WF = truth.read("p_WF")[kept].reshape(len(q), 2, 3).astype(float)
+        body = load_experiment(run / "experiment.yaml").body.shape
+        depth = DEPTH[body](p_WF)
+        both = ((depth > -0.01) & (depth < 0.04)).all(axis=1)
+        learned = QuotientLearner(arguments.targets, 400).fit(sensation, q).representation_
+        graph = motor(learned, 0, lambda fraction: None)
+        distances = geodesics(graph.edges, graph.length, learned.num_targets)
+        share = np.add.reduceat(both[learned.kernel_row], learned.kernel_offsets[:-1])
+        share = share / np.diff(learned.kernel_offsets)
+        line = {
+            "body": body,
+            "rows": len(q),
+            "targets": arguments.targets,
+            "rows_of_two": round(float(both.mean()), 3),
+            "kernels_of_one": int((share < 0.1).sum()),
+            "kernels_mixed": int(((share >= 0.1) & (share <= 0.9)).sum()),
+            "kernels_of_two": int((share > 0.9).sum()),
+            "dimension": round(intrinsic_dimension(distances), 2),
+        }
+        for name, part in (("one", share < 0.1), ("two", share > 0.9)):
+            inside = distances[np.ix_(part, part)]
+            line[f"dimension_{name}"] = (
+                round(intrinsic_dimension(inside), 2) if part.sum() >= 50 else np.nan
+            )
+        print(line, flush=True)
+        rows.append(line)
+        write("runs", rows)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("what", choices=["ideal", "touches", "mixed", "figure", "runs"])
+    parser.add_argument("runs", nargs="*", type=Path)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rows", type=int, default=400_000)
+    parser.add_argument("--targets", type=int, default=1000, help="of runs")
+    parser.add_argument("--landmarks", type=int, default=300)
+    parser.add_argument("--data", type=Path, default=Path("two_fingers.npz"))
+    arguments = parser.parse_args()
+    what = {"ideal": ideal, "touches": touches, "mixed": mixed, "figure": figure, "runs": runs}
+    what[arguments.what](arguments)
+
+
+if __name__ == "__main__":
+    main()
