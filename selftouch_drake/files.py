@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -74,6 +75,7 @@ _UNREADABLE = (
     NotImplementedError,
     OSError,
     RuntimeError,
+    tokenize.TokenError,
     TypeError,
     ValueError,
     zipfile.BadZipFile,
