@@ -60,7 +60,7 @@ def load_arrays(path: Path, names: Iterable[str] = ()) -> dict[str, np.ndarray]:
     except FileNotFoundError:
         raise
     except _UNREADABLE as error:
-        reason = str(error).rstrip(".") or type(error).__name__
+        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
         raise ValueError(f"{path} is damaged ({reason}); make it again") from None
     if missing := [name for name in names if name not in arrays]:
         raise ValueError(f"{path} lacks {', '.join(missing)}; make it again")
