@@ -62,6 +62,10 @@ __all__ = [
     "rehearse",
 ]
 
+#: What the names of the figures that a stage leaves begin with.
+BABBLED = ("babbling",)
+LEARNED = ("learning", "representation", "kernel_size", "graph", "topology", "intrinsic")
+
 # Told the fraction of the stage that is done and what it is doing.
 Progress = Callable[[float, str], None]
 
@@ -136,9 +140,12 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
         written_whole(run.topology) as new_topology,
         written_whole(run.body_distances) as new_distances,
     ):
-        representation.save(new_representation)
-        save_arrays(new_topology, diagrams)
-        save_arrays(new_distances, {"distances": body.distances.astype(np.float32)})
+        stamp = run.stamp()
+        names = [field.name for field in dataclasses.fields(representation)]
+        save_arrays(new_representation, {n: getattr(representation, n) for n in names} | stamp)
+        save_arrays(new_topology, diagrams | stamp)
+        distances = body.distances.astype(np.float32)
+        save_arrays(new_distances, {"distances": distances} | stamp)
         _forget_learning(run)
     run.add_metrics(
         {
@@ -160,7 +167,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
 
 def _forget_learning(run: RunDirectory) -> None:
     """Drops the figures of what was learned before, and all that was made from it."""
-    run.drop_metrics("learning", "representation", "kernel", "graph", "topology", "intrinsic")
+    run.drop_metrics(*LEARNED, "kernel")
     run.drop_metrics("neighbour", "shape", "trustworthiness", "continuity", "distance")
     run.drop_metrics("planning", "execution", "rehearsal")
     shutil.rmtree(run.path / "plans", ignore_errors=True)
@@ -250,6 +257,7 @@ def _distances_along_body(run: RunDirectory, representation: QuotientRepresentat
         raise RunError(
             f"{run.body_distances} is not there; run `selftouch learn {run.path}`"
         ) from None
+    run.require_stamp(run.body_distances)
     if distances.shape != (num_targets, num_targets):
         raise RunError(
             f"{run.body_distances} has shape {distances.shape}, not {(num_targets, num_targets)}; "
