@@ -66,6 +66,9 @@ __all__ = [
 BABBLED = ("babbling",)
 LEARNED = ("learning", "representation", "kernel_size", "graph", "topology", "intrinsic")
 
+# mN; what presses harder counts as so much where the median is found.
+_MOST_FORCE_MN = 1_000_000
+
 # Told the fraction of the stage that is done and what it is doing.
 Progress = Callable[[float, str], None]
 
@@ -90,19 +93,28 @@ def babble(
 
     num_steps = collect(run, executor=executor, progress=count)
     wall = time.perf_counter() - began
-    force = np.concatenate(
-        [felt.sum(axis=1) for felt in ExperienceReader(run.experience).batches("sensation")]
-    )
+    median, largest = _force_figures(run)
     run.add_metrics(
         {
             "babbling_num_samples": wanted,
             "babbling_num_steps": num_steps,
             "babbling_touch_rate": wanted / num_steps,
-            "babbling_force_median_N": float(np.median(force)),
-            "babbling_force_max_N": float(force.max()),
+            "babbling_force_median_N": median,
+            "babbling_force_max_N": largest,
             "babbling_wall_s": run.metrics().get("babbling_wall_s", 0.0) + wall,
         }
     )
+
+
+def _force_figures(run: RunDirectory) -> tuple[float, float]:
+    """Median, to a millinewton, and largest force of the touches, in memory that does not grow."""
+    counts, largest = np.zeros(_MOST_FORCE_MN + 1, dtype=np.int64), 0.0
+    for felt in ExperienceReader(run.experience).batches("sensation"):
+        force = felt.sum(axis=1)
+        largest = max(largest, float(force.max()))
+        bins = np.rint(1e3 * force).astype(np.int64).clip(0, _MOST_FORCE_MN)
+        counts += np.bincount(bins, minlength=len(counts))
+    return int(np.searchsorted(np.cumsum(counts), counts.sum() / 2)) / 1e3, largest
 
 
 def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentation:
