@@ -5,7 +5,11 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO ?= runs/demo
 
+<<<<<<< HEAD
 .PHONY: help demo test lint docs bench million install clean
+=======
+.PHONY: help demo test fuzz kills lint bench million install clean
+>>>>>>> noise
 
 help:  ## what one can ask for
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -15,6 +19,12 @@ demo: $(VENV)/.installed  ## an agent finds the shape of its body and moves from
 
 test: $(VENV)/.installed-test  ## install what the tests need, and pass them
 	$(BIN)/python -m pytest -n auto
+
+fuzz: $(VENV)/.installed-test  ## thousands of broken inputs to everything that is parsed
+	SELFTOUCH_FUZZ=1000 $(BIN)/python -m pytest tests/test_fuzz.py -n 0 -s
+
+kills: $(VENV)/.installed  ## fifty kills at random moments of every stage, each resumed and compared
+	$(BIN)/python benchmarks/kills.py
 
 lint: $(VENV)/.installed-dev  ## style and types
 	$(BIN)/ruff check

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -59,7 +60,7 @@ def load_arrays(path: Path, names: Iterable[str] = ()) -> dict[str, np.ndarray]:
     except FileNotFoundError:
         raise
     except _UNREADABLE as error:
-        reason = str(error).rstrip(".") or type(error).__name__
+        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
         raise ValueError(f"{path} is damaged ({reason}); make it again") from None
     if missing := [name for name in names if name not in arrays]:
         raise ValueError(f"{path} lacks {', '.join(missing)}; make it again")
@@ -74,6 +75,7 @@ _UNREADABLE = (
     NotImplementedError,
     OSError,
     RuntimeError,
+    tokenize.TokenError,
     TypeError,
     ValueError,
     zipfile.BadZipFile,

@@ -304,6 +304,7 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
             f"{run.representation} has {found[0]} targets over {found[1]} receptors, the "
             f"experiment {wanted[0]} over {wanted[1]}; run `selftouch learn {run.path}`"
         )
+    run.require_stamp(run.representation)
     return representation
 
 

@@ -10,11 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 from filelock import FileLock, Timeout
 
 from selftouch_drake.experiment import Experiment, Skin, dump_experiment, load_experiment
-from selftouch_drake.files import write_text_whole
+from selftouch_drake.files import load_arrays, write_text_whole
 
 # Raised whenever a file of a run changes its meaning.
 RUN_FORMAT = 1
@@ -203,6 +204,24 @@ class RunDirectory:
         fields["body"]["mesh"] = None
         text = json.dumps({key: fields[key] for key in keys}, sort_keys=True)
         return hashlib.sha256(text.encode() + shape).hexdigest()[:16]
+
+    def stamp(self) -> dict[str, np.ndarray]:
+        """The array that files of what was learned carry: their format and what they belong to."""
+        return {"made_for": np.array(f"format {RUN_FORMAT}, {self.learning_fingerprint()}")}
+
+    def require_stamp(self, file: Path) -> None:
+        """Refuses a file of what was learned from another experience, or by another version.
+
+        Raises:
+            FileNotFoundError: there is no such file.
+            RunError: it carries another stamp, or none.
+            ValueError: the file is damaged.
+        """
+        found = load_arrays(file).get("made_for")
+        if found is None or str(found) != str(self.stamp()["made_for"]):
+            raise RunError(
+                f"{file} is of another experiment or version; run `selftouch learn {self.path}`"
+            )
 
     def learning_fingerprint(self) -> str:
         """Identifies what decides what is learned: the experience and the representation."""

@@ -62,6 +62,13 @@ __all__ = [
     "rehearse",
 ]
 
+#: What the names of the figures that a stage leaves begin with.
+BABBLED = ("babbling",)
+LEARNED = ("learning", "representation", "kernel_size", "graph", "topology", "intrinsic")
+
+# mN; what presses harder counts as so much where the median is found.
+_MOST_FORCE_MN = 1_000_000
+
 # Told the fraction of the stage that is done and what it is doing.
 Progress = Callable[[float, str], None]
 
@@ -86,19 +93,28 @@ def babble(
 
     num_steps = collect(run, executor=executor, progress=count)
     wall = time.perf_counter() - began
-    force = np.concatenate(
-        [felt.sum(axis=1) for felt in ExperienceReader(run.experience).batches("sensation")]
-    )
+    median, largest = _force_figures(run)
     run.add_metrics(
         {
             "babbling_num_samples": wanted,
             "babbling_num_steps": num_steps,
             "babbling_touch_rate": wanted / num_steps,
-            "babbling_force_median_N": float(np.median(force)),
-            "babbling_force_max_N": float(force.max()),
+            "babbling_force_median_N": median,
+            "babbling_force_max_N": largest,
             "babbling_wall_s": run.metrics().get("babbling_wall_s", 0.0) + wall,
         }
     )
+
+
+def _force_figures(run: RunDirectory) -> tuple[float, float]:
+    """Median, to a millinewton, and largest force of the touches, in memory that does not grow."""
+    counts, largest = np.zeros(_MOST_FORCE_MN + 1, dtype=np.int64), 0.0
+    for felt in ExperienceReader(run.experience).batches("sensation"):
+        force = felt.sum(axis=1)
+        largest = max(largest, float(force.max()))
+        bins = np.rint(1e3 * force).astype(np.int64).clip(0, _MOST_FORCE_MN)
+        counts += np.bincount(bins, minlength=len(counts))
+    return int(np.searchsorted(np.cumsum(counts), counts.sum() / 2)) / 1e3, largest
 
 
 def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentation:
@@ -136,9 +152,12 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
         written_whole(run.topology) as new_topology,
         written_whole(run.body_distances) as new_distances,
     ):
-        representation.save(new_representation)
-        save_arrays(new_topology, diagrams)
-        save_arrays(new_distances, {"distances": body.distances.astype(np.float32)})
+        stamp = run.stamp()
+        names = [field.name for field in dataclasses.fields(representation)]
+        save_arrays(new_representation, {n: getattr(representation, n) for n in names} | stamp)
+        save_arrays(new_topology, diagrams | stamp)
+        distances = body.distances.astype(np.float32)
+        save_arrays(new_distances, {"distances": distances} | stamp)
         _forget_learning(run)
     run.add_metrics(
         {
@@ -160,7 +179,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
 
 def _forget_learning(run: RunDirectory) -> None:
     """Drops the figures of what was learned before, and all that was made from it."""
-    run.drop_metrics("learning", "representation", "kernel", "graph", "topology", "intrinsic")
+    run.drop_metrics(*LEARNED, "kernel")
     run.drop_metrics("neighbour", "shape", "trustworthiness", "continuity", "distance")
     run.drop_metrics("planning", "execution", "rehearsal")
     shutil.rmtree(run.path / "plans", ignore_errors=True)
@@ -250,6 +269,7 @@ def _distances_along_body(run: RunDirectory, representation: QuotientRepresentat
         raise RunError(
             f"{run.body_distances} is not there; run `selftouch learn {run.path}`"
         ) from None
+    run.require_stamp(run.body_distances)
     if distances.shape != (num_targets, num_targets):
         raise RunError(
             f"{run.body_distances} has shape {distances.shape}, not {(num_targets, num_targets)}; "

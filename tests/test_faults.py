@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 from filelock import FileLock
 
+from selftouch_drake import stages
 from selftouch_drake.babbling import collect, require_complete
+from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.executors import dask_executor, local_executor
 from selftouch_drake.experience import ExperienceReader, StoreError
 from selftouch_drake.experiment import load_experiment, parse_overrides
@@ -145,6 +147,89 @@ def test_a_lost_shard_of_the_truth_is_collected_again(run, whole_run):
     again = command("babble", run / "experiment.yaml", "--out", run)
     assert subprocess.run(again, capture_output=True).returncode == 0
     assert shards(run) == shards(whole_run)
+
+
+@pytest.fixture(scope="session")
+def learned_run(whole_run, tmp_path_factory):
+    """A run that has learned, planned and rehearsed, as small as it gets."""
+    path = tmp_path_factory.mktemp("learned") / "run"
+    shutil.copytree(whole_run, path)
+    run = RunDirectory.open(path)
+    stages.learn(run)
+    pilot = stages.Pilot(run)
+    pilot.plan(0, 1)
+    pilot.memory.save(run.rehearsal)
+    return path
+
+
+# Every file that a verb reads, and that verb.
+READ = [
+    ("experiment.yaml", ["learn"]),
+    ("metrics.json", ["learn"]),
+    ("experience/part-00001.parquet", ["learn"]),
+    ("experience/part-00002.parquet", ["plan", "--from", "0", "--to", "1"]),
+    ("truth/part-00003.parquet", ["evaluate"]),
+    ("representation.npz", ["plan", "--from", "0", "--to", "1"]),
+    ("representation.npz", ["evaluate"]),
+    ("rehearsal.npz", ["plan", "--from", "0", "--to", "1"]),
+    ("plans/0-1.npz", ["execute", "--from", "0", "--to", "1"]),
+]
+
+
+@pytest.mark.parametrize(("name", "command"), READ)
+@pytest.mark.parametrize("damage", ["empty", "garbage", "half", "another"])
+def test_a_damaged_or_foreign_file_is_named_and_left(
+    name, command, damage, learned_run, tmp_path, capsys
+):
+    run = tmp_path / "run"
+    shutil.copytree(learned_run, run)
+    file, (verb, *options) = run / name, command
+    whole = file.read_bytes()
+    another = run / ("skin.npz" if file.suffix != ".npz" else "experience/part-00000.parquet")
+    content = {
+        "empty": b"",
+        "garbage": bytes(range(256)) * 9,
+        "half": whole[: len(whole) // 2],
+        "another": another.read_bytes(),
+    }[damage]
+    file.write_bytes(content)
+    before = {p: p.read_bytes() for p in run.rglob("*") if p.is_file()}
+    arguments = [verb, str(run), *options]
+    status = exit_status(lambda: cli.main(arguments, standalone_mode=False))
+    line = capsys.readouterr().err.strip().splitlines()[-1]
+    assert status == 2
+    assert line.startswith("selftouch: ")
+    # Half an experiment may still be YAML: then it is the field that is named.
+    assert str(file) in line or name == "experiment.yaml"
+    after = {p: p.read_bytes() for p in run.rglob("*") if p.is_file() and p.name != ".lock"}
+    assert {p: before.get(p) for p in after} == after
+
+
+def test_what_was_learned_for_another_experiment_is_refused(learned_run, tmp_path, capsys):
+    run = tmp_path / "run"
+    shutil.copytree(learned_run, run)
+    file = run / "experiment.yaml"
+    other = file.read_text().replace("max_kernel_size: 1000", "max_kernel_size: 999")
+    file.write_text(other)
+    for verb in (["plan", str(run), "--from", "0", "--to", "1"], ["evaluate", str(run)]):
+        assert exit_status(lambda verb=verb: cli.main(verb, standalone_mode=False)) == 2
+        assert capsys.readouterr().err.strip().splitlines()[-1] == (
+            f"selftouch: {run / 'representation.npz'} is of another experiment or version; "
+            f"run `selftouch learn {run}`"
+        )
+
+
+def test_learning_that_is_killed_and_done_again_gives_the_same_bytes(learned_run, tmp_path):
+    run = tmp_path / "run"
+    shutil.copytree(learned_run, run)
+    process = subprocess.Popen(command("learn", run), stderr=subprocess.DEVNULL)
+    while not list(run.glob(".*.part")) and process.poll() is None:
+        time.sleep(0.001)
+    process.kill()
+    process.wait()
+    stages.learn(RunDirectory.open(run))
+    for name in ("representation.npz", "topology.npz", "body_distances.npz"):
+        assert (run / name).read_bytes() == (learned_run / name).read_bytes(), name
 
 
 def test_a_worker_that_is_killed_is_told(tmp_path):

@@ -18,6 +18,9 @@ MESH_SUFFIXES = (".obj", ".ply", ".stl")
 # million times more, and would fill the memory before anybody could read why.
 MAX_TRIANGLES = 50_000
 
+# m: beyond it, vertices are not told apart.
+_FARTHEST = 1e6
+
 
 def sphere(radius: float, *, resolution: float = 0.02) -> trimesh.Trimesh:
     """Returns a sphere of `radius` m, with edges of about `resolution` m."""
@@ -165,6 +168,10 @@ def _read(path: Path) -> trimesh.Trimesh:
         raise ValueError(f"body.mesh {path} has no triangles; export it again as triangles")
     if not np.isfinite(surface.vertices).all():
         raise ValueError(f"body.mesh {path} has vertices that are not finite; export it again")
+    if (reach := np.abs(surface.vertices).max()) > _FARTHEST:
+        raise ValueError(f"body.mesh {path} reaches {reach:g} m from its origin; give it in metres")
+    if surface.faces.min() < 0 or surface.faces.max() >= len(surface.vertices):
+        raise ValueError(f"body.mesh {path} has triangles without corners; export it again")
     return _clean(surface)
 
 

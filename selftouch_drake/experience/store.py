@@ -85,7 +85,10 @@ def read_num_steps(
         raise StoreError(f"{path} belongs to another experiment; choose another --out")
     if parquet.metadata.num_rows != num_rows:
         raise StoreError(f"{path} has {parquet.metadata.num_rows} rows, not {num_rows}; delete it")
-    return int(metadata[b"selftouch.num_steps"])
+    try:
+        return int(metadata[b"selftouch.num_steps"])
+    except (KeyError, ValueError):
+        raise StoreError(f"{path} does not tell its steps; delete it and babble again") from None
 
 
 class ExperienceReader:
@@ -122,17 +125,12 @@ class ExperienceReader:
         width = None
         for path in self._paths:
             parquet = _open(path)
-            schema = parquet.schema_arrow
-            if column not in schema.names or not pa.types.is_fixed_size_list(
-                schema.field(column).type
-            ):
+            if not _holds_vectors(parquet.schema_arrow, column):
                 raise StoreError(f"{path} has no column {column}; it is not such a shard")
             try:
                 vectors = parquet.read([column]).column(column).combine_chunks()
             except (pa.ArrowException, OSError) as error:
-                raise StoreError(
-                    f"{path} is damaged ({_line(error)}); delete it and babble again"
-                ) from None
+                raise _damaged(path, error) from None
             if isinstance(vectors, pa.ChunkedArray):
                 vectors = vectors.chunk(0)
             found = vectors.type.list_size
@@ -142,7 +140,11 @@ class ExperienceReader:
                     "it is of another experiment, remove it"
                 )
             width = found
-            yield vectors.flatten().to_numpy().reshape(-1, width)
+            numbers = vectors.flatten()
+            num_rows = parquet.metadata.num_rows
+            if len(vectors) != num_rows or vectors.null_count or numbers.null_count:
+                raise StoreError(f"{path} lacks values of {column}; delete it and babble again")
+            yield numbers.to_numpy().reshape(num_rows, width)
 
     def touches(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays a shard."""
@@ -158,14 +160,25 @@ def _vectors(rows: np.ndarray) -> pa.FixedSizeListArray:
     return pa.FixedSizeListArray.from_arrays(flat, rows.shape[1])
 
 
+def _holds_vectors(schema: pa.Schema, column: str) -> bool:
+    """Whether a column is one of float32 vectors of one or more numbers."""
+    if schema.names.count(column) != 1:
+        return False
+    kind = schema.field(column).type
+    return (
+        pa.types.is_fixed_size_list(kind)
+        and pa.types.is_float32(kind.value_type)
+        and kind.list_size > 0
+    )
+
+
 def _open(path: Path) -> pq.ParquetFile:
     try:
         return pq.ParquetFile(path, page_checksum_verification=True)
     except (pa.ArrowException, OSError) as error:
-        raise StoreError(
-            f"{path} is damaged ({_line(error)}); delete it and babble again"
-        ) from None
+        raise _damaged(path, error) from None
 
 
-def _line(error: Exception) -> str:
-    return str(error).splitlines()[0]
+def _damaged(path: Path, error: Exception) -> StoreError:
+    reason = str(error).splitlines()[0][:200]
+    return StoreError(f"{path} is damaged ({reason}); delete it and babble again")

@@ -81,7 +81,9 @@ class Material:
         """What the agent has learned."""
         if not self.run.representation.exists():
             raise MissingError("nothing was learned yet; run `selftouch learn`")
-        return QuotientRepresentation.load(self.run.representation)
+        representation = QuotientRepresentation.load(self.run.representation)
+        self.run.require_stamp(self.run.representation)
+        return representation
 
     @cached_property
     def diagrams(self) -> list[np.ndarray]:

@@ -30,9 +30,6 @@ from selftouch_drake.run_directory import RunDirectory, RunError
 from selftouch_drake.sweep.design import Sweep
 
 _HEADER = "# A sweep of selftouch_drake, format 1\n"
-# What begins the name of a figure that a stage leaves for those who share the stage.
-_BABBLED = ("babbling",)
-_LEARNED = ("representation", "kernel_size", "learning", "graph", "topology", "intrinsic")
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +234,7 @@ def _babble(first: RunDirectory, *others: RunDirectory) -> None:
     for run in (first, *others):
         if not stages.has_babbled(run):
             shards = sorted(p for f in ("truth", "experience") for p in (donor.path / f).iterdir())
-            _share(donor, run, [*shards, donor.skin], _BABBLED)
+            _share(donor, run, [*shards, donor.skin], stages.BABBLED)
 
 
 def _learn(first: RunDirectory, *others: RunDirectory) -> None:
@@ -247,8 +244,8 @@ def _learn(first: RunDirectory, *others: RunDirectory) -> None:
             stages.learn(donor)
     for run in (first, *others):
         if not stages.has_learned(run):
-            learned = [donor.representation, donor.topology, donor.body_distances]
-            _share(donor, run, learned, _LEARNED)
+            files = [donor.representation, donor.topology, donor.body_distances]
+            _share(donor, run, files, stages.LEARNED)
 
 
 def _evaluate(run: RunDirectory) -> None:

@@ -1,5 +1,6 @@
 """A small run, laid out by hand on a ball: no babbling, no learning."""
 
+import dataclasses
 import socket
 
 import matplotlib as mpl
@@ -73,7 +74,7 @@ def _babble(run, fields, kernels, targets, q):
 def _learn(run, kernels, targets, q):
     distance = np.linalg.norm(kernels[:, None] - kernels, axis=2)
     edges = np.argwhere(np.triu(distance < 0.6, k=1))
-    QuotientRepresentation(
+    representation = QuotientRepresentation(
         target_sensations=targets,
         kernel_offsets=PER_KERNEL * np.arange(NUM_KERNELS + 1),
         kernel_q=q,
@@ -84,7 +85,8 @@ def _learn(run, kernels, targets, q):
         edges=edges,
         edge_cost=distance[edges[:, 0], edges[:, 1]],
         embedding=kernels * [1.0, 1.0, -1.0],
-    ).save(run.representation)
+    )
+    save_arrays(run.representation, dataclasses.asdict(representation) | run.stamp())
     found = topology(kernels)
     save_arrays(run.topology, {f"diagram_{k}": bars for k, bars in enumerate(found.diagram)})
     run.add_metrics({"topology_betti": list(found.betti), "shape_rms_fraction": 0.0123})

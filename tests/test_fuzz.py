@@ -1,0 +1,409 @@
+"""Whatever is parsed: a clear error or a right result, in time, and no harm to anything else.
+
+A few dozen inputs each in the ordinary tests; `make fuzz` tries thousands and prints how many.
+"""
+
+import json
+import os
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import trimesh
+import yaml
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from selftouch_drake.acting.rehearsal import RehearsalMemory
+from selftouch_drake.body import mesh_file
+from selftouch_drake.cli import cli, exit_status
+from selftouch_drake.experience import (
+    ExperienceReader,
+    Shard,
+    StoreError,
+    read_num_steps,
+    shard_name,
+    write_shard,
+)
+from selftouch_drake.experiment import (
+    Experiment,
+    ExperimentError,
+    dump_experiment,
+    experiment_from_fields,
+    load_experiment,
+    parse_overrides,
+)
+from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.representation import QuotientRepresentation
+from selftouch_drake.run_directory import RunDirectory, RunError
+from selftouch_drake.sweep import SweepError, load_sweep, read_table
+
+NUM_INPUTS = int(os.environ.get("SELFTOUCH_FUZZ", "20"))
+TRIED = Counter()
+
+fuzz = settings(
+    max_examples=NUM_INPUTS,
+    deadline=None,
+    derandomize=NUM_INPUTS <= 100,
+    database=None,
+    suppress_health_check=list(HealthCheck),
+)
+
+# What is done to a file: cut off, bytes changed, put in or taken out, a part said twice.
+edits = st.lists(
+    st.tuples(
+        st.sampled_from(["cut", "change", "flip", "insert", "remove", "repeat"]),
+        st.floats(0, 1),
+        st.binary(min_size=1, max_size=8),
+    ),
+    min_size=1,
+    max_size=4,
+)
+
+
+def damaged(content: bytes, edits) -> bytes:
+    for kind, share, new in edits:
+        at = int(share * max(len(content) - 1, 0))
+        end = at + len(new)
+        content = {
+            "cut": content[:at],
+            "change": content[:at] + new + content[end:],
+            "flip": content[:at]
+            + bytes(b ^ new[0] for b in content[at : at + 1])
+            + content[at + 1 :],
+            "insert": content[:at] + new + content[at:],
+            "remove": content[:at] + content[end:],
+            "repeat": content[:end] + content[at:],
+        }[kind]
+    return content
+
+
+def told(load, errors, *words) -> object:
+    """What `load` returns; None if it refuses in one clear line that has all of `words`."""
+    TRIED[sys._getframe(1).f_code.co_name] += 1
+    began = time.process_time()
+    try:
+        return load()
+    except errors as error:
+        message = str(error)
+        assert message.strip()
+        assert len(message) < 1000
+        assert "Traceback" not in message
+        for word in words:
+            assert str(word) in message
+        return None
+    finally:
+        # Of computing, so that a busy machine does not look like a hang.
+        assert time.process_time() - began < 10
+
+
+@pytest.fixture(scope="module", autouse=True)
+def print_counts():
+    yield
+    print(f"\n{sum(TRIED.values()):,} inputs: {dict(TRIED)}")  # noqa: T201
+
+
+class Made:
+    """A run with every kind of file in it, and what they hold."""
+
+    def __init__(self, directory, shard, representation):
+        self.directory, self.shard, self.representation = directory, shard, representation
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    small = {"babbling": {"num_samples": 60}, "representation": {"num_targets": 50}}
+    experiment = load_experiment("cube", small)
+    path = tmp_path_factory.mktemp("fuzz") / "run"
+    made = RunDirectory.create(path, experiment)
+    random = np.random.default_rng(0)
+    shard = Shard(
+        walk=0,
+        num_steps=1000,
+        step=np.arange(60),
+        q=random.uniform(-1, 1, (60, 6)).astype(np.float32),
+        sensation=random.uniform(0, 1, (60, 100)).astype(np.float32),
+        p_WF=random.uniform(-1, 1, (60, 3)),
+    )
+    write_shard(path, shard, fingerprint=made.fingerprint())
+    representation = QuotientRepresentation(
+        target_sensations=shard.sensation[:50],
+        kernel_offsets=np.append(np.arange(50), 60),
+        kernel_q=shard.q,
+        kernel_row=np.arange(60),
+        kernel_strength=np.ones(60, np.float32),
+        kernel_error=np.zeros(60, np.float32),
+        set_distance=np.ones((50, 50), np.float32),
+        edges=np.stack([np.arange(49), np.arange(1, 50)], axis=1),
+        edge_cost=np.ones(49, np.float32),
+        embedding=random.uniform(-1, 1, (50, 3)),
+    )
+    representation.save(made.representation)
+    RehearsalMemory.blank(representation).save(made.rehearsal)
+    save_arrays(made.skin, {"p_BS": np.zeros((100, 3)), "vertices": np.zeros((4, 3))})
+    made.add_metrics({"babbling_num_samples": 60, "topology_betti": [1, 0, 1], "x": {"y": 0.5}})
+    return Made(made, shard, representation)
+
+
+def put(path, content: bytes):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    return path
+
+
+# ---- experiments and sweeps ----
+
+tokens = st.sampled_from(
+    [
+        *("body", "shape", "mesh", "skin", "seed", "name", "sphere", "semi_axes", "imperfections"),
+        *("joints", "noise", "grid", "each", "cases", "seeds", "experiments", "set", "dead"),
+        *("skin.num_receptors", "a.b", "..", "cube", "/dev/zero", "../../etc/passwd", "nan", "1e9"),
+        *(": ", ", ", "{", "}", "[", "]", "\n", "\n  ", "- ", "? ", "&a ", "*a", "<<: *a", "# "),
+        *("!!int ", "!!float ", "!!binary ", "!!set ", "!!python/object:os.system ", "!!bool "),
+        *("'", '"', "\\x00", "\\ud800", "\0", "\ufeff", "\x85", "\t", "---", "...", "%YAML 1.1"),
+        *("0x", "0b_", "1e999", ".nan", "-.inf", "1:61:1", "2026-02-30", "~", "=", "yes", "é"),
+    ]
+)
+texts = st.lists(tokens, max_size=14).map("".join) | st.text(max_size=60)
+WHOLE = dump_experiment(Experiment()).encode()
+SWEEP = b"""experiments: [cube]
+seeds: [0, 1]
+set: {babbling: {num_samples: 1000}}
+grid: {skin.num_receptors: [50, 100], representation.num_targets: [60, 70]}
+each: {joints.noise: [0, 0.1]}
+cases: [{skin: {imperfections: {dead: 0.1}}}]
+"""
+
+
+def again(experiment):
+    if experiment is not None:
+        assert experiment_from_fields(yaml.safe_load(dump_experiment(experiment))) == experiment
+
+
+@fuzz
+@given(text=texts)
+def test_any_override(text):
+    again(told(lambda: load_experiment("cube", parse_overrides(text)), ExperimentError))
+
+
+@fuzz
+@given(edits=edits)
+def test_a_damaged_experiment(edits, tmp_path_factory):
+    path = put(tmp_path_factory.getbasetemp() / "any.yaml", damaged(WHOLE, edits))
+    again(told(lambda: load_experiment(path), ExperimentError))
+
+
+@fuzz
+@given(content=texts.map(lambda text: text.encode("utf-8", "surrogatepass")) | st.binary())
+def test_any_sweep(content, tmp_path_factory):
+    path = put(tmp_path_factory.getbasetemp() / "any_sweep.yaml", content)
+    told(lambda: load_sweep(path), (SweepError, ExperimentError))
+
+
+@fuzz
+@given(edits=edits)
+def test_a_damaged_sweep(edits, tmp_path_factory):
+    path = put(tmp_path_factory.getbasetemp() / "any_sweep.yaml", damaged(SWEEP, edits))
+    sweep = told(lambda: load_sweep(path), (SweepError, ExperimentError))
+    if sweep is not None:
+        assert len(set(map(dump_experiment, sweep.experiments))) == len(sweep.experiments)
+
+
+# ---- what a run holds ----
+
+
+@fuzz
+@given(edits=edits, folder=st.sampled_from(["experience", "truth"]))
+def test_a_damaged_shard(edits, folder, run, tmp_path_factory):
+    there = tmp_path_factory.getbasetemp() / "store"
+    whole = (run.directory.path / folder / shard_name(0)).read_bytes()
+    path = put(there / folder / shard_name(0), damaged(whole, edits))
+    fingerprint = run.directory.fingerprint()
+
+    def load():
+        steps = read_num_steps(there, 0, num_rows=60, fingerprint=fingerprint, folder=folder)
+        reader = ExperienceReader(there / folder)
+        assert reader.num_rows == 60
+        return steps, {c: reader.read(c) for c in columns}
+
+    columns = ["q", "sensation"] if folder == "experience" else ["p_WF"]
+    found = told(load, StoreError, path)
+    if found is not None:
+        assert found[0] == 1000
+        for column in columns:
+            expected = getattr(run.shard, column).astype(np.float32)
+            np.testing.assert_array_equal(found[1][column], expected)
+
+
+kinds = st.sampled_from(
+    [
+        pa.list_(pa.float32(), 6),
+        pa.list_(pa.float64(), 6),
+        pa.list_(pa.string(), 1),
+        pa.list_(pa.float32()),
+        pa.float32(),
+        pa.list_(pa.float32(), 0),
+        pa.list_(pa.list_(pa.float32(), 2), 3),
+    ]
+)
+
+
+@fuzz
+@given(kind=kinds, num_rows=st.integers(0, 3), null=st.booleans())
+def test_a_foreign_shard(kind, num_rows, null, tmp_path_factory):
+    there = tmp_path_factory.getbasetemp() / "foreign"
+    path = put(there / shard_name(0), b"")
+    inner = kind
+    entry = 1.5
+    sizes = []
+    while pa.types.is_fixed_size_list(inner) or pa.types.is_list(inner):
+        sizes.append(getattr(inner, "list_size", 2))
+        inner = inner.value_type
+    entry = "x" if pa.types.is_string(inner) else 1.5
+    for size in reversed(sizes):
+        entry = [entry] * size
+    values = [None if null and row == 1 else entry for row in range(num_rows)]
+    pq.write_table(pa.table({"q": pa.array(values, kind)}), path)
+    q = told(lambda: ExperienceReader(there).read("q"), StoreError, path)
+    if q is not None:
+        assert q.dtype == np.float32
+        assert q.shape == (num_rows, 6)
+        assert (q == 1.5).all()
+
+
+@fuzz
+@given(edits=edits)
+def test_a_damaged_representation(edits, run, tmp_path_factory):
+    whole = run.directory.representation.read_bytes()
+    path = put(tmp_path_factory.getbasetemp() / "any.npz", damaged(whole, edits))
+    found = told(lambda: QuotientRepresentation.load(path), ValueError, path)
+    if found is not None:
+        for name in ("target_sensations", "kernel_q", "kernel_offsets", "edges"):
+            np.testing.assert_array_equal(getattr(found, name), getattr(run.representation, name))
+
+
+arrays = st.sampled_from(
+    [
+        np.zeros(()),
+        np.zeros(0),
+        np.zeros((50, 3)),
+        np.full((50, 50), np.nan),
+        np.array(["x"]),
+        np.arange(60),
+        np.arange(51) - 7,
+        np.array([[0, 99]]),
+        np.zeros((60, 6), dtype=complex),
+        np.array(b"\xff"),
+    ]
+)
+
+
+@fuzz
+@given(data=st.data())
+def test_foreign_arrays(data, run, tmp_path_factory):
+    path = tmp_path_factory.getbasetemp() / "foreign.npz"
+    with np.load(run.directory.representation) as archive:
+        content = dict(archive)
+    for name in data.draw(st.sets(st.sampled_from(sorted(content)), min_size=1, max_size=3)):
+        content[name] = data.draw(arrays)
+    save_arrays(path, content)
+    told(lambda: QuotientRepresentation.load(path), ValueError, path)
+
+
+@fuzz
+@given(edits=edits)
+def test_a_damaged_memory(edits, run, tmp_path_factory):
+    whole = run.directory.rehearsal.read_bytes()
+    path = put(tmp_path_factory.getbasetemp() / "memory.npz", damaged(whole, edits))
+    found = told(lambda: RehearsalMemory.load(path, run.representation), ValueError, path)
+    if found is not None:
+        np.testing.assert_array_equal(found.edge_penalty, 1.0)
+        assert found.num_tries == 0
+
+
+@fuzz
+@given(content=st.binary(max_size=60) | edits.map(lambda e: damaged(b"PK\x03\x04" * 9, e)))
+def test_any_arrays(content, tmp_path_factory):
+    path = put(tmp_path_factory.getbasetemp() / "any_arrays.npz", content)
+    told(lambda: load_arrays(path), ValueError, path)
+
+
+@fuzz
+@given(data=st.data())
+def test_any_figures(data, run, tmp_path_factory):
+    there = tmp_path_factory.getbasetemp() / "figures"
+    whole = (run.directory.path / "metrics.json").read_bytes()
+    content = data.draw(edits.map(lambda e: damaged(whole, e)) | st.binary(max_size=40))
+    path = put(there / "metrics.json", content)
+    found = told(RunDirectory(there, run.directory.experiment).metrics, RunError, path)
+    if found is not None:
+        assert json.loads(json.dumps(found)) == found or "NaN" in json.dumps(found)
+
+
+@fuzz
+@given(edits=edits)
+def test_a_damaged_table(edits, tmp_path_factory):
+    path = tmp_path_factory.getbasetemp() / "table.parquet"
+    table = pa.table({"seed": [1, 2]}).replace_schema_metadata({"selftouch.fields": "seed"})
+    pq.write_table(table, path, write_page_checksum=True)
+    put(path, damaged(path.read_bytes(), edits))
+    told(lambda: read_table(path), ValueError, path)
+
+
+# ---- meshes ----
+
+BALL = trimesh.creation.icosphere(subdivisions=1, radius=0.2)
+MESHES = {suffix: BALL.export(file_type=suffix) for suffix in ("obj", "stl", "ply")}
+MESHES = {k: v.encode() if isinstance(v, str) else v for k, v in MESHES.items()}
+
+
+@fuzz
+@given(suffix=st.sampled_from(sorted(MESHES)), data=st.data())
+def test_a_damaged_mesh(suffix, data, tmp_path_factory):
+    content = data.draw(edits.map(lambda e: damaged(MESHES[suffix], e)) | st.binary(max_size=99))
+    path = put(tmp_path_factory.getbasetemp() / f"any.{suffix}", content)
+    surface = told(lambda: mesh_file(path, resolution=0.2), ValueError, path)
+    if surface is not None:
+        assert surface.is_watertight
+        assert surface.volume > 0
+        assert np.isfinite(surface.vertices).all()
+
+
+# ---- the command line ----
+
+words = st.sampled_from(
+    [
+        *("run", "babble", "learn", "plan", "execute", "evaluate", "report", "sweep", "RUN"),
+        *("--from", "--to", "--through", "--from-q", "--set", "--free", "--rehearse", "-h", "--"),
+        *("3", "-1", "99999999999999999999", "1,2", "1,,2", "nan,inf", "0,0,0,0,0,0", "{", "é\0"),
+        *("--out=/proc/nowhere", "--version", "--port=1", "--workers=0", "nothing"),
+    ]
+)
+
+
+@fuzz
+@given(arguments=st.lists(words | st.text(max_size=5), max_size=6))
+def test_any_command(arguments, run, tmp_path_factory, capsys):
+    """Nothing is computed here: what would be is refused, or has no run to work on."""
+    there = tmp_path_factory.getbasetemp() / "nowhere"
+    there.mkdir(exist_ok=True)
+    here = Path.cwd()
+    line = [str(there / "run") if word == "RUN" else word for word in arguments]
+    if line[:1] in (["run"], ["babble"], ["sweep"]):
+        line = [line[0], "no_such_experiment", *line[1:]]
+    os.chdir(there)
+    try:
+        TRIED["test_any_command"] += 1
+        status = exit_status(lambda: cli.main(line, prog_name="selftouch", standalone_mode=False))
+    finally:
+        os.chdir(here)
+    assert status in (0, 2)
+    written = capsys.readouterr().err
+    assert "Traceback" not in written
+    assert (status == 2) == written.startswith("selftouch: ")
+    assert list(there.iterdir()) == []
