@@ -165,6 +165,7 @@ def _forget_learning(run: RunDirectory) -> None:
     run.drop_metrics("planning", "execution", "rehearsal")
     shutil.rmtree(run.path / "plans", ignore_errors=True)
     run.rehearsal.unlink(missing_ok=True)
+    run.trials.unlink(missing_ok=True)
 
 
 def rehearse(
