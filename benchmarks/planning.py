@@ -36,8 +36,8 @@ from selftouch_drake.trials import random_pairs
 
 # Goal configurations offered to a peer; more slow OMPL's nearest-neighbour search of its goal tree.
 NUM_GOALS = 20
-# s, after which OMPL gives up.
-OMPL_TIMEOUT_S = 10.0
+# s of CPU, after which OMPL gives up.
+OMPL_TIMEOUT_S = 20.0
 # Nearest neighbours that the graph of samples joins.
 SAMPLE_NEIGHBOURS = 12
 # rad of path length between the samples on which jerk is measured.
@@ -169,10 +169,11 @@ def ompl_planner(world: World, experiment: Experiment) -> Callable[[Question], n
         setup.setGoal(goals)
         setup.setPlanner(og.RRTConnect(information))
         setup.setup()
-        setup.solve(OMPL_TIMEOUT_S)
+        end = time.process_time() + OMPL_TIMEOUT_S
+        setup.solve(ob.PlannerTerminationCondition(lambda: time.process_time() > end))
         if not setup.haveExactSolutionPath():
             return None
-        setup.simplifySolution(1.0)
+        setup.simplifySolution()
         path = setup.getSolutionPath()
         path.interpolate()
         num_joints = len(question.q_start)

@@ -246,6 +246,11 @@ def executed(world: World, plan: Motion) -> Motion:
     }
 
 
+def tracking_rms(motion: Motion) -> float:
+    """Rad, root mean square angle between the commanded and the measured joints."""
+    return float(np.sqrt(np.mean(np.square(motion["q_measured"] - motion["q"]))))
+
+
 def rehearse_motion(
     pilot: Pilot,
     world: World,

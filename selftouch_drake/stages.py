@@ -36,6 +36,7 @@ from selftouch_drake.motions import (
     judged,
     load_representation,
     rehearse_motion,
+    tracking_rms,
 )
 from selftouch_drake.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory, RunError
@@ -60,6 +61,7 @@ __all__ = [
     "learn",
     "load_representation",
     "rehearse",
+    "tracking_rms",
 ]
 
 # Told the fraction of the stage that is done and what it is doing.

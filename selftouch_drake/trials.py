@@ -13,6 +13,7 @@ from selftouch_drake.evaluation import (
     MotionScore,
     calibration,
     cosine_distance,
+    progress_along,
     score_motion,
     spatial_jerk_reduction,
     summarise,
@@ -201,10 +202,18 @@ def _time_off_skin(motion: Motion, wall: cKDTree) -> float:
 
 
 def _fingertip_jerk_reduction(motions: list[Motion], path: str, world: World) -> float:
-    """The median over motions of more than one step; `path` names the fingertips' positions."""
+    """The median over motions of more than one step, as planned or as measured."""
     to_space = world.probe.kinematics.positions
+    measured = path == "p_WF_measured"
     reductions = [
-        spatial_jerk_reduction(motion["s"], motion[path], motion["waypoints_q"], to_space)
+        spatial_jerk_reduction(
+            progress_along(motion["s"], motion["q"], motion["q_measured"])
+            if measured
+            else motion["s"],
+            motion[path],
+            motion["waypoints_q"],
+            to_space,
+        )
         for motion in motions
         if len(motion["edges"]) > 1
     ]
