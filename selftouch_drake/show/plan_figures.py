@@ -137,7 +137,7 @@ def _depth(
         ax.annotate(text, (99, y), ha="right", va="center", color=MUTED)
     ax.set(
         xlabel="motion (% of its time)", ylabel="depth of the fingertip's centre (cm)",
-        xlim=(0, 100), ylim=(lowest, min(depth.min(), 0.0) - 0.5), title="The cavity is avoided",
+        xlim=(0, 100), ylim=(lowest, min(depth.min(), 0.0) - 0.5), title="How deep the fingers go",
     )  # fmt: skip
     if len(depth) > 1:
         ax.legend(loc="upper left")
