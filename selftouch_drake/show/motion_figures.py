@@ -180,7 +180,7 @@ def learning_curve(naive: np.ndarray, remembering: np.ndarray, num_tries: np.nda
     ):
         better.plot(pairs, np.cumsum(lost), color=color, label=label, linewidth=1.6)
     better.set(
-        xlabel="pairs so far", ylabel="motions' worth of time without contact", xlim=(1, pairs[-1]),
+        xlabel="pairs so far", ylabel="motions' worth of time without contact", xlim=(0.5, pairs[-1] + 0.5),
         ylim=(0, None), title="First tries, added up",
     )  # fmt: skip
     better.legend(loc="upper left")
