@@ -1,6 +1,6 @@
-"""Motions between random pairs of sensations, scored for runs that have learned. Run it as a script.
+"""Motions between random pairs of sensations, scored. Run it as a script.
 
-Prints a column a run; the table stands in docs/planning.md. What `selftouch evaluate` does besides,
+Prints a column for each run, which must have learned; the table stands in docs/planning.md. What `selftouch evaluate` does besides,
 the shape by every metric, is left out.
 """
 

@@ -180,8 +180,8 @@ def learning_curve(naive: np.ndarray, remembering: np.ndarray, num_tries: np.nda
     ):
         better.plot(pairs, np.cumsum(lost), color=color, label=label, linewidth=1.6)
     better.set(
-        xlabel="pairs so far", ylabel="motions' worth of time without contact", xlim=(0.5, pairs[-1] + 0.5),
-        ylim=(0, None), title="First tries, added up",
+        xlabel="pairs so far", ylabel="motions' worth of time without contact",
+        xlim=(0.5, pairs[-1] + 0.5), ylim=(0, None), title="First tries, added up",
     )  # fmt: skip
     better.legend(loc="upper left")
     counts = np.bincount(num_tries, minlength=2)[1:]
