@@ -1,7 +1,7 @@
 """Motions between random pairs of sensations, scored. Run it as a script.
 
-Prints a column for each run, which must have learned; the table stands in docs/planning.md. What `selftouch evaluate` does besides,
-the shape by every metric, is left out.
+Prints a column for each run, which must have learned; the table stands in docs/planning.md. What
+`selftouch evaluate` does besides, the shape by every metric, is left out.
 """
 
 from __future__ import annotations

@@ -87,10 +87,11 @@ def _route(ax: Axes, embedding: np.ndarray, edges: np.ndarray, nodes: np.ndarray
     view = View.facing(centred[nodes].mean(axis=0) + 1e-9)
     picture = view.project(centred)[:, :2]
     ax.add_collection(LineCollection(list(picture[edges]), colors=PALE, linewidths=0.4, zorder=1))
-    ax.plot(*picture[nodes].T, color=VERMILION, linewidth=1.4, zorder=2)
-    ax.scatter(*picture[nodes].T, s=16, color=VERMILION, zorder=3)
-    for node, color in ((nodes[0], GREEN), (nodes[-1], BLUE)):
-        ax.scatter(*picture[node], s=60, color=color, zorder=4)
+    x, y = picture[nodes].T
+    ax.plot(x, y, color=VERMILION, linewidth=1.4, zorder=2)
+    ax.scatter(x, y, s=16, color=VERMILION, zorder=3)
+    for end, color in ((0, GREEN), (-1, BLUE)):
+        ax.scatter(x[end], y[end], s=60, color=color, zorder=4)
     ax.autoscale_view()
 
 
@@ -111,8 +112,10 @@ def _poses(
     # The fingers are one rigid hand: a line joins them.
     ax.add_collection(LineCollection(list(between), colors=SKY, linewidths=0.6, zorder=2))
     ax.add_collection(LineCollection(list(crosses), colors=VERMILION, linewidths=1.0, zorder=3))
-    ax.scatter(*between.reshape(-1, 2).T, s=5, color=SKY, linewidths=0, zorder=2.5)
-    ax.scatter(*crosses.reshape(-1, 2).T, s=26, color=VERMILION, marker="x", zorder=3.5)
+    x, y = between.reshape(-1, 2).T
+    ax.scatter(x, y, s=5, color=SKY, linewidths=0, zorder=2.5)
+    x, y = crosses.reshape(-1, 2).T
+    ax.scatter(x, y, s=26, color=VERMILION, marker="x", zorder=3.5)
     size = np.ptp(vertices, axis=0).max()
     for pose, color in ((path[0], GREEN), (path[-1], BLUE)):
         draw(ax, view, balls(pose, 0.03 * size, color, detail=3), zorder=4)
