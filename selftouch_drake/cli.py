@@ -231,6 +231,7 @@ def execute(
         tries = stages.rehearse(directory, world, targets[0], targets[1], max_tries)
         kept = best(tries)
         click.echo("tries: " + ", ".join(f"{one.contact:.1%}" for one in tries))
+    click.echo(f"tracking: {1e3 * stages.tracking_rms(kept.motion):.1f} mrad")
     click.echo(f"in contact: {kept.contact:.1%} of the time")
     click.echo(f"sensation {targets[-1]}: {'reached' if kept.reached else 'missed'}")
     click.echo(f"plan: {directory.plan(*targets)}")

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from selftouch_drake.acting.execution import LOG_PERIOD, DynamicWorld
+from selftouch_drake.acting.limits import JointLimits
 from selftouch_drake.acting.rehearsal import RehearsalMemory, Try, best, judge, rehearse
 from selftouch_drake.acting.timing import TimedPath, time_path
 from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
@@ -53,6 +54,11 @@ class World:
     def probe(self) -> ContactProbe:
         """What is felt at given configurations, without time."""
         return ContactProbe(self._experiment, *self.body)
+
+    @cached_property
+    def limits(self) -> JointLimits:
+        """What the arm and its motions may do."""
+        return JointLimits.of(self.probe.agent, self._experiment.execution)
 
     @cached_property
     def dynamic(self) -> DynamicWorld:
@@ -240,6 +246,11 @@ def executed(world: World, plan: Motion) -> Motion:
     }
 
 
+def tracking_rms(motion: Motion) -> float:
+    """Rad, root mean square angle between the commanded and the measured joints."""
+    return float(np.sqrt(np.mean(np.square(motion["q_measured"] - motion["q"]))))
+
+
 def rehearse_motion(
     pilot: Pilot,
     world: World,
@@ -304,8 +315,25 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
             f"{run.representation} has {found[0]} targets over {found[1]} receptors, the "
             f"experiment {wanted[0]} over {wanted[1]}; run `selftouch learn {run.path}`"
         )
+<<<<<<< HEAD
     run.require_stamp(run.representation)
+=======
+    _require_same_experience(run, representation)
+>>>>>>> planning
     return representation
+
+
+def _require_same_experience(run: RunDirectory, representation: QuotientRepresentation) -> None:
+    """Refuses a representation of another experience, as far as the run's first shard tells."""
+    if not run.experience.is_dir():
+        return
+    lived = next(ExperienceReader(run.experience).batches("q"))
+    known = representation.kernel_row < len(lived)
+    if not np.array_equal(lived[representation.kernel_row[known]], representation.kernel_q[known]):
+        raise RunError(
+            f"{run.representation} was learned from another experience than "
+            f"{run.experience} holds; run `selftouch learn {run.path}`"
+        )
 
 
 def kernel_sensation(run: RunDirectory, representation: QuotientRepresentation) -> np.ndarray:

@@ -129,6 +129,11 @@ class RunDirectory:
         return self.path / "rehearsal.npz"
 
     @property
+    def trials(self) -> Path:
+        """What became of each random pair."""
+        return self.path / "trials.npz"
+
+    @property
     def topology(self) -> Path:
         """The persistence diagram of the recovered body."""
         return self.path / "topology.npz"

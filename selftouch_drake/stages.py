@@ -36,6 +36,7 @@ from selftouch_drake.motions import (
     judged,
     load_representation,
     rehearse_motion,
+    tracking_rms,
 )
 from selftouch_drake.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory, RunError
@@ -60,6 +61,7 @@ __all__ = [
     "learn",
     "load_representation",
     "rehearse",
+    "tracking_rms",
 ]
 
 #: What the names of the figures that a stage leaves begin with.
@@ -184,6 +186,7 @@ def _forget_learning(run: RunDirectory) -> None:
     run.drop_metrics("planning", "execution", "rehearsal")
     shutil.rmtree(run.path / "plans", ignore_errors=True)
     run.rehearsal.unlink(missing_ok=True)
+    run.trials.unlink(missing_ok=True)
 
 
 def rehearse(

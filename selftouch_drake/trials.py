@@ -7,11 +7,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial import cKDTree
 
+from selftouch_drake.acting.limits import JointLimits, limit_shares
 from selftouch_drake.acting.rehearsal import RehearsalMemory, Try, best
 from selftouch_drake.evaluation import (
     MotionScore,
     calibration,
     cosine_distance,
+    progress_along,
     score_motion,
     spatial_jerk_reduction,
     summarise,
@@ -28,6 +30,7 @@ from selftouch_drake.motions import (
     load_representation,
     rehearse_motion,
 )
+from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory
 
 
@@ -45,7 +48,8 @@ def score_motions(
         progress: told the fraction done and what is being done.
 
     Returns:
-        Figures as `metrics.json` names them; none if the experiment asks for no pair.
+        Figures as `metrics.json` names them; none if the experiment asks for no pair. What became
+        of each pair is kept in the run, as `trial_table` describes.
     """
     pairs = random_pairs(run)
     if not pairs:
@@ -74,6 +78,7 @@ def score_motions(
         )
         # What stays in the run is the first try, which the figures are about.
         save_arrays(run.plan(start, goal), motions[-1])
+    save_arrays(run.trials, trial_table(pairs, motions, rehearsals, representation))
     query_ms = 1e3 * np.array(first.query_s)
     goals = [goal for _, goal in pairs]
     return {
@@ -82,6 +87,7 @@ def score_motions(
         "planning_query_ms_median": float(np.median(query_ms)),
         "planning_query_ms_p95": float(np.percentile(query_ms, 95)),
         **execution_figures(motions, goals, representation.target_sensations),
+        **limit_figures(motions, world.limits),
         "execution_time_off_skin_s": sum(_time_off_skin(motion, wall) for motion in motions),
         "planning_fingertip_jerk_reduction": _fingertip_jerk_reduction(
             motions, "p_WF_planned", world
@@ -110,11 +116,55 @@ def execution_figures(
     }
 
 
+def limit_figures(motions: list[Motion], limits: JointLimits) -> dict[str, float]:
+    """The largest share of each kind of limit that any motion took; above 1 it was exceeded."""
+    shares = [
+        limit_shares(m["time_s"], m["q"], m["v"], m["q_measured"], m["torque"], limits)
+        for m in motions
+    ]
+    return {f"execution_{kind}_of_limit": max(s[kind] for s in shares) for kind in shares[0]}
+
+
+def trial_table(
+    pairs: list[tuple[int, int]],
+    motions: list[Motion],
+    rehearsals: list[list[Try[Motion]]],
+    representation: QuotientRepresentation,
+) -> dict[str, np.ndarray]:
+    """What became of each of N pairs, in the order in which they were tried.
+
+    Returns:
+        `pairs` `(N, 2)`; shares of the time in contact `(N,)`: `contact_naive` at the first try
+        without memory, `contact_remembering` at the first try with the memory of the rehearsals of
+        all pairs before, `contact_kept` at the best; whether the goal was reached, under the same
+        names with `reached`; `num_tries` `(N,)` of the rehearsal; `prediction_error` `(N,)` of the
+        first try without memory.
+    """
+    naive = [
+        judged(motion, goal, representation)
+        for motion, (_, goal) in zip(motions, pairs, strict=True)
+    ]
+    columns = {
+        "naive": naive,
+        "remembering": [tries[0] for tries in rehearsals],
+        "kept": [best(tries) for tries in rehearsals],
+    }
+    scores = [_score(m, 0, representation.target_sensations) for m in motions]
+    return {
+        "pairs": np.array(pairs),
+        **{f"contact_{name}": np.array([t.contact for t in c]) for name, c in columns.items()},
+        **{f"reached_{name}": np.array([t.reached for t in c]) for name, c in columns.items()},
+        "num_tries": np.array([len(tries) for tries in rehearsals]),
+        "prediction_error": np.array([score.prediction_error for score in scores]),
+    }
+
+
 def rehearsal_figures(rehearsals: list[list[Try[Motion]]]) -> dict[str, object]:
     """Figures of rehearsals in the order in which they were made."""
     kept = [best(tries) for tries in rehearsals]
     contact = [one.contact for one in kept]
     return {
+        "rehearsal_first_try_contact_mean": float(np.mean([t[0].contact for t in rehearsals])),
         "rehearsal_reach_rate": float(np.mean([one.reached for one in kept])),
         "rehearsal_contact_mean": float(np.mean(contact)),
         "rehearsal_contact_worst": float(np.min(contact)),
@@ -152,10 +202,18 @@ def _time_off_skin(motion: Motion, wall: cKDTree) -> float:
 
 
 def _fingertip_jerk_reduction(motions: list[Motion], path: str, world: World) -> float:
-    """The median over motions of more than one step; `path` names the fingertips' positions."""
+    """The median over motions of more than one step, as planned or as measured."""
     to_space = world.probe.kinematics.positions
+    measured = path == "p_WF_measured"
     reductions = [
-        spatial_jerk_reduction(motion["s"], motion[path], motion["waypoints_q"], to_space)
+        spatial_jerk_reduction(
+            progress_along(motion["s"], motion["q"], motion["q_measured"])
+            if measured
+            else motion["s"],
+            motion[path],
+            motion["waypoints_q"],
+            to_space,
+        )
         for motion in motions
         if len(motion["edges"]) > 1
     ]

@@ -1,5 +1,6 @@
 """Plans, tours, free starts and rehearsals of a small run, from Python and the command line."""
 
+import dataclasses
 import re
 import shutil
 from concurrent.futures import ThreadPoolExecutor
@@ -133,6 +134,35 @@ def test_a_representation_that_does_not_belong_is_refused(run):
     )
 
 
+def test_a_representation_of_another_experience_is_refused(run):
+    known = stages.load_representation(run)
+    dataclasses.replace(known, kernel_q=known.kernel_q + np.float32(0.01)).save(run.representation)
+    with pytest.raises(RunError) as error:
+        stages.Pilot(run)
+    assert str(error.value) == (
+        f"{run.representation} was learned from another experience than {run.experience} holds; "
+        f"run `selftouch learn {run.path}`"
+    )
+
+
+def test_a_plan_to_where_one_is_stays_and_is_reached(run, world):
+    plan = stages.Pilot(run).plan(7, 7)
+    assert plan["nodes"].tolist() == [7]
+    assert np.allclose(plan["q"], plan["q"][0])
+    kept = stages.judged(stages.execute(run, world, 7, 7), 7, stages.load_representation(run))
+    assert kept.perfect
+
+
+def test_an_arm_that_does_not_follow_is_told_honestly(run):
+    limp = {"stiffness": 1.0, "damping": 1.0}
+    world = stages.World(load_experiment("cube", SMALL | {"execution": limp}))
+    stages.Pilot(run).plan(3, 20)
+    motion = stages.execute(run, world, 3, 20)
+    kept = stages.judged(motion, 20, stages.load_representation(run))
+    assert not kept.perfect
+    assert stages.tracking_rms(motion) > 0.05
+
+
 def test_trials_tell_of_first_tries_and_of_rehearsals(run, world):
     # What was rehearsed before does not count: the figures are the same every time.
     blank = RehearsalMemory.blank(stages.load_representation(run))
@@ -145,6 +175,13 @@ def test_trials_tell_of_first_tries_and_of_rehearsals(run, world):
     assert 1.0 <= figures["rehearsal_tries_mean"] <= 3.0
     assert figures["execution_fingertip_jerk_reduction"] > 5.0
     assert figures["execution_time_off_skin_s"] >= figures["rehearsal_time_off_skin_s"] >= 0.0
+    for kind in ("position", "velocity", "acceleration", "torque"):
+        assert 0.0 < figures[f"execution_{kind}_of_limit"] <= 1.0
+    table = load_arrays(run.trials)
+    assert table["pairs"].shape == (2, 2)
+    assert table["contact_naive"].mean() == pytest.approx(figures["execution_contact_mean"])
+    assert table["contact_kept"].mean() == pytest.approx(figures["rehearsal_contact_mean"])
+    assert table["contact_remembering"][0] == table["contact_naive"][0]
     # What stays in the run is what the figures are about.
     shares = [
         load_arrays(path)["felt"].any(axis=1).mean() for path in (run.path / "plans").glob("*.npz")
@@ -162,7 +199,8 @@ def test_the_command_line_plans_tours_and_free_starts(run, capsys):
     assert out.startswith("route: off ")
     status, out, _ = told(capsys, "execute", run.path, "--free", "--to", 20)
     assert status == 0
-    assert out.splitlines()[1] in ("sensation 20: reached", "sensation 20: missed")
+    assert out.startswith("tracking: ")
+    assert out.splitlines()[2] in ("sensation 20: reached", "sensation 20: missed")
     status, out, _ = told(capsys, "execute", run.path, "--from", 3, "--to", 20, "--rehearse", 2)
     assert status == 0
     assert out.startswith("tries: ")

@@ -29,7 +29,7 @@ class Execution:
         time_s: `(T,)` s.
         q_measured: `(T, J)` rad.
         v_measured: `(T, J)` rad/s.
-        torque: `(T, J)` N·m, of the actuators.
+        torque: `(N, J)` N·m, of the actuators, at every step of the plant.
         felt: `(T, S)` N, sensations.
     """
 
@@ -69,11 +69,11 @@ class DynamicWorld:
         self._source = builder.AddNamedSystem("plan_source", PlanSource(still))
         builder.Connect(self._source.get_output_port(), station.GetInputPort("desired_state"))
         self._logs = {
-            name: LogVectorOutput(port, builder, publish_period=log_period)
-            for name, port in (
-                ("state", station.GetOutputPort("state")),
-                ("torque", station.GetOutputPort("torque")),
-                ("sensation", station.GetOutputPort("sensation")),
+            name: LogVectorOutput(station.GetOutputPort(name), builder, publish_period=period)
+            for name, period in (
+                ("state", log_period),
+                ("torque", experiment.execution.time_step),
+                ("sensation", log_period),
             )
         }
         self.diagram = builder.Build()

@@ -18,15 +18,24 @@ from pydrake.trajectories import (
 )
 from scipy.interpolate import BSpline
 
+from selftouch_drake.acting.limits import CHECK_RATE_HZ, speed_shares
+
 #: Toppra keeps the limits at its grid points only, and exceeds them by up to 25 % between them.
 LIMIT_SHARE = 0.8
 # rad of path length between grid points, finest first. Twice as fine takes twice the time (15 ms
 # for 100 points) and saves 0.5 % of the duration; a coarser grid may succeed where a finer fails.
 _GRID_SPACINGS = (0.07, 0.15, 0.3)
-# Limits are verified at this rate, and what still exceeds them is slowed down.
-_CHECK_RATE_HZ = 1000.0
-# For what lies between two instants of that check.
+#: s, a motion that would last longer is refused: its limits are a mistake.
+LONGEST_S = 600.0
+# What exceeds the limits is slowed down by this much more than it exceeds them, for what lies
+# between two instants of the check.
 _CHECK_MARGIN = 1.01
+# s over which the progress is averaged. Toppra jumps from one acceleration to another, and so
+# does the error of the arm that follows; on average it ramps.
+_EASING_S = 0.06
+# s between the knots of the averaged progress, and how many values are averaged.
+_EASING_STEP_S = 0.01
+_EASING_SAMPLES = 12
 # The largest first and second derivative of the quintic 10 u^3 - 15 u^4 + 6 u^5 over [0, 1].
 _QUINTIC_SPEED = 15.0 / 8.0
 _QUINTIC_ACCELERATION = 10.0 / np.sqrt(3.0)
@@ -63,7 +72,9 @@ def time_path(
     """Follows a path as fast as the joints' limits allow, from rest to rest.
 
     Time-optimal path parameterization (Drake's Toppra), on a coarser grid if it fails; a quintic
-    time scaling if that fails as well.
+    time scaling if that fails as well. Accelerations are then eased in and out, and what still
+    exceeds a limit anywhere, on the path or on the cubic pieces between the samples that the
+    joints are told, is slowed down as a whole.
 
     Args:
         path: clamped B-spline of `(J,)` rad over path length in rad.
@@ -72,7 +83,8 @@ def time_path(
         rate_hz: of the samples.
 
     Raises:
-        ValueError: if a limit or the rate is not positive, or there is not one limit a joint.
+        ValueError: if a limit or the rate is not positive, there is not one limit a joint, or the
+            limits are so low that the motion would last longer than `LONGEST_S`.
     """
     velocity_limit = _checked_limit("velocity_limit", velocity_limit, path)
     acceleration_limit = _checked_limit("acceleration_limit", acceleration_limit, path)
@@ -82,19 +94,24 @@ def time_path(
     s_of_t = _fastest(path, velocity_limit, acceleration_limit)
     if s_of_t is None:
         s_of_t = quintic_time_scaling(path, velocity_limit, acceleration_limit)
-    s_of_t.ScaleTime(_slowdown(path, s_of_t, velocity_limit, acceleration_limit))
-
-    end_s = s_of_t.end_time()
-    time_s = np.append(np.arange(0.0, end_s, 1.0 / rate_hz), end_s)
-    s, s_dot, _ = _progress(s_of_t, time_s)
-    s = s.clip(path.t[0], path.t[-1])
-    return TimedPath(
-        time_s=time_s,
-        s=s,
-        q=path(s),
-        v=path(s, 1) * s_dot[:, None],
-        trajectory=PathParameterizedTrajectory(to_drake(path), s_of_t),
-    )
+    else:
+        s_of_t = _eased(s_of_t)
+    while True:
+        if s_of_t.end_time() > LONGEST_S:
+            raise ValueError(
+                f"the motion would take {s_of_t.end_time():.3g} s, more than {LONGEST_S:g} s: "
+                "raise max_velocity or max_acceleration"
+            )
+        timed = _sampled(path, s_of_t, rate_hz)
+        limits = velocity_limit, acceleration_limit
+        shares = np.maximum(
+            _speed_shares(path, s_of_t, *limits),
+            speed_shares(timed.time_s, timed.q, timed.v, *limits),
+        )
+        excess = max(shares[0], np.sqrt(shares[1]))
+        if excess <= 1.0:
+            return timed
+        s_of_t.ScaleTime(_CHECK_MARGIN * excess)
 
 
 def to_drake(path: BSpline) -> BsplineTrajectory:
@@ -153,24 +170,50 @@ def _fastest(
     return None
 
 
-def _slowdown(
+def _eased(s_of_t: PiecewisePolynomial) -> PiecewisePolynomial:
+    """The mean of the progress over a short while before: its acceleration has no jumps."""
+    end_s = s_of_t.end_time()
+    duration_s = end_s + _EASING_S
+    time_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / _EASING_STEP_S)) + 1)
+    before = _EASING_S * (np.arange(_EASING_SAMPLES) + 0.5) / _EASING_SAMPLES
+    # At rest before the start and after the end.
+    when = (time_s[:, None] - before).clip(0.0, end_s)
+    progress = s_of_t.vector_values(when.ravel().tolist())[0].reshape(when.shape).mean(axis=1)
+    progress[[0, -1]] = s_of_t.vector_values([0.0, end_s])[0]
+    rest = np.zeros((1, 1))
+    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
+        time_s, progress[None], rest, rest
+    )
+
+
+def _sampled(path: BSpline, s_of_t: PiecewisePolynomial, rate_hz: float) -> TimedPath:
+    end_s = s_of_t.end_time()
+    time_s = np.append(np.arange(0.0, end_s, 1.0 / rate_hz), end_s)
+    s, s_dot, _ = _progress(s_of_t, time_s)
+    s = np.maximum.accumulate(s.clip(path.t[0], path.t[-1]))
+    return TimedPath(
+        time_s=time_s,
+        s=s,
+        q=path(s),
+        v=path(s, 1) * s_dot[:, None],
+        trajectory=PathParameterizedTrajectory(to_drake(path), s_of_t),
+    )
+
+
+def _speed_shares(
     path: BSpline,
     s_of_t: PiecewisePolynomial,
     velocity_limit: np.ndarray,
     acceleration_limit: np.ndarray,
-) -> float:
-    """The factor, 1 or more, on the time that brings a motion within its limits."""
+) -> tuple[float, float]:
+    """As `speed_shares`, of the path itself."""
     end_s = s_of_t.end_time()
-    time_s = np.append(np.arange(0.0, end_s, 1.0 / _CHECK_RATE_HZ), end_s)
+    time_s = np.append(np.arange(0.0, end_s, 1.0 / CHECK_RATE_HZ), end_s)
     s, s_dot, s_ddot = (x[:, None] for x in _progress(s_of_t, time_s))
     s = s.clip(path.t[0], path.t[-1])[:, 0]
     v = path(s, 1) * s_dot
     a = path(s, 2) * s_dot**2 + path(s, 1) * s_ddot
-    excess = max(
-        np.max(np.abs(v) / velocity_limit),
-        np.sqrt(np.max(np.abs(a) / acceleration_limit)),
-    )
-    return 1.0 if excess <= 1.0 else _CHECK_MARGIN * excess
+    return float(np.max(np.abs(v) / velocity_limit)), float(np.max(np.abs(a) / acceleration_limit))
 
 
 def _progress(

@@ -130,6 +130,33 @@ def time_off_skin(time_s: np.ndarray, p_WF: np.ndarray, wall: cKDTree) -> float:
     return float(np.sum(off[:-1] * np.diff(time_s)))
 
 
+def progress_along(s: np.ndarray, q: np.ndarray, q_measured: np.ndarray) -> np.ndarray:
+    """How far along the planned path the arm truly was.
+
+    The arm lags behind by milliradians. Where the plan begins and ends at rest its progress is as
+    small, so that the measured path over planned progress would seem to jerk there.
+
+    Args:
+        s: `(T,)` rad, where on the planned path the arm was meant to be.
+        q: `(T, J)` rad, planned.
+        q_measured: `(T, J)` rad.
+
+    Returns:
+        `(T,)` rad, the place on the planned path nearest to where the arm was; it never falls.
+    """
+    moved = _moved(s)
+    if moved.sum() < 2:
+        return s
+    path = CubicSpline(s[moved], q[moved])
+    at = s.astype(float)
+    for _ in range(3):
+        tangent = path(at, 1)
+        ahead = np.sum((q_measured - path(at)) * tangent, axis=1)
+        at = at + ahead / np.maximum(np.sum(np.square(tangent), axis=1), 1e-12)
+        at = at.clip(s[0], s[-1])
+    return np.maximum.accumulate(at)
+
+
 def spatial_jerk_reduction(
     s: np.ndarray,
     p_WF: np.ndarray,
@@ -142,14 +169,19 @@ def spatial_jerk_reduction(
     differences, so that it tells of the path, and not of how fast it was followed.
 
     Args:
-        s: `(T,)` rad, where on the planned path the arm was meant to be.
+        s: `(T,)` rad, where on the planned path the arm was.
         p_WF: `(T, 3 * fingers)` m, where the fingertips were.
         waypoints_q: `(W, J)` rad, of the plan.
         to_space: from `(N, J)` rad to `(N, fingers, 3)` m.
     """
-    moved = np.concatenate([[True], np.diff(s) > 1e-6])
+    moved = _moved(s)
     at = np.linspace(s[0], s[-1], max(5, int(np.ptp(s) / _JERK_SPACING)))
     smooth = CubicSpline(s[moved], p_WF[moved])(at)
     rough = to_space(polyline(waypoints_q)(at)).reshape(len(at), -1)
     jerk = [np.sqrt(np.mean(np.square(np.diff(p, 3, axis=0)))) for p in (rough, smooth)]
     return float(jerk[0] / jerk[1])
+
+
+def _moved(s: np.ndarray) -> np.ndarray:
+    """`(T,)` whether `s` is beyond all before."""
+    return np.concatenate([[True], np.diff(s) > 1e-6])

@@ -162,6 +162,35 @@ def contact_and_tracking(
     return figure
 
 
+@styled
+def learning_curve(naive: np.ndarray, remembering: np.ndarray, num_tries: np.ndarray) -> Figure:
+    """How first tries get better with rehearsals of other pairs.
+
+    Args:
+        naive: `(N,)` share of the time in contact at the first try of each pair, without memory.
+        remembering: `(N,)` the same with the memory of all rehearsals before.
+        num_tries: `(N,)` of the rehearsal of each pair.
+    """
+    figure = Figure(figsize=(9.0, 3.4), layout="constrained")
+    better, tries = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
+    pairs = np.arange(1, len(naive) + 1)
+    for lost, label, color in (
+        (1.0 - naive, "without memory", MUTED),
+        (1.0 - remembering, "remembering earlier pairs", BLUE),
+    ):
+        better.plot(pairs, np.cumsum(lost), color=color, label=label, linewidth=1.6)
+    better.set(
+        xlabel="pairs so far", ylabel="motions' worth of time without contact",
+        xlim=(0.5, pairs[-1] + 0.5), ylim=(0, None), title="First tries, added up",
+    )  # fmt: skip
+    better.legend(loc="upper left")
+    counts = np.bincount(num_tries, minlength=2)[1:]
+    tries.bar(np.arange(1, len(counts) + 1), counts, color=BLUE)
+    tries.set(xlabel="tries", ylabel="pairs", title="Until contact is never lost")
+    tries.set_xticks(np.arange(1, len(counts) + 1))
+    return figure
+
+
 def evenly_spaced(path: np.ndarray, spacing: float) -> np.ndarray:
     """`(N, 3)` points along a polyline `(T, 3)`, `spacing` apart, both in metres."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])

@@ -44,8 +44,13 @@ def test_the_arm_follows_within_five_milliradians(done, motion):
 
 def test_the_log_is_as_long_as_the_motion(done, motion):
     assert np.allclose(done.time_s, LOG_PERIOD * np.arange(len(motion.time_s)))
-    for logged in (done.q_measured, done.v_measured, done.torque, done.felt):
+    for logged in (done.q_measured, done.v_measured, done.felt):
         assert len(logged) == len(motion.time_s)
+
+
+def test_the_torque_of_every_step_of_the_plant_is_logged(cube_world, done, motion):
+    steps_a_period = LOG_PERIOD / cube_world.experiment.execution.time_step
+    assert len(done.torque) == 1 + round(steps_a_period * (len(motion.time_s) - 1))
 
 
 def test_what_is_felt_is_what_is_felt_there_without_time(cube_world, done):

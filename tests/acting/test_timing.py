@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.acting import timing
+from selftouch_drake.acting.limits import speed_shares
 from selftouch_drake.acting.timing import quintic_time_scaling, time_path, to_drake
 from selftouch_drake.planning import smooth_path
 
@@ -21,6 +22,11 @@ def random_path(seed, num_waypoints, step):
 def timed(path, **options):
     limits = {"velocity_limit": VELOCITY, "acceleration_limit": ACCELERATION}
     return time_path(path, **limits | options)
+
+
+def assert_commands_within_limits(motion):
+    shares = speed_shares(motion.time_s, motion.q, motion.v, VELOCITY, ACCELERATION)
+    assert max(shares) <= 1.0
 
 
 def assert_within_limits(trajectory):
@@ -41,6 +47,7 @@ paths = st.builds(
 def test_a_timed_path_goes_from_rest_to_rest_within_its_limits(path):
     motion = timed(path)
     assert_within_limits(motion.trajectory)
+    assert_commands_within_limits(motion)
     assert np.all(np.diff(motion.time_s) > 0.0)
     assert np.all(np.diff(motion.s) >= 0.0)
     assert np.allclose(motion.v[[0, -1]], 0.0, atol=1e-6)
@@ -74,6 +81,21 @@ def test_the_fallback_takes_over_when_toppra_fails(monkeypatch):
     assert_within_limits(motion.trajectory)
     expected_s = quintic_time_scaling(path, VELOCITY, ACCELERATION).end_time()
     assert motion.time_s[-1] == pytest.approx(expected_s)
+
+
+def test_accelerations_are_eased():
+    trajectory = timed(random_path(1, 10, 0.5)).trajectory
+    time_s = np.arange(0.0, trajectory.end_time(), 1e-3)
+    a = np.stack([trajectory.EvalDerivative(t, 2).ravel() for t in time_s])
+    assert np.all(np.abs(a[0]) < 0.02 * ACCELERATION)
+    # Without easing Toppra's first acceleration comes within one of these steps.
+    assert np.abs(np.diff(a, axis=0) / ACCELERATION).max() < 0.1
+
+
+@pytest.mark.parametrize("name", ["velocity_limit", "acceleration_limit"])
+def test_limits_that_no_motion_can_live_with_are_refused(name):
+    with pytest.raises(ValueError, match=r"^the motion would take .* s, more than 600 s: raise"):
+        timed(random_path(1, 4, 0.5), **{name: np.full(3, 1e-7)})
 
 
 def test_the_samples_agree_with_the_trajectory():

@@ -6,6 +6,7 @@ from selftouch_drake.body import hollow_skin, sphere
 from selftouch_drake.evaluation import (
     calibration,
     cosine_distance,
+    progress_along,
     score_motion,
     spatial_jerk_reduction,
     summarise,
@@ -95,6 +96,28 @@ def test_spatial_jerk_compares_paths_and_not_their_speed():
     corners = np.stack([np.interp(dense, np.arange(4.0), w) for w in waypoints_q.T], axis=1)
     same = spatial_jerk_reduction(dense, to_space(corners)[:, 0], waypoints_q, to_space)
     assert same == pytest.approx(1.0, rel=0.05)
+
+
+def test_an_arm_that_lags_behind_has_come_less_far():
+    time_s = np.linspace(0.0, 1.0, 201)
+
+    def at_time(t):
+        return 10 * t**3 - 15 * t**4 + 6 * t**5
+
+    def path(s):
+        return np.stack([np.cos(s), np.sin(s)], axis=1)
+
+    late = (time_s - 0.02).clip(0.0)
+    off = 1.002 * path(at_time(late))
+    found = progress_along(at_time(time_s), path(at_time(time_s)), off)
+    assert found == pytest.approx(at_time(late), abs=1e-4)
+    # One that goes back has come as far as it was.
+    assert np.all(np.diff(progress_along(time_s, path(time_s), path(time_s[::-1]))) >= 0.0)
+
+
+def test_an_arm_that_stays_has_nowhere_to_come():
+    s, q = np.zeros(2), np.ones((2, 3))
+    assert np.array_equal(progress_along(s, q, q + 0.001), s)
 
 
 def test_a_calibrated_band_holds_what_it_promises():
