@@ -5,11 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO ?= runs/demo
 
-<<<<<<< HEAD
-.PHONY: help demo test lint docs bench million install clean
-=======
-.PHONY: help demo test fuzz kills lint bench million install clean
->>>>>>> noise
+.PHONY: help demo test fuzz kills lint docs bench million install clean
 
 help:  ## what one can ask for
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14

@@ -315,25 +315,8 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
             f"{run.representation} has {found[0]} targets over {found[1]} receptors, the "
             f"experiment {wanted[0]} over {wanted[1]}; run `selftouch learn {run.path}`"
         )
-<<<<<<< HEAD
     run.require_stamp(run.representation)
-=======
-    _require_same_experience(run, representation)
->>>>>>> planning
     return representation
-
-
-def _require_same_experience(run: RunDirectory, representation: QuotientRepresentation) -> None:
-    """Refuses a representation of another experience, as far as the run's first shard tells."""
-    if not run.experience.is_dir():
-        return
-    lived = next(ExperienceReader(run.experience).batches("q"))
-    known = representation.kernel_row < len(lived)
-    if not np.array_equal(lived[representation.kernel_row[known]], representation.kernel_q[known]):
-        raise RunError(
-            f"{run.representation} was learned from another experience than "
-            f"{run.experience} holds; run `selftouch learn {run.path}`"
-        )
 
 
 def kernel_sensation(run: RunDirectory, representation: QuotientRepresentation) -> np.ndarray:

@@ -140,7 +140,7 @@ def test_a_representation_of_another_experience_is_refused(run):
     with pytest.raises(RunError) as error:
         stages.Pilot(run)
     assert str(error.value) == (
-        f"{run.representation} was learned from another experience than {run.experience} holds; "
+        f"{run.representation} is of another experiment or version; "
         f"run `selftouch learn {run.path}`"
     )
 
