@@ -174,7 +174,7 @@ class LiveShow:
 
     def _finish(self) -> None:
         felt, expected = (np.array([entry[k] for entry in self._log]) for k in (0, 1))
-        touching = felt.any(axis=1)
+        touching = np.any(felt, axis=1)
         there = int(np.argmax(self._known.target_sensations @ felt[-1]))
         end = "reached" if there == self._goal else f"came to {there}"
         if not touching[-1]:
