@@ -161,7 +161,8 @@ def draw(points: list[dict], path: Path) -> None:
         ):
             axis = axes[row, column]
             axis.plot(x, [point[key] for point in own], "o-")
-            axis.set(xscale="log", xlabel=label if row else "", ylim=(0, None))
+            axis.set(xscale="log", xlabel=label if row else "")
+            axis.set_ylim(0, 1.1 * max(point[key] for point in points))
             if column == 0:
                 axis.set_ylabel(name)
             axis.grid(alpha=0.3)
