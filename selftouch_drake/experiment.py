@@ -80,8 +80,7 @@ class Imperfections:
     # Share of receptors that never read anything; the seed decides which.
     dead: float = 0.0
     # N, the agent's own: smaller readings count as none. Null is six standard deviations of the
-    # additive noise: one false touch in a million then; five would give hundreds, each of them
-    # unlike all else and so a target sensation of its own.
+    # additive noise, which makes one false touch in 500,000; five make one in 1,700.
     threshold: float | None = None
     # Seconds from touch to reading, where there is time: under dynamics.
     delay: float = 0.0

@@ -172,7 +172,10 @@ def _read(path: Path) -> trimesh.Trimesh:
         raise ValueError(f"body.mesh {path} reaches {reach:g} m from its origin; give it in metres")
     if surface.faces.min() < 0 or surface.faces.max() >= len(surface.vertices):
         raise ValueError(f"body.mesh {path} has triangles without corners; export it again")
-    return _clean(surface)
+    try:
+        return _clean(surface)
+    except (ValueError, ArithmeticError, LookupError) as error:
+        raise ValueError(f"body.mesh {path} is no surface ({error}); export it again") from error
 
 
 def _clean(surface: trimesh.Trimesh) -> trimesh.Trimesh:
