@@ -10,6 +10,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.body import HollowSkin, ReceptiveFields
 from selftouch_drake.experiment import Experiment
+from selftouch_drake.world.joints import slip
 from selftouch_drake.world.plan_source import PlanSource
 from selftouch_drake.world.station import MakeDynamicStation
 
@@ -21,7 +22,7 @@ class LivingAgent:
         experiment: the experiment whose agent lives.
         skin: its hollow skin.
         fields: its receptive fields.
-        q: `(J,)` rad, where the arm is at rest at first.
+        q: `(J,)` rad, where the arm is at rest at first, as its joints read.
         meshcat: where to show it.
     """
 
@@ -37,7 +38,10 @@ class LivingAgent:
         station = MakeDynamicStation(experiment, skin, fields, meshcat)
         builder.AddNamedSystem("station", station.diagram)
         self.agent = station.agent
-        self._path = PiecewisePolynomial(np.asarray(q, dtype=float)[:, None])
+        # As in `DynamicWorld`: joints that have slipped read more than they are.
+        self._slip = slip(experiment, len(q))
+        q_true = np.asarray(q, dtype=float) - self._slip
+        self._path = PiecewisePolynomial(q_true[:, None])
         self._source = builder.AddNamedSystem("plan_source", PlanSource(self._path))
         builder.Connect(
             self._source.get_output_port(), station.diagram.GetInputPort("desired_state")
@@ -48,7 +52,7 @@ class LivingAgent:
         self._state = station.diagram.GetOutputPort("state")
         self._sensation = station.diagram.GetOutputPort("sensation")
         plant = self.agent.plant
-        plant.SetPositions(plant.GetMyMutableContextFromRoot(context), q)
+        plant.SetPositions(plant.GetMyMutableContextFromRoot(context), q_true)
         self._simulator.Initialize()
 
     @property
@@ -58,14 +62,17 @@ class LivingAgent:
 
     @property
     def q(self) -> np.ndarray:
-        """`(J,)` rad, where the arm is."""
+        """`(J,)` rad, where the arm truly is."""
         return self._state.Eval(self._context)[: self.agent.plant.num_positions()]
 
     @property
     def q_commanded(self) -> np.ndarray:
-        """`(J,)` rad, where the arm is told to be: beyond `q` by what presses it on the skin."""
+        """`(J,)` rad, where the arm is told to be, as its joints read.
+
+        It is beyond `q` by what presses the finger on the skin.
+        """
         path = self._path
-        return path.value(min(self.time_s, path.end_time())).ravel()
+        return path.value(min(self.time_s, path.end_time())).ravel() + self._slip
 
     @property
     def felt(self) -> np.ndarray:
@@ -82,10 +89,10 @@ class LivingAgent:
 
         Args:
             time_s: `(T,)` s, from 0.
-            q: `(T, J)` rad.
+            q: `(T, J)` rad, as the joints read.
             v: `(T, J)` rad/s.
         """
-        self._path = PiecewisePolynomial.CubicHermite(time_s, q.T, v.T)
+        self._path = PiecewisePolynomial.CubicHermite(time_s, (q - self._slip).T, v.T)
         self._source.set_trajectory(self._path)
         self._simulator.get_mutable_context().SetTime(0.0)
         self._simulator.Initialize()

@@ -13,7 +13,6 @@ from selftouch_drake.acting.living import LivingAgent
 from selftouch_drake.evaluation import cosine_distance
 from selftouch_drake.motions import Motion, Pilot
 from selftouch_drake.run_directory import RunDirectory
-from selftouch_drake.show.cards import pressure_legend
 from selftouch_drake.show.material import Material
 from selftouch_drake.show.scenery import Scenery, firm_touch
 from selftouch_drake.show.sensation_figures import far_apart
@@ -60,7 +59,7 @@ class LiveShow:
         self._full = firm_touch(known)
         self._meshcat, self._announce = meshcat, announce
         self._scenery = Scenery(meshcat, material)
-        self._scenery.card("/titles/legend", pressure_legend(self._full), line=1)
+        self._scenery.draw_legend(self._full)
         members = known.members(0)
         firm = np.argmin(np.abs(known.kernel_strength[members] - self._full))
         q = known.kernel_q[members][firm].astype(float)

@@ -12,19 +12,19 @@ from collections.abc import Iterator
 
 import numpy as np
 from matplotlib.colors import to_rgb
-from matplotlib.figure import Figure
 from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba, Sphere
 from pydrake.math import RigidTransform
 from pydrake.perception import BaseField, Fields, PointCloud
 
 from selftouch_drake.representation import QuotientRepresentation
-from selftouch_drake.show.cards import put_card, words
+from selftouch_drake.show.lettering import put_legend, put_words
 from selftouch_drake.show.material import Material, MissingError
 from selftouch_drake.show.motion_figures import evenly_spaced
 from selftouch_drake.show.scene import View
 from selftouch_drake.show.style import (
     BLUE,
     GREEN,
+    INK,
     ORANGE,
     PRESSURE,
     RECOVERED,
@@ -38,8 +38,8 @@ _STEPS = 24
 _COLORS = PRESSURE(np.arange(_STEPS + 1) / _STEPS)
 # Bodies stand this many times their size apart.
 _APART = 1.55
-# Of what was told.
-_NUM_KEPT = 8
+# Between lines of text, as a share of the body's size.
+_LINE = 0.18
 
 
 def firm_touch(representation: QuotientRepresentation) -> float:
@@ -126,7 +126,6 @@ class Scenery:
         self.expected = Receptors(meshcat, "/expected/receptors", skin.p_BS - aside, radius)
         self.mind = self._draw_mind(material, aside)
         self._titles(-aside, aside)
-        self._num_told = 0
         for prop in ("/Grid", "/Axes"):
             meshcat.SetProperty(prop, "visible", False)
         meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
@@ -137,30 +136,28 @@ class Scenery:
 
     def tell(self, text: str) -> None:
         """Writes one or two lines below everything."""
-        # A slow page that still loads a card must find it: the last ones are hidden, not replaced.
-        new, old = (f"/told/{(self._num_told - k) % _NUM_KEPT}" for k in (0, 1))
-        self.card(new, words(text), line=2)
-        self._meshcat.SetProperty(new, "visible", True)
-        self._meshcat.SetProperty(old, "visible", False)
-        self._num_told += 1
+        self._write("/told", text, line=2)
 
-    def card(
-        self, path: str, figure: Figure, *, aside: np.ndarray | float = 0.0, line: int = 0
-    ) -> None:
-        """Hangs a card under a body, or `line` lines below its title."""
-        centre = self._under + aside - 0.2 * self.size * line * VIEW.axes[1]
-        scale = 0.3 * self.size
-        put_card(self._meshcat, path, figure, centre, VIEW, width=scale * figure.get_figwidth())
+    def draw_legend(self, full: float) -> None:
+        """Draws the scale of the colours, up to `full` N, below the body's title."""
+        centre = self._under - _LINE * self.size * VIEW.axes[1]
+        width = 0.8 * self.size
+        put_legend(self._meshcat, "/legend", full, centre, VIEW, width=width, color=rgba(INK))
+
+    def _write(self, path: str, text: str, *, aside: np.ndarray | float = 0.0, line: int = 0):
+        centre = self._under + aside - _LINE * self.size * line * VIEW.axes[1]
+        size = 0.08 * self.size
+        put_words(self._meshcat, path, text, centre, VIEW, size=size, color=rgba(INK))
 
     def _titles(self, left: np.ndarray, right: np.ndarray) -> None:
         titles = [
             ("expected", "what it expects to feel", left),
-            ("felt", "what it feels", 0 * left),
+            ("felt", "what it feels", 0.0 * left),
         ]
         if self.mind is not None:
             titles.append(("mind", "its body, as it recovered it", right))
         for name, text, place in titles:
-            self.card(f"/titles/{name}", words(text, bold=True), aside=place)
+            self._write(f"/titles/{name}", text, aside=place)
 
     def _draw_mind(self, material: Material, aside: np.ndarray) -> np.ndarray | None:
         try:
