@@ -15,12 +15,12 @@ from matplotlib.figure import Figure
 from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, styled
 
 COLORS = {"motor": ORANGE, "sensorimotor": BLUE, "learned": GREEN}
-LINES = {100: ":", 300: "-", 1000: "--"}
+LINES = {100: "^:", 300: "o-", 1000: "s--"}
 
 
 @styled
 def ablation(rows: list[dict[str, str]]) -> Figure:
-    """A panel a body and number of receptors; colours are metrics, dashes are targets."""
+    """A panel a body and number of receptors; colours are metrics, marks are targets."""
     panels = sorted({(row["body"], int(row["receptors"])) for row in rows})
     figure = Figure(figsize=(3.6 * len(panels) + 1.4, 3.6), layout="constrained")
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
@@ -34,13 +34,13 @@ def ablation(rows: list[dict[str, str]]) -> Figure:
                         errors.setdefault(int(row["samples"]), []).append(float(row["error"]))
                 samples = sorted(errors)
                 median = [100 * np.median(errors[count]) for count in samples]
-                ax.plot(samples, median, line, color=color, marker="o", markersize=3.5)
-        ax.set(xscale="log", xlabel="touches", title=f"{body}, {receptors} receptors", ylim=(0, 10))
+                ax.plot(samples, median, line, color=color, markersize=4.0)
+        ax.set(xscale="log", xlabel="touches", title=f"{body}, {receptors} receptors", ylim=(0, 8))
     axes[0].set(ylabel="shape error (% of the extent)")
     for metric, color in COLORS.items():
         axes[-1].plot([], [], color=color, label=metric)
     for targets, line in LINES.items():
-        axes[-1].plot([], [], line, color=INK, label=f"{targets} targets")
+        axes[-1].plot([], [], line, color=INK, markersize=4.0, label=f"{targets} targets")
     figure.legend(loc="outside right center")
     return figure
 

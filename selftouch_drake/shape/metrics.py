@@ -168,7 +168,7 @@ METRICS: dict[str, Metric] = {
     "literal": Metric(literal, _classical),
     "motor": Metric(motor, _stress),
     "learned": Metric(learned, _unbent(1)),
-    "sensorimotor": Metric(sensorimotor, _unbent(3)),
+    "sensorimotor": Metric(sensorimotor, _unbent(5)),
     "revolute_reference": Metric(revolute_reference, _unbent(3), naive=False),
 }
 

@@ -29,7 +29,8 @@ def revolute_coordinates(
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
 
     Returns:
-        `(M, 3)` coordinates of some of the configurations, and `(K + 1,)` their offsets.
+        `(M, 3)` coordinates of some of the configurations, in widths of a cell, and `(K + 1,)`
+        their offsets.
 
     Raises:
         ValueError: there are more than 7 joints.
@@ -52,4 +53,7 @@ def revolute_coordinates(
         factors = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
         products = (products[:, :, None] * factors[:, None, :]).reshape(len(rows), -1)
     # The first product is the constant, which tells nothing.
-    return discriminants(products[:, 1:], offsets, max_directions=_NUM_COORDINATES), offsets
+    found = discriminants(products[:, 1:], offsets, max_directions=_NUM_COORDINATES)
+    # In widths of a cell, which is as wide one way as another: a flat body is not blown up.
+    middle = np.add.reduceat(found, offsets[:-1]) / sizes[:, None]
+    return found / (found - np.repeat(middle, sizes, axis=0)).std(axis=0), offsets
