@@ -198,9 +198,9 @@ def by_kernels(q: np.ndarray, sensation: np.ndarray, num_targets: int) -> tuple:
     some = np.random.default_rng(0).permutation(len(sensation))[:40_000]
     targets = target_sensations(sensation[np.sort(some)], num_targets)
     kernels = KernelReservoir(num_targets, 400, seed=0)
-    kernels.add(assign(sensation, targets)[0], row=np.arange(len(sensation)))
+    kernels.add(assign(sensation, targets)[0])
     sample = kernels.sample()
-    row, offsets = sample.columns["row"], sample.offsets(num_targets)
+    row, offsets = sample.row, sample.offsets(num_targets)
     (apart,) = set_distances(q[row], offsets, "quantile")
     edges = connected_edges(neighbour_edges(apart), apart)
     length = locally_scaled(apart[edges[:, 0], edges[:, 1]], edges)
