@@ -310,7 +310,8 @@ def fingers_told(
     )
     sign = np.where(flips[i, j] == (same > other), 1.0, -1.0)
     name = leading_sign(i, j, sign, len(picked))
-    edges_right = np.mean(sign == name[i] * name[j])
+    named = name[i] * name[j] != 0
+    edges_right = np.mean((sign == name[i] * name[j])[named])
 
     kernel = np.repeat(np.arange(len(picked)), [len(rows) for rows in members])
     configurations = q[np.concatenate(members)]
@@ -320,7 +321,8 @@ def fingers_told(
     step = near[kernel[a], kernel[b]]
     a, b = a[step], b[step]
     label = leading_sign(a, b, np.where(flips[kernel[a], kernel[b]], -1.0, 1.0), len(index))
-    right = np.mean(label[label != 0] == truth[label != 0])
+    scored = label * truth != 0
+    right = np.mean(label[scored] == truth[scored])
     return {
         "edges_right": round(float(edges_right), 4),
         "configurations_told": round(float(np.mean(label != 0)), 4),
