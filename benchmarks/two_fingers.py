@@ -198,9 +198,9 @@ def by_kernels(q: np.ndarray, sensation: np.ndarray, num_targets: int) -> tuple:
     some = np.random.default_rng(0).permutation(len(sensation))[:40_000]
     targets = target_sensations(sensation[np.sort(some)], num_targets)
     kernels = KernelReservoir(num_targets, 400, seed=0)
-    kernels.add(assign(sensation, targets)[0], row=np.arange(len(sensation)))
+    kernels.add(assign(sensation, targets)[0])
     sample = kernels.sample()
-    row, offsets = sample.columns["row"], sample.offsets(num_targets)
+    row, offsets = sample.row, sample.offsets(num_targets)
     (apart,) = set_distances(q[row], offsets, "quantile")
     edges = connected_edges(neighbour_edges(apart), apart)
     length = locally_scaled(apart[edges[:, 0], edges[:, 1]], edges)
@@ -310,7 +310,8 @@ def fingers_told(
     )
     sign = np.where(flips[i, j] == (same > other), 1.0, -1.0)
     name = leading_sign(i, j, sign, len(picked))
-    edges_right = np.mean(sign == name[i] * name[j])
+    named = name[i] * name[j] != 0
+    edges_right = np.mean((sign == name[i] * name[j])[named])
 
     kernel = np.repeat(np.arange(len(picked)), [len(rows) for rows in members])
     configurations = q[np.concatenate(members)]
@@ -320,7 +321,8 @@ def fingers_told(
     step = near[kernel[a], kernel[b]]
     a, b = a[step], b[step]
     label = leading_sign(a, b, np.where(flips[kernel[a], kernel[b]], -1.0, 1.0), len(index))
-    right = np.mean(label[label != 0] == truth[label != 0])
+    scored = label * truth != 0
+    right = np.mean(label[scored] == truth[scored])
     return {
         "edges_right": round(float(edges_right), 4),
         "configurations_told": round(float(np.mean(label != 0)), 4),
