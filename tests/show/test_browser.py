@@ -139,7 +139,7 @@ def test_the_live_agent_answers_and_a_browser_may_come_back(chromium, reported, 
         url = told(lines, r"live at (http://\S+)")[1]
         with visited(chromium, url) as (page, errors):
             page.get_by_text("Open Controls").click()
-            # Before it is asked: a slow browser may need longer for a picture than the agent to move.
+            # Before it asks: a slow browser may need longer for a picture than the agent to move.
             before = picture(page, tmp_path / "before.png")
             set_slider(page, "target sensation", 40)
             told(lines, r"^to sensation 40$")
