@@ -17,8 +17,8 @@ from selftouch_drake.representation.graph import geodesics
 _one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 
 
-#: Fourth eigenvalue from which on a layout is doubted. Measured on seven bodies, 100 to 1000
-#: kernels: 0.05 to 0.10 where the shape came out right, 0.17 to 0.8 where it came out wrong.
+#: Fourth eigenvalue from which on a layout is doubted. Measured on six bodies, 100 to 1000
+#: kernels: 0.03 to 0.13 where the shape came out right, 0.17 to 0.8 where it came out wrong.
 _MISFIT = 0.15
 
 
