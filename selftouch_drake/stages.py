@@ -45,6 +45,7 @@ from selftouch_drake.shape import (
     intrinsic_dimension,
     recover,
     topology,
+    warn_of_misfit,
 )
 from selftouch_drake.trials import score_motions
 
@@ -66,7 +67,15 @@ __all__ = [
 
 #: What the names of the figures that a stage leaves begin with.
 BABBLED = ("babbling",)
-LEARNED = ("learning", "representation", "kernel_size", "graph", "topology", "intrinsic")
+LEARNED = (
+    "learning",
+    "representation",
+    "kernel_size",
+    "graph",
+    "topology",
+    "intrinsic",
+    "embedding",
+)
 
 # mN; what presses harder counts as so much where the median is found.
 _MOST_FORCE_MN = 1_000_000
@@ -142,6 +151,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     representation = dataclasses.replace(
         learner.representation_, embedding=body.embedding.positions
     )
+    warn_of_misfit(body.embedding)
     progress(0.9, "holes")
     found = topology(representation.embedding)
     diagrams = {f"diagram_{dimension}": bars for dimension, bars in enumerate(found.diagram)}
@@ -171,6 +181,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
             **({"graph_bridges": learner.bridges_.tolist()} if len(learner.bridges_) else {}),
             "topology_betti": list(found.betti),
             "topology_margin": found.margin,
+            "embedding_fourth_eigenvalue": body.embedding.fourth_eigenvalue,
             "intrinsic_dimension": dimension,
             "learning_wall_s": time.perf_counter() - began,
         }

@@ -49,6 +49,7 @@ _STAGES: dict[str, dict[str, tuple[str, str]]] = {
     "What the graph tells the agent": {
         "topology_betti": ("components, loops and voids of its body", ""),
         "topology_margin": ("weakest true hole over strongest false one; near 1 is unsure", ""),
+        "embedding_fourth_eigenvalue": ("what three dimensions leave out of its shape", "%"),
         "intrinsic_dimension": ("dimension of its body; 2 is a surface", ""),
     },
     "Against the truth": {
@@ -115,6 +116,7 @@ _GOOD = {
     "kernel_size_min": "above 20",
     "topology_betti": "1, 0, 1 for a ball; 1, 2, 1 for a torus",
     "topology_margin": "above 2",
+    "embedding_fourth_eigenvalue": "below 15 %",
     "intrinsic_dimension": "1.8 to 2.4, with one finger",
     "kernel_spread_median_m": "a receptor's spacing or less: 0.02 to 0.05 m",
     "kernel_spread_worst_m": "at most twice the median",
