@@ -1,3 +1,4 @@
+import signal
 from dataclasses import dataclass
 
 import pytest
@@ -5,6 +6,11 @@ import pytest
 from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.world import ContactProbe
+
+# A shell that runs the tests in its background lets them ignore Ctrl-C, and so do the programs
+# that they start: those that are to be stopped would never hear of it.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @dataclass(frozen=True)
