@@ -286,7 +286,7 @@ def play(run: Path, port: int | None) -> None:
     "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run, tcp://host:port."
 )
 def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | None) -> None:
-    """Run experiments that differ in a few fields, and gather their figures.
+    """Run experiments that differ in few fields; gather their figures.
 
     SWEEP is the name of a shipped sweep (see `selftouch experiments`) or a YAML file, as in
     `{experiments: [cube], seeds: [0, 1, 2], grid: {skin.num_receptors: [50, 100]}}`.

@@ -97,11 +97,16 @@ class RunDirectory:
                 "or choose another --out"
             ) from None
         try:
-            for orphan in self.path.rglob(_ORPHAN):
-                orphan.unlink(missing_ok=True)
+            self._remove_orphans()
             yield
+            # A worker that was killed may have left one, though another did its work.
+            self._remove_orphans()
         finally:
             lock.release()
+
+    def _remove_orphans(self) -> None:
+        for orphan in self.path.rglob(_ORPHAN):
+            orphan.unlink(missing_ok=True)
 
     @property
     def experience(self) -> Path:

@@ -91,17 +91,15 @@ def time_path(
     if not 0.0 < rate_hz < np.inf:
         raise ValueError(f"rate_hz is {rate_hz}: choose a positive rate")
 
+    # Toppra fails in its own ways at limits that are far too low.
+    _require_bearable(_least_duration(path, velocity_limit, acceleration_limit))
     s_of_t = _fastest(path, velocity_limit, acceleration_limit)
     if s_of_t is None:
         s_of_t = quintic_time_scaling(path, velocity_limit, acceleration_limit)
     else:
         s_of_t = _eased(s_of_t)
     while True:
-        if s_of_t.end_time() > LONGEST_S:
-            raise ValueError(
-                f"the motion would take {s_of_t.end_time():.3g} s, more than {LONGEST_S:g} s: "
-                "raise max_velocity or max_acceleration"
-            )
+        _require_bearable(s_of_t.end_time())
         timed = _sampled(path, s_of_t, rate_hz)
         limits = velocity_limit, acceleration_limit
         shares = np.maximum(
@@ -148,6 +146,25 @@ def quintic_time_scaling(
     quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / duration_s ** np.arange(6)
     progress = (end - start) * quintic + start * np.eye(6)[0]
     return PiecewisePolynomial([np.array([[Polynomial(progress)]])], [0.0, duration_s])
+
+
+def _least_duration(
+    path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
+) -> float:
+    """s, what any motion along the path takes at least, from rest."""
+    q = path(np.linspace(path.t[0], path.t[-1], 100))
+    travelled, farthest = np.abs(np.diff(q, axis=0)).sum(axis=0), np.abs(q - q[0]).max(axis=0)
+    return float(
+        np.maximum(travelled / velocity_limit, np.sqrt(2.0 * farthest / acceleration_limit)).max()
+    )
+
+
+def _require_bearable(duration_s: float) -> None:
+    if duration_s > LONGEST_S:
+        raise ValueError(
+            f"the motion would take {duration_s:.3g} s, more than {LONGEST_S:g} s: "
+            "raise max_velocity or max_acceleration"
+        )
 
 
 def _fastest(
