@@ -268,7 +268,7 @@ def report(run: Path, vector: bool) -> None:
     "--port", type=click.IntRange(1024, 65535), help="Of the browser page.  [the first free]"
 )
 def play(run: Path, port: int | None) -> None:
-    """Watch the agent of RUN live in a browser, and tell it what to feel, until Ctrl-C."""
+    """Watch the agent of RUN live in a browser; choose what it feels."""
     from selftouch_drake.show import play as show
 
     show(_open(run, writing=False), port=port, announce=click.echo)
@@ -286,7 +286,7 @@ def play(run: Path, port: int | None) -> None:
     "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run, tcp://host:port."
 )
 def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | None) -> None:
-    """Run experiments that differ in few fields; gather their figures.
+    """Run many experiments that differ; gather their figures.
 
     SWEEP is the name of a shipped sweep (see `selftouch experiments`) or a YAML file, as in
     `{experiments: [cube], seeds: [0, 1, 2], grid: {skin.num_receptors: [50, 100]}}`.
