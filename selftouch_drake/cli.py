@@ -268,7 +268,10 @@ def report(run: Path, vector: bool) -> None:
     "--port", type=click.IntRange(1024, 65535), help="Of the browser page.  [the first free]"
 )
 def play(run: Path, port: int | None) -> None:
-    """Watch the agent of RUN live in a browser; choose what it feels."""
+    """Watch the agent of RUN live, and choose what it feels.
+
+    A page in the browser has sliders and buttons; it ends with its button or with Ctrl-C.
+    """
     from selftouch_drake.show import play as show
 
     show(_open(run, writing=False), port=port, announce=click.echo)
