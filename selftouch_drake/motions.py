@@ -327,9 +327,11 @@ def kernel_sensation(run: RunDirectory, representation: QuotientRepresentation) 
     for batch in ExperienceReader(run.experience).batches("sensation"):
         here = representation.kernel_row - first
         inside = (here >= 0) & (here < len(batch))
-        felt[inside] = batch[here[inside]]
+        # In double precision: the square of a graze vanishes in single.
+        rows = batch[here[inside]].astype(float)
+        felt[inside] = rows / np.linalg.norm(rows, axis=1, keepdims=True)
         first += len(batch)
-    return felt / np.linalg.norm(felt, axis=1, keepdims=True)
+    return felt
 
 
 def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> RehearsalMemory:
