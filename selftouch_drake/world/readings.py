@@ -82,7 +82,10 @@ class Readings:
         if flaws.saturation is not None:
             np.minimum(read, flaws.saturation, out=read)
         if flaws.quantisation:
-            read = flaws.quantisation * np.round(read / flaws.quantisation)
+            # Of steps too small for their number to be told, each reading is a multiple.
+            with np.errstate(over="ignore"):
+                steps = read / flaws.quantisation
+            read = np.where(np.isfinite(steps), flaws.quantisation * np.round(steps), read)
         read[(read < self.threshold) | (read < 0)] = 0.0
         read[:, ~self.alive] = 0.0
         return read

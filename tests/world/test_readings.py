@@ -3,7 +3,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -149,6 +149,7 @@ def test_cross_talk_goes_to_neighbours_and_loses_nothing(cube_world):
     ),
     force=st.floats(0, 1e3),
 )
+@example(flaws={"quantisation": 1e-320}, force=1.0)
 def test_readings_are_forces_whatever_the_skin(flaws, force, cube_world):
     read = readings(cube_world, **flaws)
     if read is None:
