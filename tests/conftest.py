@@ -1,11 +1,17 @@
+import os
 import signal
 from dataclasses import dataclass
 
 import pytest
+from hypothesis import settings
 
 from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.world import ContactProbe
+
+# The same examples every time; `make fuzz` looks for new ones.
+settings.register_profile("steady", derandomize="SELFTOUCH_FUZZ" not in os.environ)
+settings.load_profile("steady")
 
 # A shell that runs the tests in its background lets them ignore Ctrl-C, and so do the programs
 # that they start: those that are to be stopped would never hear of it.
