@@ -25,7 +25,7 @@ from selftouch_drake.world.probe import ContactProbe
 #: What the file of a plan holds, executed or not.
 PLAN_ARRAYS = (
     "nodes",
-    "edges",
+    "links",
     "waypoints_q",
     "waypoint_s",
     "time_s",
@@ -151,7 +151,7 @@ class Pilot:
         self, planner: Planner, q_start: np.ndarray, targets: Sequence[int | None]
     ) -> Motion:
         began = time.perf_counter()
-        plan = planner.plan_tour(q_start, targets, edge_penalty=self.memory.edge_penalty)
+        plan = planner.plan_tour(q_start, targets, link_penalty=self.memory.link_penalty)
         timed = self._timed(plan)
         self.query_s.append(time.perf_counter() - began)
         self.jerk_reduction.append(jerk_reduction(plan))
@@ -175,7 +175,7 @@ class Pilot:
         prediction = predict_sensation(self.representation, plan, timed.s, self.kernel_sensation)
         return {
             "nodes": plan.nodes,
-            "edges": plan.edges,
+            "links": plan.links,
             "waypoints_q": plan.waypoints_q,
             "waypoint_s": plan.waypoint_s,
             "time_s": timed.time_s,
@@ -293,7 +293,7 @@ def judged(motion: Motion, goal: int, representation: QuotientRepresentation) ->
         felt=motion["felt"],
         s=motion["s"],
         waypoint_s=motion["waypoint_s"],
-        edges=motion["edges"],
+        links=motion["links"],
         goal=goal,
         target_sensations=representation.target_sensations,
     )

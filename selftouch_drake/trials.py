@@ -215,7 +215,7 @@ def _fingertip_jerk_reduction(motions: list[Motion], path: str, world: World) ->
             to_space,
         )
         for motion in motions
-        if len(motion["edges"]) > 1
+        if len(motion["links"]) > 1
     ]
     return float(np.median(reductions)) if reductions else 1.0
 

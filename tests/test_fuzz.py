@@ -322,7 +322,7 @@ def test_a_damaged_memory(edits, run, tmp_path_factory):
     path = put(tmp_path_factory.getbasetemp() / "memory.npz", damaged(whole, edits))
     found = told(lambda: RehearsalMemory.load(path, run.representation), ValueError, path)
     if found is not None:
-        np.testing.assert_array_equal(found.edge_penalty, 1.0)
+        np.testing.assert_array_equal(found.link_penalty, 1.0)
         assert found.num_tries == 0
 
 

@@ -96,7 +96,7 @@ def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):
     memory = load_memory(run, representation)
     assert memory.num_tries == len(tries)
     for one in tries:
-        assert np.all(memory.edge_penalty[one.lost_edges] > 1.0)
+        assert np.all(memory.link_penalty[one.lost_links] > 1.0)
     kept = stages.judged(load_arrays(run.plan(3, 20)), 20, representation)
     assert (kept.reached, kept.contact) >= (tries[0].reached, tries[0].contact)
 

@@ -11,11 +11,12 @@ from typing import Generic, TypeVar
 import numpy as np
 
 from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.planning import near_links
 from selftouch_drake.representation import QuotientRepresentation
 
-#: An edge on which contact was lost costs this many times more from then on.
+#: A link on which contact was lost costs this many times more from then on.
 LOSS_FACTOR = 8.0
-# Six losses: beyond that an edge is as good as cut, and the costs stay far from overflow.
+# Six losses: beyond that a link is as good as cut, and the costs stay far from overflow.
 _MOST_PENALTY = LOSS_FACTOR**6
 
 Motion = TypeVar("Motion")
@@ -26,12 +27,12 @@ class RehearsalMemory:
     """What the agent remembers of its rehearsals; it outlasts them, and serves every later plan.
 
     Attributes:
-        edge_penalty: `(E,)` factors on the cost of the representation's edges, 1 or more.
+        link_penalty: `(L,)` factors on the cost of the links of its planner, 1 or more.
         num_tries: motions that were executed to learn it.
-        belongs_to: fingerprint of the representation whose edges these are.
+        belongs_to: fingerprint of the representation whose links these are.
     """
 
-    edge_penalty: np.ndarray
+    link_penalty: np.ndarray
     num_tries: int
     belongs_to: str
 
@@ -39,23 +40,23 @@ class RehearsalMemory:
     def blank(cls, representation: QuotientRepresentation) -> RehearsalMemory:
         """The memory of an agent that has rehearsed nothing."""
         return cls(
-            edge_penalty=np.ones(len(representation.edges)),
+            link_penalty=np.ones(len(near_links(representation))),
             num_tries=0,
             belongs_to=fingerprint(representation),
         )
 
-    def after(self, lost_edges: np.ndarray) -> RehearsalMemory:
-        """The memory after one more try, which lost contact on `lost_edges` `(n,)`."""
-        penalty = self.edge_penalty.copy()
-        penalty[lost_edges] = np.minimum(LOSS_FACTOR * penalty[lost_edges], _MOST_PENALTY)
-        return replace(self, edge_penalty=penalty, num_tries=self.num_tries + 1)
+    def after(self, lost_links: np.ndarray) -> RehearsalMemory:
+        """The memory after one more try, which lost contact on `lost_links` `(n,)`."""
+        penalty = self.link_penalty.copy()
+        penalty[lost_links] = np.minimum(LOSS_FACTOR * penalty[lost_links], _MOST_PENALTY)
+        return replace(self, link_penalty=penalty, num_tries=self.num_tries + 1)
 
     def save(self, path: Path) -> None:
         """Writes the memory, whole or not at all."""
         save_arrays(
             path,
             {
-                "edge_penalty": self.edge_penalty,
+                "link_penalty": self.link_penalty,
                 "num_tries": np.array(self.num_tries),
                 "belongs_to": np.array(self.belongs_to),
             },
@@ -67,17 +68,17 @@ class RehearsalMemory:
 
         Raises:
             FileNotFoundError: there is no such file.
-            ValueError: the file is damaged, or remembers the edges of another representation.
+            ValueError: the file is damaged, or remembers the links of another representation.
         """
-        arrays = load_arrays(path, ("edge_penalty", "num_tries", "belongs_to"))
+        arrays = load_arrays(path, ("link_penalty", "num_tries", "belongs_to"))
         memory = cls(
-            edge_penalty=arrays["edge_penalty"],
+            link_penalty=arrays["link_penalty"],
             num_tries=int(arrays["num_tries"]),
             belongs_to=str(arrays["belongs_to"]),
         )
-        expected = (len(representation.edges),)
+        expected = (len(near_links(representation)),)
         if memory.belongs_to != fingerprint(representation) or (
-            memory.edge_penalty.shape != expected
+            memory.link_penalty.shape != expected
         ):
             raise ValueError(
                 f"{path} remembers rehearsals of another representation; delete it, and rehearse "
@@ -93,14 +94,14 @@ class Try(Generic[Motion]):
     Attributes:
         contact: share of the time in which something was felt.
         reached: whether the last sensation was nearest to the one that was wanted.
-        lost_edges: `(n,)` rows of the representation's `edges` on which nothing was felt; the
-            last edge of the plan if the goal was missed.
+        lost_links: `(n,)` rows of the planner's `links` on which nothing was felt; the
+            last link of the plan if the goal was missed.
         motion: what was executed and felt.
     """
 
     contact: float
     reached: bool
-    lost_edges: np.ndarray
+    lost_links: np.ndarray
     motion: Motion
 
     @property
@@ -115,7 +116,7 @@ def judge(
     felt: np.ndarray,
     s: np.ndarray,
     waypoint_s: np.ndarray,
-    edges: np.ndarray,
+    links: np.ndarray,
     goal: int,
     target_sensations: np.ndarray,
 ) -> Try[Motion]:
@@ -126,21 +127,21 @@ def judge(
         felt: `(T, S)` N, sensations along the motion.
         s: `(T,)` rad, where on the path the arm was meant to be.
         waypoint_s: `(W,)` rad, where on the path each waypoint is.
-        edges: `(W - 1,)` row in the representation's `edges` of each step, -1 for none.
+        links: `(W - 1,)` row in the planner's `links` of each step, -1 for none.
         goal: the target sensation that was wanted.
         target_sensations: `(K, S)` unit L2 norm.
     """
     touching = np.any(felt, axis=1)
     reached = bool(touching[-1] and np.argmax(target_sensations @ felt[-1]) == goal)
-    lost = np.zeros(len(edges), dtype=bool)
-    if len(edges):
+    lost = np.zeros(len(links), dtype=bool)
+    if len(links):
         step = np.searchsorted(waypoint_s, s, side="right") - 1
-        lost[np.unique(step[~touching].clip(0, len(edges) - 1))] = True
+        lost[np.unique(step[~touching].clip(0, len(links) - 1))] = True
         lost[-1] |= not reached
     return Try(
         contact=float(touching.mean()),
         reached=reached,
-        lost_edges=np.unique(edges[lost & (edges >= 0)]),
+        lost_links=np.unique(links[lost & (links >= 0)]),
         motion=motion,
     )
 
@@ -166,7 +167,7 @@ def rehearse(
     tries: list[Try[Motion]] = []
     while len(tries) < max_tries and not (tries and tries[-1].perfect):
         tries.append(attempt(memory))
-        memory = memory.after(tries[-1].lost_edges)
+        memory = memory.after(tries[-1].lost_links)
     return tries, memory
 
 

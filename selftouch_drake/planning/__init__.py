@@ -8,6 +8,7 @@ from selftouch_drake.planning.plan import (
     jerk_reduction,
 )
 from selftouch_drake.planning.prediction import Prediction, predict_sensation
+from selftouch_drake.planning.route import near_links
 from selftouch_drake.planning.smoothing import polyline, smooth_path
 
 __all__ = [
@@ -17,6 +18,7 @@ __all__ = [
     "Prediction",
     "RouteMethod",
     "jerk_reduction",
+    "near_links",
     "polyline",
     "predict_sensation",
     "smooth_path",

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
-from scipy.spatial.distance import cdist
+from numba import njit
 
 
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
@@ -22,17 +22,36 @@ def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
     Returns:
         `(W, J)` rad, the chosen configurations.
     """
-    cost = np.zeros(len(layers[0]))
+    joints_first = [np.ascontiguousarray(layer.T, dtype=np.float32) for layer in layers]
+    cost = np.zeros(len(layers[0]), dtype=np.float32)
     came_from = []
-    for before, here in pairwise(layers):
-        squared = cdist(here, before, "sqeuclidean")
-        through = squared * np.sqrt(squared) + cost
-        came_from.append(through.argmin(axis=1))
-        cost = through.min(axis=1)
+    for before, here in pairwise(joints_first):
+        cost, parent = _step(before, cost, here)
+        came_from.append(parent)
     choice = [int(cost.argmin())]
     for previous in reversed(came_from):
         choice.append(int(previous[choice[-1]]))
     return np.stack([layer[c] for layer, c in zip(layers, reversed(choice), strict=True)])
+
+
+@njit(cache=True)
+def _step(before, cost_before, here):
+    """`(n,)` the least cost of each of the `(J, n)` configurations here, and its parent."""
+    num_joints, count = here.shape
+    cost, parent = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.int64)
+    through = np.empty(len(cost_before), dtype=np.float32)
+    for i in range(count):
+        through[:] = 0.0
+        for joint in range(num_joints):  # joint by joint, so that the inner loops vectorise
+            at = here[joint, i]
+            for b in range(len(through)):
+                step = before[joint, b] - at
+                through[b] += step * step
+        for b in range(len(through)):
+            through[b] = through[b] * np.sqrt(through[b]) + cost_before[b]
+        parent[i] = np.argmin(through)
+        cost[i] = through[parent[i]]
+    return cost, parent
 
 
 def closest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:

@@ -17,6 +17,7 @@ from selftouch_drake.planning.route import (
     carried_route,
     goal_members,
     leap_penalty,
+    near_links,
     shortest_route,
 )
 from selftouch_drake.planning.smoothing import KNOT_SPACING, path_length, polyline, smooth_path
@@ -39,8 +40,8 @@ class Plan:
     Attributes:
         nodes: `(W,)` kernels, from the start to the goal; the first is `NO_KERNEL` if the arm
             does not touch yet.
-        edges: `(W - 1,)` row in the representation's `edges` of each step; -1 where it follows no
-            edge, as on a literal route and towards the first touch.
+        links: `(W - 1,)` row in the planner's `links` of each step; -1 where it follows none, as on
+            a literal route and towards the first touch.
         waypoints_q: `(W, J)` rad, one motor configuration a kernel.
         waypoint_s: `(W,)` rad, where on `path` each waypoint is: length of the polyline up to it.
         path: smooth quintic B-spline over `[0, waypoint_s[-1]]`, from the first waypoint to the
@@ -48,7 +49,7 @@ class Plan:
     """
 
     nodes: np.ndarray
-    edges: np.ndarray
+    links: np.ndarray
     waypoints_q: np.ndarray
     waypoint_s: np.ndarray
     path: BSpline
@@ -96,9 +97,10 @@ class Planner:
             np.full(kernel_q.shape[1], -np.inf) if lower is None else self.lower,
             np.full(kernel_q.shape[1], np.inf) if upper is None else self.upper,
         )
-        self._graph = RouteGraph.of(representation)
-        self._leap_penalty = leap_penalty(representation)
-        self._edge_row = {(int(i), int(j)): e for e, (i, j) in enumerate(representation.edges)}
+        self.links = near_links(representation)
+        self._graph = RouteGraph.of(representation, self.links)
+        self._leap_penalty = leap_penalty(representation, self.links)
+        self._link_row = {(int(i), int(j)): row for row, (i, j) in enumerate(self.links)}
 
     def plan(
         self,
@@ -106,7 +108,7 @@ class Planner:
         start: int | None,
         goal: int,
         *,
-        edge_penalty: np.ndarray | None = None,
+        link_penalty: np.ndarray | None = None,
     ) -> Plan:
         """Plans from a motor configuration to a target sensation.
 
@@ -114,21 +116,21 @@ class Planner:
             q_start: `(J,)` rad, where the arm is.
             start: the target sensation felt there; None if nothing is, see `plan_tour`.
             goal: the target sensation to feel; if it is `start`, the plan is to stay.
-            edge_penalty: `(E,)` factors on the cost of the representation's edges, above 1 where
-                contact was lost before; a literal route has no edges and ignores it.
+            link_penalty: `(L,)` factors on the cost of the links, above 1 where contact was lost
+                before; a literal route has no links and ignores it.
 
         Raises:
-            ValueError: if a target is out of range, `q_start` or `edge_penalty` does not fit the
-                representation, or the graph does not connect the two targets.
+            ValueError: if a target is out of range, `q_start` or `link_penalty` does not fit the
+                representation, or no links join the two targets.
         """
-        return self.plan_tour(q_start, [start, goal], edge_penalty=edge_penalty)
+        return self.plan_tour(q_start, [start, goal], link_penalty=link_penalty)
 
     def plan_tour(
         self,
         q_start: np.ndarray,
         targets: Sequence[int | None],
         *,
-        edge_penalty: np.ndarray | None = None,
+        link_penalty: np.ndarray | None = None,
     ) -> Plan:
         """Plans one continuous motion through a list of target sensations.
 
@@ -137,7 +139,7 @@ class Planner:
             targets: the target sensation felt there, then those to feel, in order. The first may
                 be None if nothing is felt; the arm then goes straight to the nearest firm touch it
                 knows, and the plan's first node is `NO_KERNEL`.
-            edge_penalty: `(E,)` as in `plan`.
+            link_penalty: `(L,)` as in `plan`.
 
         Raises:
             ValueError: as in `plan`, or there is no target to feel.
@@ -148,7 +150,7 @@ class Planner:
                 f"targets is {list(targets)}: give the sensation felt now, or None, and one to feel"
             )
         start, goals = targets[0], [self._checked_target(goal) for goal in targets[1:]]
-        penalty = self._leap_penalty * self._checked_penalty(edge_penalty)
+        penalty = self._leap_penalty * self._checked_penalty(link_penalty)
         if start is None:
             here, q_touch = self._nearest_touch(q_start)
             nodes, layers = [NO_KERNEL, here], [q_start[None], q_touch[None]]
@@ -167,8 +169,8 @@ class Planner:
         waypoints_q = chosen(layers)
         return Plan(
             nodes=np.array(nodes),
-            edges=np.array(
-                [self._edge_row.get((min(a, b), max(a, b)), -1) for a, b in pairwise(nodes)],
+            links=np.array(
+                [self._link_row.get((min(a, b), max(a, b)), -1) for a, b in pairwise(nodes)],
                 dtype=np.int64,
             ),
             waypoints_q=waypoints_q,
@@ -244,22 +246,22 @@ class Planner:
             )
         return q_start
 
-    def _checked_penalty(self, edge_penalty: np.ndarray | None) -> np.ndarray:
-        num_edges = len(self.representation.edges)
-        if edge_penalty is None:
-            return np.ones(num_edges)
-        edge_penalty = np.asarray(edge_penalty, dtype=float)
-        if edge_penalty.shape != (num_edges,):
+    def _checked_penalty(self, link_penalty: np.ndarray | None) -> np.ndarray:
+        num_links = len(self.links)
+        if link_penalty is None:
+            return np.ones(num_links)
+        link_penalty = np.asarray(link_penalty, dtype=float)
+        if link_penalty.shape != (num_links,):
             raise ValueError(
-                f"edge_penalty has shape {edge_penalty.shape}: "
-                f"this representation needs ({num_edges},), one factor an edge"
+                f"link_penalty has shape {link_penalty.shape}: "
+                f"this representation needs ({num_links},), one factor a link"
             )
-        if not np.all(np.isfinite(edge_penalty) & (edge_penalty > 0.0)):
+        if not np.all(np.isfinite(link_penalty) & (link_penalty > 0.0)):
             raise ValueError(
-                "edge_penalty holds a factor that is not finite and positive: use 1 "
-                "for edges without penalty"
+                "link_penalty holds a factor that is not finite and positive: use 1 "
+                "for links without penalty"
             )
-        return edge_penalty
+        return link_penalty
 
 
 def jerk_reduction(plan: Plan) -> float:

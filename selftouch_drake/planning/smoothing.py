@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from scipy import sparse
 from scipy.interpolate import BSpline
+from scipy.linalg import solveh_banded
 
 DEGREE = 5
 # Knots this far apart (rad of path length) follow the polyline of a thousand kernels closely
@@ -88,12 +90,34 @@ def smooth_curve(
     # Solved over knots one apart, so that the shortest path is as well conditioned as any.
     knots = np.pad(np.arange(num_intervals + 1.0), DEGREE, mode="edge")
     u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
-    basis = BSpline(knots, np.eye(num_intervals + DEGREE), DEGREE)
-    value, jerk = basis(u), basis.derivative(3)(u)
-    normal = value.T @ value + jerk.T @ jerk
+    value, jerk = BSpline.design_matrix(u, knots, DEGREE), _third_derivative(u, knots)
+    normal = (value.T @ value + jerk.T @ jerk).todia()
     interval = length / num_intervals
-    right = value.T @ curve(u * interval) - normal[:, [0, -1]] @ ends
-    inner = np.linalg.solve(normal[1:-1, 1:-1], right[1:-1])
+    fixed = np.zeros((normal.shape[0], ends.shape[1]))
+    fixed[[0, -1]] = ends
+    right = value.T @ curve(u * interval) - normal @ fixed
+    inner = solveh_banded(_upper_bands(normal)[:, 1:-1], right[1:-1])
     knots *= interval
     knots[-DEGREE - 1 :] = length
     return BSpline(knots, np.concatenate([ends[:1], inner, ends[1:]]), DEGREE)
+
+
+def _third_derivative(u: np.ndarray, knots: np.ndarray) -> sparse.csr_array:
+    """`(N, n)` from the n control points of a spline to its third derivative at u."""
+    derivative = sparse.eye_array(len(knots) - DEGREE - 1, format="csr")
+    for degree in range(DEGREE, DEGREE - 3, -1):
+        span = knots[degree + 1 : -1] - knots[1 : -degree - 1]
+        size = len(span)
+        difference = sparse.diags_array(
+            [-degree / span, degree / span], offsets=[0, 1], shape=(size, size + 1), format="csr"
+        )
+        derivative = difference @ derivative
+        knots = knots[1:-1]
+    return BSpline.design_matrix(u, knots, DEGREE - 3) @ derivative
+
+
+def _upper_bands(matrix: sparse.dia_array) -> np.ndarray:
+    """`(DEGREE + 1, n)` diagonals of a symmetric banded matrix, the main one last."""
+    return np.stack(
+        [np.pad(matrix.diagonal(k), (k, 0)) for k in range(DEGREE, -1, -1)]
+    )

@@ -26,7 +26,7 @@ CHAIN = representation()
 
 
 def tried(contact, lost=(), *, reached=True):
-    return Try(contact=contact, reached=reached, lost_edges=np.array(lost, int), motion=None)
+    return Try(contact=contact, reached=reached, lost_links=np.array(lost, int), motion=None)
 
 
 def judged(felt, *, edges=(4, 7), goal=2):
@@ -61,30 +61,30 @@ A, B, C, NOTHING = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0)
 )
 def test_what_was_felt_tells_the_edges_that_failed(felt, contact, reached, lost):
     one = judged(felt)
-    assert (one.contact, one.reached, one.lost_edges.tolist()) == (contact, reached, lost)
+    assert (one.contact, one.reached, one.lost_links.tolist()) == (contact, reached, lost)
     assert one.perfect == (contact == 1.0 and reached)
     assert one.motion == "motion"
 
 
 def test_a_step_along_no_edge_is_nobodys_fault():
-    assert judged([A, NOTHING, B, NOTHING, C], edges=(-1, 7)).lost_edges.tolist() == [7]
+    assert judged([A, NOTHING, B, NOTHING, C], edges=(-1, 7)).lost_links.tolist() == [7]
 
 
 def test_a_plan_to_stay_has_no_edge_to_blame():
     assert judged([C, C], edges=()).perfect
-    assert judged([NOTHING, NOTHING], edges=()).lost_edges.tolist() == []
+    assert judged([NOTHING, NOTHING], edges=()).lost_links.tolist() == []
 
 
 def test_penalties_grow_and_stay_finite():
     memory = RehearsalMemory.blank(CHAIN)
-    assert memory.edge_penalty.tolist() == [1.0, 1.0, 1.0]
+    assert memory.link_penalty.tolist() == [1.0, 1.0, 1.0]
     twice = memory.after(np.array([1])).after(np.array([1, 2]))
-    assert twice.edge_penalty.tolist() == [1.0, 64.0, 8.0]
+    assert twice.link_penalty.tolist() == [1.0, 64.0, 8.0]
     assert twice.num_tries == 2
-    assert memory.edge_penalty.tolist() == [1.0, 1.0, 1.0]
+    assert memory.link_penalty.tolist() == [1.0, 1.0, 1.0]
     for _ in range(1000):
         twice = twice.after(np.array([0]))
-    assert twice.edge_penalty[0] == 8.0**6
+    assert twice.link_penalty[0] == 8.0**6
 
 
 def test_tries_end_at_the_first_perfect_one():
@@ -92,13 +92,13 @@ def test_tries_end_at_the_first_perfect_one():
     asked = []
 
     def attempt(memory):
-        asked.append(memory.edge_penalty.tolist())
+        asked.append(memory.link_penalty.tolist())
         return next(scripted)
 
     tries, memory = rehearse(attempt, RehearsalMemory.blank(CHAIN), max_tries=6)
     assert [one.contact for one in tries] == [0.9, 0.95, 1.0]
     assert asked == [[1.0, 1.0, 1.0], [1.0, 8.0, 1.0], [1.0, 64.0, 8.0]]
-    assert memory.edge_penalty.tolist() == [1.0, 64.0, 8.0]
+    assert memory.link_penalty.tolist() == [1.0, 64.0, 8.0]
     assert memory.num_tries == 3
 
 
@@ -116,7 +116,7 @@ def test_a_memory_is_the_same_after_a_night_on_disk(tmp_path):
     memory = RehearsalMemory.blank(CHAIN).after(np.array([2]))
     memory.save(tmp_path / "rehearsal.npz")
     loaded = RehearsalMemory.load(tmp_path / "rehearsal.npz", CHAIN)
-    assert np.array_equal(loaded.edge_penalty, memory.edge_penalty)
+    assert np.array_equal(loaded.link_penalty, memory.link_penalty)
     assert (loaded.num_tries, loaded.belongs_to) == (memory.num_tries, memory.belongs_to)
 
 

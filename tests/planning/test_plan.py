@@ -57,7 +57,7 @@ def test_a_penalised_edge_is_avoided(ring, planner):
     plan = planner.plan(ring.kernel_q[0], 0, 3)
     penalty = np.ones(len(ring.edges))
     penalty[plan.edges[1]] = 1000.0
-    assert plan.edges[1] not in planner.plan(ring.kernel_q[0], 0, 3, edge_penalty=penalty).edges
+    assert plan.edges[1] not in planner.plan(ring.kernel_q[0], 0, 3, link_penalty=penalty).edges
 
 
 def test_the_literal_route_cuts_across_the_ring(ring):
@@ -105,12 +105,12 @@ def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planne
             "q_start is [0.0, nan, 0.0]: give finite joint angles in rad",
         ),
         (
-            {"edge_penalty": np.ones(3)},
-            "edge_penalty has shape (3,): this representation needs (8,), one factor an edge",
+            {"link_penalty": np.ones(3)},
+            "link_penalty has shape (3,): this representation needs (8,), one factor an edge",
         ),
         (
-            {"edge_penalty": np.zeros(8)},
-            "edge_penalty holds a factor that is not finite and positive: "
+            {"link_penalty": np.zeros(8)},
+            "link_penalty holds a factor that is not finite and positive: "
             "use 1 for edges without penalty",
         ),
     ],
