@@ -9,6 +9,7 @@ import numpy as np
 from numba import njit
 from scipy.sparse import sparray
 from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
 
 from selftouch_drake.representation.quotient import QuotientRepresentation
 from selftouch_drake.representation.set_distances import LinkedNearest, linked_nearest
@@ -32,6 +33,8 @@ LINK_SPACINGS = 1.5
 # sum up to 1.3, 1.1 and 1.08.
 _MAX_VISITS = 4
 _APART = 0.3
+# A configuration is alone if the nearest firm one of its kernel is this far away, in rad.
+_ALONE = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -92,10 +95,18 @@ def near_links(representation: QuotientRepresentation) -> np.ndarray:
 
 
 def firm_members(representation: QuotientRepresentation, kernel: int) -> np.ndarray:
-    """Rows of `kernel_q`: the half of a kernel that is felt most strongly, which holds contact."""
+    """Rows of `kernel_q` that plans pass through: the third of a kernel that is felt most strongly.
+
+    Firm touches hold contact. But some postures of the arm were tried so seldom that none of the
+    third is near; a plan that starts there would have to leap. So those that are far from all of
+    the third count as well, if they are not among the lightest quarter.
+    """
     members = representation.members(kernel)
-    strength = representation.kernel_strength[members]
-    return members.start + np.flatnonzero(strength >= np.median(strength))
+    strength, q = representation.kernel_strength[members], representation.kernel_q[members]
+    strong = strength >= np.quantile(strength, 2 / 3)
+    apart, _ = cKDTree(q[strong]).query(q)
+    alone = (apart > _ALONE) & (strength >= np.quantile(strength, 0.25))
+    return members.start + np.flatnonzero(strong | alone)
 
 
 def goal_members(representation: QuotientRepresentation, kernel: int) -> np.ndarray:

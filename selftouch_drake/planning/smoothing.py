@@ -12,7 +12,7 @@ from scipy.linalg import solveh_banded
 DEGREE = 5
 # Knots this far apart (rad of path length) follow the polyline of a thousand kernels closely
 # enough to keep contact, and round its corners.
-KNOT_SPACING = 0.15
+KNOT_SPACING = 0.135
 # Midpoints of each knot interval at which distance and jerk are summed.
 _SAMPLES_PER_INTERVAL = 8
 
