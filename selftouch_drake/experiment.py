@@ -153,7 +153,7 @@ class Planning:
     """From a route on the quotient graph to a smooth path in motor space."""
 
     # Rad of path length between the knots of the smoothing spline.
-    knot_spacing: float = 0.15
+    knot_spacing: float = 0.135
 
 
 @dataclass(kw_only=True, slots=True)
