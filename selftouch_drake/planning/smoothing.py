@@ -118,6 +118,4 @@ def _third_derivative(u: np.ndarray, knots: np.ndarray) -> sparse.csr_array:
 
 def _upper_bands(matrix: sparse.dia_array) -> np.ndarray:
     """`(DEGREE + 1, n)` diagonals of a symmetric banded matrix, the main one last."""
-    return np.stack(
-        [np.pad(matrix.diagonal(k), (k, 0)) for k in range(DEGREE, -1, -1)]
-    )
+    return np.stack([np.pad(matrix.diagonal(k), (k, 0)) for k in range(DEGREE, -1, -1)])

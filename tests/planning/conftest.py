@@ -4,7 +4,7 @@ import pytest
 from selftouch_drake.representation.quotient import QuotientRepresentation
 
 
-def ring_representation(num_kernels=8, members=6, *, links=None, seed=0):
+def ring_representation(num_kernels=24, members=6, *, links=None, seed=0):
     """Kernels round a circle of radius 1 rad in the first two of three joints."""
     rng = np.random.default_rng(seed)
     angle = 2 * np.pi * np.arange(num_kernels) / num_kernels

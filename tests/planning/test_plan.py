@@ -18,7 +18,7 @@ def test_a_plan_leads_from_where_the_arm_is_into_the_goal(ring, planner):
     q_start = ring.kernel_q[2] + 0.01
     plan = planner.plan(q_start, 0, 3)
     assert plan.nodes.tolist() == [0, 1, 2, 3]
-    assert ring.edges[plan.edges].tolist() == [[0, 1], [1, 2], [2, 3]]
+    assert planner.links[plan.links].tolist() == [[0, 1], [1, 2], [2, 3]]
     assert np.array_equal(plan.waypoints_q[0], q_start)
     ends = plan.path(plan.waypoint_s[[0, -1]])
     assert np.allclose(ends, plan.waypoints_q[[0, -1]], rtol=0.0, atol=1e-14)
@@ -38,7 +38,7 @@ def test_by_default_no_plan_leaves_the_range_of_experience(ring, planner):
 def test_a_plan_to_where_one_is_stays_there(ring, planner):
     plan = planner.plan(ring.kernel_q[0], 0, 0)
     assert plan.nodes.tolist() == [0]
-    assert plan.edges.shape == (0,)
+    assert plan.links.shape == (0,)
     assert plan.waypoint_s.tolist() == [0.0]
     assert np.allclose(plan.path([0.0, 1.0]), ring.kernel_q[0])
     assert jerk_reduction(plan) == 1.0
@@ -53,17 +53,19 @@ def test_the_same_question_has_the_same_answer(ring):
     assert np.array_equal(a.nodes, b.nodes)
 
 
-def test_a_penalised_edge_is_avoided(ring, planner):
+def test_a_penalised_link_is_avoided(ring, planner):
     plan = planner.plan(ring.kernel_q[0], 0, 3)
-    penalty = np.ones(len(ring.edges))
-    penalty[plan.edges[1]] = 1000.0
-    assert plan.edges[1] not in planner.plan(ring.kernel_q[0], 0, 3, link_penalty=penalty).edges
+    penalty = np.ones(len(planner.links))
+    penalty[plan.links[1]] = 1000.0
+    other = planner.plan(ring.kernel_q[0], 0, 3, link_penalty=penalty)
+    assert plan.links[1] not in other.links
+    assert other.nodes[-1] == 3
 
 
 def test_the_literal_route_cuts_across_the_ring(ring):
-    plan = Planner(ring, route="literal").plan(ring.kernel_q[0], 0, 4)
-    assert plan.nodes.tolist() == [0, 4]
-    assert plan.edges.tolist() == [-1]
+    plan = Planner(ring, route="literal").plan(ring.kernel_q[0], 0, 12)
+    assert plan.nodes.tolist() == [0, 12]
+    assert plan.links.tolist() == [-1]
     middle = plan.path(0.5 * plan.waypoint_s[-1])
     assert np.linalg.norm(middle[:2]) < 0.2
 
@@ -89,11 +91,11 @@ def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planne
     [
         (
             {"goal": 412},
-            "target 412 is out of range: this representation has targets 0 to 7",
+            "target 412 is out of range: this representation has targets 0 to 23",
         ),
         (
             {"start": -1},
-            "target -1 is out of range: this representation has targets 0 to 7",
+            "target -1 is out of range: this representation has targets 0 to 23",
         ),
         ({"goal": 1.5}, "target 1.5 is not an index: give a whole number"),
         (
@@ -106,12 +108,12 @@ def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planne
         ),
         (
             {"link_penalty": np.ones(3)},
-            "link_penalty has shape (3,): this representation needs (8,), one factor an edge",
+            "link_penalty has shape (3,): this representation needs (120,), one factor a link",
         ),
         (
-            {"link_penalty": np.zeros(8)},
+            {"link_penalty": np.zeros(120)},
             "link_penalty holds a factor that is not finite and positive: "
-            "use 1 for edges without penalty",
+            "use 1 for links without penalty",
         ),
     ],
 )
@@ -121,13 +123,20 @@ def test_errors_say_what_to_do(ring, planner, arguments, message):
 
 
 def test_an_unreachable_goal_says_what_to_do(make_ring):
-    apart = make_ring(links=[(0, 1), (1, 2), (4, 5)])
+    ring = make_ring(links=[])
+    # One half of the ring is felt by other receptors than the other half.
+    feel = ring.target_sensations
+    half = np.repeat([1.0, 0.0], 12)[:, None]
+    apart = dataclasses.replace(
+        ring, target_sensations=np.hstack([half * feel, (1.0 - half) * feel])
+    )
     message = (
-        "target 5 cannot be reached from target 0: the quotient graph does not connect them; "
+        "target 15 cannot be reached from target 0: the quotient graph does not connect them; "
         "babble longer, or learn with a larger num_neighbours"
     )
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
-        Planner(apart).plan(apart.kernel_q[0], 0, 5)
+        Planner(apart).plan(apart.kernel_q[0], 0, 15)
+    assert Planner(apart).plan(apart.kernel_q[0], 0, 9).nodes[-1] == 9
 
 
 def test_a_planner_refuses_what_it_cannot_do(ring):

@@ -12,9 +12,10 @@ def planner(ring):
 
 
 def test_a_tour_passes_its_targets_in_order(ring, planner):
-    plan = planner.plan_tour(ring.kernel_q[0], [0, 2, 1, 6])
-    assert plan.nodes.tolist() == [0, 1, 2, 1, 0, 7, 6]
-    assert ring.edges[plan.edges].tolist() == [[0, 1], [1, 2], [1, 2], [0, 1], [0, 7], [6, 7]]
+    plan = planner.plan_tour(ring.kernel_q[0], [0, 2, 1, 22])
+    assert plan.nodes.tolist() == [0, 1, 2, 1, 0, 23, 22]
+    links = planner.links[plan.links].tolist()
+    assert links == [[0, 1], [1, 2], [1, 2], [0, 1], [0, 23], [22, 23]]
     assert len(plan.waypoints_q) == len(plan.waypoint_s) == 7
 
 
@@ -43,7 +44,7 @@ def test_an_arm_in_the_air_first_goes_to_the_nearest_touch(ring, planner):
     q_start = 1.4 * ring.kernel_q[6 * 2] + [0.0, 0.0, 0.3]
     plan = planner.plan(q_start, None, 4)
     assert plan.nodes.tolist() == [NO_KERNEL, 2, 3, 4]
-    assert plan.edges[0] == -1
+    assert plan.links[0] == -1
     assert np.array_equal(plan.waypoints_q[0], q_start)
     firm = ring.kernel_q[ring.kernel_strength >= 1.0]
     distance = np.linalg.norm(firm - q_start, axis=1)
@@ -61,7 +62,7 @@ def test_an_arm_in_the_air_may_want_only_the_nearest_touch(ring, planner):
     [
         ([0], "targets is [0]: give the sensation felt now, or None, and one to feel"),
         ([], "targets is []: give the sensation felt now, or None, and one to feel"),
-        ([0, 9, 3], "target 9 is out of range: this representation has targets 0 to 7"),
+        ([0, 24, 3], "target 24 is out of range: this representation has targets 0 to 23"),
         ([0, None], "target None is not an index: give a whole number"),
     ],
 )

@@ -6,7 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
-from selftouch_drake.representation.set_distances import SET_DISTANCES, set_distances
+from selftouch_drake.representation.set_distances import (
+    SET_DISTANCES,
+    linked_nearest,
+    set_distances,
+)
 
 REFERENCE = {
     "minimum": (lambda near: near.min(axis=1), np.minimum),
@@ -92,3 +96,18 @@ def test_errors(offsets, name, message):
     with pytest.raises(ValueError, match=r"kernel|unknown") as error:
         set_distances(np.zeros((4, 2)), np.array(offsets), name)
     assert str(error.value) == message
+
+
+@pytest.mark.parametrize("num_joints", [1, 6])
+def test_the_nearest_over_each_link_is_the_nearest_of_all(num_joints):
+    rng = np.random.default_rng(0)
+    offsets = np.cumsum([0, 7, 1, 13, 4])
+    q = rng.normal(size=(offsets[-1], num_joints)).astype(np.float32)
+    links = np.array([[0, 2], [2, 0], [1, 3], [3, 1], [0, 1]])
+    nearest = linked_nearest(q, offsets, links)
+    for link, (tail, head) in enumerate(links):
+        entries = slice(*nearest.offsets[link : link + 2])
+        here, there = (slice(*offsets[k : k + 2]) for k in (tail, head))
+        squared = np.square(q[here, None].astype(float) - q[there]).sum(axis=2)
+        assert np.array_equal(nearest.row[entries], offsets[head] + squared.argmin(axis=1))
+        assert np.allclose(nearest.squared[entries], squared.min(axis=1), rtol=1e-5)
