@@ -104,7 +104,7 @@ def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):
 def test_later_plans_keep_off_what_rehearsals_lost(run):
     representation = stages.load_representation(run)
     before = stages.Pilot(run).plan(3, 20)
-    RehearsalMemory.blank(representation).after(before["edges"]).save(run.rehearsal)
+    RehearsalMemory.blank(representation).after(before["links"]).save(run.rehearsal)
     after = stages.Pilot(run).plan(3, 20)
     assert not np.array_equal(after["nodes"], before["nodes"])
 
