@@ -70,7 +70,7 @@ def start(command: list[str]) -> multiprocessing.Process:
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """Of every file, without the times in it; of pictures and pages of times, that they are there."""
+    """Of every file, without the times in it; of pages full of times, that they are there."""
     return {
         str(path.relative_to(folder)): _digest(path)
         for path in sorted(folder.rglob("*"))
@@ -165,11 +165,9 @@ def main() -> None:
             wrong = stage.resume()
             same[stage.name][0] += not wrong
             same[stage.name][1] += 1
-            print(
-                f"{number + 1:3d} {stage.name:9s} killed at {moment:5.1f} of {stage.duration:5.1f} s: "
-                f"{'DIFFERENT: ' + ', '.join(wrong) if wrong else 'same'}",
-                flush=True,
-            )
+            found = f"DIFFERENT: {', '.join(wrong)}" if wrong else "same"
+            when = f"{moment:5.1f} of {stage.duration:5.1f} s"
+            print(f"{number + 1:3d} {stage.name:9s} killed at {when}: {found}", flush=True)
     good, tried = np.sum(list(same.values()), axis=0)
     each = ", ".join(f"{name} {good} of {tried}" for name, (good, tried) in same.items())
     print(f"resumed to the same bytes: {good} of {tried} ({each})")

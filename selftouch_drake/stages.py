@@ -234,7 +234,8 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
 def _score_against_truth(
     run: RunDirectory, world: World, representation: QuotientRepresentation
 ) -> dict[str, object]:
-    p_WF = ExperienceReader(run.truth).read("p_WF")
+    truth = ExperienceReader(run.truth)
+    p_WF = truth.take("p_WF", representation.kernel_row)
     _, fields = world.body
     positions = kernel_positions(representation, p_WF)
     spread = kernel_spread(representation, p_WF)
@@ -250,7 +251,9 @@ def _score_against_truth(
         name: shape_rms_fraction(embedding, positions) for name, (embedding, _) in found.items()
     }
     figures: dict[str, object] = {
-        **coverage(fields.vertices, fields.faces, p_WF.reshape(-1, 3)),
+        **coverage(
+            fields.vertices, fields.faces, (p.reshape(-1, 3) for p in truth.batches("p_WF"))
+        ),
         "kernel_spread_median_m": float(np.median(spread)),
         "kernel_spread_worst_m": float(spread.max()),
         "neighbour_agreement": neighbour_agreement(representation.set_distance, positions),

@@ -28,8 +28,11 @@ def kernel_positions(representation: QuotientRepresentation, p_WF: np.ndarray) -
     """Where each motor kernel set truly puts the first fingertip.
 
     Args:
-        representation: K kernels over experience of N rows.
-        p_WF: `(N, 3 * fingers)` m, true fingertip positions of the experience.
+        representation: K kernels of R configurations in all.
+        p_WF: `(R, 3 * fingers)` m, true fingertip positions in each of `kernel_q`.
+
+    Raises:
+        ValueError: `p_WF` has another number of rows.
 
     Returns:
         `(K, 3)` m, the median over each kernel.
@@ -38,7 +41,10 @@ def kernel_positions(representation: QuotientRepresentation, p_WF: np.ndarray) -
 
 
 def kernel_spread(representation: QuotientRepresentation, p_WF: np.ndarray) -> np.ndarray:
-    """`(K,)` m, root mean square distance of a kernel's fingertip positions from their mean."""
+    """`(K,)` m, root mean square distance of a kernel's fingertip positions from their mean.
+
+    Arguments and errors as of `kernel_positions`.
+    """
     return np.array(
         [np.sqrt(p.var(axis=0).sum()) for p in _members(representation, p_WF)], dtype=float
     )
@@ -112,7 +118,12 @@ def shape_rms_fraction(embedding: np.ndarray, positions: np.ndarray) -> float:
 
 
 def _members(representation: QuotientRepresentation, p_WF: np.ndarray) -> list[np.ndarray]:
-    first_finger = p_WF[representation.kernel_row, :3].astype(float)
+    if len(p_WF) != len(representation.kernel_row):
+        raise ValueError(
+            f"p_WF has {len(p_WF)} rows, the kernels {len(representation.kernel_row)}: give one "
+            "for each of kernel_row"
+        )
+    first_finger = p_WF[:, :3].astype(float)
     return [first_finger[representation.members(k)] for k in range(representation.num_targets)]
 
 

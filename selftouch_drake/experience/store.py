@@ -150,6 +150,30 @@ class ExperienceReader:
         """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays a shard."""
         return zip(self.batches("sensation"), self.batches("q"), strict=True)
 
+    def take(self, column: str, rows: np.ndarray) -> np.ndarray:
+        """The rows `(R, width)` of the given numbers, in memory that does not grow with the store.
+
+        Args:
+            column: a vector column.
+            rows: `(R,)` numbers of rows, in any order.
+
+        Raises:
+            StoreError: there are not so many rows.
+        """
+        order = np.argsort(rows, kind="stable")
+        taken, first, parts = 0, 0, []
+        for batch in self.batches(column):
+            end = int(np.searchsorted(rows, first + len(batch), sorter=order))
+            parts.append(batch[rows[order[taken:end]] - first])
+            taken, first = end, first + len(batch)
+        if taken < len(rows):
+            raise StoreError(
+                f"{self._paths[0].parent} has {first} rows, none of number {max(rows)}; it is of "
+                "another experiment"
+            )
+        found = np.concatenate(parts)
+        return found[np.argsort(order, kind="stable")]
+
     def read(self, column: str) -> np.ndarray:
         """All rows `(N, width)` of a vector column."""
         return np.concatenate(list(self.batches(column)))

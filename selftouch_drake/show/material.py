@@ -69,12 +69,12 @@ class Material:
         """The hollow skin and its receptive fields, built anew from the experiment."""
         return build_body(self.run.experiment)
 
-    @cached_property
-    def p_WF(self) -> np.ndarray:
-        """`(N, 3 * fingers)` m, true fingertip positions of the experience."""
+    @property
+    def truth(self) -> ExperienceReader:
+        """The true fingertip positions `p_WF` of the experience."""
         if not any(self.run.truth.glob("part-*.parquet")):
             raise MissingError("the truth is not there; run `selftouch babble`")
-        return ExperienceReader(self.run.truth).read("p_WF")
+        return ExperienceReader(self.run.truth)
 
     @cached_property
     def representation(self) -> QuotientRepresentation:
@@ -93,13 +93,18 @@ class Material:
         return [arrays[name] for name in names]
 
     @cached_property
-    def kernel_positions(self) -> np.ndarray:
-        """`(K, 3)` m, where each kernel truly puts the first fingertip."""
+    def kernel_p_WF(self) -> np.ndarray:
+        """`(R, 3 * fingers)` m, true fingertip positions in each configuration of the kernels."""
         try:
             require_complete(self.run, truth=True)
         except StoreError as error:
             raise MissingError(str(error)) from None
-        return kernel_positions(self.representation, self.p_WF)
+        return self.truth.take("p_WF", self.representation.kernel_row)
+
+    @cached_property
+    def kernel_positions(self) -> np.ndarray:
+        """`(K, 3)` m, where each kernel truly puts the first fingertip."""
+        return kernel_positions(self.representation, self.kernel_p_WF)
 
     @cached_property
     def embedding(self) -> np.ndarray:
