@@ -94,7 +94,8 @@ def babble(
     """Collects the experience of the run; walks that are stored already are kept."""
     began = time.perf_counter()
     _, fields = world.body
-    save_arrays(run.skin, {"p_BS": fields.p_BS, "vertices": fields.vertices, "faces": fields.faces})
+    surface = {"p_BS": fields.p_BS, "vertices": fields.vertices, "faces": fields.faces}
+    save_arrays(run.skin, surface | run.body_stamp())
     wanted, stored = run.experiment.babbling.num_samples, 0
 
     def count(num_rows: int) -> None:
@@ -281,12 +282,13 @@ def _distances_along_body(run: RunDirectory, representation: QuotientRepresentat
     """`(K, K)` along the recovered body, as `learn` left them."""
     num_targets = representation.num_targets
     try:
-        distances = load_arrays(run.body_distances, ["distances"])["distances"]
+        arrays = load_arrays(run.body_distances, ["distances"])
     except FileNotFoundError:
         raise RunError(
             f"{run.body_distances} is not there; run `selftouch learn {run.path}`"
         ) from None
-    run.require_stamp(run.body_distances)
+    run.require_stamp(run.body_distances, arrays)
+    distances = arrays["distances"]
     if distances.shape != (num_targets, num_targets):
         raise RunError(
             f"{run.body_distances} has shape {distances.shape}, not {(num_targets, num_targets)}; "

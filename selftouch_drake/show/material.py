@@ -14,6 +14,7 @@ from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
 from selftouch_drake.evaluation import align, kernel_positions
 from selftouch_drake.experience import ExperienceReader, StoreError
 from selftouch_drake.files import load_arrays
+from selftouch_drake.motions import load_plan
 from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory, RunError
 from selftouch_drake.shape import fitted_surface, topology
@@ -62,6 +63,13 @@ class Material:
         """The outer surface and its receptors."""
         names = ("p_BS", "vertices", "faces")
         arrays = self._arrays(self.run.skin, names, "the skin", "babble")
+        # Runs of before the stamp have none.
+        stamp = self.run.body_stamp()
+        if str((stamp | arrays)["made_for"]) != str(stamp["made_for"]):
+            raise RunError(
+                f"{self.run.skin} is of another experiment or version; run `selftouch babble "
+                f"{self.run.path / 'experiment.yaml'} --out {self.run.path}`"
+            )
         return BodySurface(**{name: arrays[name] for name in names})
 
     @cached_property
@@ -90,6 +98,7 @@ class Material:
         """Births and deaths `(bars, 2)` of components, loops and voids."""
         names = [f"diagram_{dimension}" for dimension in range(3)]
         arrays = self._arrays(self.run.topology, names, "the persistence of holes", "learn")
+        self.run.require_stamp(self.run.topology, arrays)
         return [arrays[name] for name in names]
 
     @cached_property
@@ -137,10 +146,9 @@ class Material:
 
     def plan(self, start: int, goal: int) -> dict[str, np.ndarray]:
         """The arrays of a plan, executed or not."""
-        names = ("nodes", "waypoints_q", "time_s", "q", "predicted")
-        return self._arrays(
-            self.run.plan(start, goal), names, f"a plan from {start} to {goal}", "plan"
-        )
+        if not self.run.plan(start, goal).exists():
+            raise MissingError(f"a plan from {start} to {goal} is not there; run `selftouch plan`")
+        return load_plan(self.run, start, goal)
 
     def executed(self, start: int, goal: int) -> dict[str, np.ndarray]:
         """The arrays of a plan that was executed."""

@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from selftouch_drake.files import written_whole
+from selftouch_drake.run_directory import RunError
 from selftouch_drake.sweep.design import Sweep, fields_of, flat
 from selftouch_drake.sweep.runs import SweepDirectory, run_name
 
@@ -33,7 +34,11 @@ def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> p
             "error": failed.get(name),
         }
         row |= {field: fields.get(field) for field in sweep.fields if field != "seed"}
-        rows.append(row | flat(run.metrics() if run.path.is_dir() else {}))
+        try:
+            figures = run.metrics() if run.path.is_dir() else {}
+        except RunError as error:  # the row tells why it has none
+            row["error"], figures = row["error"] or str(error), {}
+        rows.append(row | flat(figures))
     columns = dict.fromkeys(key for row in rows for key in row)
     table = pa.table({key: _column([row.get(key) for row in rows]) for key in columns})
     varied = [field for field in sweep.fields if field != "seed"]
