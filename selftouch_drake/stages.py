@@ -93,6 +93,7 @@ def babble(
 ) -> None:
     """Collects the experience of the run; walks that are stored already are kept."""
     began = time.perf_counter()
+    wall_before = run.metrics().get("babbling_wall_s", 0.0)
     _, fields = world.body
     surface = {"p_BS": fields.p_BS, "vertices": fields.vertices, "faces": fields.faces}
     save_arrays(run.skin, surface | run.body_stamp())
@@ -113,7 +114,7 @@ def babble(
             "babbling_touch_rate": wanted / num_steps,
             "babbling_force_median_N": median,
             "babbling_force_max_N": largest,
-            "babbling_wall_s": run.metrics().get("babbling_wall_s", 0.0) + wall,
+            "babbling_wall_s": wall_before + wall,
         }
     )
 
@@ -223,6 +224,7 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
     """
     representation = load_representation(run)
     require_complete(run, truth=True)
+    run.metrics()  # what cannot be added to is refused now
     progress(0.0, "against the truth")
     run.add_metrics(_score_against_truth(run, world, representation))
     figures = score_motions(

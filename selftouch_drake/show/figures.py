@@ -161,8 +161,12 @@ def write_figures(
     Returns:
         The PNG files written, in the order of `FIGURES`. A figure that cannot be drawn any more is
         removed, so that none shows what is no longer true.
+
+    Raises:
+        ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
     material = Material(run)
+    material.require_sound()
     run.figures.mkdir(exist_ok=True)
     written = []
     for number, (name, draw) in enumerate(FIGURES.items()):

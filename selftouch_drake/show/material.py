@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -53,6 +54,18 @@ class Material:
     def __init__(self, run: RunDirectory):
         self.run = run
 
+    def require_sound(self) -> None:
+        """Reads every file that there is, before anything is made of any.
+
+        Raises:
+            ValueError: one is damaged, or of another experiment.
+        """
+        for name in ("metrics", "skin", "representation", "diagrams", "truth", "kernel_p_WF"):
+            with contextlib.suppress(MissingError):
+                getattr(self, name)
+        for pair in self.pairs:
+            self.plan(*pair)
+
     @cached_property
     def metrics(self) -> dict:
         """The figures of the run."""
@@ -82,7 +95,9 @@ class Material:
         """The true fingertip positions `p_WF` of the experience."""
         if not any(self.run.truth.glob("part-*.parquet")):
             raise MissingError("the truth is not there; run `selftouch babble`")
-        return ExperienceReader(self.run.truth)
+        reader = ExperienceReader(self.run.truth)
+        reader.num_rows  # noqa: B018 - refuses damaged shards
+        return reader
 
     @cached_property
     def representation(self) -> QuotientRepresentation:
