@@ -388,7 +388,8 @@ def test_any_figures(data, run, tmp_path_factory):
 @given(edits=edits)
 def test_a_damaged_table(edits, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "table.parquet"
-    table = pa.table({"seed": [1, 2]}).replace_schema_metadata({"selftouch.fields": "seed"})
+    columns = {"run": ["a", "b"], "experiment": ["c", "d"], "seed": [1, 2], "error": [None, "e"]}
+    table = pa.table(columns).replace_schema_metadata({"selftouch.fields": ""})
     pq.write_table(table, path, write_page_checksum=True)
     put(path, damaged(path.read_bytes(), edits))
     told(lambda: read_table(path), ValueError, path)

@@ -18,6 +18,9 @@ import pyarrow.parquet as pq
 
 from selftouch_drake.files import written_whole
 
+# What Arrow raises for damaged files; the last for names in a footer, which has no checksum.
+UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
+
 
 class StoreError(ValueError):
     """A shard that is missing, damaged or of another experiment; the text names it."""
@@ -129,7 +132,7 @@ class ExperienceReader:
                 raise StoreError(f"{path} has no column {column}; it is not such a shard")
             try:
                 vectors = parquet.read([column]).column(column).combine_chunks()
-            except (pa.ArrowException, OSError) as error:
+            except UNREADABLE as error:
                 raise _damaged(path, error) from None
             if isinstance(vectors, pa.ChunkedArray):
                 vectors = vectors.chunk(0)
@@ -199,7 +202,7 @@ def _holds_vectors(schema: pa.Schema, column: str) -> bool:
 def _open(path: Path) -> pq.ParquetFile:
     try:
         return pq.ParquetFile(path, page_checksum_verification=True)
-    except (pa.ArrowException, OSError) as error:
+    except UNREADABLE as error:
         raise _damaged(path, error) from None
 
 
