@@ -2,7 +2,9 @@
 
 By hand they are `selftouch run`, one command after the other, each with a process a core while it
 babbles; it draws a report besides, which a sweep does not. So the same is done once more with the
-verbs that a sweep does: `babble`, `learn` and `evaluate`. The sweep comes first and last.
+verbs that a sweep does: `babble`, `learn` and `evaluate`. The sweep comes first and last. By hand
+each run begins with nothing, whatever was run before; so some of them, drawn at random, tell what
+all would take.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from selftouch_drake.experiment import dump_experiment
+import numpy as np
+
+from selftouch_drake.experiment import Experiment, dump_experiment
 from selftouch_drake.sweep import Sweep, SweepDirectory, load_sweep, read_table
 
 
@@ -30,9 +34,9 @@ def as_sweep(name: str, folder: Path, workers: int) -> float:
     return time.perf_counter() - began
 
 
-def by_hand(sweep: Sweep, folder: Path, workers: int, *, report: bool) -> float:
+def by_hand(experiments: list[Experiment], folder: Path, workers: int, *, report: bool) -> float:
     began = time.perf_counter()
-    for number, experiment in enumerate(sweep.experiments):
+    for number, experiment in enumerate(experiments):
         file, run = folder / f"{number}.yaml", folder / str(number)
         file.write_text(dump_experiment(experiment))
         verbs = [["run" if report else "babble", file, "--out", run, "--workers", workers]]
@@ -52,18 +56,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--sweep", default="quick")
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--by-hand", type=int, default=24, help="runs that are made by hand")
     arguments = parser.parse_args()
     sweep = load_sweep(arguments.sweep)
+    number = min(arguments.by_hand, len(sweep.experiments))
+    drawn = np.random.default_rng(0).choice(len(sweep.experiments), number, replace=False)
+    some = [sweep.experiments[i] for i in drawn]
+    times = len(sweep.experiments) / number
     print(f"{len(sweep.experiments)} runs, {arguments.workers} of {os.cpu_count()} cores")
+    print(f"by hand {number} of them, times {times:g}")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for part in ("hand", "verbs"):
             (folder / part).mkdir()
         first = as_sweep(arguments.sweep, folder / "first", arguments.workers)
         print(f"{'sweep':<36}{first:7.0f} s", flush=True)
-        hand = by_hand(sweep, folder / "hand", arguments.workers, report=True)
+        hand = times * by_hand(some, folder / "hand", arguments.workers, report=True)
         print(f"{'run, one by one':<36}{hand:7.0f} s", flush=True)
-        verbs = by_hand(sweep, folder / "verbs", arguments.workers, report=False)
+        verbs = times * by_hand(some, folder / "verbs", arguments.workers, report=False)
         print(f"{'babble, learn, evaluate, one by one':<36}{verbs:7.0f} s", flush=True)
         last = as_sweep(arguments.sweep, folder / "last", arguments.workers)
         print(f"{'sweep again':<36}{last:7.0f} s", flush=True)
