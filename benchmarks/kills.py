@@ -26,7 +26,7 @@ from selftouch_drake.sweep import read_table
 
 SMALL = (
     "{body: {resolution: 0.04}, babbling: {num_samples: 900, walk_size: 300}, "
-    "representation: {num_targets: 50}, execution: {max_tries: 2}, "
+    "representation: {num_targets: 50, metric: sensorimotor}, execution: {max_tries: 2}, "
     "evaluation: {num_pairs: 1, shape_metrics: []}}"
 )
 # A resumed command may not take longer than this many times an undisturbed one, plus a minute.

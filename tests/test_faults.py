@@ -28,7 +28,8 @@ from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run_directory import RunDirectory
 
 SMALL = (
-    "{babbling: {num_samples: 1200, walk_size: 300}, representation: {num_targets: 50}, "
+    "{babbling: {num_samples: 1200, walk_size: 300}, "
+    "representation: {num_targets: 50, metric: motor}, "
     "evaluation: {num_pairs: 1, shape_metrics: []}}"
 )
 NUM_SHARDS = 4
