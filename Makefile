@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO ?= runs/demo
 
-.PHONY: help demo test fuzz kills lint docs bench million install clean
+.PHONY: help demo test fuzz kills lint docs bench million memory install clean
 
 help:  ## what one can ask for
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -35,6 +35,9 @@ bench: $(VENV)/.installed-bench  ## what a touch costs, beside what one would wr
 
 million: $(VENV)/.installed  ## collect a million touches of sphere, cube and torus
 	$(BIN)/python benchmarks/million.py
+
+memory: $(VENV)/.installed  ## peak memory of every stage at RUN's touches and at ten times as many
+	$(BIN)/python benchmarks/memory.py $(RUN)
 
 install: $(VENV)/.installed  ## the package and what it needs, into .venv
 

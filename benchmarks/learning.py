@@ -24,6 +24,7 @@ from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from memory import peak_memory_mb
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
@@ -131,12 +132,6 @@ def child(run: Path, arguments: list[int]) -> dict[str, float]:
         "clock_s": time.perf_counter() - began,
         "peak_MB": peak_memory_mb(),
     }
-
-
-def peak_memory_mb() -> float:
-    """Of this process alone: what `getrusage` tells begins with the memory of its parent."""
-    status = Path("/proc/self/status").read_text()
-    return int(status.partition("VmHWM:")[2].split()[0]) / 1024
 
 
 def grid(largest: int) -> list[tuple[str, int, int, int]]:

@@ -6,12 +6,12 @@ For every body a small and a large run, in two processes; the store is read back
 from __future__ import annotations
 
 import argparse
-import resource
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+from memory import peak_memory_mb
 
 from selftouch_drake.babbling import collect, require_complete
 from selftouch_drake.executors import local_executor
@@ -20,10 +20,10 @@ from selftouch_drake.experiment import load_experiment
 from selftouch_drake.run_directory import RunDirectory
 
 
-def peak_memory_mb(delay_s: float) -> float:
-    """Peak resident memory of the process that runs this, in MB."""
+def peak_memory_of_worker_mb(delay_s: float) -> float:
+    """Peak memory of the process that runs this, in MB."""
     time.sleep(delay_s)  # so that every worker takes one of these
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return peak_memory_mb()
 
 
 def measure(body: str, num_samples: int, workers: int, folder: Path) -> str:
@@ -34,7 +34,7 @@ def measure(body: str, num_samples: int, workers: int, folder: Path) -> str:
     with local_executor(workers) as executor:
         collect(run, executor=executor)
         wall = time.perf_counter() - began
-        memory = max(executor.map(peak_memory_mb, [0.2] * 2 * workers))
+        memory = max(executor.map(peak_memory_of_worker_mb, [0.2] * 2 * workers))
     require_complete(run)
     experience = ExperienceReader(run.experience)
     rows = 0

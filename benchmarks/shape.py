@@ -131,7 +131,7 @@ def score(representation: QuotientRepresentation, metric: str, seed: int) -> dic
     began = time.process_time()
     body = recover(representation, metric, seed=seed)
     seconds = time.process_time() - began
-    found = topology(body.embedding.positions)
+    found = topology(body.places)
     return {
         "positions": body.embedding.positions,
         "betti": " ".join(map(str, found.betti)),
@@ -149,8 +149,9 @@ def rows(
     """The rows of one case, a metric and network seed each."""
     sensation, q, p_WF = experience.felt(case)
     representation, seconds = learned_representation(case, sensation, q, cache)
-    positions = kernel_positions(representation, p_WF)
-    spread = kernel_spread(representation, p_WF)
+    kernel_p_WF = p_WF[representation.kernel_row]
+    positions = kernel_positions(representation, kernel_p_WF)
+    spread = kernel_spread(representation, kernel_p_WF)
     common = {
         "rows": len(q),
         "spread_median_m": round(float(np.median(spread)), 4),

@@ -39,7 +39,7 @@ def measure(body: str, walk: dict, num_samples: int, executor) -> str:
         wall = time.perf_counter() - began
         p_WF = ExperienceReader(run.truth).read("p_WF")
         force = ExperienceReader(run.experience).read("sensation").sum(axis=1)
-    covered = coverage(fields.vertices, fields.faces, p_WF.reshape(-1, 3))
+    covered = coverage(fields.vertices, fields.faces, [p_WF.reshape(-1, 3)])
     return (
         f"| {walk.get('mode', 'kinematic')} | {walk['step_size']} | {walk['persistence']} "
         f"| {num_samples / num_steps:.1%} | {covered['coverage_share_10_touches']:.1%} "

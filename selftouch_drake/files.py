@@ -18,6 +18,9 @@ def written_whole(path: Path) -> Iterator[Path]:
     """Yields a path to write aside; on success it is flushed and takes the place of `path`.
 
     On any error the file aside is removed and `path` is as it was.
+
+    Raises:
+        OSError: it cannot be written, as when the disk is full; the text names it.
     """
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -25,8 +28,23 @@ def written_whole(path: Path) -> Iterator[Path]:
         with aside.open("rb") as file:
             os.fsync(file.fileno())
         aside.replace(path)
+    except OSError as error:
+        # What fails while it writes does not tell where.
+        if error.filename is not None or str(path) in str(error):
+            raise
+        raise OSError(f"{path} cannot be written: {error.strerror or error}") from error
     finally:
         aside.unlink(missing_ok=True)
+
+
+def require_writable(folder: Path) -> None:
+    """Refuses a folder in which nothing can be written, before any work is done for it.
+
+    Raises:
+        PermissionError: naming the folder.
+    """
+    if not os.access(folder, os.W_OK, effective_ids=True):
+        raise PermissionError(f"{folder} cannot be written; make it writable, or work on a copy")
 
 
 def write_text_whole(path: Path, text: str) -> None:

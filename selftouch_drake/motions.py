@@ -184,6 +184,7 @@ class Pilot:
             "v": timed.v,
             "predicted": prediction.sensation,
             "predicted_spread": prediction.spread,
+            **self.run.stamp(),
         }
 
     def _some_configuration(self, *targets: int) -> np.ndarray:
@@ -205,31 +206,62 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Motion:
         RunError: there is no such target sensation, or no such plan.
     """
     require_targets(load_representation(run), *(t for t in targets if isinstance(t, int)))
-    if not run.plan(*targets).exists():
-        raise RunError(_no_plan(run, *targets))
-    plan = load_arrays(run.plan(*targets), PLAN_ARRAYS)
-    motion = executed(world, plan)
+    motion = executed(world, load_plan(run, *targets))
     save_arrays(run.plan(*targets), motion)
     return motion
 
 
-def _no_plan(run: RunDirectory, start: int | str, *goals: int | str) -> str:
-    goal = goals[-1]
+def load_plan(run: RunDirectory, *targets: int | str) -> Motion:
+    """A stored plan, executed or not.
+
+    Args:
+        run: a run that has planned.
+        targets: of the plan, in order; `"free", GOAL` for one of `Pilot.plan_from`.
+
+    Raises:
+        RunError: there is no such plan, or it was made of something else that was learned.
+        ValueError: the file is damaged.
+    """
+    file, (what, options) = run.plan(*targets), _described(*targets)
+    remedy = f"with `selftouch plan {run.path} {options}`"
+    if not file.exists():
+        raise RunError(f"{run.path} has no {what}; make one {remedy}")
+    plan = load_arrays(file, PLAN_ARRAYS)
+    run.require_stamp(file, plan, remedy=f"make it again {remedy}")
+    if wrong := _misshapen(plan, run.experiment.skin.num_receptors):
+        raise RunError(f"{file} is no plan: {wrong} does not fit the rest; make it again {remedy}")
+    return plan
+
+
+def _misshapen(plan: Motion, num_receptors: int) -> str:
+    """The name of an array that cannot be of a plan with the others; empty if all can."""
+    W, T, joints = plan["nodes"].size, plan["time_s"].size, plan["waypoints_q"].shape[1:2]
+    expected: dict[str, tuple[int, ...]] = {
+        "nodes": (W,),
+        "edges": (W - 1,),
+        "waypoints_q": (W, *joints),
+        "waypoint_s": (W,),
+        **dict.fromkeys(("time_s", "s", "predicted_spread"), (T,)),
+        **dict.fromkeys(("q", "v", "q_measured"), (T, *joints)),
+        **dict.fromkeys(("predicted", "felt"), (T, num_receptors)),
+    }
+    for name, shape in expected.items():
+        array = plan.get(name)
+        if array is not None and (
+            array.shape != shape or array.dtype.kind not in "if" or not np.isfinite(array).all()
+        ):
+            return name
+    return ""
+
+
+def _described(start: int | str, *goals: int | str) -> tuple[str, str]:
+    """A plan in words, and the options that ask for it."""
     if start == "free":
-        return (
-            f"{run.path} has no free plan to {goal}; make one with "
-            f"`selftouch plan {run.path} --from-q Q --to {goal}`"
-        )
+        return f"free plan to {goals[-1]}", f"--from-q Q --to {goals[-1]}"
     if len(goals) > 1:
         through = ",".join(map(str, (start, *goals)))
-        return (
-            f"{run.path} has no plan through {through}; make one with "
-            f"`selftouch plan {run.path} --through {through}`"
-        )
-    return (
-        f"{run.path} has no plan from {start} to {goal}; make one with "
-        f"`selftouch plan {run.path} --from {start} --to {goal}`"
-    )
+        return f"plan through {through}", f"--through {through}"
+    return f"plan from {start} to {goals[0]}", f"--from {start} --to {goals[0]}"
 
 
 def executed(world: World, plan: Motion) -> Motion:

@@ -15,7 +15,7 @@ import yaml
 from filelock import FileLock, Timeout
 
 from selftouch_drake.experiment import Experiment, Skin, dump_experiment, load_experiment
-from selftouch_drake.files import load_arrays, write_text_whole
+from selftouch_drake.files import load_arrays, require_writable, write_text_whole
 
 # Raised whenever a file of a run changes its meaning.
 RUN_FORMAT = 1
@@ -86,8 +86,10 @@ class RunDirectory:
         """Holds the run for one writer; the hold ends with its process, however that ends.
 
         Raises:
+            PermissionError: nothing can be written here.
             RunError: another process writes here.
         """
+        require_writable(self.path)
         lock = FileLock(self.path / ".lock")
         try:
             lock.acquire(timeout=0)
@@ -168,7 +170,11 @@ class RunDirectory:
         return self.path / "plans" / f"{'-'.join(map(str, targets))}.npz"
 
     def metrics(self) -> dict[str, Any]:
-        """All figures so far; empty before the first stage is done."""
+        """All figures so far; empty before the first stage is done.
+
+        Raises:
+            RunError: they are damaged, or of another experience.
+        """
         file = self.path / "metrics.json"
         if not file.exists():
             return {}
@@ -178,17 +184,25 @@ class RunDirectory:
             figures = None
         if not isinstance(figures, dict):
             raise RunError(f"{file} is damaged; delete it and evaluate again")
+        # Runs of before the stamp have none.
+        if figures.pop("made_for", self._experience_stamp()) != self._experience_stamp():
+            raise RunError(
+                f"{file} is of another experiment or version; delete it, and babble and evaluate "
+                "again: what is stored is kept"
+            )
         return figures
 
     def add_metrics(self, figures: dict[str, Any]) -> None:
         """Adds figures to `metrics.json`; those of the same name are replaced."""
-        merged = self.metrics() | figures
-        write_text_whole(self.path / "metrics.json", json.dumps(merged, indent=2) + "\n")
+        self._write_metrics(self.metrics() | figures)
 
     def drop_metrics(self, *prefixes: str) -> None:
         """Forgets figures that are no longer true because a stage before them ran again."""
-        kept = {k: v for k, v in self.metrics().items() if not k.startswith(prefixes)}
-        write_text_whole(self.path / "metrics.json", json.dumps(kept, indent=2) + "\n")
+        self._write_metrics({k: v for k, v in self.metrics().items() if not k.startswith(prefixes)})
+
+    def _write_metrics(self, figures: dict[str, Any]) -> None:
+        text = json.dumps({"made_for": self._experience_stamp()} | figures, indent=2)
+        write_text_whole(self.path / "metrics.json", text + "\n")
 
     def fingerprint(self) -> str:
         """Identifies what decides the experience: seed, body, skin, arm and babbling.
@@ -219,19 +233,32 @@ class RunDirectory:
         """The array that files of what was learned carry: their format and what they belong to."""
         return {"made_for": np.array(f"format {RUN_FORMAT}, {self.learning_fingerprint()}")}
 
-    def require_stamp(self, file: Path) -> None:
+    def body_stamp(self) -> dict[str, np.ndarray]:
+        """The array that files of the body carry, which is there before anything is learned."""
+        return {"made_for": np.array(self._experience_stamp())}
+
+    def _experience_stamp(self) -> str:
+        return f"format {RUN_FORMAT}, {self.fingerprint()}"
+
+    def require_stamp(
+        self, file: Path, arrays: dict[str, np.ndarray] | None = None, *, remedy: str = ""
+    ) -> None:
         """Refuses a file of what was learned from another experience, or by another version.
+
+        Args:
+            file: of what was learned, or made of it.
+            arrays: what it holds, if that was read already.
+            remedy: what to do; by default to learn.
 
         Raises:
             FileNotFoundError: there is no such file.
             RunError: it carries another stamp, or none.
             ValueError: the file is damaged.
         """
-        found = load_arrays(file).get("made_for")
+        found = (load_arrays(file) if arrays is None else arrays).get("made_for")
         if found is None or str(found) != str(self.stamp()["made_for"]):
-            raise RunError(
-                f"{file} is of another experiment or version; run `selftouch learn {self.path}`"
-            )
+            remedy = remedy or f"run `selftouch learn {self.path}`"
+            raise RunError(f"{file} is of another experiment or version; {remedy}")
 
     def learning_fingerprint(self) -> str:
         """Identifies what decides what is learned: the experience and the representation."""

@@ -93,8 +93,10 @@ def babble(
 ) -> None:
     """Collects the experience of the run; walks that are stored already are kept."""
     began = time.perf_counter()
+    wall_before = run.metrics().get("babbling_wall_s", 0.0)
     _, fields = world.body
-    save_arrays(run.skin, {"p_BS": fields.p_BS, "vertices": fields.vertices, "faces": fields.faces})
+    surface = {"p_BS": fields.p_BS, "vertices": fields.vertices, "faces": fields.faces}
+    save_arrays(run.skin, surface | run.body_stamp())
     wanted, stored = run.experiment.babbling.num_samples, 0
 
     def count(num_rows: int) -> None:
@@ -112,7 +114,7 @@ def babble(
             "babbling_touch_rate": wanted / num_steps,
             "babbling_force_median_N": median,
             "babbling_force_max_N": largest,
-            "babbling_wall_s": run.metrics().get("babbling_wall_s", 0.0) + wall,
+            "babbling_wall_s": wall_before + wall,
         }
     )
 
@@ -153,7 +155,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     )
     warn_of_misfit(body.embedding)
     progress(0.9, "holes")
-    found = topology(representation.embedding)
+    found = topology(body.places)
     diagrams = {f"diagram_{dimension}": bars for dimension, bars in enumerate(found.diagram)}
     dimension = intrinsic_dimension(body.distances)
     sizes = np.diff(representation.kernel_offsets)
@@ -167,7 +169,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
         stamp = run.stamp()
         names = [field.name for field in dataclasses.fields(representation)]
         save_arrays(new_representation, {n: getattr(representation, n) for n in names} | stamp)
-        save_arrays(new_topology, diagrams | stamp)
+        save_arrays(new_topology, diagrams | {"parts": body.parts} | stamp)
         distances = body.distances.astype(np.float32)
         save_arrays(new_distances, {"distances": distances} | stamp)
         _forget_learning(run)
@@ -222,6 +224,7 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
     """
     representation = load_representation(run)
     require_complete(run, truth=True)
+    run.metrics()  # what cannot be added to is refused now
     progress(0.0, "against the truth")
     run.add_metrics(_score_against_truth(run, world, representation))
     figures = score_motions(
@@ -234,7 +237,8 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
 def _score_against_truth(
     run: RunDirectory, world: World, representation: QuotientRepresentation
 ) -> dict[str, object]:
-    p_WF = ExperienceReader(run.truth).read("p_WF")
+    truth = ExperienceReader(run.truth)
+    p_WF = truth.take("p_WF", representation.kernel_row)
     _, fields = world.body
     positions = kernel_positions(representation, p_WF)
     spread = kernel_spread(representation, p_WF)
@@ -250,7 +254,9 @@ def _score_against_truth(
         name: shape_rms_fraction(embedding, positions) for name, (embedding, _) in found.items()
     }
     figures: dict[str, object] = {
-        **coverage(fields.vertices, fields.faces, p_WF.reshape(-1, 3)),
+        **coverage(
+            fields.vertices, fields.faces, (p.reshape(-1, 3) for p in truth.batches("p_WF"))
+        ),
         "kernel_spread_median_m": float(np.median(spread)),
         "kernel_spread_worst_m": float(spread.max()),
         "neighbour_agreement": neighbour_agreement(representation.set_distance, positions),
@@ -278,12 +284,13 @@ def _distances_along_body(run: RunDirectory, representation: QuotientRepresentat
     """`(K, K)` along the recovered body, as `learn` left them."""
     num_targets = representation.num_targets
     try:
-        distances = load_arrays(run.body_distances, ["distances"])["distances"]
+        arrays = load_arrays(run.body_distances, ["distances"])
     except FileNotFoundError:
         raise RunError(
             f"{run.body_distances} is not there; run `selftouch learn {run.path}`"
         ) from None
-    run.require_stamp(run.body_distances)
+    run.require_stamp(run.body_distances, arrays)
+    distances = arrays["distances"]
     if distances.shape != (num_targets, num_targets):
         raise RunError(
             f"{run.body_distances} has shape {distances.shape}, not {(num_targets, num_targets)}; "

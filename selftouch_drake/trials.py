@@ -78,7 +78,8 @@ def score_motions(
         )
         # What stays in the run is the first try, which the figures are about.
         save_arrays(run.plan(start, goal), motions[-1])
-    save_arrays(run.trials, trial_table(pairs, motions, rehearsals, representation))
+    table = trial_table(pairs, motions, rehearsals, representation)
+    save_arrays(run.trials, table | run.stamp())
     query_ms = 1e3 * np.array(first.query_s)
     goals = [goal for _, goal in pairs]
     return {

@@ -1,5 +1,7 @@
 """What goes wrong outside: killed processes, full disks, second writers, lost shards."""
 
+import ctypes
+import json
 import os
 import re
 import resource
@@ -8,6 +10,8 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -20,9 +24,14 @@ from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.executors import dask_executor, local_executor
 from selftouch_drake.experience import ExperienceReader, StoreError
 from selftouch_drake.experiment import load_experiment, parse_overrides
+from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run_directory import RunDirectory
 
-SMALL = "{babbling: {num_samples: 1200, walk_size: 300}, representation: {num_targets: 50}}"
+SMALL = (
+    "{babbling: {num_samples: 1200, walk_size: 300}, "
+    "representation: {num_targets: 50, metric: motor}, "
+    "evaluation: {num_pairs: 1, shape_metrics: []}}"
+)
 NUM_SHARDS = 4
 
 
@@ -90,15 +99,13 @@ def test_killed_at_any_moment_and_started_again_gives_the_same_bytes(
     assert {path: path.stat().st_mtime_ns for path in kept} == stamps
 
 
-def test_a_second_writer_is_refused_and_readers_are_not(run):
+def test_a_second_writer_of_experience_is_refused(run):
     before = shards(run)
     with FileLock(run / ".lock"):
         line = refused(babble(run))
-        held = subprocess.run(command("learn", run), capture_output=True, text=True)
     assert line == (
         f"{run} is being written by another process; wait for it, or choose another --out"
     )
-    assert refused(held) == line
     assert shards(run) == before
 
 
@@ -162,18 +169,44 @@ def learned_run(whole_run, tmp_path_factory):
     return path
 
 
+PAIR = ["--from", "0", "--to", "1"]
 # Every file that a verb reads, and that verb.
 READ = [
     ("experiment.yaml", ["learn"]),
     ("metrics.json", ["learn"]),
+    ("metrics.json", ["evaluate"]),
+    ("metrics.json", ["report"]),
     ("experience/part-00001.parquet", ["learn"]),
-    ("experience/part-00002.parquet", ["plan", "--from", "0", "--to", "1"]),
+    ("experience/part-00002.parquet", ["plan", *PAIR]),
     ("truth/part-00003.parquet", ["evaluate"]),
-    ("representation.npz", ["plan", "--from", "0", "--to", "1"]),
+    ("truth/part-00003.parquet", ["report"]),
+    ("skin.npz", ["report"]),
+    ("representation.npz", ["plan", *PAIR]),
+    ("representation.npz", ["execute", *PAIR]),
     ("representation.npz", ["evaluate"]),
-    ("rehearsal.npz", ["plan", "--from", "0", "--to", "1"]),
-    ("plans/0-1.npz", ["execute", "--from", "0", "--to", "1"]),
+    ("representation.npz", ["report"]),
+    ("topology.npz", ["report"]),
+    ("body_distances.npz", ["evaluate"]),
+    ("rehearsal.npz", ["plan", *PAIR]),
+    ("rehearsal.npz", ["execute", *PAIR, "--rehearse", "2"]),
+    ("plans/0-1.npz", ["execute", *PAIR]),
+    ("plans/0-1.npz", ["report"]),
 ]
+
+
+def told(capsys, *arguments) -> str:
+    """The one line with which a command is refused."""
+    status = exit_status(lambda: cli.main([str(a) for a in arguments], standalone_mode=False))
+    written = capsys.readouterr().err
+    assert status == 2, written
+    assert "Traceback" not in written
+    line = written.strip().splitlines()[-1]
+    assert line.startswith("selftouch: ")
+    return line.removeprefix("selftouch: ")
+
+
+def content(folder: Path) -> dict[Path, bytes]:
+    return {p: p.read_bytes() for p in folder.rglob("*") if p.is_file() and p.name != ".lock"}
 
 
 @pytest.mark.parametrize(("name", "command"), READ)
@@ -186,23 +219,170 @@ def test_a_damaged_or_foreign_file_is_named_and_left(
     file, (verb, *options) = run / name, command
     whole = file.read_bytes()
     another = run / ("skin.npz" if file.suffix != ".npz" else "experience/part-00000.parquet")
-    content = {
+    damaged = {
         "empty": b"",
         "garbage": bytes(range(256)) * 9,
         "half": whole[: len(whole) // 2],
         "another": another.read_bytes(),
     }[damage]
-    file.write_bytes(content)
-    before = {p: p.read_bytes() for p in run.rglob("*") if p.is_file()}
-    arguments = [verb, str(run), *options]
-    status = exit_status(lambda: cli.main(arguments, standalone_mode=False))
-    line = capsys.readouterr().err.strip().splitlines()[-1]
-    assert status == 2
-    assert line.startswith("selftouch: ")
+    file.write_bytes(damaged)
+    before = content(run)
+    line = told(capsys, verb, run, *options)
     # Half an experiment may still be YAML: then it is the field that is named.
     assert str(file) in line or name == "experiment.yaml"
-    after = {p: p.read_bytes() for p in run.rglob("*") if p.is_file() and p.name != ".lock"}
-    assert {p: before.get(p) for p in after} == after
+    assert content(run) == before
+
+
+@pytest.mark.parametrize(("name", "command"), [r for r in READ if r[0].endswith(("npz", "json"))])
+def test_a_whole_file_of_another_run_is_refused(name, command, learned_run, tmp_path, capsys):
+    run = tmp_path / "run"
+    shutil.copytree(learned_run, run)
+    file, (verb, *options) = run / name, command
+    if file.suffix == ".json":
+        figures = json.loads(file.read_text())
+        assert figures["made_for"].startswith("format ")
+        file.write_text(json.dumps(figures | {"made_for": "format 1, 0123456789abcdef"}))
+    else:
+        arrays = load_arrays(file)
+        (stamp,) = {"made_for", "belongs_to"} & arrays.keys()
+        save_arrays(file, arrays | {stamp: np.array("format 1, 0123456789abcdef")})
+    before = content(run)
+    line = told(capsys, verb, run, *options)
+    assert line.startswith(f"{file} is of another experiment or version; ") or (
+        line == f"{file} remembers rehearsals of another representation; delete it, and rehearse "
+        "again"
+    )
+    assert content(run) == before
+
+
+def test_a_plan_that_does_not_fit_together_is_refused(learned_run, tmp_path, capsys):
+    run = tmp_path / "run"
+    shutil.copytree(learned_run, run)
+    file = run / "plans" / "0-1.npz"
+    plan = load_arrays(file)
+    for name, wrong in (
+        ("q", plan["q"][:, :3]),
+        ("v", plan["v"][:-1]),
+        ("time_s", np.full(len(plan["time_s"]), np.nan)),
+        ("predicted", np.full(plan["predicted"].shape, "x")),
+        ("waypoints_q", np.array(3.0)),
+    ):
+        save_arrays(file, plan | {name: wrong})
+        assert told(capsys, "execute", run, *PAIR).startswith(f"{file} is no plan: ")
+
+
+# Every verb that writes, and what it needs beside the run.
+WRITING = [["learn"], ["plan", *PAIR], ["execute", *PAIR], ["evaluate"], ["report"]]
+
+
+@pytest.fixture
+def sweep(learned_run, tmp_path, monkeypatch):
+    """A sweep file of one run, the folder of its sweep, and workers that are threads of this."""
+    file = tmp_path / "small.yaml"
+    file.write_text(f"{{experiments: [cube], set: {SMALL}}}")
+    threads = lambda *arguments, **options: ThreadPoolExecutor(1)  # noqa: E731
+    monkeypatch.setattr("selftouch_drake.executors.local_executor", threads)
+    return file, tmp_path / "sweep"
+
+
+@pytest.mark.parametrize("command", WRITING)
+def test_a_full_disk_is_told_by_every_stage_and_nothing_is_lost(
+    command, learned_run, tmp_path, capsys, small_files
+):
+    run = tmp_path / "run"
+    shutil.copytree(learned_run, run)
+    verb, *options = command
+    before = content(run)
+    with small_files(4096):
+        line = told(capsys, verb, run, *options)
+    assert re.fullmatch(rf"{run}/[\w/.-]+ cannot be written: .*File too large.*", line)
+    after = content(run)
+    if verb == "evaluate":  # the scores against the truth are done, and fit on the disk
+        assert before.pop(run / "metrics.json") != after.pop(run / "metrics.json")
+    assert after == before
+
+
+def test_a_full_disk_is_told_by_a_sweep(sweep, capsys, small_files):
+    file, out = sweep
+    with small_files(4096):
+        line = told(capsys, "sweep", file, "--out", out)
+    assert re.fullmatch(rf"{out}/runs/[\w/.-]+ cannot be written: .*File too large.*", line)
+    assert not list(out.rglob("*.npz"))
+    assert not list(out.rglob("*.part"))
+
+
+@pytest.fixture
+def small_files():
+    """The kernel refuses what is larger, as it refuses everything when the disk is full."""
+
+    @contextmanager
+    def limited(size):
+        before = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            yield
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+    return limited
+
+
+@pytest.fixture
+def mere_mortal():
+    """Takes from root, in this thread, its right to write where nobody may."""
+    if os.geteuid() != 0:
+        yield
+        return
+    libc = ctypes.CDLL(None)
+    header, rights = (ctypes.c_uint32 * 2)(0x20080522, 0), (ctypes.c_uint32 * 6)()
+    libc.capget(header, rights)
+    effective = rights[0]
+    rights[0] &= ~(1 << 1)  # CAP_DAC_OVERRIDE
+    if libc.capset(header, rights) != 0:
+        pytest.skip("root cannot give up its rights here")
+    yield
+    rights[0] = effective
+    libc.capset(header, rights)
+
+
+@pytest.mark.parametrize("command", WRITING)
+def test_a_folder_that_may_not_be_written_is_told_before_any_work(
+    command, learned_run, tmp_path, capsys, mere_mortal
+):
+    run = tmp_path / "run"
+    shutil.copytree(learned_run, run)
+    before = content(run)
+    run.chmod(0o555)
+    try:
+        line = told(capsys, command[0], run, *command[1:])
+    finally:
+        run.chmod(0o755)
+    assert line == f"{run} cannot be written; make it writable, or work on a copy"
+    assert content(run) == before
+
+
+def test_a_sweep_whose_folder_may_not_be_written_is_told(sweep, tmp_path, capsys, mere_mortal):
+    file, out = sweep
+    out.mkdir()
+    out.chmod(0o555)
+    try:
+        assert str(out) in told(capsys, "sweep", file, "--out", out)
+    finally:
+        out.chmod(0o755)
+    assert list(out.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", WRITING)
+def test_every_stage_that_writes_waits_for_no_other(command, learned_run, tmp_path, capsys):
+    run = tmp_path / "run"
+    shutil.copytree(learned_run, run)
+    before = content(run)
+    with FileLock(run / ".lock"):
+        line = told(capsys, command[0], run, *command[1:])
+    assert line == (
+        f"{run} is being written by another process; wait for it, or choose another --out"
+    )
+    assert content(run) == before
 
 
 def test_what_was_learned_for_another_experiment_is_refused(learned_run, tmp_path, capsys):

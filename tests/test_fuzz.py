@@ -39,6 +39,7 @@ from selftouch_drake.experiment import (
     parse_overrides,
 )
 from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.motions import PLAN_ARRAYS, load_plan
 from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory, RunError
 from selftouch_drake.sweep import SweepError, load_sweep, read_table
@@ -146,6 +147,11 @@ def run(tmp_path_factory):
     representation.save(made.representation)
     RehearsalMemory.blank(representation).save(made.rehearsal)
     save_arrays(made.skin, {"p_BS": np.zeros((100, 3)), "vertices": np.zeros((4, 3))})
+    plan = dict.fromkeys(("time_s", "s", "predicted_spread"), np.arange(7.0))
+    plan |= dict.fromkeys(("q", "v", "q_measured"), random.uniform(-1, 1, (7, 6)))
+    plan |= dict.fromkeys(("predicted", "felt"), random.uniform(0, 1, (7, 100)))
+    plan |= {"nodes": np.array([3, 1, 4]), "edges": np.array([2, 3]), "waypoint_s": np.arange(3.0)}
+    save_arrays(made.plan(3, 4), plan | {"waypoints_q": plan["q"][:3]} | made.stamp())
     made.add_metrics({"babbling_num_samples": 60, "topology_betti": [1, 0, 1], "x": {"y": 0.5}})
     return Made(made, shard, representation)
 
@@ -327,6 +333,39 @@ def test_a_damaged_memory(edits, run, tmp_path_factory):
 
 
 @fuzz
+@given(data=st.data())
+def test_a_foreign_memory(data, run, tmp_path_factory):
+    path = tmp_path_factory.getbasetemp() / "memory.npz"
+    content = load_arrays(run.directory.rehearsal)
+    for name in data.draw(st.sets(st.sampled_from(sorted(content)), min_size=1)):
+        content[name] = data.draw(arrays)
+    save_arrays(path, content)
+    told(lambda: RehearsalMemory.load(path, run.representation), ValueError, path)
+
+
+@fuzz
+@given(edits=edits)
+def test_a_damaged_plan(edits, run):
+    whole = run.directory.plan(3, 4).read_bytes()
+    path = put(run.directory.plan(0, 1), damaged(whole, edits))
+    found = told(lambda: load_plan(run.directory, 0, 1), ValueError, path)
+    if found is not None:
+        expected = load_plan(run.directory, 3, 4)
+        for name in PLAN_ARRAYS:
+            np.testing.assert_array_equal(found[name], expected[name])
+
+
+@fuzz
+@given(data=st.data())
+def test_a_foreign_plan(data, run):
+    path, content = run.directory.plan(0, 2), load_plan(run.directory, 3, 4)
+    for name in data.draw(st.sets(st.sampled_from(sorted(content)), min_size=1, max_size=3)):
+        content[name] = data.draw(arrays)
+    save_arrays(path, content)
+    told(lambda: load_plan(run.directory, 0, 2), ValueError, path)
+
+
+@fuzz
 @given(content=st.binary(max_size=60) | edits.map(lambda e: damaged(b"PK\x03\x04" * 9, e)))
 def test_any_arrays(content, tmp_path_factory):
     path = put(tmp_path_factory.getbasetemp() / "any_arrays.npz", content)
@@ -349,7 +388,8 @@ def test_any_figures(data, run, tmp_path_factory):
 @given(edits=edits)
 def test_a_damaged_table(edits, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "table.parquet"
-    table = pa.table({"seed": [1, 2]}).replace_schema_metadata({"selftouch.fields": "seed"})
+    columns = {"run": ["a", "b"], "experiment": ["c", "d"], "seed": [1, 2], "error": [None, "e"]}
+    table = pa.table(columns).replace_schema_metadata({"selftouch.fields": ""})
     pq.write_table(table, path, write_page_checksum=True)
     put(path, damaged(path.read_bytes(), edits))
     told(lambda: read_table(path), ValueError, path)

@@ -71,20 +71,21 @@ class RehearsalMemory:
             ValueError: the file is damaged, or remembers the links of another representation.
         """
         arrays = load_arrays(path, ("link_penalty", "num_tries", "belongs_to"))
-        memory = cls(
-            link_penalty=arrays["link_penalty"],
-            num_tries=int(arrays["num_tries"]),
-            belongs_to=str(arrays["belongs_to"]),
-        )
-        expected = (len(near_links(representation)),)
-        if memory.belongs_to != fingerprint(representation) or (
-            memory.link_penalty.shape != expected
+        penalty, num_tries = arrays["link_penalty"], arrays["num_tries"]
+        if str(arrays["belongs_to"]) != fingerprint(representation) or (
+            penalty.shape != (len(near_links(representation)),)
         ):
             raise ValueError(
                 f"{path} remembers rehearsals of another representation; delete it, and rehearse "
                 "again"
             )
-        return memory
+        if (num_tries.shape, num_tries.dtype.kind, penalty.dtype.kind) != ((), "i", "f") or not (
+            np.isfinite(penalty).all() and (penalty >= 1).all()
+        ):
+            raise ValueError(f"{path} is no memory of rehearsals; delete it, and rehearse again")
+        return cls(
+            link_penalty=penalty, num_tries=int(num_tries), belongs_to=str(arrays["belongs_to"])
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import trimesh
 from scipy.sparse import csr_array
@@ -13,21 +15,26 @@ PRINT_AREA = np.pi
 _BLUR = 0.03
 
 
-def touch_density(vertices: np.ndarray, faces: np.ndarray, p_WF: np.ndarray) -> np.ndarray:
+def touch_density(
+    vertices: np.ndarray, faces: np.ndarray, p_WF: Iterable[np.ndarray]
+) -> np.ndarray:
     """How often each place of a surface was touched, blurred over a few centimetres.
 
     Args:
         vertices: `(V, 3)` m, of the outer surface.
         faces: `(F, 3)` its triangles, outward.
-        p_WF: `(N, 3)` m, fingertip positions; each counts where it is nearest, also in the wall.
+        p_WF: `(N, 3)` m, fingertip positions, in batches of any size; each position counts where it
+            is nearest, also in the wall.
 
     Returns:
         `(V,)` touches / cm².
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     tree = cKDTree(vertices)
-    _, nearest = tree.query(p_WF)
-    touches = np.bincount(nearest, minlength=len(vertices))
+    touches = np.zeros(len(vertices), dtype=int)
+    for batch in p_WF:
+        _, nearest = tree.query(batch)
+        touches += np.bincount(nearest, minlength=len(vertices))
     area = np.zeros(len(vertices))
     np.add.at(area, mesh.faces, mesh.area_faces[:, None] / 3)
     near = csr_array(tree.sparse_distance_matrix(tree, _BLUR))
@@ -40,7 +47,9 @@ def touch_density(vertices: np.ndarray, faces: np.ndarray, p_WF: np.ndarray) -> 
     return (near @ touches) / (near @ area) / 1e4
 
 
-def coverage(vertices: np.ndarray, faces: np.ndarray, p_WF: np.ndarray) -> dict[str, float]:
+def coverage(
+    vertices: np.ndarray, faces: np.ndarray, p_WF: Iterable[np.ndarray]
+) -> dict[str, float]:
     """Figures of coverage, as `metrics.json` names them.
 
     The share of the skin's area where a fingertip's print was touched at least n times, and
@@ -49,7 +58,7 @@ def coverage(vertices: np.ndarray, faces: np.ndarray, p_WF: np.ndarray) -> dict[
     Args:
         vertices: `(V, 3)` m, of the outer surface.
         faces: `(F, 3)` its triangles, outward.
-        p_WF: `(N, 3)` m, fingertip positions.
+        p_WF: `(N, 3)` m, fingertip positions, in batches of any size.
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     area_m2 = np.bincount(faces.ravel(), np.repeat(mesh.area_faces, 3), minlength=len(vertices))

@@ -28,8 +28,11 @@ def kernel_positions(representation: QuotientRepresentation, p_WF: np.ndarray) -
     """Where each motor kernel set truly puts the first fingertip.
 
     Args:
-        representation: K kernels over experience of N rows.
-        p_WF: `(N, 3 * fingers)` m, true fingertip positions of the experience.
+        representation: K kernels of R configurations in all.
+        p_WF: `(R, 3 * fingers)` m, true fingertip positions in each of `kernel_q`.
+
+    Raises:
+        ValueError: `p_WF` has another number of rows.
 
     Returns:
         `(K, 3)` m, the median over each kernel.
@@ -38,7 +41,10 @@ def kernel_positions(representation: QuotientRepresentation, p_WF: np.ndarray) -
 
 
 def kernel_spread(representation: QuotientRepresentation, p_WF: np.ndarray) -> np.ndarray:
-    """`(K,)` m, root mean square distance of a kernel's fingertip positions from their mean."""
+    """`(K,)` m, root mean square distance of a kernel's fingertip positions from their mean.
+
+    Arguments and errors as of `kernel_positions`.
+    """
     return np.array(
         [np.sqrt(p.var(axis=0).sum()) for p in _members(representation, p_WF)], dtype=float
     )
@@ -96,13 +102,21 @@ def distance_distortion(found: np.ndarray, true: np.ndarray) -> Distortion:
     return Distortion(median=float(np.median(off)), p95=float(np.quantile(off, 0.95)))
 
 
-def align(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Moves, turns, mirrors and scales `source` `(K, 3)` onto `target` `(K, 3)` (Procrustes)."""
-    centred = source - source.mean(axis=0)
+def align(source: np.ndarray, target: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
+    """Moves, turns, mirrors and scales `source` `(K, 3)` onto `target` `(K, 3)` (Procrustes).
+
+    Args:
+        source: `(K, 3)`.
+        target: `(K, 3)`.
+        points: `(N, 3)` what is moved in this way instead of `source`.
+    """
+    middle = source.mean(axis=0)
+    centred = source - middle
     goal = target - target.mean(axis=0)
     rotation, singular_sum = orthogonal_procrustes(centred, goal)
     scale = singular_sum / np.square(centred).sum()
-    return scale * centred @ rotation + target.mean(axis=0)
+    moved = source if points is None else points
+    return scale * (moved - middle) @ rotation + target.mean(axis=0)
 
 
 def shape_rms_fraction(embedding: np.ndarray, positions: np.ndarray) -> float:
@@ -112,7 +126,12 @@ def shape_rms_fraction(embedding: np.ndarray, positions: np.ndarray) -> float:
 
 
 def _members(representation: QuotientRepresentation, p_WF: np.ndarray) -> list[np.ndarray]:
-    first_finger = p_WF[representation.kernel_row, :3].astype(float)
+    if len(p_WF) != len(representation.kernel_row):
+        raise ValueError(
+            f"p_WF has {len(p_WF)} rows, the kernels {len(representation.kernel_row)}: give one "
+            "for each of kernel_row"
+        )
+    first_finger = p_WF[:, :3].astype(float)
     return [first_finger[representation.members(k)] for k in range(representation.num_targets)]
 
 

@@ -18,6 +18,9 @@ import pyarrow.parquet as pq
 
 from selftouch_drake.files import written_whole
 
+# What Arrow raises for damaged files; the last for names in a footer, which has no checksum.
+UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
+
 
 class StoreError(ValueError):
     """A shard that is missing, damaged or of another experiment; the text names it."""
@@ -129,7 +132,7 @@ class ExperienceReader:
                 raise StoreError(f"{path} has no column {column}; it is not such a shard")
             try:
                 vectors = parquet.read([column]).column(column).combine_chunks()
-            except (pa.ArrowException, OSError) as error:
+            except UNREADABLE as error:
                 raise _damaged(path, error) from None
             if isinstance(vectors, pa.ChunkedArray):
                 vectors = vectors.chunk(0)
@@ -149,6 +152,30 @@ class ExperienceReader:
     def touches(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays a shard."""
         return zip(self.batches("sensation"), self.batches("q"), strict=True)
+
+    def take(self, column: str, rows: np.ndarray) -> np.ndarray:
+        """The rows `(R, width)` of the given numbers, in memory that does not grow with the store.
+
+        Args:
+            column: a vector column.
+            rows: `(R,)` numbers of rows, in any order.
+
+        Raises:
+            StoreError: there are not so many rows.
+        """
+        order = np.argsort(rows, kind="stable")
+        taken, first, parts = 0, 0, []
+        for batch in self.batches(column):
+            end = int(np.searchsorted(rows, first + len(batch), sorter=order))
+            parts.append(batch[rows[order[taken:end]] - first])
+            taken, first = end, first + len(batch)
+        if taken < len(rows):
+            raise StoreError(
+                f"{self._paths[0].parent} has {first} rows, none of number {max(rows)}; it is of "
+                "another experiment"
+            )
+        found = np.concatenate(parts)
+        return found[np.argsort(order, kind="stable")]
 
     def read(self, column: str) -> np.ndarray:
         """All rows `(N, width)` of a vector column."""
@@ -175,7 +202,7 @@ def _holds_vectors(schema: pa.Schema, column: str) -> bool:
 def _open(path: Path) -> pq.ParquetFile:
     try:
         return pq.ParquetFile(path, page_checksum_verification=True)
-    except (pa.ArrowException, OSError) as error:
+    except UNREADABLE as error:
         raise _damaged(path, error) from None
 
 

@@ -9,7 +9,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from selftouch_drake.evaluation import touch_density
 from selftouch_drake.show.scene import (
     View,
     add_scene,
@@ -83,24 +82,30 @@ def agent(
 
 
 @styled
-def coverage(vertices: np.ndarray, faces: np.ndarray, p_WF: np.ndarray) -> Figure:
+def coverage(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    density: np.ndarray,
+    dots: np.ndarray,
+    num_touches: int,
+) -> Figure:
     """Where the body was touched, and how often, from the front and from behind.
 
     Args:
         vertices: `(V, 3)` m, of the outer surface.
         faces: `(F, 3)` indices, outward.
-        p_WF: `(N, 3)` m, true fingertip positions of all touches.
+        density: `(V,)` touches / cm², as `touch_density` tells it.
+        dots: `(n, 3)` m, true fingertip positions of some of the touches.
+        num_touches: how many there were.
     """
     front = View()
     back = View(-front.elevation, front.azimuth + 180.0)
-    density = touch_density(vertices, faces, p_WF)
     norm = Normalize(0.0, float(np.quantile(density, 0.99)) or 1.0)
     painted = surface(vertices, faces, AMOUNT(norm(density))[:, :3])
 
     figure = Figure(figsize=(10.5, 4.0), layout="constrained")
     grid = figure.add_gridspec(1, 3)
-    dots = p_WF[:: max(len(p_WF) // 6000, 1)]
-    ax = add_scene(figure, grid[0], f"{len(dots):,} of {len(p_WF):,} touches")
+    ax = add_scene(figure, grid[0], f"{len(dots):,} of {num_touches:,} touches")
     x, y, nearness = front.project(dots).T
     order = np.argsort(nearness)
     ax.scatter(

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial.distance import cdist
 
+from selftouch_drake.evaluation import touch_density
 from selftouch_drake.files import written_whole
 from selftouch_drake.run_directory import RunDirectory
 from selftouch_drake.show import (
@@ -21,6 +22,9 @@ from selftouch_drake.show import (
 )
 from selftouch_drake.show.material import Material, MissingError
 from selftouch_drake.show.style import DPI
+
+# Touches that are drawn one by one, about: as many as one can tell apart.
+_NUM_DOTS = 6000
 
 
 def agent(material: Material) -> Figure:
@@ -37,7 +41,11 @@ def agent(material: Material) -> Figure:
 def coverage(material: Material) -> Figure:
     """Where babbling touched the body; with two fingers, where the first one was."""
     skin = material.skin
-    return experience_figures.coverage(skin.vertices, skin.faces, material.p_WF[:, :3])
+    first = (p_WF[:, :3] for p_WF in material.truth.batches("p_WF"))
+    density = touch_density(skin.vertices, skin.faces, first)
+    number = material.truth.num_rows
+    some = material.truth.take("p_WF", np.arange(0, number, max(number // _NUM_DOTS, 1)))
+    return experience_figures.coverage(skin.vertices, skin.faces, density, some[:, :3], number)
 
 
 def sensations(material: Material) -> Figure:
@@ -82,6 +90,7 @@ def body_shape(material: Material) -> Figure:
         skin.p_BS,
         recovered,
         faces,
+        num_kernels=len(material.embedding),
         rms_fraction=material.metrics.get("shape_rms_fraction"),
     )
 
@@ -153,8 +162,12 @@ def write_figures(
     Returns:
         The PNG files written, in the order of `FIGURES`. A figure that cannot be drawn any more is
         removed, so that none shows what is no longer true.
+
+    Raises:
+        ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
     material = Material(run)
+    material.require_sound()
     run.figures.mkdir(exist_ok=True)
     written = []
     for number, (name, draw) in enumerate(FIGURES.items()):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,6 +15,7 @@ from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
 from selftouch_drake.evaluation import align, kernel_positions
 from selftouch_drake.experience import ExperienceReader, StoreError
 from selftouch_drake.files import load_arrays
+from selftouch_drake.motions import load_plan
 from selftouch_drake.representation import QuotientRepresentation
 from selftouch_drake.run_directory import RunDirectory, RunError
 from selftouch_drake.shape import fitted_surface, topology
@@ -52,6 +54,18 @@ class Material:
     def __init__(self, run: RunDirectory):
         self.run = run
 
+    def require_sound(self) -> None:
+        """Reads every file that there is, before anything is made of any.
+
+        Raises:
+            ValueError: one is damaged, or of another experiment.
+        """
+        for name in ("metrics", "skin", "representation", "diagrams", "truth", "kernel_p_WF"):
+            with contextlib.suppress(MissingError):
+                getattr(self, name)
+        for pair in self.pairs:
+            self.plan(*pair)
+
     @cached_property
     def metrics(self) -> dict:
         """The figures of the run."""
@@ -62,6 +76,13 @@ class Material:
         """The outer surface and its receptors."""
         names = ("p_BS", "vertices", "faces")
         arrays = self._arrays(self.run.skin, names, "the skin", "babble")
+        # Runs of before the stamp have none.
+        stamp = self.run.body_stamp()
+        if str((stamp | arrays)["made_for"]) != str(stamp["made_for"]):
+            raise RunError(
+                f"{self.run.skin} is of another experiment or version; run `selftouch babble "
+                f"{self.run.path / 'experiment.yaml'} --out {self.run.path}`"
+            )
         return BodySurface(**{name: arrays[name] for name in names})
 
     @cached_property
@@ -69,12 +90,14 @@ class Material:
         """The hollow skin and its receptive fields, built anew from the experiment."""
         return build_body(self.run.experiment)
 
-    @cached_property
-    def p_WF(self) -> np.ndarray:
-        """`(N, 3 * fingers)` m, true fingertip positions of the experience."""
+    @property
+    def truth(self) -> ExperienceReader:
+        """The true fingertip positions `p_WF` of the experience."""
         if not any(self.run.truth.glob("part-*.parquet")):
             raise MissingError("the truth is not there; run `selftouch babble`")
-        return ExperienceReader(self.run.truth).read("p_WF")
+        reader = ExperienceReader(self.run.truth)
+        reader.num_rows  # noqa: B018 - refuses damaged shards
+        return reader
 
     @cached_property
     def representation(self) -> QuotientRepresentation:
@@ -90,16 +113,22 @@ class Material:
         """Births and deaths `(bars, 2)` of components, loops and voids."""
         names = [f"diagram_{dimension}" for dimension in range(3)]
         arrays = self._arrays(self.run.topology, names, "the persistence of holes", "learn")
+        self.run.require_stamp(self.run.topology, arrays)
         return [arrays[name] for name in names]
 
     @cached_property
-    def kernel_positions(self) -> np.ndarray:
-        """`(K, 3)` m, where each kernel truly puts the first fingertip."""
+    def kernel_p_WF(self) -> np.ndarray:
+        """`(R, 3 * fingers)` m, true fingertip positions in each configuration of the kernels."""
         try:
             require_complete(self.run, truth=True)
         except StoreError as error:
             raise MissingError(str(error)) from None
-        return kernel_positions(self.representation, self.p_WF)
+        return self.truth.take("p_WF", self.representation.kernel_row)
+
+    @cached_property
+    def kernel_positions(self) -> np.ndarray:
+        """`(K, 3)` m, where each kernel truly puts the first fingertip."""
+        return kernel_positions(self.representation, self.kernel_p_WF)
 
     @cached_property
     def embedding(self) -> np.ndarray:
@@ -111,15 +140,20 @@ class Material:
 
     @cached_property
     def recovered(self) -> tuple[np.ndarray, np.ndarray]:
-        """`(K, 3)` m recovered body, aligned with the real one, and `(F, 3)` its fitted surface."""
+        """The recovered body, aligned with the real one: where it is, and its fitted surface.
+
+        `(N, 3)` m, the kernels and then the parts of wide ones, and `(F, 3)` corners.
+        """
         if self.run.experiment.num_fingers > 1:
             raise MissingError(
                 "with two fingers the quotient space is not the body's surface (paper, section IV)"
             )
-        faces = fitted_surface(self.embedding, topology(self.embedding).scale)
+        parts = self._arrays(self.run.topology, ["parts"], "the persistence of holes", "learn")
+        places = np.concatenate([self.embedding, parts["parts"]])
+        faces = fitted_surface(places, topology(places).scale)
         if not len(faces):
             raise MissingError("no closed surface goes through the recovered body; babble longer")
-        aligned = align(self.embedding, self.kernel_positions)
+        aligned = align(self.embedding, self.kernel_positions, places)
         a, b, c = aligned[faces].transpose(1, 0, 2)
         mirrored = np.einsum("fi,fi->", np.cross(a, b), c) < 0
         return aligned, faces[:, ::-1] if mirrored else faces
@@ -132,10 +166,9 @@ class Material:
 
     def plan(self, start: int, goal: int) -> dict[str, np.ndarray]:
         """The arrays of a plan, executed or not."""
-        names = ("nodes", "waypoints_q", "time_s", "q", "predicted")
-        return self._arrays(
-            self.run.plan(start, goal), names, f"a plan from {start} to {goal}", "plan"
-        )
+        if not self.run.plan(start, goal).exists():
+            raise MissingError(f"a plan from {start} to {goal} is not there; run `selftouch plan`")
+        return load_plan(self.run, start, goal)
 
     def executed(self, start: int, goal: int) -> dict[str, np.ndarray]:
         """The arrays of a plan that was executed."""

@@ -25,7 +25,7 @@ from threadpoolctl import threadpool_limits
 
 from selftouch_drake import stages
 from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
-from selftouch_drake.files import write_text_whole
+from selftouch_drake.files import require_writable, write_text_whole
 from selftouch_drake.run_directory import RunDirectory, RunError
 from selftouch_drake.sweep.design import Sweep
 
@@ -63,8 +63,10 @@ class SweepDirectory:
         """Holds the sweep for one writer.
 
         Raises:
+            PermissionError: nothing can be written there.
             RunError: another process runs it.
         """
+        require_writable(self.path)
         lock = FileLock(self.path / ".lock")
         try:
             lock.acquire(timeout=0)

@@ -8,12 +8,16 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from selftouch_drake.experience.store import UNREADABLE
 from selftouch_drake.files import written_whole
+from selftouch_drake.run_directory import RunError
 from selftouch_drake.sweep.design import Sweep, fields_of, flat
 from selftouch_drake.sweep.runs import SweepDirectory, run_name
 
 # Columns that are not figures, before those of the fields that vary.
 _KEYS = ("run", "experiment", "seed", "error")
+# Where the table tells which fields vary.
+_FIELDS = b"selftouch.fields"
 
 
 def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> pa.Table:
@@ -33,11 +37,15 @@ def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> p
             "error": failed.get(name),
         }
         row |= {field: fields.get(field) for field in sweep.fields if field != "seed"}
-        rows.append(row | flat(run.metrics() if run.path.is_dir() else {}))
+        try:
+            figures = run.metrics() if run.path.is_dir() else {}
+        except RunError as error:  # the row tells why it has none
+            row["error"], figures = row["error"] or str(error), {}
+        rows.append(row | flat(figures))
     columns = dict.fromkeys(key for row in rows for key in row)
     table = pa.table({key: _column([row.get(key) for row in rows]) for key in columns})
     varied = [field for field in sweep.fields if field != "seed"]
-    table = table.replace_schema_metadata({b"selftouch.fields": "\n".join(varied).encode()})
+    table = table.replace_schema_metadata({_FIELDS: "\n".join(varied).encode()})
     with written_whole(directory.table) as aside:
         pq.write_table(table, aside, compression="zstd", write_page_checksum=True)
     return table
@@ -58,19 +66,21 @@ def read_table(path: Path) -> pa.Table:
     """
     try:
         table = pq.read_table(path, page_checksum_verification=True)
+        fields = (table.schema.metadata or {}).get(_FIELDS, b"none").decode().split("\n")
+        there = {*table.column_names, ""}
     except FileNotFoundError:
         raise
-    except (pa.ArrowException, OSError) as error:
+    except UNREADABLE as error:
         reason = str(error).splitlines()[0]
         raise ValueError(f"{path} is damaged ({reason}); run the sweep again") from None
-    if b"selftouch.fields" not in (table.schema.metadata or {}):
+    if not {*_KEYS, *fields} <= there:
         raise ValueError(f"{path} is not the table of a sweep; run the sweep again")
     return table
 
 
 def varied_fields(table: pa.Table) -> list[str]:
     """The fields that vary, as the table's columns name them."""
-    text = table.schema.metadata[b"selftouch.fields"].decode()
+    text = table.schema.metadata[_FIELDS].decode()
     return [field for field in text.split("\n") if field]
 
 

@@ -46,6 +46,18 @@ def test_what_was_written_is_read_in_walk_order(tmp_path):
             np.testing.assert_array_equal(batch, rows)
 
 
+def test_rows_are_taken_by_number_in_any_order(tmp_path):
+    for walk in range(3):
+        write_shard(tmp_path, _shard(walk, num_rows=3 + walk), fingerprint=PRINT)
+    reader = ExperienceReader(tmp_path / "truth")
+    whole = reader.read("p_WF")
+    for rows in ([11, 0, 4, 4, 3, 2], [5], [], range(12)):
+        wanted = np.array(rows, dtype=int)
+        np.testing.assert_array_equal(reader.take("p_WF", wanted), whole[wanted])
+    with pytest.raises(StoreError, match=r"truth has 12 rows, none of number 12; it is of another"):
+        reader.take("p_WF", np.array([3, 12]))
+
+
 def test_the_files_have_the_schema_that_others_rely_on(tmp_path):
     shard = _shard(walk=12)
     write_shard(tmp_path, shard, fingerprint=PRINT)

@@ -88,7 +88,8 @@ def _learn(run, kernels, targets, q):
     )
     save_arrays(run.representation, dataclasses.asdict(representation) | run.stamp())
     found = topology(kernels)
-    save_arrays(run.topology, {f"diagram_{k}": bars for k, bars in enumerate(found.diagram)})
+    diagrams = {f"diagram_{k}": bars for k, bars in enumerate(found.diagram)}
+    save_arrays(run.topology, diagrams | {"parts": kernels[:0]} | run.stamp())
     run.add_metrics({"topology_betti": list(found.betti), "shape_rms_fraction": 0.0123})
 
 
@@ -100,11 +101,16 @@ def _plan(run, targets, q, *, executed):
     felt[50:60] = 0.0
     arrays = {
         "nodes": np.array([0, 17, 40]),
+        "edges": np.array([-1, -1]),
         "waypoints_q": path[[0, 60, 120]],
+        "waypoint_s": time_s[[0, 60, 120]],
         "time_s": time_s,
+        "s": time_s,
         "q": path,
         "v": np.gradient(path, time_s, axis=0),
         "predicted": targets[0] * blend + targets[40] * (1 - blend),
+        "predicted_spread": np.full(len(time_s), 0.01),
+        **run.stamp(),
     }
     if executed:
         arrays |= {"felt": felt, "q_measured": path + 0.001}

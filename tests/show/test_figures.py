@@ -130,7 +130,7 @@ def test_touch_density_sums_to_the_touches():
     random = np.random.default_rng(0)
     p_WF = random.normal(size=(20_000, 3))
     p_WF *= 0.19 / np.linalg.norm(p_WF, axis=1, keepdims=True)
-    density = touch_density(np.array(ball.vertices), np.array(ball.faces), p_WF)
+    density = touch_density(np.array(ball.vertices), np.array(ball.faces), [p_WF])
     assert density.mean() * ball.area * 1e4 == pytest.approx(20_000, rel=0.03)
 
 

@@ -1,4 +1,5 @@
 import json
+import shutil
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
@@ -137,6 +138,17 @@ def test_the_table_holds_what_varied_and_every_figure(finished, sweep):
         assert row["shape_rms_fraction"] == metrics["shape_rms_fraction"]
         assert row["topology_betti"] == metrics["topology_betti"]
     assert "shape_rms_fraction_by_metric.motor" in figure_names(table)
+
+
+def test_a_run_with_damaged_figures_is_told_in_the_table(finished, sweep, tmp_path):
+    directory = SweepDirectory(shutil.copytree(finished[0].path, tmp_path / "sweep"))
+    damaged = directory.run(sweep.experiments[0]).path / "metrics.json"
+    damaged.write_text("{")
+    first, second, *_ = gather(sweep, directory, {}).to_pylist()
+    assert first["error"] == f"{damaged} is damaged; delete it and evaluate again"
+    assert first["shape_rms_fraction"] is None
+    assert second["error"] is None
+    assert second["shape_rms_fraction"] > 0
 
 
 def test_pictures_are_drawn_of_what_varied(tmp_path):

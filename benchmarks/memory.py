@@ -1,0 +1,142 @@
+"""Peak memory of every stage at a million touches and at ten million. Run: `make memory`.
+
+The larger run has the shards of the smaller one ten times, under the names and stamps of its own.
+In both the last walks are left out, and babbled where memory is measured, after the main process
+has checked all the others. Every stage, and every worker, is a process of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from selftouch_drake import stages
+from selftouch_drake.babbling import walk_sizes
+from selftouch_drake.executors import local_executor
+from selftouch_drake.experience import ExperienceReader, Shard, write_shard
+from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.show import write_report
+
+# Walks that are babbled where memory is measured.
+NUM_BABBLED = 10
+STAGES = ("babble, a worker", "babble, the main process", "learn", "evaluate", "report")
+
+
+def peak_memory_mb() -> float:
+    """Of this process alone: what `getrusage` tells begins with the memory of its parent."""
+    status = Path("/proc/self/status").read_text()
+    return int(status.partition("VmHWM:")[2].split()[0]) / 1024
+
+
+def repeated(source: Path, times: int, num_targets: int, path: Path) -> None:
+    """Makes a run whose experience is that of `source`, `times` over, but for its last walks."""
+    whole = RunDirectory.open(source)
+    known = whole.experiment
+    experiment = replace(
+        known,
+        babbling=replace(known.babbling, num_samples=times * known.babbling.num_samples),
+        representation=replace(known.representation, num_targets=num_targets),
+        execution=replace(known.execution, max_tries=1),
+        evaluation=replace(known.evaluation, num_pairs=4, shape_metrics=[]),
+    )
+    run = RunDirectory.create(path, experiment)
+    felt, true = ExperienceReader(whole.experience), ExperienceReader(whole.truth)
+    num_shards = len(walk_sizes(experiment)) - NUM_BABBLED
+    again = itertools.chain.from_iterable(
+        zip(felt.batches("q"), felt.batches("sensation"), true.batches("p_WF"), strict=True)
+        for _ in itertools.count()
+    )
+    for walk, (q, sensation, p_WF) in zip(range(num_shards), again, strict=False):
+        shard = Shard(
+            walk=walk,
+            num_steps=30 * len(q),
+            step=30 * np.arange(len(q)),
+            q=q,
+            sensation=sensation,
+            p_WF=p_WF,
+        )
+        write_shard(path, shard, fingerprint=run.fingerprint())
+
+
+def do(stage: str, path: Path) -> dict[str, float]:
+    """Does a stage in this process; returns the peak memory of the processes it took, in MB."""
+    run = RunDirectory.open(path)
+    if stage == "babble":
+        with local_executor(1) as executor:
+            stages.babble(run, stages.World(run.experiment), executor)
+            worker = executor.submit(peak_memory_mb).result()
+        return {STAGES[0]: worker, STAGES[1]: peak_memory_mb()}
+    if stage == "learn":
+        stages.learn(run)
+    elif stage == "evaluate":
+        stages.evaluate(run, stages.World(run.experiment))
+    else:
+        write_report(run)
+    return {stage: peak_memory_mb()}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("run", type=Path, help="that has babbled; what is more is made of it")
+    parser.add_argument("--times", type=int, default=10)
+    parser.add_argument("--targets", type=int, default=300)
+    parser.add_argument("--data", type=Path, default=Path("docs/data/memory.csv"))
+    parser.add_argument("--plot", type=Path, default=Path("docs/images/memory.png"))
+    parser.add_argument("--stage", help=argparse.SUPPRESS)
+    arguments = parser.parse_args()
+    if arguments.stage:
+        print(json.dumps(do(arguments.stage, arguments.run)))
+        return
+
+    num_touches = RunDirectory.open(arguments.run).experiment.babbling.num_samples
+    peaks: dict[str, list[float]] = {stage: [] for stage in STAGES}
+    with tempfile.TemporaryDirectory(dir=arguments.run.parent) as folder:
+        for times in (1, arguments.times):
+            copy = Path(folder) / f"times_{times}"
+            repeated(arguments.run, times, arguments.targets, copy)
+            for stage in ("babble", "learn", "evaluate", "report"):
+                command = [sys.executable, __file__, str(copy), "--stage", stage]
+                done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+                for name, peak in json.loads(done.stdout).items():
+                    peaks[name].append(peak)
+                    print(f"{times * num_touches:>12,}  {name:<26}{peak:8.0f} MB", flush=True)
+            shutil.rmtree(copy)
+    sizes = [num_touches, arguments.times * num_touches]
+    with arguments.data.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow(["stage", *(f"MB_at_{size}_touches" for size in sizes)])
+        writer.writerows([stage, *(round(peak) for peak in peaks[stage])] for stage in STAGES)
+    print(f"\n{'':<26}{sizes[0]:>12,}{sizes[1]:>12,}{'more':>8}")
+    for stage, (small, large) in peaks.items():
+        print(f"{stage:<26}{small:>9.0f} MB{large:>9.0f} MB{large / small - 1:>8.1%}")
+    draw(peaks, sizes, arguments.plot)
+
+
+def draw(peaks: dict[str, list[float]], sizes: list[int], path: Path) -> None:
+    """Two bars a stage."""
+    figure, axis = plt.subplots(figsize=(7, 3), layout="constrained")
+    place = np.arange(len(STAGES))
+    for which, size in enumerate(sizes):
+        height = [peaks[stage][which] for stage in STAGES]
+        bars = axis.bar(place + 0.36 * which, height, 0.34, label=f"{size:,} touches")
+        axis.bar_label(bars, fmt="%.0f", fontsize=8)
+    axis.set_xticks(place + 0.18, [stage.replace(", ", ",\n") for stage in STAGES])
+    axis.set_ylabel("peak memory (MB)")
+    axis.margins(y=0.15)
+    axis.legend(loc="upper left", ncols=2, frameon=False)
+    figure.savefig(path, dpi=120)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,93 @@
+"""A sweep beside the same runs one by one: `python benchmarks/sweeps.py`, on a free machine.
+
+By hand they are `selftouch run`, one command after the other, each with a process a core while it
+babbles; it draws a report besides, which a sweep does not. So the same is done once more with the
+verbs that a sweep does: `babble`, `learn` and `evaluate`. The sweep comes first and last. By hand
+each run begins with nothing, whatever was run before; so some of them, drawn at random, tell what
+all would take.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from selftouch_drake.experiment import Experiment, dump_experiment
+from selftouch_drake.sweep import Sweep, SweepDirectory, load_sweep, read_table
+
+
+def selftouch(*arguments: object) -> None:
+    command = [sys.executable, "-m", "selftouch_drake.cli", *map(str, arguments)]
+    subprocess.run(command, check=True, capture_output=True)
+
+
+def as_sweep(name: str, folder: Path, workers: int) -> float:
+    began = time.perf_counter()
+    selftouch("sweep", name, "--out", folder, "--workers", workers)
+    return time.perf_counter() - began
+
+
+def by_hand(experiments: list[Experiment], folder: Path, workers: int, *, report: bool) -> float:
+    began = time.perf_counter()
+    for number, experiment in enumerate(experiments):
+        file, run = folder / f"{number}.yaml", folder / str(number)
+        file.write_text(dump_experiment(experiment))
+        verbs = [["run" if report else "babble", file, "--out", run, "--workers", workers]]
+        verbs += [] if report else [["learn", run], ["evaluate", run]]
+        for verb in verbs:
+            selftouch(*verb)
+    return time.perf_counter() - began
+
+
+def num_files(sweep: Sweep, folder: Path, name: str) -> int:
+    """How many files of that name there are in truth: what is shared counts once."""
+    runs = [SweepDirectory(folder).run(experiment) for experiment in sweep.experiments]
+    return len({(run.path / name).stat().st_ino for run in runs})
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--sweep", default="quick")
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--by-hand", type=int, default=24, help="runs that are made by hand")
+    arguments = parser.parse_args()
+    sweep = load_sweep(arguments.sweep)
+    number = min(arguments.by_hand, len(sweep.experiments))
+    drawn = np.random.default_rng(0).choice(len(sweep.experiments), number, replace=False)
+    some = [sweep.experiments[i] for i in drawn]
+    times = len(sweep.experiments) / number
+    print(f"{len(sweep.experiments)} runs, {arguments.workers} of {os.cpu_count()} cores")
+    print(f"by hand {number} of them, times {times:g}")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for part in ("hand", "verbs"):
+            (folder / part).mkdir()
+        first = as_sweep(arguments.sweep, folder / "first", arguments.workers)
+        print(f"{'sweep':<36}{first:7.0f} s", flush=True)
+        hand = times * by_hand(some, folder / "hand", arguments.workers, report=True)
+        print(f"{'run, one by one':<36}{hand:7.0f} s", flush=True)
+        verbs = times * by_hand(some, folder / "verbs", arguments.workers, report=False)
+        print(f"{'babble, learn, evaluate, one by one':<36}{verbs:7.0f} s", flush=True)
+        last = as_sweep(arguments.sweep, folder / "last", arguments.workers)
+        print(f"{'sweep again':<36}{last:7.0f} s", flush=True)
+        assert read_table(folder / "last" / "table.parquet")["error"].null_count == len(
+            sweep.experiments
+        )
+        experiences, representations = (
+            num_files(sweep, folder / "last", file)
+            for file in ("experience/part-00000.parquet", "representation.npz")
+        )
+    print(f"experiences collected: {experiences}, representations learned: {representations}")
+    mean = (first + last) / 2
+    print(f"faster than `run` {hand / mean:.1f} times, than the verbs {verbs / mean:.1f} times")
+
+
+if __name__ == "__main__":
+    main()
