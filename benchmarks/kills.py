@@ -24,7 +24,8 @@ from selftouch_drake.cli import cli, exit_status
 
 SMALL = (
     "{body: {resolution: 0.04}, babbling: {num_samples: 1200, walk_size: 300}, "
-    "representation: {num_targets: 50}, evaluation: {num_pairs: 1, shape_metrics: []}}"
+    "representation: {num_targets: 50, metric: motor}, "
+    "evaluation: {num_pairs: 1, shape_metrics: []}}"
 )
 SWEEP = f"""
 name: kills

@@ -131,7 +131,7 @@ def score(representation: QuotientRepresentation, metric: str, seed: int) -> dic
     began = time.process_time()
     body = recover(representation, metric, seed=seed)
     seconds = time.process_time() - began
-    found = topology(body.embedding.positions)
+    found = topology(body.places)
     return {
         "positions": body.embedding.positions,
         "betti": " ".join(map(str, found.betti)),

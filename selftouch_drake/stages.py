@@ -153,7 +153,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     )
     warn_of_misfit(body.embedding)
     progress(0.9, "holes")
-    found = topology(representation.embedding)
+    found = topology(body.places)
     diagrams = {f"diagram_{dimension}": bars for dimension, bars in enumerate(found.diagram)}
     dimension = intrinsic_dimension(body.distances)
     sizes = np.diff(representation.kernel_offsets)
@@ -167,7 +167,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
         stamp = run.stamp()
         names = [field.name for field in dataclasses.fields(representation)]
         save_arrays(new_representation, {n: getattr(representation, n) for n in names} | stamp)
-        save_arrays(new_topology, diagrams | stamp)
+        save_arrays(new_topology, diagrams | {"parts": body.parts} | stamp)
         distances = body.distances.astype(np.float32)
         save_arrays(new_distances, {"distances": distances} | stamp)
         _forget_learning(run)

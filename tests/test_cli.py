@@ -48,6 +48,7 @@ def cube_run(tmp_path_factory):
 @pytest.mark.parametrize("name", [name for name in shipped_experiments() if name != "cube"])
 def test_shipped_experiment_runs_to_its_report(name, tmp_path):
     quick = SMALL.replace("num_pairs: 1", "num_pairs: 1, shape_metrics: []")
+    quick = quick.replace("num_targets: 60", "num_targets: 60, metric: sensorimotor")
     done = selftouch("run", name, "--out", tmp_path / "run", "--set", quick)
     assert done.returncode == 0, done.stderr
     assert f"report: {tmp_path / 'run' / 'report.html'}" in done.stdout

@@ -153,7 +153,7 @@ def test_the_default_experiment_is_valid():
         ),
         (
             "representation: {metric: literall}",
-            "representation.metric is 'literall'; choose one of sensorimotor, learned, motor, "
+            "representation.metric is 'literall'; choose one of learned, sensorimotor, motor, "
             "literal, revolute_reference",
         ),
     ],

@@ -22,7 +22,10 @@ from selftouch_drake.experience import ExperienceReader, StoreError
 from selftouch_drake.experiment import load_experiment, parse_overrides
 from selftouch_drake.run_directory import RunDirectory
 
-SMALL = "{babbling: {num_samples: 1200, walk_size: 300}, representation: {num_targets: 50}}"
+SMALL = (
+    "{babbling: {num_samples: 1200, walk_size: 300}, "
+    "representation: {num_targets: 50, metric: motor}}"
+)
 NUM_SHARDS = 4
 
 

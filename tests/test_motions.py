@@ -19,7 +19,7 @@ from selftouch_drake.trials import score_motions
 
 SMALL = {
     "babbling": {"num_samples": 3000, "walk_size": 1500},
-    "representation": {"num_targets": 60},
+    "representation": {"num_targets": 60, "metric": "motor"},
     "execution": {"max_tries": 3},
     "evaluation": {"num_pairs": 2},
 }

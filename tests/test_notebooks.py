@@ -19,6 +19,7 @@ SMALL = {
     "NUM_STEPS": 40_000,
     "NUM_PLACES": 60,
     "NUM_RECEPTORS": (20, 50),
+    "METRIC": "sensorimotor",
     "METRICS_SHOWN": ("motor", "sensorimotor"),
 }
 # s a cell, on a machine that tests on all its cores.

@@ -23,7 +23,7 @@ def babbled(tmp_path_factory):
         body=Body(shape="sphere", radius=0.25),
         skin=Skin(num_receptors=20),
         babbling=Babbling(num_samples=NUM_ROWS, walk_size=WALK_SIZE),
-        representation=Representation(num_targets=50),
+        representation=Representation(num_targets=50, metric="sensorimotor"),
     )
     run = RunDirectory.create(tmp_path_factory.mktemp("stages") / "run", experiment)
     rng = np.random.default_rng(0)

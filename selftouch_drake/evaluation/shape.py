@@ -96,13 +96,21 @@ def distance_distortion(found: np.ndarray, true: np.ndarray) -> Distortion:
     return Distortion(median=float(np.median(off)), p95=float(np.quantile(off, 0.95)))
 
 
-def align(source: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """Moves, turns, mirrors and scales `source` `(K, 3)` onto `target` `(K, 3)` (Procrustes)."""
-    centred = source - source.mean(axis=0)
+def align(source: np.ndarray, target: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
+    """Moves, turns, mirrors and scales `source` `(K, 3)` onto `target` `(K, 3)` (Procrustes).
+
+    Args:
+        source: `(K, 3)`.
+        target: `(K, 3)`.
+        points: `(N, 3)` what is moved in this way instead of `source`.
+    """
+    middle = source.mean(axis=0)
+    centred = source - middle
     goal = target - target.mean(axis=0)
     rotation, singular_sum = orthogonal_procrustes(centred, goal)
     scale = singular_sum / np.square(centred).sum()
-    return scale * centred @ rotation + target.mean(axis=0)
+    moved = source if points is None else points
+    return scale * (moved - middle) @ rotation + target.mean(axis=0)
 
 
 def shape_rms_fraction(embedding: np.ndarray, positions: np.ndarray) -> float:

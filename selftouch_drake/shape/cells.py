@@ -37,12 +37,14 @@ class Cells:
         covariance: `(K, D, D)` within each cell.
         tangent: `(K, D, 2)` orthonormal, the two directions in which each cell is widest.
         second: `(K,)` variance in the second of these.
+        area: `(K,)` product of the standard deviations in both.
     """
 
     mean: np.ndarray
     covariance: np.ndarray
     tangent: np.ndarray
     second: np.ndarray
+    area: np.ndarray
 
     @classmethod
     def of(cls, coordinates: np.ndarray, offsets: np.ndarray) -> Cells:
@@ -60,6 +62,7 @@ class Cells:
             covariance=covariance,
             tangent=directions[:, :, -_DIMENSION:],
             second=variance[:, -_DIMENSION],
+            area=np.sqrt(variance[:, -_DIMENSION:].prod(axis=1)),
         )
 
     def distances(self) -> np.ndarray:

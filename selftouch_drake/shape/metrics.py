@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
@@ -30,6 +31,7 @@ from selftouch_drake.shape.embedding import (
     unbent_embedding,
     warn_of_misfit,
 )
+from selftouch_drake.shape.parts import cut_wide_cells
 from selftouch_drake.shape.quotient_map import quotient_coordinates
 from selftouch_drake.shape.revolute import revolute_coordinates
 
@@ -45,15 +47,17 @@ _LITERAL_QUERIES = 40
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyGraph:
-    """Steps along the body.
+    """Steps along the body, between kernels or, where a kernel is cut, between its parts.
 
     Attributes:
-        edges: `(E, 2)` pairs of kernels, i < j, that connect all.
+        edges: `(E, 2)` pairs of nodes, i < j, that connect all.
         length: `(E,)` positive, in the metric's unit.
+        kernel: `(N,)` the kernel that each node is of, rising; None if nodes are kernels.
     """
 
     edges: np.ndarray
     length: np.ndarray
+    kernel: np.ndarray | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +66,7 @@ class Metric:
 
     Attributes:
         graph: builds the graph from a representation, a seed and a listener to its progress.
-        layout: lays out K kernels from the graph and `(K, K)` shortest paths on it.
+        layout: lays out N nodes from the graph and `(N, N)` shortest paths on it.
         naive: whether it knows only motor configurations and sensations.
     """
 
@@ -78,10 +82,17 @@ class RecoveredBody:
     Attributes:
         distances: `(K, K)` along the body, in the metric's unit.
         embedding: the kernels laid out in space.
+        parts: `(P, 3)` where the parts of those kernels lie that were cut in parts.
     """
 
     distances: np.ndarray
     embedding: Embedding
+    parts: np.ndarray
+
+    @property
+    def places(self) -> np.ndarray:
+        """`(K + P, 3)` the kernels and then the parts: the body, sampled without gaps."""
+        return np.concatenate([self.embedding.positions, self.parts])
 
 
 def literal(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
@@ -120,7 +131,7 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
     coordinates = quotient_coordinates(
         representation.kernel_q, representation.kernel_offsets, seed=seed, progress=progress
     )
-    return _between_cells(Cells.of(coordinates, representation.kernel_offsets))
+    return _between_cells(coordinates, representation.kernel_offsets)
 
 
 @_one_thread
@@ -129,7 +140,7 @@ def revolute_reference(
 ) -> BodyGraph:
     """Not naive: the same in coordinates found by one who is told that all joints turn."""
     return _between_cells(
-        Cells.of(*revolute_coordinates(representation.kernel_q, representation.kernel_offsets))
+        *revolute_coordinates(representation.kernel_q, representation.kernel_offsets)
     )
 
 
@@ -145,10 +156,13 @@ def surface_edges(representation: QuotientRepresentation) -> np.ndarray:
     return connected_edges(neighbour_edges(near), near)
 
 
-def _between_cells(cells: Cells) -> BodyGraph:
+def _between_cells(coordinates: np.ndarray, offsets: np.ndarray) -> BodyGraph:
+    coordinates, offsets, kernel = cut_wide_cells(coordinates, offsets)
+    cells = Cells.of(coordinates, offsets)
     distance = cells.distances()
     edges = connected_edges(neighbour_edges(distance), distance)
-    return BodyGraph(edges=edges, length=locally_scaled(cells.lengths(edges), edges))
+    length = locally_scaled(cells.lengths(edges), edges)
+    return BodyGraph(edges=edges, length=length, kernel=kernel)
 
 
 def _classical(graph: BodyGraph, distances: np.ndarray) -> Embedding:
@@ -194,10 +208,29 @@ def recover(
     if metric not in METRICS:
         raise ValueError(f"metric {metric!r} is unknown: choose one of {', '.join(METRICS)}.")
     graph = METRICS[metric].graph(representation, seed, lambda fraction: progress(0.9 * fraction))
-    distances = geodesics(graph.edges, graph.length, representation.num_targets)
-    body = RecoveredBody(distances=distances, embedding=METRICS[metric].layout(graph, distances))
+    num_kernels = representation.num_targets
+    kernel = np.arange(num_kernels) if graph.kernel is None else graph.kernel
+    distances = geodesics(graph.edges, graph.length, len(kernel))
+    layout = METRICS[metric].layout(graph, distances)
     progress(1.0)
-    return body
+    return _of_kernels(kernel, num_kernels, distances, layout)
+
+
+def _of_kernels(
+    kernel: np.ndarray, num_kernels: int, distances: np.ndarray, layout: Embedding
+) -> RecoveredBody:
+    """A kernel lies amid its parts, and as far from others as they do on average."""
+    number = np.bincount(kernel, minlength=num_kernels)
+    mean = csr_array(
+        (1.0 / number[kernel], (kernel, np.arange(len(kernel)))), shape=(num_kernels, len(kernel))
+    )
+    between = mean @ (mean @ distances).T
+    np.fill_diagonal(between, 0.0)
+    return RecoveredBody(
+        distances=between,
+        embedding=dataclasses.replace(layout, positions=mean @ layout.positions),
+        parts=layout.positions[number[kernel] > 1],
+    )
 
 
 def embed_representation(

@@ -82,6 +82,7 @@ def body_shape(material: Material) -> Figure:
         skin.p_BS,
         recovered,
         faces,
+        num_kernels=len(material.embedding),
         rms_fraction=material.metrics.get("shape_rms_fraction"),
     )
 

@@ -111,15 +111,20 @@ class Material:
 
     @cached_property
     def recovered(self) -> tuple[np.ndarray, np.ndarray]:
-        """`(K, 3)` m recovered body, aligned with the real one, and `(F, 3)` its fitted surface."""
+        """The recovered body, aligned with the real one: where it is, and its fitted surface.
+
+        `(N, 3)` m, the kernels and then the parts of wide ones, and `(F, 3)` corners.
+        """
         if self.run.experiment.num_fingers > 1:
             raise MissingError(
                 "with two fingers the quotient space is not the body's surface (paper, section IV)"
             )
-        faces = fitted_surface(self.embedding, topology(self.embedding).scale)
+        parts = self._arrays(self.run.topology, ["parts"], "the persistence of holes", "learn")
+        places = np.concatenate([self.embedding, parts["parts"]])
+        faces = fitted_surface(places, topology(places).scale)
         if not len(faces):
             raise MissingError("no closed surface goes through the recovered body; babble longer")
-        aligned = align(self.embedding, self.kernel_positions)
+        aligned = align(self.embedding, self.kernel_positions, places)
         a, b, c = aligned[faces].transpose(1, 0, 2)
         mirrored = np.einsum("fi,fi->", np.cross(a, b), c) < 0
         return aligned, faces[:, ::-1] if mirrored else faces

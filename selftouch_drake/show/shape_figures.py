@@ -35,6 +35,7 @@ def body_shape(
     recovered: np.ndarray,
     recovered_faces: np.ndarray,
     *,
+    num_kernels: int,
     rms_fraction: float | None = None,
 ) -> Figure:
     """The body, the body that the agent recovered, and both in one (paper, figure 3).
@@ -43,8 +44,9 @@ def body_shape(
         vertices: `(V, 3)` m, of the real outer surface.
         faces: `(F, 3)` indices, outward.
         p_BS: `(S, 3)` m, receptors.
-        recovered: `(K, 3)` m, the embedded kernels, aligned with the body.
+        recovered: `(N, 3)` m, the embedded kernels, then parts of wide ones, aligned with the body.
         recovered_faces: `(G, 3)` indices into `recovered`, the fitted surface, outward.
+        num_kernels: K of them.
         rms_fraction: error of the recovered positions, as a share of the body's extent.
     """
     size = np.ptp(vertices, axis=0).max()
@@ -61,10 +63,11 @@ def body_shape(
     fitted = surface(recovered, recovered_faces, RECOVERED, cuts=2)
     ax = add_scene(figure, grid[1])
     draw(ax, _VIEW, fitted)
-    seen = visible(recovered, recovered, recovered_faces, _VIEW)
-    draw(ax, _VIEW, balls(recovered[seen], 0.011 * size, INK), zorder=2)
+    kernels = recovered[:num_kernels]
+    seen = visible(kernels, recovered, recovered_faces, _VIEW)
+    draw(ax, _VIEW, balls(kernels[seen], 0.011 * size, INK), zorder=2)
     ax.set_title(
-        f"The body the agent recovered\n{len(recovered)} sensations, fitted surface", loc="center"
+        f"The body the agent recovered\n{num_kernels} sensations, fitted surface", loc="center"
     )
 
     ax = add_scene(figure, grid[2])

@@ -88,7 +88,8 @@ def _learn(run, kernels, targets, q):
     )
     save_arrays(run.representation, dataclasses.asdict(representation) | run.stamp())
     found = topology(kernels)
-    save_arrays(run.topology, {f"diagram_{k}": bars for k, bars in enumerate(found.diagram)})
+    diagrams = {f"diagram_{k}": bars for k, bars in enumerate(found.diagram)}
+    save_arrays(run.topology, diagrams | {"parts": kernels[:0]})
     run.add_metrics({"topology_betti": list(found.betti), "shape_rms_fraction": 0.0123})
 
 
