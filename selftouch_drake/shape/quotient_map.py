@@ -84,6 +84,9 @@ def quotient_coordinates(
         members = kernel_offsets[kernel] + (rng.random((2, count)) * sizes[kernel]).astype(int)
         return x[members.ravel()]
 
+    def part_of(number: int) -> Callable[[float], None]:
+        return lambda fraction: progress((number + fraction) / _NUM_NETWORKS)
+
     outputs = np.empty((len(x), _NUM_NETWORKS * _NUM_OUTPUTS))
     for number, columns in enumerate(np.split(np.arange(outputs.shape[1]), _NUM_NETWORKS)):
         network = Network.random([x.shape[1], *_HIDDEN, _NUM_OUTPUTS], rng)
@@ -91,13 +94,7 @@ def quotient_coordinates(
         # not.
         _, layers, _ = network.forward(pairs(_NUM_FIRST_PAIRS))
         network.weights[-1][:] = eigh(*_scatters(layers[-1].astype(float)))[1][:, :_NUM_OUTPUTS]
-        train(
-            network,
-            lambda: pairs(_NUM_PAIRS),
-            _loss_slope,
-            num_steps,
-            lambda fraction, number=number: progress((number + fraction) / _NUM_NETWORKS),
-        )
+        train(network, lambda: pairs(_NUM_PAIRS), _loss_slope, num_steps, part_of(number))
         for start in range(0, len(x), _CHUNK):
             rows = slice(start, start + _CHUNK)
             outputs[rows, columns] = network(x[rows])
