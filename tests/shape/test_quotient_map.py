@@ -78,7 +78,7 @@ def test_coordinates_are_constant_on_kernels_and_differ_between_them():
     angle = np.repeat(np.linspace(-np.pi, np.pi, 40, endpoint=False), 60)
     share = rng.uniform(-2, 2, len(angle))
     q = np.stack([angle - share, share, rng.uniform(-2, 2, len(angle))], axis=1)
-    found = quotient_coordinates(q, np.arange(41) * 60, seed=0, num_steps=200)
+    found = quotient_coordinates(q, np.arange(41) * 60, seed=0, num_steps=100)
     groups = found.reshape(40, 60, -1)
     assert groups.std(axis=1).mean() < 0.2 * groups.mean(axis=1).std(axis=0).mean()
     middle = groups.mean(axis=1)
