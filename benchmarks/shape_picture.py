@@ -1,46 +1,56 @@
-"""Draws the ablation that benchmarks/shape.py measured: error over touches, for each metric.
+"""Draws what `selftouch sweep ablation` measured: shape error over receptors, for each metric.
 
-python benchmarks/shape_picture.py docs/data/shape_ablation.csv docs/images/shape_ablation.png
+python benchmarks/shape_picture.py sweeps/results/ablation.parquet docs/images/shape_ablation.png
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, styled
+from selftouch_drake.sweep import read_table
 
 COLORS = {"motor": ORANGE, "sensorimotor": BLUE, "learned": GREEN}
-LINES = {100: "^:", 300: "o-", 1000: "s--"}
+LINES = {
+    (30_000, 100): "^:",
+    (100_000, 100): "o:",
+    (30_000, 300): "^-",
+    (100_000, 300): "o-",
+}
 
 
 @styled
-def ablation(rows: list[dict[str, str]]) -> Figure:
-    """A panel a body and number of receptors; colours are metrics, marks are targets."""
-    panels = sorted({(row["body"], int(row["receptors"])) for row in rows})
-    figure = Figure(figsize=(3.6 * len(panels) + 1.4, 3.6), layout="constrained")
-    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)[0]
-    for ax, (body, receptors) in zip(axes, panels, strict=True):
+def ablation(rows: list[dict]) -> Figure:
+    """A panel a body; colours are metrics, marks are touches, lines are targets."""
+    bodies = sorted({row["experiment"] for row in rows})
+    figure = Figure(figsize=(3.6 * len(bodies) + 1.9, 3.6), layout="constrained")
+    axes = figure.subplots(1, len(bodies), sharey=True, squeeze=False)[0]
+    for ax, body in zip(axes, bodies, strict=True):
         for metric, color in COLORS.items():
-            for targets, line in LINES.items():
+            for (touches, targets), line in LINES.items():
                 errors: dict[int, list[float]] = {}
                 for row in rows:
-                    here = row["body"], int(row["receptors"]), row["metric"], int(row["targets"])
-                    if here == (body, receptors, metric, targets):
-                        errors.setdefault(int(row["samples"]), []).append(float(row["error"]))
-                samples = sorted(errors)
-                median = [100 * np.median(errors[count]) for count in samples]
-                ax.plot(samples, median, line, color=color, markersize=4.0)
-        ax.set(xscale="log", xlabel="touches", title=f"{body}, {receptors} receptors", ylim=(0, 8))
+                    size = row["babbling.num_samples"], row["representation.num_targets"]
+                    error = row.get(f"shape_rms_fraction_by_metric.{metric}")
+                    if (row["experiment"], *size) == (body, touches, targets) and error is not None:
+                        errors.setdefault(row["skin.num_receptors"], []).append(error)
+                receptors = sorted(errors)
+                median = [100 * np.median(errors[number]) for number in receptors]
+                ax.plot(receptors, median, line, color=color, markersize=4.0)
+        ax.set(xscale="log", xlabel="receptors", title=body, ylim=(0, 8))
+        ax.set_xticks([20, 50, 100, 200], ["20", "50", "100", "200"])
+        ax.set_xticks([], minor=True)
     axes[0].set(ylabel="shape error (% of the extent)")
-    for metric, color in COLORS.items():
-        axes[-1].plot([], [], color=color, label=metric)
-    for targets, line in LINES.items():
-        axes[-1].plot([], [], line, color=INK, markersize=4.0, label=f"{targets} targets")
+    shown = [m for m in COLORS if any(row.get(f"shape_rms_fraction_by_metric.{m}") for row in rows)]
+    for metric in shown:
+        axes[-1].plot([], [], color=COLORS[metric], label=metric)
+    for (touches, targets), line in LINES.items():
+        label = f"{touches:,} touches, {targets} targets"
+        axes[-1].plot([], [], line, color=INK, markersize=4.0, label=label)
     figure.legend(loc="outside right center")
     return figure
 
@@ -50,8 +60,7 @@ def main() -> None:
     parser.add_argument("table", type=Path)
     parser.add_argument("picture", type=Path)
     arguments = parser.parse_args()
-    with arguments.table.open() as file:
-        ablation(list(csv.DictReader(file))).savefig(arguments.picture)
+    ablation(read_table(arguments.table).to_pylist()).savefig(arguments.picture)
 
 
 if __name__ == "__main__":
