@@ -12,7 +12,7 @@ from numba import njit
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
     """One configuration a layer, with the least sum of cubed steps.
 
-    Layered dynamic programming: exact, and quadratic in the size of a layer. Squares would let one
+    Layered dynamic programming: exact but for float32, and quadratic in the size of a layer. Squares would let one
     long step pass here and there, and lose contact on it.
 
     Args:
