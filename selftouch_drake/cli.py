@@ -249,9 +249,10 @@ def execute(
 def record(
     run: Path, start: int | None, free: bool, goal: int | None, through: list[int] | None
 ) -> None:
-    """Record an executed plan: a page to keep and to show, beside the plan.
+    """Record an executed plan: a page to keep.
 
-    It needs no network. `selftouch report` records one plan for its own page.
+    It lies beside the plan, and needs no network. `selftouch report` records one plan for its
+    own page.
     """
     from selftouch_drake.show import write_playback
 
