@@ -68,6 +68,9 @@ FROM_Q = click.option(
 )
 
 
+FREE = click.option("--free", is_flag=True, help="The plan that was made with --from-q.")
+
+
 class Teaching(click.Group):
     """Lists the verbs in the order in which one uses them."""
 
@@ -197,7 +200,7 @@ def plan(
 @cli.command()
 @RUN
 @FROM
-@click.option("--free", is_flag=True, help="The plan that was made with --from-q.")
+@FREE
 @TO
 @THROUGH
 @click.option(
@@ -235,6 +238,28 @@ def execute(
     click.echo(f"in contact: {kept.contact:.1%} of the time")
     click.echo(f"sensation {targets[-1]}: {'reached' if kept.reached else 'missed'}")
     click.echo(f"plan: {directory.plan(*targets)}")
+
+
+@cli.command()
+@RUN
+@FROM
+@FREE
+@TO
+@THROUGH
+def record(
+    run: Path, start: int | None, free: bool, goal: int | None, through: list[int] | None
+) -> None:
+    """Record an executed plan: a page to keep.
+
+    It lies beside the plan, and needs no network. `selftouch report` records one plan for its
+    own page.
+    """
+    from selftouch_drake.show import write_playback
+
+    directory = _open(run)
+    targets = _targets(start, [] if free else None, goal, through)
+    path = write_playback(directory, *targets, path=directory.plan(*targets).with_suffix(".html"))
+    click.echo(f"recording: {path}")
 
 
 @cli.command()

@@ -201,6 +201,11 @@ def test_the_command_line_plans_tours_and_free_starts(run, capsys):
     assert status == 0
     assert out.startswith("tracking: ")
     assert out.splitlines()[2] in ("sensation 20: reached", "sensation 20: missed")
+    told(capsys, "execute", run.path, "--through", "3,20,41")
+    status, out, _ = told(capsys, "record", run.path, "--through", "3,20,41")
+    page = run.path / "plans" / "3-20-41.html"
+    assert (status, out) == (0, f"recording: {page}\n")
+    assert f"{run.experiment.name}: sensation 3 to 20 to 41" in page.read_text(encoding="utf-8")
     status, out, _ = told(capsys, "execute", run.path, "--from", 3, "--to", 20, "--rehearse", 2)
     assert status == 0
     assert out.startswith("tries: ")
@@ -248,6 +253,7 @@ ENDS = (
             "execute --free --to 2",
             "RUN has no free plan to 2; make one with `selftouch plan RUN --from-q Q --to 2`",
         ),
+        ("record --from 1 --to 2", "plan 1-2 is not there; run `selftouch plan`"),
         ("execute --through 1,2 --rehearse 2", "--rehearse takes --from and --to"),
         (
             "execute --from 1 --to 2 --rehearse 0",

@@ -19,6 +19,8 @@ LOSS_FACTOR = 8.0
 # Six losses: beyond that a link is as good as cut, and the costs stay far from overflow.
 _MOST_PENALTY = LOSS_FACTOR**6
 
+_NO_MEMORY = "{} is no memory of rehearsals; delete it, and rehearse again"
+
 Motion = TypeVar("Motion")
 
 
@@ -70,7 +72,10 @@ class RehearsalMemory:
             FileNotFoundError: there is no such file.
             ValueError: the file is damaged, or remembers the links of another representation.
         """
-        arrays = load_arrays(path, ("link_penalty", "num_tries", "belongs_to"))
+        try:
+            arrays = load_arrays(path, ("link_penalty", "num_tries", "belongs_to"))
+        except ValueError:
+            raise ValueError(_NO_MEMORY.format(path)) from None
         penalty, num_tries = arrays["link_penalty"], arrays["num_tries"]
         if str(arrays["belongs_to"]) != fingerprint(representation) or (
             penalty.shape != (len(near_links(representation)),)
@@ -82,7 +87,7 @@ class RehearsalMemory:
         if (num_tries.shape, num_tries.dtype.kind, penalty.dtype.kind) != ((), "i", "f") or not (
             np.isfinite(penalty).all() and (penalty >= 1).all()
         ):
-            raise ValueError(f"{path} is no memory of rehearsals; delete it, and rehearse again")
+            raise ValueError(_NO_MEMORY.format(path))
         return cls(
             link_penalty=penalty, num_tries=int(num_tries), belongs_to=str(arrays["belongs_to"])
         )
@@ -178,8 +183,8 @@ def best(tries: list[Try[Motion]]) -> Try[Motion]:
 
 
 def fingerprint(representation: QuotientRepresentation) -> str:
-    """Identifies the targets and edges of a representation."""
+    """Identifies the targets of a representation, and the links between them."""
     digest = hashlib.sha256()
-    for array in (representation.target_sensations, representation.edges):
+    for array in (representation.target_sensations, near_links(representation)):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:16]

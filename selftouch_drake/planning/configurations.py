@@ -12,8 +12,8 @@ from numba import njit
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
     """One configuration a layer, with the least sum of cubed steps.
 
-    Layered dynamic programming: exact, and quadratic in the size of a layer. Squares would let one
-    long step pass here and there, and lose contact on it.
+    Layered dynamic programming: exact but for float32, and quadratic in the size of a layer.
+    Squares would let one long step pass here and there, and lose contact on it.
 
     Args:
         layers: W arrays `(n_w, J)` rad, the candidates of each kernel along the route; a layer of

@@ -164,17 +164,18 @@ class Material:
         names = (path.stem.split("-") for path in (self.run.path / "plans").glob("*-*.npz"))
         return sorted((int(n[0]), int(n[1])) for n in names if len(n) == 2 and all(map(_digits, n)))
 
-    def plan(self, start: int, goal: int) -> dict[str, np.ndarray]:
-        """The arrays of a plan, executed or not."""
-        if not self.run.plan(start, goal).exists():
-            raise MissingError(f"a plan from {start} to {goal} is not there; run `selftouch plan`")
-        return load_plan(self.run, start, goal)
+    def plan(self, *targets: int | str) -> dict[str, np.ndarray]:
+        """The arrays of a plan, executed or not; the targets name it, in order."""
+        if not (file := self.run.plan(*targets)).exists():
+            raise MissingError(f"plan {file.stem} is not there; run `selftouch plan`")
+        return load_plan(self.run, *targets)
 
-    def executed(self, start: int, goal: int) -> dict[str, np.ndarray]:
+    def executed(self, *targets: int | str) -> dict[str, np.ndarray]:
         """The arrays of a plan that was executed."""
-        plan = self.plan(start, goal)
+        plan = self.plan(*targets)
         if not {"felt", "q_measured"} <= plan.keys():
-            raise MissingError(f"plan {start}-{goal} was not executed; run `selftouch execute`")
+            name = self.run.plan(*targets).stem
+            raise MissingError(f"plan {name} was not executed; run `selftouch execute`")
         return plan
 
     @cached_property

@@ -16,29 +16,31 @@ from selftouch_drake.show.server import open_meshcat
 from selftouch_drake.show.style import PRESSURE
 
 
-def write_playback(run: RunDirectory, start: int, goal: int) -> Path:
-    """Records an executed plan into the run's `playback.html`, a page that needs no network.
+def write_playback(run: RunDirectory, *targets: int | str, path: Path | None = None) -> Path:
+    """Records an executed plan into a page that needs no network.
 
     Args:
         run: the run.
-        start: target sensation from which the plan leads.
-        goal: target sensation to which it leads.
+        targets: target sensations from the first to the last that the plan leads through; the first
+            is `"free"` if it begins in the air.
+        path: the page; the run's `playback.html` by default.
 
     Raises:
         MissingError: the plan was not executed.
     """
-    page = _recorded_page(Material(run), start, goal)
+    path = run.playback if path is None else path
+    page = _recorded_page(Material(run), targets)
     # Drake's diagrams are in reference cycles, and this one held the Meshcat server and its port.
     gc.collect()
-    write_text_whole(run.playback, page)
-    return run.playback
+    write_text_whole(path, page)
+    return path
 
 
-def _recorded_page(material: Material, start: int, goal: int) -> str:
-    material.executed(start, goal)
+def _recorded_page(material: Material, targets: tuple[int | str, ...]) -> str:
+    material.executed(*targets)
     meshcat = open_meshcat()
-    full = record(meshcat, material, [(start, goal)])
-    title = f"{material.run.experiment.name}: sensation {start} to {goal}"
+    full = record(meshcat, material, [targets])
+    title = f"{material.run.experiment.name}: sensation {' to '.join(map(str, targets))}"
     return _with_legend(meshcat.StaticHtml(), title, full)
 
 

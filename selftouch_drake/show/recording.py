@@ -21,13 +21,18 @@ _REPETITIONS = 1000
 _PAUSE_S = 1.0
 
 
-def record(meshcat: Meshcat, material: Material, pairs: Sequence[tuple[int, int]]) -> float:
+def record(meshcat: Meshcat, material: Material, tours: Sequence[tuple[int | str, ...]]) -> float:
     """Draws the agent and records executed plans, one after the other.
+
+    Args:
+        meshcat: where to draw.
+        material: of the run.
+        tours: the target sensations that name each plan, in order.
 
     Returns:
         N, the reading of a receptor that is shown in the strongest colour.
     """
-    plans = [material.executed(*pair) for pair in pairs]
+    plans = [material.executed(*targets) for targets in tours]
     rows = [frame_rows(plan["time_s"]) for plan in plans]
     q, felt, expected = (
         np.concatenate([plan[name][frames] for plan, frames in zip(plans, rows, strict=True)])

@@ -108,10 +108,10 @@ def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planne
         ),
         (
             {"link_penalty": np.ones(3)},
-            "link_penalty has shape (3,): this representation needs (120,), one factor a link",
+            "link_penalty has shape (3,): this representation needs (96,), one factor a link",
         ),
         (
-            {"link_penalty": np.zeros(120)},
+            {"link_penalty": np.zeros(96)},
             "link_penalty holds a factor that is not finite and positive: "
             "use 1 for links without penalty",
         ),

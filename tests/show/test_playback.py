@@ -43,7 +43,7 @@ def test_only_executed_plans_are_recorded(make_run):
     run = make_run("planned")
     with pytest.raises(MissingError, match="plan 0-40 was not executed; run `selftouch execute`"):
         write_playback(run, 0, 40)
-    with pytest.raises(MissingError, match="a plan from 1 to 2 is not there; run `selftouch plan`"):
+    with pytest.raises(MissingError, match="plan 1-2 is not there; run `selftouch plan`"):
         write_playback(run, 1, 2)
     assert not run.playback.exists()
 
