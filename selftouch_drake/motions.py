@@ -238,7 +238,7 @@ def _misshapen(plan: Motion, num_receptors: int) -> str:
     W, T, joints = plan["nodes"].size, plan["time_s"].size, plan["waypoints_q"].shape[1:2]
     expected: dict[str, tuple[int, ...]] = {
         "nodes": (W,),
-        "edges": (W - 1,),
+        "links": (W - 1,),
         "waypoints_q": (W, *joints),
         "waypoint_s": (W,),
         **dict.fromkeys(("time_s", "s", "predicted_spread"), (T,)),

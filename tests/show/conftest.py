@@ -101,7 +101,7 @@ def _plan(run, targets, q, *, executed):
     felt[50:60] = 0.0
     arrays = {
         "nodes": np.array([0, 17, 40]),
-        "edges": np.array([-1, -1]),
+        "links": np.array([-1, -1]),
         "waypoints_q": path[[0, 60, 120]],
         "waypoint_s": time_s[[0, 60, 120]],
         "time_s": time_s,
