@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -28,14 +29,22 @@ def selftouch(*arguments: object) -> None:
     subprocess.run(command, check=True, capture_output=True)
 
 
-def as_sweep(name: str, folder: Path, workers: int) -> float:
-    began = time.perf_counter()
+def now() -> np.ndarray:
+    """s, of the clock, and of processors by all commands so far."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return np.array([time.perf_counter(), used.ru_utime + used.ru_stime])
+
+
+def as_sweep(name: str, folder: Path, workers: int) -> np.ndarray:
+    began = now()
     selftouch("sweep", name, "--out", folder, "--workers", workers)
-    return time.perf_counter() - began
+    return now() - began
 
 
-def by_hand(experiments: list[Experiment], folder: Path, workers: int, *, report: bool) -> float:
-    began = time.perf_counter()
+def by_hand(
+    experiments: list[Experiment], folder: Path, workers: int, *, report: bool
+) -> np.ndarray:
+    began = now()
     for number, experiment in enumerate(experiments):
         file, run = folder / f"{number}.yaml", folder / str(number)
         file.write_text(dump_experiment(experiment))
@@ -43,13 +52,17 @@ def by_hand(experiments: list[Experiment], folder: Path, workers: int, *, report
         verbs += [] if report else [["learn", run], ["evaluate", run]]
         for verb in verbs:
             selftouch(*verb)
-    return time.perf_counter() - began
+    return now() - began
 
 
 def num_files(sweep: Sweep, folder: Path, name: str) -> int:
     """How many files of that name there are in truth: what is shared counts once."""
     runs = [SweepDirectory(folder).run(experiment) for experiment in sweep.experiments]
     return len({(run.path / name).stat().st_ino for run in runs})
+
+
+def told(what: str, seconds: np.ndarray) -> None:
+    print(f"{what:<36}{seconds[0]:7.0f} s{seconds[1]:7.0f} s of processors", flush=True)
 
 
 def main() -> None:
@@ -70,13 +83,13 @@ def main() -> None:
         for part in ("hand", "verbs"):
             (folder / part).mkdir()
         first = as_sweep(arguments.sweep, folder / "first", arguments.workers)
-        print(f"{'sweep':<36}{first:7.0f} s", flush=True)
+        told("sweep", first)
         hand = times * by_hand(some, folder / "hand", arguments.workers, report=True)
-        print(f"{'run, one by one':<36}{hand:7.0f} s", flush=True)
+        told("run, one by one", hand)
         verbs = times * by_hand(some, folder / "verbs", arguments.workers, report=False)
-        print(f"{'babble, learn, evaluate, one by one':<36}{verbs:7.0f} s", flush=True)
+        told("babble, learn, evaluate, one by one", verbs)
         last = as_sweep(arguments.sweep, folder / "last", arguments.workers)
-        print(f"{'sweep again':<36}{last:7.0f} s", flush=True)
+        told("sweep again", last)
         assert read_table(folder / "last" / "table.parquet")["error"].null_count == len(
             sweep.experiments
         )
@@ -86,7 +99,8 @@ def main() -> None:
         )
     print(f"experiences collected: {experiences}, representations learned: {representations}")
     mean = (first + last) / 2
-    print(f"faster than `run` {hand / mean:.1f} times, than the verbs {verbs / mean:.1f} times")
+    for what, (clock, processors) in (("`run`", hand / mean), ("the verbs", verbs / mean)):
+        print(f"{what} one by one: {clock:.1f} x the clock, {processors:.1f} x the processors")
 
 
 if __name__ == "__main__":

@@ -150,7 +150,7 @@ def run(tmp_path_factory):
     plan = dict.fromkeys(("time_s", "s", "predicted_spread"), np.arange(7.0))
     plan |= dict.fromkeys(("q", "v", "q_measured"), random.uniform(-1, 1, (7, 6)))
     plan |= dict.fromkeys(("predicted", "felt"), random.uniform(0, 1, (7, 100)))
-    plan |= {"nodes": np.array([3, 1, 4]), "edges": np.array([2, 3]), "waypoint_s": np.arange(3.0)}
+    plan |= {"nodes": np.array([3, 1, 4]), "links": np.array([2, 3]), "waypoint_s": np.arange(3.0)}
     save_arrays(made.plan(3, 4), plan | {"waypoints_q": plan["q"][:3]} | made.stamp())
     made.add_metrics({"babbling_num_samples": 60, "topology_betti": [1, 0, 1], "x": {"y": 0.5}})
     return Made(made, shard, representation)
