@@ -25,7 +25,7 @@ _SPACING_NEIGHBOUR = 6
 
 
 #: Kernels whose targets lie within this many spacings are linked, whether the quotient graph has an
-#: edge there or not. Of 200 plans on a torus (1000 targets), the cubed steps sum up to 1.45 along
+#: edge there or not. Of 200 plans on a torus (1000 targets), the cubed steps sum up to 1.49 along
 #: its edges alone and to 1.1 with these links; 1.4 to 2 spacings do as well.
 LINK_SPACINGS = 1.5
 # With few targets the spacing is so wide that it says nothing: sensations that have nothing in
