@@ -247,7 +247,7 @@ def touches(arguments: argparse.Namespace) -> None:
                 for line in lines(f"two touches, {metric}", found)
             ]
         write(f"touches_s{arguments.seed}", rows)
-    np.savez(arguments.data.with_suffix(".bars.npz"), **bars_of(shown))
+        np.savez(arguments.data.with_suffix(".bars.npz"), **bars_of(shown))
 
 
 def mixed(arguments: argparse.Namespace) -> None:
