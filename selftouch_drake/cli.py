@@ -71,6 +71,13 @@ FROM_Q = click.option(
 FREE = click.option("--free", is_flag=True, help="The plan that was made with --from-q.")
 
 
+def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
+    """The run, and the options that name one of its plans."""
+    for option in (THROUGH, TO, FREE, FROM, RUN):
+        command = option(command)
+    return command
+
+
 class Teaching(click.Group):
     """Lists the verbs in the order in which one uses them."""
 
@@ -198,11 +205,7 @@ def plan(
 
 
 @cli.command()
-@RUN
-@FROM
-@FREE
-@TO
-@THROUGH
+@of_a_plan
 @click.option(
     "--rehearse",
     "max_tries",
@@ -241,11 +244,7 @@ def execute(
 
 
 @cli.command()
-@RUN
-@FROM
-@FREE
-@TO
-@THROUGH
+@of_a_plan
 def record(
     run: Path, start: int | None, free: bool, goal: int | None, through: list[int] | None
 ) -> None:

@@ -41,10 +41,11 @@ class RehearsalMemory:
     @classmethod
     def blank(cls, representation: QuotientRepresentation) -> RehearsalMemory:
         """The memory of an agent that has rehearsed nothing."""
+        links = near_links(representation)
         return cls(
-            link_penalty=np.ones(len(near_links(representation))),
+            link_penalty=np.ones(len(links)),
             num_tries=0,
-            belongs_to=fingerprint(representation),
+            belongs_to=_fingerprint(representation, links),
         )
 
     def after(self, lost_links: np.ndarray) -> RehearsalMemory:
@@ -77,8 +78,9 @@ class RehearsalMemory:
         except ValueError:
             raise ValueError(_NO_MEMORY.format(path)) from None
         penalty, num_tries = arrays["link_penalty"], arrays["num_tries"]
-        if str(arrays["belongs_to"]) != fingerprint(representation) or (
-            penalty.shape != (len(near_links(representation)),)
+        links = near_links(representation)
+        if str(arrays["belongs_to"]) != _fingerprint(representation, links) or (
+            penalty.shape != (len(links),)
         ):
             raise ValueError(
                 f"{path} remembers rehearsals of another representation; delete it, and rehearse "
@@ -182,9 +184,9 @@ def best(tries: list[Try[Motion]]) -> Try[Motion]:
     return max(tries, key=lambda one: (one.reached, one.contact))
 
 
-def fingerprint(representation: QuotientRepresentation) -> str:
+def _fingerprint(representation: QuotientRepresentation, links: np.ndarray) -> str:
     """Identifies the targets of a representation, and the links between them."""
     digest = hashlib.sha256()
-    for array in (representation.target_sensations, near_links(representation)):
+    for array in (representation.target_sensations, links):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:16]

@@ -8,6 +8,8 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
+from selftouch_drake.planning.steps import square_steps
+
 
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
     """One configuration a layer, with the least sum of cubed steps.
@@ -37,16 +39,11 @@ def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
 @njit(cache=True)
 def _step(before, cost_before, here):
     """`(n,)` the least cost of each of the `(J, n)` configurations here, and its parent."""
-    num_joints, count = here.shape
+    count = here.shape[1]
     cost, parent = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.int64)
     through = np.empty(len(cost_before), dtype=np.float32)
     for i in range(count):
-        through[:] = 0.0
-        for joint in range(num_joints):  # joint by joint, so that the inner loops vectorise
-            at = here[joint, i]
-            for b in range(len(through)):
-                step = before[joint, b] - at
-                through[b] += step * step
+        square_steps(before, here[:, i], through)
         for b in range(len(through)):
             through[b] = through[b] * np.sqrt(through[b]) + cost_before[b]
         parent[i] = np.argmin(through)

@@ -11,6 +11,7 @@ from scipy.sparse import sparray
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
+from selftouch_drake.planning.steps import square_steps
 from selftouch_drake.representation.quotient import QuotientRepresentation
 from selftouch_drake.representation.set_distances import LinkedNearest, linked_nearest
 
@@ -22,7 +23,6 @@ LEAP_SPACINGS = 1.25
 LEAP_POWER = 16.0
 # The spacing of targets is their distance to this many-th neighbour, as on a surface.
 _SPACING_NEIGHBOUR = 6
-
 
 #: Kernels whose targets lie within this many spacings are linked, whether the quotient graph has an
 #: edge there or not. Of 200 plans on a torus (1000 targets), the cubed steps sum up to 1.49 along
@@ -286,13 +286,15 @@ def _carry(
         for way in range(link_offsets[kernel], link_offsets[kernel + 1]):
             there = link_kernel[way]
             if there == goal:
-                to, step = at_goal, _square(goal_q, q, squared)
+                square_steps(goal_q, q, squared)
+                to, step = at_goal, np.min(squared[: goal_q.shape[1]])
             elif visits[there] == _MAX_VISITS:
                 continue
             elif place == at_start:
                 firm = firm_q[:, firm_offsets[there] : firm_offsets[there + 1]]
-                step = _square(firm, q, squared)
-                to = firm_offsets[there] + np.argmin(squared[: firm.shape[1]])
+                square_steps(firm, q, squared)
+                nearest = np.argmin(squared[: firm.shape[1]])
+                to, step = firm_offsets[there] + nearest, squared[nearest]
             else:
                 entry = nearest_offsets[way] + place - firm_offsets[kernel]
                 to, step = nearest_row[entry], nearest_squared[entry]
@@ -306,16 +308,3 @@ def _carry(
         route.append(place_kernel[place])
         place = parent[place]
     return np.array(route[::-1] if len(route) > 1 else route[:0])
-
-
-@njit(cache=True)
-def _square(candidates, q, squared):
-    """Writes the squared distance of each column of `(J, n)` candidates to q; the least of them."""
-    count = candidates.shape[1]
-    squared[:count] = 0.0
-    for joint in range(len(q)):  # joint by joint, so that the inner loop vectorises
-        at = q[joint]
-        for i in range(count):
-            step = candidates[joint, i] - at
-            squared[i] += step * step
-    return np.min(squared[:count])
