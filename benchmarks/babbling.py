@@ -20,14 +20,13 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import HydroelasticContactRepresentation
 
-from selftouch_drake.babbling import RandomWalk, collect, collect_walk
-from selftouch_drake.babbling.sources import KinematicSource
-from selftouch_drake.body import FINGERTIP_RADIUS, P_B_SHOULDER, build_body
-from selftouch_drake.executors import local_executor
-from selftouch_drake.experience import write_shard
+from selftouch_drake.experience import RandomWalk, collect, collect_walk, write_shard
+from selftouch_drake.experience.sources import KinematicSource
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.run_directory import RunDirectory
-from selftouch_drake.world import MakeDynamicStation
+from selftouch_drake.geometry import FINGERTIP_RADIUS, P_B_SHOULDER, build_body
+from selftouch_drake.robot import MakeDynamicStation
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.executors import local_executor
 
 
 class Loop:

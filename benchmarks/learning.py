@@ -28,11 +28,11 @@ from memory import peak_memory_mb
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
-from selftouch_drake import stages
+from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
+from selftouch_drake.agent.representation.set_distances import _nearest_squared
 from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.representation import QuotientLearner, QuotientRepresentation
-from selftouch_drake.representation.set_distances import _nearest_squared
-from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.run import stages
+from selftouch_drake.run.directory import RunDirectory
 
 # Where one thing grows, the others stay at these.
 NUM_ROWS, NUM_TARGETS, KERNEL_SIZE = 300_000, 300, 300

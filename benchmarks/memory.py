@@ -21,11 +21,10 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from selftouch_drake import stages
-from selftouch_drake.babbling import walk_sizes
-from selftouch_drake.executors import local_executor
-from selftouch_drake.experience import ExperienceReader, Shard, write_shard
-from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.experience import ExperienceReader, Shard, walk_sizes, write_shard
+from selftouch_drake.run import stages
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.executors import local_executor
 from selftouch_drake.show import write_report
 
 # Walks that are babbled where memory is measured.

@@ -13,11 +13,10 @@ from pathlib import Path
 import numpy as np
 from memory import peak_memory_mb
 
-from selftouch_drake.babbling import collect, require_complete
-from selftouch_drake.executors import local_executor
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience import ExperienceReader, collect, require_complete
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.executors import local_executor
 
 
 def peak_memory_of_worker_mb(delay_s: float) -> float:

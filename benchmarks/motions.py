@@ -10,10 +10,10 @@ import argparse
 import dataclasses
 from pathlib import Path
 
-from selftouch_drake.motions import World
-from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.motions import World
+from selftouch_drake.run.trials import score_motions
 from selftouch_drake.show import readings
-from selftouch_drake.trials import score_motions
 
 
 def main() -> None:

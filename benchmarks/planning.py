@@ -26,13 +26,13 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from selftouch_drake.acting.timing import TimedPath, time_path
+from selftouch_drake.agent.planning import Planner, smooth_path
+from selftouch_drake.agent.planning.route import goal_members
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.motions import World, load_representation
-from selftouch_drake.planning import Planner, smooth_path
-from selftouch_drake.planning.route import goal_members
-from selftouch_drake.run_directory import RunDirectory
-from selftouch_drake.trials import random_pairs
+from selftouch_drake.robot.timing import TimedPath, time_path
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.motions import World, load_representation
+from selftouch_drake.run.trials import random_pairs
 
 # Goal configurations offered to a peer; more slow OMPL's nearest-neighbour search of its goal tree.
 NUM_GOALS = 20

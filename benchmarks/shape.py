@@ -34,6 +34,9 @@ from pathlib import Path
 
 import numpy as np
 
+from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
+from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
+from selftouch_drake.agent.shape import METRICS, intrinsic_dimension, recover, topology
 from selftouch_drake.evaluation import (
     kernel_positions,
     kernel_spread,
@@ -42,10 +45,7 @@ from selftouch_drake.evaluation import (
 )
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.files import load_arrays
-from selftouch_drake.representation import QuotientLearner, QuotientRepresentation
-from selftouch_drake.representation.set_distances import MAX_QUERIES
-from selftouch_drake.run_directory import RunDirectory
-from selftouch_drake.shape import METRICS, intrinsic_dimension, recover, topology
+from selftouch_drake.run.directory import RunDirectory
 
 #: Share of the receptors of one half that are missing, and whether readings are noisy.
 SKINS = {

@@ -23,11 +23,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 
-from selftouch_drake.babbling.walk import RandomWalk
-from selftouch_drake.body import build_body
-from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.experiment import load_experiment
-from selftouch_drake.representation import (
+from selftouch_drake.agent.representation import (
     KernelReservoir,
     QuotientLearner,
     assign,
@@ -38,14 +34,18 @@ from selftouch_drake.representation import (
     set_distances,
     target_sensations,
 )
-from selftouch_drake.representation.touches import (
+from selftouch_drake.agent.representation.touches import (
     equal_touches,
     overlapping,
     separate_touches,
 )
-from selftouch_drake.shape import Turns, intrinsic_dimension, landmarks, turns
-from selftouch_drake.shape.metrics import motor
-from selftouch_drake.world.probe import ContactProbe, TouchScreen
+from selftouch_drake.agent.shape import Turns, intrinsic_dimension, landmarks, turns
+from selftouch_drake.agent.shape.metrics import motor
+from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience.walk import RandomWalk
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.geometry import build_body
+from selftouch_drake.robot.probe import ContactProbe, TouchScreen
 
 DOCS = Path(__file__).parent.parent / "docs"
 

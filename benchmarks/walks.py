@@ -12,13 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from selftouch_drake.babbling import collect
-from selftouch_drake.body import build_body
 from selftouch_drake.evaluation import coverage
-from selftouch_drake.executors import local_executor
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience import ExperienceReader, collect
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.geometry import build_body
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.executors import local_executor
 
 WALKS = [
     *({"step_size": step, "persistence": 0.9} for step in (0.003, 0.01, 0.05, 0.15, 0.6)),

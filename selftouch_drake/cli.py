@@ -126,7 +126,7 @@ def run(
     EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`) or a YAML file.
     Stages that are done are not done again: a run that was stopped goes on where it was.
     """
-    from selftouch_drake import stages
+    from selftouch_drake.run import stages
     from selftouch_drake.show import write_figures, write_report
 
     directory, world = _begin(experiment, out, overrides)
@@ -165,7 +165,7 @@ def babble(
 @RUN
 def learn(run: Path) -> None:
     """Build the quotient representation from the experience of RUN."""
-    from selftouch_drake import stages
+    from selftouch_drake.run import stages
 
     directory = _open(run)
     with _progress("learn") as progress:
@@ -189,7 +189,7 @@ def plan(
     """Plan a smooth motion from sensation to sensation."""
     import numpy as np
 
-    from selftouch_drake import stages
+    from selftouch_drake.run import stages
 
     directory = _open(run)
     targets = _targets(start, q_start, goal, through)
@@ -222,8 +222,8 @@ def execute(
     max_tries: int | None,
 ) -> None:
     """Execute a plan in the dynamic world, and keep what was felt."""
-    from selftouch_drake import stages
-    from selftouch_drake.acting.rehearsal import best
+    from selftouch_drake.agent.rehearsal import best
+    from selftouch_drake.run import stages
 
     directory = _open(run)
     targets = _targets(start, [] if free else None, goal, through)
@@ -265,7 +265,7 @@ def record(
 @RUN
 def evaluate(run: Path) -> None:
     """Score RUN against the truth: its shape, and random plans."""
-    from selftouch_drake import stages
+    from selftouch_drake.run import stages
 
     directory = _open(run)
     with _progress("evaluate") as progress:
@@ -319,7 +319,7 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
     `{experiments: [cube], seeds: [0, 1, 2], grid: {skin.num_receptors: [50, 100]}}`.
     Babbling and learning that runs have in common are done once.
     """
-    from selftouch_drake.executors import dask_executor, local_executor
+    from selftouch_drake.run.executors import dask_executor, local_executor
     from selftouch_drake.sweep import SweepDirectory, draw_figures, gather, load_sweep, run_sweep
 
     loaded = load_sweep(sweep)
@@ -400,8 +400,8 @@ def _targets(
 
 def _begin(experiment: str, out: Path | None, overrides: str):
     from selftouch_drake.experiment import load_experiment, parse_overrides
-    from selftouch_drake.run_directory import RunDirectory
-    from selftouch_drake.stages import World
+    from selftouch_drake.run.directory import RunDirectory
+    from selftouch_drake.run.stages import World
 
     loaded = load_experiment(experiment, parse_overrides(overrides))
     world = World(loaded)
@@ -413,7 +413,7 @@ def _begin(experiment: str, out: Path | None, overrides: str):
 
 
 def _open(run: Path, *, writing: bool = True):
-    from selftouch_drake.run_directory import RunDirectory
+    from selftouch_drake.run.directory import RunDirectory
 
     directory = RunDirectory.open(run)
     if writing:
@@ -422,8 +422,8 @@ def _open(run: Path, *, writing: bool = True):
 
 
 def _babble(directory, world, workers: int | None, scheduler: str | None) -> None:
-    from selftouch_drake import stages
-    from selftouch_drake.executors import dask_executor, local_executor
+    from selftouch_drake.run import stages
+    from selftouch_drake.run.executors import dask_executor, local_executor
 
     chosen = dask_executor(scheduler) if scheduler else local_executor(workers)
     with _progress("babble") as progress, chosen as executor:

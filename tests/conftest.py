@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import pytest
 from hypothesis import settings
 
-from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
 from selftouch_drake.experiment import Experiment, load_experiment
-from selftouch_drake.world import ContactProbe
+from selftouch_drake.geometry import HollowSkin, ReceptiveFields, build_body
+from selftouch_drake.robot import ContactProbe
 
 # The same examples every time; `make fuzz` looks for new ones.
 settings.register_profile("steady", derandomize="SELFTOUCH_FUZZ" not in os.environ)

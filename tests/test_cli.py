@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from selftouch_drake.agent.representation import connected_edges
 from selftouch_drake.cli import exit_status
 from selftouch_drake.experiment import shipped_experiments
-from selftouch_drake.representation import connected_edges
 
 SMALL = (
     "{babbling: {num_samples: 2000, walk_size: 1000}, representation: {num_targets: 60}, "

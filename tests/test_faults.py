@@ -18,14 +18,13 @@ import numpy as np
 import pytest
 from filelock import FileLock
 
-from selftouch_drake import stages
-from selftouch_drake.babbling import collect, require_complete
 from selftouch_drake.cli import cli, exit_status
-from selftouch_drake.executors import dask_executor, local_executor
-from selftouch_drake.experience import ExperienceReader, StoreError
+from selftouch_drake.experience import ExperienceReader, StoreError, collect, require_complete
 from selftouch_drake.experiment import load_experiment, parse_overrides
 from selftouch_drake.files import load_arrays, save_arrays
-from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.run import stages
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.executors import dask_executor, local_executor
 
 SMALL = (
     "{babbling: {num_samples: 1200, walk_size: 300}, "
@@ -281,7 +280,7 @@ def sweep(learned_run, tmp_path, monkeypatch):
     file = tmp_path / "small.yaml"
     file.write_text(f"{{experiments: [cube], set: {SMALL}}}")
     threads = lambda *arguments, **options: ThreadPoolExecutor(1)  # noqa: E731
-    monkeypatch.setattr("selftouch_drake.executors.local_executor", threads)
+    monkeypatch.setattr("selftouch_drake.run.executors.local_executor", threads)
     return file, tmp_path / "sweep"
 
 

@@ -19,8 +19,8 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.acting.rehearsal import RehearsalMemory
-from selftouch_drake.body import mesh_file
+from selftouch_drake.agent.rehearsal import RehearsalMemory
+from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience import (
     ExperienceReader,
@@ -39,9 +39,9 @@ from selftouch_drake.experiment import (
     parse_overrides,
 )
 from selftouch_drake.files import load_arrays, save_arrays
-from selftouch_drake.motions import PLAN_ARRAYS, load_plan
-from selftouch_drake.representation import QuotientRepresentation
-from selftouch_drake.run_directory import RunDirectory, RunError
+from selftouch_drake.geometry import mesh_file
+from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.motions import PLAN_ARRAYS, load_plan
 from selftouch_drake.sweep import SweepError, load_sweep, read_table
 
 NUM_INPUTS = int(os.environ.get("SELFTOUCH_FUZZ", "20"))

@@ -5,7 +5,11 @@ import sys
 
 import pytest
 
-NAIVE = ("selftouch_drake.representation", "selftouch_drake.shape", "selftouch_drake.planning")
+NAIVE = (
+    "selftouch_drake.agent.representation",
+    "selftouch_drake.agent.shape",
+    "selftouch_drake.agent.planning",
+)
 
 
 @pytest.mark.parametrize("package", NAIVE)
@@ -17,9 +21,8 @@ def test_naive_package_loads_neither_drake_nor_the_world(package):
     ).stdout.splitlines()
     forbidden = (
         "pydrake",
-        "selftouch_drake.world",
-        "selftouch_drake.body",
-        "selftouch_drake.acting",
+        "selftouch_drake.robot",
+        "selftouch_drake.geometry",
         "selftouch_drake.evaluation",
         "selftouch_drake.experiment",
     )

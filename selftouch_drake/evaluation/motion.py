@@ -10,8 +10,8 @@ import trimesh
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-from selftouch_drake.body import FINGERTIP_RADIUS, HollowSkin
-from selftouch_drake.planning import polyline
+from selftouch_drake.agent.planning import polyline
+from selftouch_drake.geometry import FINGERTIP_RADIUS, HollowSkin
 
 # m, between the points that stand for the skin's wall: half a fingertip's radius.
 _WALL_SPACING = 0.005

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import orthogonal_procrustes
 from scipy.spatial.distance import cdist, pdist
 
-from selftouch_drake.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

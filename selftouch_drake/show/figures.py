@@ -12,7 +12,7 @@ from scipy.spatial.distance import cdist
 
 from selftouch_drake.evaluation import touch_density
 from selftouch_drake.files import written_whole
-from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show import (
     experience_figures,
     graph_figures,

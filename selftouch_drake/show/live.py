@@ -9,15 +9,15 @@ import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
-from selftouch_drake.acting.living import LivingAgent
 from selftouch_drake.evaluation import cosine_distance
-from selftouch_drake.motions import Motion, Pilot
-from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.robot.kinematics import FingertipKinematics
+from selftouch_drake.robot.living import LivingAgent
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.motions import Motion, Pilot
 from selftouch_drake.show.material import Material
 from selftouch_drake.show.scenery import Scenery, firm_touch
 from selftouch_drake.show.sensation_figures import far_apart
 from selftouch_drake.show.server import open_meshcat
-from selftouch_drake.world.kinematics import FingertipKinematics
 
 # Controls, as the browser labels them.
 TARGET, SPEED = "target sensation", "speed"

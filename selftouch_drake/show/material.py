@@ -10,16 +10,15 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import SceneGraph
 
-from selftouch_drake.babbling import require_complete
-from selftouch_drake.body import HollowSkin, ReceptiveFields, build_body
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.shape import fitted_surface, topology
 from selftouch_drake.evaluation import align, kernel_positions
-from selftouch_drake.experience import ExperienceReader, StoreError
+from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
 from selftouch_drake.files import load_arrays
-from selftouch_drake.motions import load_plan
-from selftouch_drake.representation import QuotientRepresentation
-from selftouch_drake.run_directory import RunDirectory, RunError
-from selftouch_drake.shape import fitted_surface, topology
-from selftouch_drake.world.agent import Agent, MakeAgent
+from selftouch_drake.geometry import HollowSkin, ReceptiveFields, build_body
+from selftouch_drake.robot.agent import Agent, MakeAgent
+from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.motions import load_plan
 
 
 class MissingError(RunError):

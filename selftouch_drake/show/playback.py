@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.files import write_text_whole
-from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show.material import Material
 from selftouch_drake.show.recording import record
 from selftouch_drake.show.server import open_meshcat

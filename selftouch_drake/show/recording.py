@@ -10,9 +10,9 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
+from selftouch_drake.robot.agent import MakeAgent
 from selftouch_drake.show.material import Material
 from selftouch_drake.show.scenery import Scenery, firm_touch, key_frames
-from selftouch_drake.world.agent import MakeAgent
 
 FRAMES_PER_S = 30
 # The page starts over so often; its controls stop it.

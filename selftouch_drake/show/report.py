@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from selftouch_drake.experiment import dump_experiment
 from selftouch_drake.files import write_text_whole
-from selftouch_drake.run_directory import RunDirectory
+from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show.figures import write_figures
 from selftouch_drake.show.material import Material, MissingError
 from selftouch_drake.show.playback import write_playback

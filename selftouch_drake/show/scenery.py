@@ -16,7 +16,7 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba, Sphere
 from pydrake.math import RigidTransform
 from pydrake.perception import BaseField, Fields, PointCloud
 
-from selftouch_drake.representation import QuotientRepresentation
+from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.show.lettering import put_legend, put_words
 from selftouch_drake.show.material import Material, MissingError
 from selftouch_drake.show.motion_figures import evenly_spaced

@@ -23,10 +23,10 @@ import yaml
 from filelock import FileLock, Timeout
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake import stages
 from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
 from selftouch_drake.files import require_writable, write_text_whole
-from selftouch_drake.run_directory import RunDirectory, RunError
+from selftouch_drake.run import stages
+from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.sweep.design import Sweep
 
 _HEADER = "# A sweep of selftouch_drake, format 1\n"

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 
 from selftouch_drake.experience.store import UNREADABLE
 from selftouch_drake.files import written_whole
-from selftouch_drake.run_directory import RunError
+from selftouch_drake.run.directory import RunError
 from selftouch_drake.sweep.design import Sweep, fields_of, flat
 from selftouch_drake.sweep.runs import SweepDirectory, run_name
 

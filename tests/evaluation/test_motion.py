@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from selftouch_drake.body import hollow_skin, sphere
 from selftouch_drake.evaluation import (
     calibration,
     cosine_distance,
@@ -13,6 +12,7 @@ from selftouch_drake.evaluation import (
     time_off_skin,
     wall_points,
 )
+from selftouch_drake.geometry import hollow_skin, sphere
 
 TARGETS = np.eye(3)
 

@@ -9,13 +9,13 @@ import pytest
 from matplotlib.figure import Figure
 from pydrake.geometry import Meshcat
 
-from selftouch_drake.body import build_body
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.shape import topology
 from selftouch_drake.experience import Shard, write_shard
 from selftouch_drake.experiment import Babbling, Body, Experiment, Representation, Skin
 from selftouch_drake.files import save_arrays
-from selftouch_drake.representation import QuotientRepresentation
-from selftouch_drake.run_directory import RunDirectory
-from selftouch_drake.shape import topology
+from selftouch_drake.geometry import build_body
+from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show import write_report
 
 NUM_KERNELS, PER_KERNEL, RADIUS = 60, 5, 0.25

@@ -3,8 +3,8 @@ import socket
 import numpy as np
 import pytest
 
-from selftouch_drake.motions import load_representation
-from selftouch_drake.run_directory import RunError
+from selftouch_drake.run.directory import RunError
+from selftouch_drake.run.motions import load_representation
 from selftouch_drake.show import play
 from selftouch_drake.show.live import SPEED, TARGET, LiveShow
 from selftouch_drake.show.server import open_meshcat

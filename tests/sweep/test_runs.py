@@ -6,8 +6,8 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from selftouch_drake import stages
-from selftouch_drake.run_directory import RunDirectory, RunError
+from selftouch_drake.run import stages
+from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.sweep import (
     SweepDirectory,
     draw_figures,

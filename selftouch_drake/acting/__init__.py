@@ -1,1 +1,0 @@
-"""The agent in the world: timing of its plans, and their execution."""

@@ -1,0 +1,166 @@
+"""What the agent expects to feel along a plan, and how sure it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from selftouch_drake.agent.planning.plan import NO_KERNEL, Plan
+from selftouch_drake.agent.planning.smoothing import DEGREE, smooth_curve
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+
+# Sensations that are averaged to one: fewer are noisier, more blur. 8 and 24 do as well.
+_NUM_ALIKE = 16
+# At a waypoint, where the arc between sensations vanishes, as a share of the mean step.
+_SPREAD_AT_WAYPOINT = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prediction:
+    """What is expected along a plan.
+
+    Attributes:
+        sensation: `(T, S)` unit L2 norm; null on the way to the first touch.
+        spread: `(T,)` to what the error of the prediction, a cosine distance, is in proportion:
+            small at waypoints, large halfway between sensations far apart. How large the factor is,
+            executions tell.
+    """
+
+    sensation: np.ndarray
+    spread: np.ndarray
+
+
+def predict_sensation(
+    representation: QuotientRepresentation,
+    plan: Plan,
+    s: np.ndarray,
+    kernel_sensation: np.ndarray | None = None,
+) -> Prediction:
+    """The sensation expected along a plan.
+
+    From target sensations alone the expectation is linear from one to the next, and as near to
+    what is felt as a target sensation is to its own cell. With the sensations of the stored
+    configurations it is five times nearer, in three steps: linear from what was felt at one
+    waypoint to what was felt at the next; then, for each blend of two, the sensations most like it
+    that were truly felt, as two half touches are not one touch halfway; then smoothed as the path
+    is. On 60 plans on the torus (300 targets) the mean error falls from 0.036 by these steps to
+    0.017, 0.009 and 0.006. Averages over stored configurations that are near in motor space are
+    worse (0.03 to 0.26), as neighbours in motor space lie far apart on the skin.
+
+    Args:
+        representation: the one that the plan was made with.
+        plan: the plan.
+        s: `(T,)` rad, path lengths in `[0, plan.waypoint_s[-1]]`.
+        kernel_sensation: `(R, S)` unit L2 norm, what was felt at each row of `kernel_q`.
+    """
+    at_waypoints = _at_waypoints(representation, plan, kernel_sensation)
+    length = plan.waypoint_s[-1]
+    if kernel_sensation is None or length == 0.0:
+        expected = _blend(plan.waypoint_s, at_waypoints, s)
+    else:
+
+        def truly_felt(u: np.ndarray) -> np.ndarray:
+            blend = _unit(_blend(plan.waypoint_s, at_waypoints, u))
+            return _most_alike(representation, kernel_sensation, plan, u, blend)
+
+        # The path's own smoothing, done to the sensation.
+        num_intervals = len(plan.path.t) - 2 * DEGREE - 1
+        smooth = smooth_curve(truly_felt, at_waypoints[[0, -1]], length, num_intervals)
+        expected = np.clip(smooth(s), 0.0, None)
+    if plan.nodes[0] == NO_KERNEL:
+        expected[s < plan.waypoint_s[1]] = 0.0
+    return Prediction(
+        sensation=_unit(expected), spread=_spread(plan.waypoint_s, _unit(at_waypoints), s)
+    )
+
+
+def _at_waypoints(
+    representation: QuotientRepresentation, plan: Plan, kernel_sensation: np.ndarray | None
+) -> np.ndarray:
+    """`(W, S)` what was felt at each waypoint; the target sensation where nothing is stored.
+
+    Before the first touch it is that of the touch.
+    """
+    nodes = plan.nodes.copy()
+    if nodes[0] == NO_KERNEL:
+        nodes[0] = nodes[1]
+    sensation = np.array(representation.target_sensations[nodes], dtype=float)
+    if kernel_sensation is None:
+        return sensation
+    for row, (node, q) in enumerate(zip(nodes, plan.waypoints_q, strict=True)):
+        members = representation.members(node)
+        off = np.abs(representation.kernel_q[members] - q).max(axis=1)
+        # Stored configurations are float32.
+        if off.min() < 1e-5:
+            sensation[row] = kernel_sensation[members][off.argmin()]
+    if plan.nodes[0] == NO_KERNEL:
+        sensation[0] = sensation[1]
+    return sensation
+
+
+def _most_alike(
+    representation: QuotientRepresentation,
+    kernel_sensation: np.ndarray,
+    plan: Plan,
+    s: np.ndarray,
+    blend: np.ndarray,
+) -> np.ndarray:
+    """`(T, S)` mean of the sensations most like each of `blend`, in the kernels near that step.
+
+    Near are the two kernels of the step and those that the graph joins to both.
+    """
+    joined = np.zeros((representation.num_targets,) * 2, dtype=bool)
+    i, j = representation.edges.T
+    joined[i, j] = joined[j, i] = True
+    result = np.empty_like(blend)
+    step = _step(plan.waypoint_s, s)
+    for number in np.unique(step):
+        a, b = plan.nodes[number : number + 2]
+        near = {b} if a == NO_KERNEL else {a, b, *np.flatnonzero(joined[a] & joined[b])}
+        felt = np.concatenate([kernel_sensation[representation.members(k)] for k in sorted(near)])
+        rows = step == number
+        count = min(_NUM_ALIKE, len(felt))
+        likeness = blend[rows].astype(felt.dtype) @ felt.T
+        alike = np.argpartition(-likeness, count - 1, axis=1)[:, :count]
+        result[rows] = felt[alike].mean(axis=1)
+    return _unit(result)
+
+
+def _spread(waypoint_s: np.ndarray, at_waypoints: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """`(T,)` parabolas from waypoint to waypoint, as high as their sensations are apart.
+
+    Rank correlation with the error 0.6 (300 targets) and 0.35 (1000). How far the path was smoothed
+    away from its polyline, and how long the step is, tell nothing.
+    """
+    if len(waypoint_s) == 1:
+        return np.zeros(len(s))
+    apart = 1.0 - np.sum(at_waypoints[1:] * at_waypoints[:-1], axis=1)
+    step, share = _share(waypoint_s, s)
+    return 4.0 * share * (1.0 - share) * apart[step] + _SPREAD_AT_WAYPOINT * apart.mean()
+
+
+def _step(waypoint_s: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """`(T,)` between which waypoint and the next each `s` lies."""
+    return np.searchsorted(waypoint_s, s, side="right").clip(1, max(len(waypoint_s) - 1, 1)) - 1
+
+
+def _share(waypoint_s: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`(T,)` of which step each `s` is part, and `(T,)` the share of it that is done."""
+    before = _step(waypoint_s, s)
+    after = np.minimum(before + 1, len(waypoint_s) - 1)
+    length = waypoint_s[after] - waypoint_s[before]
+    along = s - waypoint_s[before]
+    return before, np.divide(along, length, out=np.zeros(len(s)), where=length > 0.0)
+
+
+def _blend(waypoint_s: np.ndarray, sensation: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """`(T, S)` linear from the `(W, S)` sensation at one waypoint to that at the next."""
+    before, share = _share(waypoint_s, s)
+    after = np.minimum(before + 1, len(waypoint_s) - 1)
+    return (1.0 - share[:, None]) * sensation[before] + share[:, None] * sensation[after]
+
+
+def _unit(sensation: np.ndarray) -> np.ndarray:
+    norm = np.linalg.norm(sensation, axis=1, keepdims=True)
+    return np.divide(sensation, norm, out=np.zeros(sensation.shape), where=norm > 0.0)

@@ -1,0 +1,368 @@
+"""From experience to the quotient representation, as a scikit-learn estimator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any
+
+import numpy as np
+from scipy.sparse import issparse
+from sklearn.base import BaseEstimator
+from sklearn.utils import Tags
+from sklearn.utils.validation import check_is_fitted, validate_data
+from threadpoolctl import threadpool_limits
+
+from selftouch_drake.agent.representation.graph import (
+    NUM_MUTUAL,
+    component_labels,
+    connected_edges,
+    neighbour_edges,
+)
+from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
+from selftouch_drake.agent.representation.quantise import (
+    BLOCK,
+    assign,
+    strength,
+    target_sensations,
+)
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.set_distances import (
+    MAX_QUERIES,
+    SET_DISTANCES,
+    set_distances,
+)
+
+#: Rows that target sensations are learned from: 40 a target, when there are 1000.
+MAX_ROWS = 40_000
+
+#: Told the fraction done and what is being done.
+Progress = Callable[[float, str], None]
+
+#: Gives the experience from its first row on, each time it is called: `(n, S)` sensations in N and
+#: `(n, J)` motor configurations in rad, in batches of any size.
+Batches = Callable[[], Iterable[tuple[np.ndarray, np.ndarray]]]
+
+
+class QuotientLearner(BaseEstimator):
+    """Learns motor kernel sets and the quotient graph from experience (paper, section III).
+
+    Naive: it reads motor configurations and sensations, and nothing else.
+
+    Args:
+        num_targets: K, number of target sensations.
+        max_kernel_size: most motor configurations kept in a kernel set.
+        set_distance: the set distance kept for shape, a name in `SET_DISTANCES`.
+        num_neighbours: mutual nearest kernels that the quotient graph joins.
+        max_queries: configurations of a set that ask for their nearest in another.
+        random_state: seed, or a generator to draw one from; the same seed and experience give the
+            same bytes.
+
+    Attributes:
+        representation_: the `QuotientRepresentation`, not embedded yet.
+        target_sensations_: `(K, S)` unit L2 norm.
+        component_: `(K,)` the part of the quotient graph that each kernel was in before parts were
+            joined; the largest is 0. All are 0 if the graph was connected.
+        bridges_: `(B, 2)` pairs of kernels i < j, the edges that joined the parts.
+        n_features_in_: S, number of receptors.
+        feature_names_in_: `(S,)` names of the receptors, if the sensations had any.
+    """
+
+    def __init__(
+        self,
+        num_targets: int = 1000,
+        max_kernel_size: int = 1000,
+        *,
+        set_distance: str = "quantile",
+        num_neighbours: int = NUM_MUTUAL,
+        max_queries: int = MAX_QUERIES,
+        random_state: int = 0,
+    ) -> None:
+        self.num_targets = num_targets
+        self.max_kernel_size = max_kernel_size
+        self.set_distance = set_distance
+        self.num_neighbours = num_neighbours
+        self.max_queries = max_queries
+        self.random_state = random_state
+
+    def fit(
+        self,
+        sensation: np.ndarray,
+        q: np.ndarray,
+        progress: Progress = lambda fraction, stage: None,
+    ) -> QuotientLearner:
+        """Quantises the sensations, gathers the kernel sets and measures how far apart they are.
+
+        Args:
+            sensation: `(n, S)` N, no row null.
+            q: `(n, J)` rad, the motor configurations in which they were felt.
+            progress: told the fraction done and the stage.
+
+        Returns:
+            self.
+
+        Raises:
+            ValueError: a parameter, or the experience, cannot be learned from.
+        """
+        return self.fit_batches(lambda: [(sensation, q)], progress)
+
+    # Sums in another order, by another number of threads, would give other bytes.
+    @threadpool_limits.wrap(limits=1, user_api="blas")
+    def fit_batches(
+        self, batches: Batches, progress: Progress = lambda fraction, stage: None
+    ) -> QuotientLearner:
+        """Learns from experience of any size in bounded memory: the same bytes however it is cut.
+
+        Experience is read twice: for target sensations, and for what belongs to each.
+
+        Args:
+            batches: called twice, gives the same experience each time; `ExperienceReader.touches`
+                is one.
+            progress: told the fraction done and the stage.
+
+        Returns:
+            self.
+
+        Raises:
+            ValueError: as `fit`, or the second reading gave another number of rows.
+        """
+        self._check_parameters()
+        seed = self.random_state
+        if isinstance(seed, np.random.RandomState):
+            seed = seed.randint(2**31)
+        quantise_seed, sample_seed = np.random.SeedSequence(seed).generate_state(2)
+
+        some = KernelReservoir(1, MAX_ROWS, seed=int(quantise_seed))
+        for sensation, _ in _in_blocks(self._checked(batches())):
+            some.add(np.zeros(len(sensation), dtype=int), sensation=sensation)
+            progress(0.0, "target sensations")
+        if some.num_rows < self.num_targets:
+            raise ValueError(
+                f"num_targets={self.num_targets}, but there are only {some.num_rows} sensations: "
+                "babble longer, or ask for fewer targets."
+            )
+        targets = target_sensations(
+            some.sample().columns["sensation"],
+            self.num_targets,
+            progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
+        )
+        kernels = KernelReservoir(self.num_targets, self.max_kernel_size, seed=int(sample_seed))
+        for sensation, q in _in_blocks(batches()):
+            label, error = assign(sensation, targets)
+            kernels.add(
+                label,
+                q=q.astype(np.float32),
+                strength=strength(sensation).astype(np.float32),
+                error=error,
+            )
+            done = min(kernels.num_rows / some.num_rows, 1.0)
+            progress(0.2 + 0.1 * done, "motor kernels")
+        if kernels.num_rows != some.num_rows:
+            raise ValueError(
+                f"batches gave {some.num_rows} rows, then {kernels.num_rows}: give the same "
+                "experience each time."
+            )
+        self._learn_graph(targets, kernels.sample(), progress)
+        return self
+
+    def _learn_graph(self, targets: np.ndarray, sample: KernelSample, progress: Progress) -> None:
+        offsets, kernel_q = sample.offsets(len(targets)), sample.columns["q"]
+        (distance,) = set_distances(
+            kernel_q,
+            offsets,
+            self.set_distance,
+            max_queries=self.max_queries,
+            progress=lambda fraction: progress(0.3 + 0.4 * fraction, "set distances"),
+        )
+        # Firm configurations decide who is a neighbour and what a step costs: measured on plans,
+        # the quantile loses contact least as the one, the mean as the other.
+        firm, firm_offsets = _firm(sample, offsets)
+        near, step = set_distances(
+            kernel_q[firm],
+            firm_offsets,
+            "quantile",
+            "mean_nearest",
+            max_queries=self.max_queries,
+            progress=lambda fraction: progress(0.7 + 0.3 * fraction, "quotient graph"),
+        )
+        neighbours = neighbour_edges(near, self.num_neighbours)
+        edges = connected_edges(neighbours, near)
+
+        self.target_sensations_ = targets
+        self.component_ = component_labels(neighbours, len(targets))
+        i, j = edges.T
+        self.bridges_ = edges[self.component_[i] != self.component_[j]]
+        self.representation_ = QuotientRepresentation(
+            target_sensations=targets,
+            kernel_offsets=offsets,
+            kernel_q=kernel_q,
+            kernel_row=sample.row,
+            kernel_strength=sample.columns["strength"],
+            kernel_error=sample.columns["error"],
+            set_distance=distance,
+            edges=edges,
+            edge_cost=step[i, j],
+            embedding=np.full((len(targets), 3), np.nan),
+        )
+
+    def predict(self, sensation: np.ndarray) -> np.ndarray:
+        """Tells the kernel of each sensation.
+
+        Args:
+            sensation: `(n, S)` N, no row null.
+
+        Returns:
+            `(n,)` index of the nearest target sensation.
+
+        Raises:
+            ValueError: a sensation has another number of receptors, is null, or is not finite.
+        """
+        check_is_fitted(self)
+        validate_data(self, sensation, reset=False, skip_check_array=True)
+        sensation = _numbers("sensation", sensation)
+        _check_sensation(sensation)
+        if not len(sensation):
+            raise ValueError(_NO_ROWS)
+        return assign(sensation, self.target_sensations_)[0]
+
+    def __sklearn_tags__(self) -> Tags:
+        """What scikit-learn may give: positive sensations, and a vector for each."""
+        tags = super().__sklearn_tags__()
+        tags.input_tags.positive_only = True
+        tags.target_tags.required = True
+        tags.target_tags.multi_output = True
+        tags.target_tags.single_output = False
+        return tags
+
+    def _checked(
+        self, batches: Iterable[tuple[np.ndarray, np.ndarray]]
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """The same batches, each checked when its turn comes; remembers the receptors."""
+        row, widths = 0, None
+        for given, given_q in batches:
+            sensation, q = _numbers("sensation", given), _numbers("q", given_q)
+            _check_sensation(sensation, row)
+            _check_configurations(q, len(sensation), row)
+            if widths is None:
+                widths = sensation.shape[1], q.shape[1]
+                validate_data(self, given, skip_check_array=True)
+            for name, parts, width, found in zip(
+                ("sensation", "q"),
+                ("receptors", "joints"),
+                widths,
+                (sensation.shape[1], q.shape[1]),
+                strict=True,
+            ):
+                if found != width:
+                    raise ValueError(
+                        f"{name} row {row} has {found} {parts}, rows before {width}: give "
+                        "experience of one arm and one skin."
+                    )
+            row += len(sensation)
+            yield sensation, q
+        if row == 0:
+            raise ValueError(_NO_ROWS)
+
+    def _check_parameters(self) -> None:
+        least = {"num_targets": 2, "max_kernel_size": 1, "num_neighbours": 1, "max_queries": 1}
+        for name, lowest in least.items():
+            value: Any = getattr(self, name)
+            if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lowest:
+                raise ValueError(f"{name}={value!r}: give a whole number, {lowest} or more.")
+        seed = self.random_state
+        if not (seed is None or isinstance(seed, np.random.RandomState)) and (
+            isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0
+        ):
+            raise ValueError(f"random_state={seed!r}: give a whole number, 0 or more.")
+        if self.set_distance not in SET_DISTANCES:
+            raise ValueError(
+                f"set_distance={self.set_distance!r}: choose one of {', '.join(SET_DISTANCES)}."
+            )
+
+
+_NO_ROWS = "sensation has 0 rows: babble until the finger touches the body."
+
+
+def _in_blocks(
+    batches: Iterable[tuple[np.ndarray, np.ndarray]],
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """The same rows in blocks of one size, on which it depends how a matrix product rounds."""
+    held: list[tuple[np.ndarray, np.ndarray]] = []
+    num_held = 0
+    for sensation, q in batches:
+        start = 0
+        while start < len(sensation):
+            part = slice(start, start + BLOCK - num_held)
+            held.append((np.asarray(sensation)[part], np.asarray(q)[part]))
+            num_held += len(held[-1][0])
+            start = part.stop
+            if num_held == BLOCK:
+                yield _joined(held)
+                held, num_held = [], 0
+    if held:
+        yield _joined(held)
+
+
+def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    if len(parts) == 1:
+        return parts[0]
+    sensation, q = zip(*parts, strict=True)
+    return np.concatenate(sensation), np.concatenate(q)
+
+
+def _firm(sample: KernelSample, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The more strongly felt half of each kernel: its rows of the sample, and offsets.
+
+    A firm touch lies deep in the skin, so that small errors of the motion do not lose contact.
+    """
+    order = np.lexsort((-sample.columns["strength"], sample.kernel))
+    rank = np.arange(len(order)) - offsets[sample.kernel]
+    sizes = (np.diff(offsets) + 1) // 2
+    firm = np.sort(order[rank < sizes[sample.kernel]])
+    return firm, np.concatenate([[0], np.cumsum(sizes)])
+
+
+def _numbers(name: str, rows: Any) -> np.ndarray:
+    if issparse(rows):
+        raise TypeError(f"{name} is sparse: give it dense, as {name}.toarray() is.")
+    array = np.asarray(rows)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name} holds {array.dtype}: give real numbers.")
+    return array
+
+
+def _check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
+    """Refuses sensations that no skin gives."""
+    if sensation.ndim != 2 or sensation.shape[1] == 0:
+        raise ValueError(
+            f"sensation has shape {sensation.shape}: give sensations as (rows, receptors)."
+        )
+    felt = strength(sensation).astype(np.float32)
+    if (bad := np.flatnonzero(~np.isfinite(felt))).size:
+        raise ValueError(
+            f"sensation row {first_row + bad[0]} holds NaN or infinity: drop such rows "
+            f"({bad.size})."
+        )
+    if (lowest := sensation.min(initial=0)) < 0:
+        raise ValueError(
+            f"sensation holds {lowest:g}, below 0: give pressures, the sensors' offset removed."
+        )
+    if (null := np.flatnonzero(felt == 0)).size:
+        raise ValueError(
+            f"sensation row {first_row + null[0]} is null: keep only rows that touch "
+            f"({null.size} do not)."
+        )
+
+
+def _check_configurations(q: np.ndarray, num_rows: int, first_row: int = 0) -> None:
+    """Refuses motor configurations that do not belong to `num_rows` sensations."""
+    if q.ndim != 2 or q.shape[1] == 0:
+        raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints).")
+    if len(q) != num_rows:
+        raise ValueError(
+            f"q has {len(q)} rows and sensation {num_rows}: give one motor configuration "
+            "for each sensation."
+        )
+    if (bad := np.flatnonzero(~np.isfinite(q).all(axis=1))).size:
+        raise ValueError(
+            f"q row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})."
+        )

@@ -1,0 +1,168 @@
+"""A smooth map from motor space to the quotient space, learned (paper, section II, figure 1).
+
+The theorem says that motor configurations, those that feel alike being one, are the body's surface.
+So there is a smooth function of the motor configuration that is constant on every motor kernel set
+and tells them all apart. A small network is trained to be one: its outputs should vary little
+within kernels and much across them. It knows motor configurations and which kernel each is in, not
+that joints turn, nor what is felt.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.linalg import eigh
+
+from selftouch_drake.agent.shape.network import Network, train
+
+#: Three hidden layers of 128, 16 outputs. With 10 outputs some networks fold the torus: they find
+#: finer waves round its ring, and miss that its top is not its bottom.
+_HIDDEN = (128, 128, 128)
+_NUM_OUTPUTS = 16
+
+#: One network in some 40 folds: two places that lie apart come to the same outputs. Two networks
+#: seldom fold at one place, and discriminants of all their outputs take what tells places apart.
+_NUM_NETWORKS = 2
+
+#: Steps of each network, on 1024 pairs of configurations each; more do not change the body's error.
+_NUM_PAIRS = 1024
+_NUM_STEPS = 600
+
+#: Pairs from which the first outputs are found.
+_NUM_FIRST_PAIRS = 8192
+
+#: Rows that pass the trained network at a time.
+_CHUNK = 16_384
+
+#: Directions that vary within kernels more than this share of what they vary in all are noise.
+_MOST_WITHIN = 0.1
+_LEAST_DIRECTIONS = 3
+
+#: Rounding of the scatter in single (4 bytes) and double precision, against its mean variance.
+_FLOOR = {4: 1e-5, 8: 1e-11}
+
+
+def quotient_coordinates(
+    kernel_q: np.ndarray,
+    kernel_offsets: np.ndarray,
+    *,
+    seed: int,
+    num_steps: int = _NUM_STEPS,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> np.ndarray:
+    """Learns the quotient map and applies it to the motor configurations.
+
+    Args:
+        kernel_q: `(R, J)` rad, configurations grouped by kernel.
+        kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
+        seed: the same seed gives the same bytes, on one machine.
+        num_steps: of training, each network.
+        progress: told the fraction done.
+
+    Returns:
+        `(R, D)` quotient coordinates, 3 to 16, each of unit variance across all kernels, those
+        that vary least within kernels first.
+
+    Raises:
+        ValueError: no kernel holds two configurations, so that nothing tells what is constant.
+    """
+    sizes = np.diff(kernel_offsets)
+    if sizes.max() < 2:
+        raise ValueError(
+            "kernel_q holds one configuration a kernel: the learned metric needs kernels of "
+            "several; babble longer, or ask for fewer targets."
+        )
+    rng = np.random.default_rng(seed)
+    deviation = kernel_q.std(axis=0)
+    scale = np.where(deviation > 0, deviation, 1.0)
+    x = ((kernel_q - kernel_q.mean(axis=0)) / scale).astype(np.float32)
+
+    def pairs(count: int) -> np.ndarray:
+        """One configuration of each pair in the first half, its partner in the second."""
+        kernel = rng.integers(len(sizes), size=count)
+        members = kernel_offsets[kernel] + (rng.random((2, count)) * sizes[kernel]).astype(int)
+        return x[members.ravel()]
+
+    def part_of(number: int) -> Callable[[float], None]:
+        return lambda fraction: progress((number + fraction) / _NUM_NETWORKS)
+
+    outputs = np.empty((len(x), _NUM_NETWORKS * _NUM_OUTPUTS))
+    for number, columns in enumerate(np.split(np.arange(outputs.shape[1]), _NUM_NETWORKS)):
+        network = Network.random([x.shape[1], *_HIDDEN, _NUM_OUTPUTS], rng)
+        # The best outputs of the random layers see all of the body, if dimly; a random start may
+        # not.
+        _, layers, _ = network.forward(pairs(_NUM_FIRST_PAIRS))
+        network.weights[-1][:] = eigh(*_scatters(layers[-1].astype(float)))[1][:, :_NUM_OUTPUTS]
+        train(network, lambda: pairs(_NUM_PAIRS), _loss_slope, num_steps, part_of(number))
+        for start in range(0, len(x), _CHUNK):
+            rows = slice(start, start + _CHUNK)
+            outputs[rows, columns] = network(x[rows])
+    return discriminants(outputs, kernel_offsets)
+
+
+def scatter_loss(outputs: np.ndarray) -> tuple[float, np.ndarray]:
+    """The scatter within kernels against the scatter in all: `log det S_w - log det S_t`.
+
+    No direction counts more than another, so that the network gains as much from a finer wave on
+    the body as from a coarser one. A little of the mean variance is added to both: without a floor
+    one direction that is constant everywhere would win.
+
+    Args:
+        outputs: `(2 n, D)` a pair being rows i and n + i, of one kernel.
+
+    Returns:
+        The loss, and its slope in the outputs (`(2 n, D)`; the floor held fixed).
+    """
+    half = len(outputs) // 2
+    y = outputs.astype(float)
+    within, total = _scatters(y)
+    apart, centred = y[:half] - y[half:], y - y.mean(axis=0)
+    loss = np.linalg.slogdet(within)[1] - np.linalg.slogdet(total)[1]
+    slope = -np.linalg.solve(total, centred.T).T / half
+    pull = np.linalg.solve(within, apart.T).T / half
+    slope[:half] += pull
+    slope[half:] -= pull
+    return float(loss), slope
+
+
+def _scatters(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`(D, D)` scatter within the pairs and in all, each above its floor."""
+    half = len(y) // 2
+    apart, centred = y[:half] - y[half:], y - y.mean(axis=0)
+    within, total = apart.T @ apart / (2 * half), centred.T @ centred / (2 * half)
+    floor = np.trace(total) / len(total) * np.eye(len(total))
+    return within + 1e-5 * floor, total + 1e-4 * floor
+
+
+def _loss_slope(outputs: np.ndarray) -> np.ndarray:
+    return scatter_loss(outputs)[1].astype(np.float32)
+
+
+def discriminants(
+    outputs: np.ndarray, offsets: np.ndarray, *, max_directions: int = _NUM_OUTPUTS
+) -> np.ndarray:
+    """Linear discriminants: outputs turned and scaled so that noise comes last, and left out.
+
+    Args:
+        outputs: `(R, F)` grouped by kernel.
+        offsets: `(K + 1,)` of the kernels.
+        max_directions: most coordinates.
+
+    Returns:
+        `(R, D)` of unit variance across kernels that all weigh alike.
+    """
+    sizes = np.diff(offsets)
+    kernel = np.repeat(np.arange(len(sizes)), sizes)
+    mean = np.add.reduceat(outputs, offsets[:-1], dtype=float) / sizes[:, None]
+    weight = np.sqrt(1.0 / sizes / len(sizes)).astype(outputs.dtype)[kernel, None]
+
+    def scatter(centre: np.ndarray) -> np.ndarray:
+        apart = weight * (outputs - centre.astype(outputs.dtype))
+        return (apart.T @ apart).astype(float)
+
+    within, total = scatter(mean[kernel]), scatter(mean.mean(axis=0))
+    floor = _FLOOR[outputs.dtype.itemsize] * np.trace(total) / len(total) * np.eye(len(total))
+    share, directions = eigh(within + floor, total + floor)
+    kept = max(int(np.sum(share < _MOST_WITHIN)), _LEAST_DIRECTIONS)
+    return (outputs - mean.mean(axis=0)) @ directions[:, : min(kept, max_directions)]

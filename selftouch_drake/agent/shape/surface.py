@@ -1,0 +1,66 @@
+"""A triangle surface through the recovered body (paper, figure 3: "shaded areas are fitted")."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from selftouch_drake.agent.shape.homology import circumspheres, delaunay
+
+
+def fitted_surface(points: np.ndarray, scale: float) -> np.ndarray:
+    """Finds the surface on which a ball rolls round the points without falling between them.
+
+    The ball comes from far away and goes from one Delaunay tetrahedron to the next through every
+    triangle that is wider than itself. Where it cannot pass is the surface: closed, and with the
+    loops of the body, if the ball is of the scale at which its topology holds.
+
+    Args:
+        points: `(K, 3)`.
+        scale: radius of the ball, in the unit of the points: `Topology.scale`.
+
+    Returns:
+        `(F, 3)` corners of each triangle, counterclockwise seen from outside.
+
+    Raises:
+        ValueError: `scale` is not positive, or the points are too few or lie in a plane.
+    """
+    if not scale > 0:
+        raise ValueError(f"scale={scale}: give a positive radius, such as Topology.scale.")
+    points, tetrahedra = delaunay(points)
+    num_tetrahedra = len(tetrahedra)
+    # Face f of tetrahedron t is opposite its corner f.
+    corner = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
+    faces = tetrahedra[:, corner].reshape(-1, 3)
+    owner = np.repeat(np.arange(num_tetrahedra), 4)
+    inner = tetrahedra.ravel()
+
+    order = np.lexsort(faces.T)
+    same = (faces[order][1:] == faces[order][:-1]).all(axis=1)
+    first, second = order[:-1][same], order[1:][same]
+    hull = np.setdiff1d(order, np.concatenate([first, second]))
+
+    # Beyond the hull is one more cell, the outside.
+    beyond = np.full(len(hull), num_tetrahedra)
+    face = np.concatenate([first, second, hull])
+    here = owner[face]
+    there = np.concatenate([owner[second], owner[first], beyond])
+    _, radius2 = circumspheres(points, faces[face])
+    passed = radius2 > scale**2
+    links = csr_array(
+        (np.ones(passed.sum()), (here[passed], there[passed])), shape=(num_tetrahedra + 1,) * 2
+    )
+    _, cell = connected_components(links, directed=False)
+    outside = cell == cell[-1]
+    shown = face[~outside[here] & outside[there]]
+    return _outward(points, faces[shown], points[inner[shown]])
+
+
+def _outward(points: np.ndarray, faces: np.ndarray, inside: np.ndarray) -> np.ndarray:
+    """Turns triangles so that their normals point away from the `(F, 3)` points inside."""
+    a, b, c = points[faces].transpose(1, 0, 2)
+    inward = np.einsum("fx,fx->f", np.cross(b - a, c - a), inside - a) > 0
+    faces = faces.copy()
+    faces[inward] = faces[inward][:, [0, 2, 1]]
+    return faces

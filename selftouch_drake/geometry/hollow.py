@@ -1,0 +1,241 @@
+"""A hollow skin: a closed surface extruded inwards and filled with tetrahedra."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse
+import trimesh
+from scipy.sparse.linalg import spsolve
+from scipy.spatial import cKDTree
+
+from selftouch_drake.geometry.intersections import first_self_intersection
+
+# A face of the outer surface that turns by more than this between neighbours is an edge of the
+# body, to be mitred; less is a smooth surface cut into triangles. It is the ratio of the second
+# to the first principal value of the normals round a vertex: about 25 degrees.
+MITRE_RATIO = 0.05
+
+# A wall of a smooth body is a little thinner than asked where its triangles turn.
+THINNEST_WALL = 0.9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HollowSkin:
+    """The wall between a closed outer surface and the same surface moved inwards.
+
+    All points are in the body's frame B, in metres.
+
+    Attributes:
+        vertices: `(V, 3)` m, of the outer surface.
+        faces: `(F, 3)` indices into `vertices` and `inner_vertices`, outward by the right hand.
+        inner_vertices: `(V, 3)` m, one below each outer vertex.
+        thickness: m, from the outer faces to the inner ones.
+        tet_vertices: `(3 V, 3)` m: the outer vertices, those at mid-depth, the inner ones.
+        tetrahedra: `(6 F, 4)` indices into `tet_vertices`, all of positive volume.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    inner_vertices: np.ndarray
+    thickness: float
+    tet_vertices: np.ndarray
+    tetrahedra: np.ndarray
+
+
+def hollow_skin(surface: trimesh.Trimesh, thickness: float, fingertip_radius: float) -> HollowSkin:
+    """Extrudes a closed surface inwards into a skin, with vertices at mid-depth.
+
+    Hydroelastic pressure is zero on the boundary of a mesh, so that a wall without vertices
+    inside would feel nothing.
+
+    Args:
+        surface: Closed outer surface, in m, wound outwards.
+        thickness: m, by which each face moves inwards.
+        fingertip_radius: m. Opposite walls must leave room for the fingertip between them.
+
+    Raises:
+        ValueError: If the skin is thicker than the body allows, or opposite inner walls are not
+            farther apart than the fingertip's diameter.
+    """
+    if not thickness > 0:
+        raise ValueError(f"skin.thickness is {thickness:g} m; give a positive length in metres")
+    vertices = np.array(surface.vertices)
+    faces = np.array(surface.faces)
+    inner_vertices = vertices + thickness * _inward_steps(surface)
+    tet_vertices = np.concatenate([vertices, (vertices + inner_vertices) / 2, inner_vertices])
+    tetrahedra = _fill_prisms(faces, len(vertices))
+    inner = trimesh.Trimesh(inner_vertices, faces, process=False)
+    crushed = _crushed_wall(surface, inner, thickness, tet_volumes(tet_vertices, tetrahedra))
+    if crushed is not None:
+        raise ValueError(
+            f"skin.thickness is {thickness:g} m, thicker than the body allows near "
+            f"{_point(crushed)} m; make the skin thinner or the body larger"
+        )
+    narrow = _narrow_place(inner, fingertip_radius)
+    if narrow is not None:
+        raise ValueError(
+            f"skin.thickness is {thickness:g} m, which leaves opposite walls nearer than the "
+            f"fingertip's diameter of {2 * fingertip_radius:g} m near {_point(narrow)} m; "
+            "make the skin thinner or the body larger"
+        )
+    return HollowSkin(
+        vertices=vertices,
+        faces=faces,
+        inner_vertices=inner_vertices,
+        thickness=thickness,
+        tet_vertices=tet_vertices,
+        tetrahedra=tetrahedra,
+    )
+
+
+def tet_volumes(vertices: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
+    """Returns `(T,)` m³, signed volumes: positive as Drake's `VolumeMesh` asks."""
+    a, b, c, d = vertices[tetrahedra].swapaxes(0, 1)
+    return np.einsum("ni,ni->n", np.cross(b - a, c - a), d - a) / 6
+
+
+def write_vtk(skin: HollowSkin, path: str | PathLike[str]) -> None:
+    """Writes the tetrahedra as a legacy ASCII VTK file, as `pydrake.geometry.Mesh` reads them."""
+    Path(path).write_text(vtk_text(skin), encoding="ascii", newline="\n")
+
+
+def vtk_text(skin: HollowSkin) -> str:
+    """Returns the text of `write_vtk`: coordinates keep all their digits."""
+    num_vertices, num_tets = len(skin.tet_vertices), len(skin.tetrahedra)
+    lines = [
+        "# vtk DataFile Version 3.0",
+        f"Hollow skin, {skin.thickness!r} m thick",
+        "ASCII",
+        "DATASET UNSTRUCTURED_GRID",
+        f"POINTS {num_vertices} double",
+        *(f"{x!r} {y!r} {z!r}" for x, y, z in skin.tet_vertices.tolist()),
+        f"CELLS {num_tets} {5 * num_tets}",
+        *(f"4 {a} {b} {c} {d}" for a, b, c, d in skin.tetrahedra.tolist()),
+        f"CELL_TYPES {num_tets}",
+        *["10"] * num_tets,
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _inward_steps(surface: trimesh.Trimesh) -> np.ndarray:
+    """Returns `(V, 3)` steps d that move every face inwards by one: n · d = -1.
+
+    Round each vertex the faces fix d in the directions that their normals span (least squares,
+    weighted by their angles there): one on a smooth surface, two on an edge, three at a corner.
+    In the others d is free, and there it is the smoothest field (of least Dirichlet energy), so
+    that the vertices next to an edge make room for it: a cube simply shrinks.
+    """
+    num_vertices = len(surface.vertices)
+    corners = surface.faces.ravel()
+    normals = np.repeat(surface.face_normals, 3, axis=0)
+    weights = surface.face_angles.ravel()
+    mean = np.zeros((num_vertices, 3))
+    spread = np.zeros((num_vertices, 3, 3))
+    np.add.at(mean, corners, weights[:, None] * normals)
+    np.add.at(spread, corners, weights[:, None, None] * normals[:, :, None] * normals[:, None, :])
+    values, axes = np.linalg.eigh(spread)
+    spanned = values > MITRE_RATIO * values[:, -1:]
+    along = np.einsum("vik,vi->vk", axes, mean)
+    lengths = np.divide(along, values, where=spanned, out=np.zeros_like(along))
+    fixed = -np.einsum("vik,vk->vi", axes, lengths).ravel()
+    vertex, axis = np.nonzero(~spanned)
+    rows = 3 * vertex[:, None] + np.arange(3)
+    columns = np.repeat(np.arange(len(vertex)), 3)
+    free = scipy.sparse.csc_array(
+        (axes[vertex, :, axis].ravel(), (rows.ravel(), columns)),
+        shape=(3 * num_vertices, len(vertex)),
+    )
+    stiffness = scipy.sparse.kron(_laplacian(surface), scipy.sparse.eye_array(3), format="csc")
+    slide = spsolve((free.T @ stiffness @ free).tocsc(), -free.T @ (stiffness @ fixed))
+    return (fixed + free @ slide).reshape(-1, 3)
+
+
+def _laplacian(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
+    """Returns the `(V, V)` cotangent Laplacian, its weights kept positive."""
+    faces = surface.faces
+    weights = np.maximum(1 / np.tan(surface.face_angles), 1e-9).ravel() / 2
+    ends = np.stack([np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()])
+    shape = (len(surface.vertices), len(surface.vertices))
+    adjacency = scipy.sparse.coo_array((weights, tuple(ends)), shape=shape).tocsr()
+    adjacency = adjacency + adjacency.T
+    return scipy.sparse.diags_array(adjacency.sum(axis=1)) - adjacency
+
+
+def _fill_prisms(faces: np.ndarray, num_vertices: int) -> np.ndarray:
+    """Returns `(6 F, 4)` tetrahedra between three layers of `num_vertices` vertices each.
+
+    Every prism is cut along a staircase that climbs down at its lowest vertex first, so that two
+    neighbours cut the wall between them along the same diagonal.
+    """
+    order = np.argsort(faces, axis=1)
+    a, b, c = np.take_along_axis(faces, order, axis=1).T
+    # Sorting an outward face may turn it over; swapping two corners turns its tetrahedra back.
+    even = (order[:, 1] - order[:, 0]) % 3 == 1
+    layers = []
+    for top in (0, num_vertices):
+        bottom = top + num_vertices
+        for tet in (
+            (a + top, b + top, c + top, c + bottom),
+            (a + top, b + top, c + bottom, b + bottom),
+            (a + top, b + bottom, c + bottom, a + bottom),
+        ):
+            corners = np.stack(tet, axis=1)
+            corners[even] = corners[even][:, [1, 0, 2, 3]]
+            layers.append(corners)
+    return np.stack(layers, axis=1).reshape(-1, 4)
+
+
+def _crushed_wall(
+    surface: trimesh.Trimesh, inner: trimesh.Trimesh, thickness: float, volumes: np.ndarray
+) -> np.ndarray | None:
+    """Returns an outer point where the wall folds, thins or crosses itself, or None."""
+    folded = volumes <= 0
+    if folded.any():
+        return surface.triangles_center[folded.argmax() // 6]
+    # The cloud is never nearer than the surface, and farther by less than 1 % of the thickness.
+    cloud, _ = _sample_surface(surface, thickness / 8)
+    distance, _ = cKDTree(cloud).query(inner.vertices)
+    if distance.min() < THINNEST_WALL * thickness:
+        return surface.vertices[distance.argmin()]
+    return first_self_intersection(inner.vertices, inner.faces)
+
+
+def _narrow_place(inner: trimesh.Trimesh, fingertip_radius: float) -> np.ndarray | None:
+    """Returns an inner point where a fingertip that touches the wall meets the opposite one.
+
+    A wall is opposite where it looks back at the point: not the next face round a corner.
+    """
+    if fingertip_radius <= 0:
+        return None
+    into_cavity = -inner.face_normals
+    # Below 1 mm the samples would be millions, for a fingertip finer than any skin.
+    cloud, cloud_face = _sample_surface(inner, max(fingertip_radius / 4, 1e-3))
+    tree = cKDTree(cloud)
+    fingertips = inner.triangles_center + fingertip_radius * into_cavity
+    for chunk in np.array_split(np.arange(len(fingertips)), len(fingertips) // 500 + 1):
+        # The sampled wall is at most 1 % of a radius beyond the wall itself.
+        touched = tree.query_ball_point(fingertips[chunk], 1.01 * fingertip_radius)
+        toucher = np.repeat(chunk, [len(points) for points in touched])
+        wall = cloud_face[np.concatenate(touched).astype(int)]
+        opposite = np.einsum("ni,ni->n", into_cavity[toucher], into_cavity[wall]) < -0.5
+        if opposite.any():
+            return inner.triangles_center[toucher[opposite.argmax()]]
+    return None
+
+
+def _sample_surface(surface: trimesh.Trimesh, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+    """Returns `(N, 3)` points no farther than about `spacing` apart, and `(N,)` their faces."""
+    pieces = int(np.ceil(surface.edges_unique_length.max() / spacing))
+    i, j = np.meshgrid(np.arange(pieces + 1), np.arange(pieces + 1), indexing="ij")
+    inside = i + j <= pieces
+    weights = np.stack([i[inside], j[inside], pieces - i[inside] - j[inside]], axis=1) / pieces
+    points = np.einsum("wk,fki->fwi", weights, surface.triangles)
+    return points.reshape(-1, 3), np.repeat(np.arange(len(surface.faces)), len(weights))
+
+
+def _point(p: np.ndarray) -> str:
+    return "(" + ", ".join(f"{value:.3f}" for value in p) + ")"

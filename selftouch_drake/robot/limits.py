@@ -1,0 +1,122 @@
+"""What a motion asks of the arm, as shares of the arm's limits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from selftouch_drake.experiment import Execution
+from selftouch_drake.robot.agent import Agent
+
+#: Motions are held against their limits at this rate.
+CHECK_RATE_HZ = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JointLimits:
+    """The limits of an arm and of its motions.
+
+    Attributes:
+        lower: `(J,)` rad.
+        upper: `(J,)` rad.
+        velocity: `(J,)` rad/s.
+        acceleration: `(J,)` rad/s^2.
+        torque: `(J,)` N·m.
+    """
+
+    lower: np.ndarray
+    upper: np.ndarray
+    velocity: np.ndarray
+    acceleration: np.ndarray
+    torque: np.ndarray
+
+    @staticmethod
+    def of(agent: Agent, execution: Execution) -> JointLimits:
+        """The limits of `agent` and of the plans that `execution` asks for."""
+        plant = agent.plant
+        actuators = [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]
+        return JointLimits(
+            lower=agent.lower,
+            upper=agent.upper,
+            velocity=np.full(len(actuators), execution.max_velocity),
+            acceleration=np.full(len(actuators), execution.max_acceleration),
+            torque=np.array([actuator.effort_limit() for actuator in actuators]),
+        )
+
+
+def commanded(time_s: np.ndarray, q: np.ndarray, v: np.ndarray) -> CubicHermiteSpline:
+    """What the joints are told between the samples of a motion.
+
+    Args:
+        time_s: `(T,)` s.
+        q: `(T, J)` rad.
+        v: `(T, J)` rad/s.
+    """
+    return CubicHermiteSpline(time_s, q, v)
+
+
+def speed_shares(
+    time_s: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    velocity_limit: np.ndarray,
+    acceleration_limit: np.ndarray,
+) -> tuple[float, float]:
+    """How much of its limits a commanded motion takes, at 1 kHz: 1 is all that is allowed.
+
+    Args:
+        time_s: `(T,)` s.
+        q: `(T, J)` rad.
+        v: `(T, J)` rad/s.
+        velocity_limit: `(J,)` rad/s.
+        acceleration_limit: `(J,)` rad/s^2.
+
+    Returns:
+        The largest share of the velocity and of the acceleration that is allowed, of any joint.
+    """
+    motion = commanded(time_s, q, v)
+    at = _checked_times(time_s)
+    # A cubic's acceleration is greatest at the ends of its pieces: ask on both sides of each.
+    corners = np.concatenate([np.nextafter(time_s[1:], -np.inf), time_s[:-1]])
+    fastest = np.abs(motion(at, 1)) / velocity_limit
+    hardest = np.abs(motion(np.concatenate([at, corners]), 2)) / acceleration_limit
+    return float(fastest.max()), float(hardest.max())
+
+
+def limit_shares(
+    time_s: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    q_measured: np.ndarray,
+    torque: np.ndarray,
+    limits: JointLimits,
+) -> dict[str, float]:
+    """How much of its limits an executed motion took: 1 is all that is allowed.
+
+    Args:
+        time_s: `(T,)` s.
+        q: `(T, J)` rad, commanded.
+        v: `(T, J)` rad/s, commanded.
+        q_measured: `(T, J)` rad.
+        torque: `(N, J)` N·m, of the actuators, any number of samples.
+        limits: of the arm and its motions.
+
+    Returns:
+        For `position` (distance from the middle of a joint's range, commanded or measured),
+        `velocity` and `acceleration` (commanded) and `torque` the largest share of any joint.
+    """
+    velocity, acceleration = speed_shares(time_s, q, v, limits.velocity, limits.acceleration)
+    reached = np.concatenate([commanded(time_s, q, v)(_checked_times(time_s)), q_measured])
+    middle, half = (limits.upper + limits.lower) / 2, (limits.upper - limits.lower) / 2
+    return {
+        "position": float(np.max(np.abs(reached - middle) / half)),
+        "velocity": velocity,
+        "acceleration": acceleration,
+        "torque": float(np.max(np.abs(torque) / limits.torque)),
+    }
+
+
+def _checked_times(time_s: np.ndarray) -> np.ndarray:
+    return np.append(np.arange(time_s[0], time_s[-1], 1.0 / CHECK_RATE_HZ), time_s[-1])

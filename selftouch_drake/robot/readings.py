@@ -1,0 +1,116 @@
+"""From forces on the skin to what the receptors of a real skin read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+
+from selftouch_drake.experiment import Experiment, Imperfections
+from selftouch_drake.geometry import ReceptiveFields
+
+# In standard deviations of the additive noise; see `Imperfections.threshold`.
+_SILENCE = 6.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readings:
+    """What receptors read where a perfect skin feels something.
+
+    Noise is a function of the seed and of the motor configuration, so that kinematic and dynamic
+    worlds agree, in any order and after any crash.
+
+    Attributes:
+        flaws: what the skin does to a sensation.
+        leak: `(S, S)` rows that sum to one: where what leaks from a receptor goes.
+        alive: `(S,)` which receptors read anything.
+        seed: of the noise, 64 bits.
+    """
+
+    flaws: Imperfections
+    leak: np.ndarray
+    alive: np.ndarray
+    seed: int
+
+    @staticmethod
+    def of(experiment: Experiment, fields: ReceptiveFields) -> Readings | None:
+        """The readings of the skin of `experiment`; None if the skin is perfect."""
+        flaws, num_receptors = experiment.skin.imperfections, fields.num_receptors
+        if flaws == Imperfections():
+            return None
+        chance = np.random.default_rng(experiment.random_stream("skin", 0))
+        alive = np.ones(num_receptors, dtype=bool)
+        num_dead = round(flaws.dead * num_receptors)
+        alive[chance.choice(num_receptors, num_dead, replace=False)] = False
+        overlap = (fields.vertex_weights.T @ fields.vertex_weights).toarray()
+        np.fill_diagonal(overlap, 0.0)
+        (seed,) = experiment.random_stream("skin", 1).generate_state(1, np.uint64)
+        return Readings(
+            flaws=flaws,
+            leak=overlap / overlap.sum(axis=1, keepdims=True),
+            alive=alive,
+            seed=int(seed),
+        )
+
+    @property
+    def threshold(self) -> float:
+        """N, below which a reading counts as none."""
+        given = self.flaws.threshold
+        return _SILENCE * self.flaws.additive_noise if given is None else given
+
+    def __call__(self, sensation: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """What is read where a perfect skin feels `sensation`.
+
+        Args:
+            sensation: `(N, S)` N.
+            q: `(N, J)` rad, the configurations in which it is felt.
+
+        Returns:
+            `(N, S)` N, not negative; rows of zeros where nothing is felt.
+        """
+        flaws = self.flaws
+        read = np.array(sensation, dtype=float)
+        if flaws.cross_talk:
+            read += flaws.cross_talk * (read @ self.leak - read)
+        touched = np.flatnonzero(read.any(axis=1))
+        if flaws.multiplicative_noise and len(touched):
+            error = standard_noise(q[touched], read.shape[1], seed=self.seed)
+            read[touched] *= 1 + flaws.multiplicative_noise * error
+        if flaws.additive_noise:
+            read += flaws.additive_noise * standard_noise(q, read.shape[1], seed=self.seed + 1)
+        if flaws.saturation is not None:
+            np.minimum(read, flaws.saturation, out=read)
+        if flaws.quantisation:
+            # Of steps too small for their number to be told, each reading is a multiple.
+            with np.errstate(over="ignore"):
+                steps = read / flaws.quantisation
+            read = np.where(np.isfinite(steps), flaws.quantisation * np.round(steps), read)
+        read[(read < self.threshold) | (read < 0)] = 0.0
+        read[:, ~self.alive] = 0.0
+        return read
+
+
+def standard_noise(q: np.ndarray, width: int, *, seed: int) -> np.ndarray:
+    """`(N, width)` standard normal numbers, each row decided by the seed and by its `q` `(N, J)`.
+
+    Configurations count as they are stored, in float32. A counter-based generator: the mixing
+    function of SplitMix64 (Steele, Lea and Flood 2014) over seed, configuration and column.
+    """
+    state = np.full(len(q), seed & _ALL_BITS, dtype=np.uint64)
+    for bits in np.ascontiguousarray(q, dtype=np.float32).view(np.uint32).T:
+        state = _mixed(state ^ bits)
+    columns = _GOLDEN * np.arange(1, width + 1, dtype=np.uint64)
+    bits = _mixed(state[:, None] + columns)
+    return ndtri(((bits >> np.uint64(11)) + 0.5) * 2.0**-53)
+
+
+_ALL_BITS = 2**64 - 1
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+
+
+def _mixed(bits: np.ndarray) -> np.ndarray:
+    bits = bits + _GOLDEN
+    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return bits ^ (bits >> np.uint64(31))

@@ -1,0 +1,277 @@
+"""From a geometric path to a motion within the limits of the joints."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from pydrake.math import BsplineBasis
+from pydrake.multibody.optimization import Toppra
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
+from pydrake.polynomial import Polynomial
+from pydrake.trajectories import (
+    BsplineTrajectory,
+    PathParameterizedTrajectory,
+    PiecewisePolynomial,
+)
+from scipy.interpolate import BSpline
+
+from selftouch_drake.robot.limits import CHECK_RATE_HZ, speed_shares
+
+#: Toppra keeps the limits at its grid points only, and exceeds them by up to 25 % between them.
+LIMIT_SHARE = 0.8
+# rad of path length between grid points, finest first. Twice as fine takes twice the time (15 ms
+# for 100 points) and saves 0.5 % of the duration; a coarser grid may succeed where a finer fails.
+_GRID_SPACINGS = (0.07, 0.15, 0.3)
+#: s, a motion that would last longer is refused: its limits are a mistake.
+LONGEST_S = 600.0
+# What exceeds the limits is slowed down by this much more than it exceeds them, for what lies
+# between two instants of the check.
+_CHECK_MARGIN = 1.01
+# s over which the progress is averaged. Toppra jumps from one acceleration to another, and so
+# does the error of the arm that follows; on average it ramps.
+_EASING_S = 0.06
+# s between the knots of the averaged progress, and how many values are averaged.
+_EASING_STEP_S = 0.01
+_EASING_SAMPLES = 12
+# The largest first and second derivative of the quintic 10 u^3 - 15 u^4 + 6 u^5 over [0, 1].
+_QUINTIC_SPEED = 15.0 / 8.0
+_QUINTIC_ACCELERATION = 10.0 / np.sqrt(3.0)
+# What a path that goes nowhere lasts, so that the trajectory is one.
+_REST_S = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TimedPath:
+    """A motion along a path, at rest at both ends.
+
+    Attributes:
+        time_s: `(T,)` s, from 0, evenly spaced but for the last, which is the end.
+        s: `(T,)` rad, length along the path.
+        q: `(T, J)` rad.
+        v: `(T, J)` rad/s.
+        trajectory: the same as a Drake trajectory of q over `[0, time_s[-1]]`.
+    """
+
+    time_s: np.ndarray
+    s: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    trajectory: PathParameterizedTrajectory
+
+
+def time_path(
+    path: BSpline,
+    *,
+    velocity_limit: np.ndarray,
+    acceleration_limit: np.ndarray,
+    rate_hz: float = 100.0,
+) -> TimedPath:
+    """Follows a path as fast as the joints' limits allow, from rest to rest.
+
+    Time-optimal path parameterization (Drake's Toppra), on a coarser grid if it fails; a quintic
+    time scaling if that fails as well. Accelerations are then eased in and out, and what still
+    exceeds a limit anywhere, on the path or on the cubic pieces between the samples that the
+    joints are told, is slowed down as a whole.
+
+    Args:
+        path: clamped B-spline of `(J,)` rad over path length in rad.
+        velocity_limit: `(J,)` rad/s, the largest speed of each joint.
+        acceleration_limit: `(J,)` rad/s^2, the largest acceleration of each joint.
+        rate_hz: of the samples.
+
+    Raises:
+        ValueError: if a limit or the rate is not positive, there is not one limit a joint, or the
+            limits are so low that the motion would last longer than `LONGEST_S`.
+    """
+    velocity_limit = _checked_limit("velocity_limit", velocity_limit, path)
+    acceleration_limit = _checked_limit("acceleration_limit", acceleration_limit, path)
+    if not 0.0 < rate_hz < np.inf:
+        raise ValueError(f"rate_hz is {rate_hz}: choose a positive rate")
+
+    # Toppra fails in its own ways at limits that are far too low.
+    _require_bearable(_least_duration(path, velocity_limit, acceleration_limit))
+    s_of_t = _fastest(path, velocity_limit, acceleration_limit)
+    if s_of_t is None:
+        s_of_t = quintic_time_scaling(path, velocity_limit, acceleration_limit)
+    else:
+        s_of_t = _eased(s_of_t)
+    while True:
+        _require_bearable(s_of_t.end_time())
+        timed = _sampled(path, s_of_t, rate_hz)
+        limits = velocity_limit, acceleration_limit
+        shares = np.maximum(
+            _speed_shares(path, s_of_t, *limits),
+            speed_shares(timed.time_s, timed.q, timed.v, *limits),
+        )
+        excess = max(shares[0], np.sqrt(shares[1]))
+        if excess <= 1.0:
+            return timed
+        s_of_t.ScaleTime(_CHECK_MARGIN * excess)
+
+
+def to_drake(path: BSpline) -> BsplineTrajectory:
+    """The same B-spline as a Drake trajectory of `(J, 1)`, over path length in place of time."""
+    basis = BsplineBasis(path.k + 1, path.t.tolist())
+    return BsplineTrajectory(basis, [point[:, None] for point in path.c])
+
+
+def quintic_time_scaling(
+    path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
+) -> PiecewisePolynomial:
+    """The progress s(t) of a quintic from rest to rest, slow enough for any path.
+
+    It respects the limits by construction: a B-spline, and so each derivative of the path, lies
+    within the hull of its control points.
+
+    Args:
+        path: clamped B-spline of `(J,)` rad over path length in rad.
+        velocity_limit: `(J,)` rad/s.
+        acceleration_limit: `(J,)` rad/s^2.
+    """
+    start, end = path.t[0], path.t[-1]
+    speed = (end - start) * _hull(path.derivative(1))
+    curvature = (end - start) ** 2 * _hull(path.derivative(2))
+    duration_s = max(
+        _REST_S,
+        np.max(_QUINTIC_SPEED * speed / velocity_limit),
+        np.sqrt(
+            np.max(
+                (_QUINTIC_SPEED**2 * curvature + _QUINTIC_ACCELERATION * speed) / acceleration_limit
+            )
+        ),
+    )
+    quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / duration_s ** np.arange(6)
+    progress = (end - start) * quintic + start * np.eye(6)[0]
+    return PiecewisePolynomial([np.array([[Polynomial(progress)]])], [0.0, duration_s])
+
+
+def _least_duration(
+    path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
+) -> float:
+    """s, what any motion along the path takes at least, from rest."""
+    q = path(np.linspace(path.t[0], path.t[-1], 100))
+    travelled, farthest = np.abs(np.diff(q, axis=0)).sum(axis=0), np.abs(q - q[0]).max(axis=0)
+    return float(
+        np.maximum(travelled / velocity_limit, np.sqrt(2.0 * farthest / acceleration_limit)).max()
+    )
+
+
+def _require_bearable(duration_s: float) -> None:
+    if duration_s > LONGEST_S:
+        raise ValueError(
+            f"the motion would take {duration_s:.3g} s, more than {LONGEST_S:g} s: "
+            "raise max_velocity or max_acceleration"
+        )
+
+
+def _fastest(
+    path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
+) -> PiecewisePolynomial | None:
+    """The progress s(t) by Toppra, or None if the path goes nowhere or no grid succeeds."""
+    if np.ptp(path.c, axis=0).max() < 1e-9:
+        return None
+    drake_path = to_drake(path)
+    for spacing in _GRID_SPACINGS:
+        num_points = max(20, int(np.ceil((path.t[-1] - path.t[0]) / spacing)))
+        grid = np.linspace(path.t[0], path.t[-1], num_points)
+        toppra = Toppra(drake_path, _chain(path.c.shape[1]), grid)
+        velocity, acceleration = LIMIT_SHARE * velocity_limit, LIMIT_SHARE * acceleration_limit
+        toppra.AddJointVelocityLimit(-velocity, velocity)
+        toppra.AddJointAccelerationLimit(-acceleration, acceleration)
+        s_of_t = toppra.SolvePathParameterization()
+        if s_of_t is not None:
+            return s_of_t
+    return None
+
+
+def _eased(s_of_t: PiecewisePolynomial) -> PiecewisePolynomial:
+    """The mean of the progress over a short while before: its acceleration has no jumps."""
+    end_s = s_of_t.end_time()
+    duration_s = end_s + _EASING_S
+    time_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / _EASING_STEP_S)) + 1)
+    before = _EASING_S * (np.arange(_EASING_SAMPLES) + 0.5) / _EASING_SAMPLES
+    # At rest before the start and after the end.
+    when = (time_s[:, None] - before).clip(0.0, end_s)
+    progress = s_of_t.vector_values(when.ravel().tolist())[0].reshape(when.shape).mean(axis=1)
+    progress[[0, -1]] = s_of_t.vector_values([0.0, end_s])[0]
+    rest = np.zeros((1, 1))
+    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
+        time_s, progress[None], rest, rest
+    )
+
+
+def _sampled(path: BSpline, s_of_t: PiecewisePolynomial, rate_hz: float) -> TimedPath:
+    end_s = s_of_t.end_time()
+    time_s = np.append(np.arange(0.0, end_s, 1.0 / rate_hz), end_s)
+    s, s_dot, _ = _progress(s_of_t, time_s)
+    s = np.maximum.accumulate(s.clip(path.t[0], path.t[-1]))
+    return TimedPath(
+        time_s=time_s,
+        s=s,
+        q=path(s),
+        v=path(s, 1) * s_dot[:, None],
+        trajectory=PathParameterizedTrajectory(to_drake(path), s_of_t),
+    )
+
+
+def _speed_shares(
+    path: BSpline,
+    s_of_t: PiecewisePolynomial,
+    velocity_limit: np.ndarray,
+    acceleration_limit: np.ndarray,
+) -> tuple[float, float]:
+    """As `speed_shares`, of the path itself."""
+    end_s = s_of_t.end_time()
+    time_s = np.append(np.arange(0.0, end_s, 1.0 / CHECK_RATE_HZ), end_s)
+    s, s_dot, s_ddot = (x[:, None] for x in _progress(s_of_t, time_s))
+    s = s.clip(path.t[0], path.t[-1])[:, 0]
+    v = path(s, 1) * s_dot
+    a = path(s, 2) * s_dot**2 + path(s, 1) * s_ddot
+    return float(np.max(np.abs(v) / velocity_limit)), float(np.max(np.abs(a) / acceleration_limit))
+
+
+def _progress(
+    s_of_t: PiecewisePolynomial, time_s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`(T,)` path length, its rate and its acceleration."""
+    s, s_dot, s_ddot = (
+        s_of_t.derivative(order).vector_values(time_s.tolist())[0] for order in range(3)
+    )
+    return s, s_dot, s_ddot
+
+
+def _hull(path: BSpline) -> np.ndarray:
+    """`(J,)` no coordinate of a B-spline exceeds this in size."""
+    num_control = len(path.t) - path.k - 1
+    return np.abs(path.c[:num_control]).max(axis=0)
+
+
+def _checked_limit(name: str, limit: np.ndarray, path: BSpline) -> np.ndarray:
+    limit, num_joints = np.asarray(limit, dtype=float), path.c.shape[1]
+    if limit.shape != (num_joints,):
+        raise ValueError(
+            f"{name} has shape {limit.shape}: the path needs ({num_joints},), one limit a joint"
+        )
+    if not np.all((limit > 0.0) & np.isfinite(limit)):
+        raise ValueError(f"{name} is {limit.tolist()}: give a positive limit for each joint")
+    return limit
+
+
+@cache
+def _chain(num_joints: int) -> MultibodyPlant:
+    """A plant with that many joints, which is all that Toppra asks of it for joint limits."""
+    plant = MultibodyPlant(0.0)
+    parent = plant.world_body()
+    for joint in range(num_joints):
+        body = plant.AddRigidBody(f"link_{joint}", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+        plant.AddJoint(
+            RevoluteJoint(
+                f"joint_{joint}", parent.body_frame(), body.body_frame(), np.array([0.0, 0.0, 1.0])
+            )
+        )
+        parent = body
+    plant.Finalize()
+    return plant

@@ -1,0 +1,157 @@
+import dataclasses
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from selftouch_drake.agent.planning import Planner, jerk_reduction, predict_sensation
+
+
+@pytest.fixture(scope="module")
+def planner(ring):
+    return Planner(ring)
+
+
+def test_a_plan_leads_from_where_the_arm_is_into_the_goal(ring, planner):
+    q_start = ring.kernel_q[2] + 0.01
+    plan = planner.plan(q_start, 0, 3)
+    assert plan.nodes.tolist() == [0, 1, 2, 3]
+    assert planner.links[plan.links].tolist() == [[0, 1], [1, 2], [2, 3]]
+    assert np.array_equal(plan.waypoints_q[0], q_start)
+    ends = plan.path(plan.waypoint_s[[0, -1]])
+    assert np.allclose(ends, plan.waypoints_q[[0, -1]], rtol=0.0, atol=1e-14)
+    for node, q in zip(plan.nodes[1:], plan.waypoints_q[1:], strict=True):
+        members = ring.kernel_q[ring.members(node)]
+        assert np.abs(members - q).max(axis=1).min() < 1e-6
+
+
+def test_by_default_no_plan_leaves_the_range_of_experience(ring, planner):
+    for goal in range(1, 8):
+        plan = planner.plan(ring.kernel_q[0], 0, goal)
+        q = plan.path(np.linspace(0.0, plan.waypoint_s[-1], 500))
+        assert np.all(q >= ring.kernel_q.min(axis=0) - 1e-9)
+        assert np.all(q <= ring.kernel_q.max(axis=0) + 1e-9)
+
+
+def test_a_plan_to_where_one_is_stays_there(ring, planner):
+    plan = planner.plan(ring.kernel_q[0], 0, 0)
+    assert plan.nodes.tolist() == [0]
+    assert plan.links.shape == (0,)
+    assert plan.waypoint_s.tolist() == [0.0]
+    assert np.allclose(plan.path([0.0, 1.0]), ring.kernel_q[0])
+    assert jerk_reduction(plan) == 1.0
+    assert np.allclose(
+        predict_sensation(ring, plan, np.zeros(2)).sensation, ring.target_sensations[0]
+    )
+
+
+def test_the_same_question_has_the_same_answer(ring):
+    a, b = (Planner(ring).plan(ring.kernel_q[0], 0, 4) for _ in range(2))
+    assert np.array_equal(a.path.c, b.path.c)
+    assert np.array_equal(a.nodes, b.nodes)
+
+
+def test_a_penalised_link_is_avoided(ring, planner):
+    plan = planner.plan(ring.kernel_q[0], 0, 3)
+    penalty = np.ones(len(planner.links))
+    penalty[plan.links[1]] = 1000.0
+    other = planner.plan(ring.kernel_q[0], 0, 3, link_penalty=penalty)
+    assert plan.links[1] not in other.links
+    assert other.nodes[-1] == 3
+
+
+def test_the_literal_route_cuts_across_the_ring(ring):
+    plan = Planner(ring, route="literal").plan(ring.kernel_q[0], 0, 12)
+    assert plan.nodes.tolist() == [0, 12]
+    assert plan.links.tolist() == [-1]
+    middle = plan.path(0.5 * plan.waypoint_s[-1])
+    assert np.linalg.norm(middle[:2]) < 0.2
+
+
+def test_smoothing_reduces_jerk(ring, planner):
+    assert jerk_reduction(planner.plan(ring.kernel_q[0], 0, 4)) > 20.0
+
+
+def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planner):
+    plan = planner.plan(ring.kernel_q[0], 0, 3)
+    predicted = predict_sensation(ring, plan, plan.waypoint_s).sensation
+    assert np.allclose(predicted, ring.target_sensations[plan.nodes])
+    between = predict_sensation(ring, plan, np.linspace(0.0, plan.waypoint_s[-1], 50)).sensation
+    assert between.shape == (50, 12)
+    assert np.allclose(np.linalg.norm(between, axis=1), 1.0)
+    halfway = predict_sensation(ring, plan, plan.waypoint_s[1:2] / 2.0).sensation[0]
+    mean = ring.target_sensations[[0, 1]].sum(axis=0)
+    assert np.allclose(halfway, mean / np.linalg.norm(mean))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (
+            {"goal": 412},
+            "target 412 is out of range: this representation has targets 0 to 23",
+        ),
+        (
+            {"start": -1},
+            "target -1 is out of range: this representation has targets 0 to 23",
+        ),
+        ({"goal": 1.5}, "target 1.5 is not an index: give a whole number"),
+        (
+            {"q_start": np.zeros(2)},
+            "q_start has shape (2,): this representation needs (3,), one angle a joint",
+        ),
+        (
+            {"q_start": np.array([0.0, np.nan, 0.0])},
+            "q_start is [0.0, nan, 0.0]: give finite joint angles in rad",
+        ),
+        (
+            {"link_penalty": np.ones(3)},
+            "link_penalty has shape (3,): this representation needs (96,), one factor a link",
+        ),
+        (
+            {"link_penalty": np.zeros(96)},
+            "link_penalty holds a factor that is not finite and positive: "
+            "use 1 for links without penalty",
+        ),
+    ],
+)
+def test_errors_say_what_to_do(ring, planner, arguments, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        planner.plan(**{"q_start": ring.kernel_q[0], "start": 0, "goal": 3} | arguments)
+
+
+def test_an_unreachable_goal_says_what_to_do(make_ring):
+    ring = make_ring(links=[])
+    # One half of the ring is felt by other receptors than the other half.
+    feel = ring.target_sensations
+    half = np.repeat([1.0, 0.0], 12)[:, None]
+    apart = dataclasses.replace(
+        ring, target_sensations=np.hstack([half * feel, (1.0 - half) * feel])
+    )
+    message = (
+        "target 15 cannot be reached from target 0: the quotient graph does not connect them; "
+        "babble longer, or learn with a larger num_neighbours"
+    )
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        Planner(apart).plan(apart.kernel_q[0], 0, 15)
+    assert Planner(apart).plan(apart.kernel_q[0], 0, 9).nodes[-1] == 9
+
+
+def test_a_planner_refuses_what_it_cannot_do(ring):
+    with pytest.raises(ValueError, match=r"^route is 'magic': choose one of carried, literal$"):
+        Planner(ring, route="magic")
+    with pytest.raises(ValueError, match=r"^knot_spacing is 0.0 rad: choose a positive spacing$"):
+        Planner(ring, knot_spacing=0.0)
+
+
+def test_plans_are_frozen(ring, planner):
+    plan = planner.plan(ring.kernel_q[0], 0, 1)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        plan.nodes = np.zeros(1)
+
+
+def test_planning_does_not_reach_drake():
+    program = "import sys, selftouch_drake.agent.planning; sys.exit('pydrake' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

@@ -1,0 +1,89 @@
+import numpy as np
+import pytest
+
+from selftouch_drake.agent.planning import NO_KERNEL, Planner, predict_sensation
+
+SENSORS = 2 * np.pi * np.arange(12) / 12
+
+
+def felt_at(q):
+    """What is felt round the ring of `make_ring`: a narrow bump where the finger is."""
+    angle = np.arctan2(q[..., 1], q[..., 0])
+    bump = np.exp(8.0 * (np.cos(angle[..., None] - SENSORS) - 1.0))
+    return bump / np.linalg.norm(bump, axis=-1, keepdims=True)
+
+
+@pytest.fixture(scope="module")
+def dense(make_ring):
+    """A ring with many configurations, spread over the whole circle."""
+    ring = make_ring(num_kernels=8, members=80)
+    rng = np.random.default_rng(1)
+    angle = 2 * np.pi * (np.repeat(np.arange(8), 80) + rng.uniform(-0.5, 0.5, 640)) / 8
+    around = np.stack([np.cos(angle), np.sin(angle), np.zeros(640)], axis=1)
+    object.__setattr__(ring, "kernel_q", around.astype(np.float32))
+    object.__setattr__(ring, "target_sensations", felt_at(make_ring(8, 1).embedding))
+    return ring
+
+
+def error(predicted, plan, s):
+    return np.mean(1.0 - np.sum(predicted * felt_at(plan.path(s)), axis=1))
+
+
+def test_remembered_sensations_foretell_more_than_targets(dense):
+    plan = Planner(dense).plan(dense.kernel_q[5], 0, 3)
+    s = np.linspace(0.0, plan.waypoint_s[-1], 200)
+    remembered = felt_at(dense.kernel_q.astype(float))
+    by_targets = error(predict_sensation(dense, plan, s).sensation, plan, s)
+    by_memory = error(predict_sensation(dense, plan, s, remembered).sensation, plan, s)
+    assert by_memory < 0.3 * by_targets
+    assert by_memory < 0.01
+
+
+def test_a_prediction_begins_with_what_is_felt_now(dense):
+    plan = Planner(dense).plan(dense.kernel_q[5], 0, 3)
+    remembered = felt_at(dense.kernel_q.astype(float))
+    (first,) = predict_sensation(dense, plan, np.zeros(1), remembered).sensation
+    assert np.allclose(first, remembered[5], atol=1e-6)
+    # Where nothing is stored, the target sensation has to do.
+    elsewhere = Planner(dense).plan(dense.kernel_q[5] + 0.01, 0, 3)
+    (first,) = predict_sensation(dense, elsewhere, np.zeros(1), remembered).sensation
+    assert np.allclose(first, dense.target_sensations[0], atol=1e-6)
+
+
+def test_predictions_have_unit_length_and_no_negative_reading(dense):
+    plan = Planner(dense).plan(dense.kernel_q[5], 0, 4)
+    s = np.linspace(0.0, plan.waypoint_s[-1], 100)
+    predicted = predict_sensation(dense, plan, s, felt_at(dense.kernel_q.astype(float))).sensation
+    assert predicted.min() >= 0.0
+    assert np.allclose(np.linalg.norm(predicted, axis=1), 1.0)
+
+
+def test_to_stay_is_to_feel_the_same(dense):
+    plan = Planner(dense).plan(dense.kernel_q[5], 0, 0)
+    remembered = felt_at(dense.kernel_q.astype(float))
+    predicted = predict_sensation(dense, plan, np.zeros(3), remembered).sensation
+    assert np.allclose(predicted, remembered[5], atol=1e-6)
+
+
+@pytest.mark.parametrize("remembers", [False, True])
+def test_nothing_is_foretold_before_the_first_touch(dense, remembers):
+    remembered = felt_at(dense.kernel_q.astype(float)) if remembers else None
+    plan = Planner(dense).plan(np.array([1.5, 0.0, 0.4]), None, 2)
+    assert plan.nodes[0] == NO_KERNEL
+    s = np.linspace(0.0, plan.waypoint_s[-1], 300)
+    predicted = predict_sensation(dense, plan, s, remembered).sensation
+    before = s < plan.waypoint_s[1]
+    assert not predicted[before].any()
+    assert np.allclose(np.linalg.norm(predicted[~before], axis=1), 1.0)
+
+
+def test_the_agent_is_surer_at_waypoints_than_between(dense):
+    plan = Planner(dense).plan(dense.kernel_q[5], 0, 3)
+    remembered = felt_at(dense.kernel_q.astype(float))
+    at = predict_sensation(dense, plan, plan.waypoint_s, remembered).spread
+    halfway = (plan.waypoint_s[1:] + plan.waypoint_s[:-1]) / 2.0
+    between = predict_sensation(dense, plan, halfway, remembered).spread
+    assert np.all(at > 0.0)
+    assert between.min() > at.max()
+    apart = 1.0 - np.sum(felt_at(plan.waypoints_q[1:]) * felt_at(plan.waypoints_q[:-1]), axis=1)
+    assert np.allclose(between, apart + 0.1 * apart.mean(), atol=1e-6)

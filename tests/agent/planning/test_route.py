@@ -1,0 +1,154 @@
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from selftouch_drake.agent.planning.route import (
+    RouteGraph,
+    carried_route,
+    firm_members,
+    goal_members,
+    leap_penalty,
+    near_links,
+    shortest_route,
+)
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+
+
+def laid_by_hand(configurations, edges, targets=None):
+    """A representation whose kernels hold the given one-joint configurations, all firm."""
+    sizes = [len(c) for c in configurations]
+    kernel_q = np.concatenate(configurations)[:, None].astype(float)
+    num_kernels, num_rows = len(sizes), len(kernel_q)
+    edges = np.array(edges, dtype=int)
+    return QuotientRepresentation(
+        target_sensations=np.eye(num_kernels) if targets is None else targets,
+        kernel_offsets=np.cumsum([0, *sizes]),
+        kernel_q=kernel_q,
+        kernel_row=np.arange(num_rows),
+        kernel_strength=np.ones(num_rows),
+        kernel_error=np.zeros(num_rows),
+        set_distance=np.zeros((num_kernels, num_kernels)),
+        edges=edges,
+        edge_cost=np.ones(len(edges)),
+        embedding=np.zeros((num_kernels, 3)),
+    )
+
+
+def route(representation, q_start, start, goal, **options):
+    goal_q = representation.kernel_q[goal_members(representation, goal)]
+    graph = RouteGraph.of(representation, representation.edges)
+    nodes = carried_route(graph, np.atleast_1d(q_start), start, goal, goal_q, **options)
+    return None if nodes is None else nodes.tolist()
+
+
+# Kernel 0 holds an arm up (0.0) and an arm down (9.0); 1 lies near the one, 2 near the other.
+FORK = laid_by_hand([[0.0, 9.0], [1.0], [8.0], [4.5]], [[0, 1], [0, 2], [1, 3], [2, 3]])
+
+
+@pytest.mark.parametrize(("q_start", "through"), [(0.0, 1), (9.0, 2)])
+def test_the_route_depends_on_where_the_arm_is(q_start, through):
+    assert route(FORK, q_start, 0, 3) == [0, through, 3]
+
+
+def test_a_step_starts_from_the_configuration_that_was_carried_there():
+    # Kernel 1 reaches 2 by its member at 10, but the arm comes in by the one at 1.
+    line = laid_by_hand(
+        [[0.0], [1.0, 10.0], [10.5], [3.0], [6.0]],
+        [[0, 1], [1, 2], [0, 3], [3, 4], [2, 4]],
+    )
+    assert route(line, 0.0, 0, 2) == [0, 3, 4, 2]
+
+
+def test_two_short_steps_are_preferred_to_a_long_one():
+    detour = laid_by_hand([[0.0], [1.0], [2.0]], [[0, 1], [0, 2], [1, 2]])
+    assert route(detour, 0.0, 0, 2) == [0, 1, 2]
+
+
+def test_only_firm_configurations_carry():
+    strength = np.ones(4)
+    strength[1] = 0.1
+    by_hand = laid_by_hand([[0.0], [1.0, 5.0, 6.0]], [[0, 1]])
+    object.__setattr__(by_hand, "kernel_strength", strength)
+    assert firm_members(by_hand, 1).tolist() == [2, 3]
+
+
+def test_the_goal_is_entered_by_its_goal_configurations_alone():
+    square = laid_by_hand([[0.0], [1.0], [3.0], [0.5, 2.9]], [[0, 1], [0, 2], [1, 3], [2, 3]])
+    graph = RouteGraph.of(square, square.edges)
+    near, far = np.array([[0.5]]), np.array([[4.9]])
+    assert carried_route(graph, np.zeros(1), 0, 3, near).tolist() == [0, 1, 3]
+    assert carried_route(graph, np.zeros(1), 0, 3, far).tolist() == [0, 2, 3]
+
+
+def test_goal_configurations_are_near_the_target_and_not_the_lightest(make_ring):
+    representation = make_ring(members=100)
+    rows = goal_members(representation, 3)
+    members = representation.members(3)
+    error, strength = representation.kernel_error, representation.kernel_strength
+    assert np.all((rows >= members.start) & (rows < members.stop))
+    assert error[rows].max() <= np.median(error[members])
+    assert strength[rows].min() >= np.quantile(strength[members], 0.25)
+    assert len(rows) > 25
+
+
+def test_a_penalty_turns_the_route_the_other_way_round(make_ring):
+    ring = make_ring(8)
+    q_start = ring.kernel_q[0]
+    assert route(ring, q_start, 0, 3) == [0, 1, 2, 3]
+    penalty = np.where((ring.edges == [1, 2]).all(axis=1), 1000.0, 1.0)
+    assert route(ring, q_start, 0, 3, penalty=penalty) == [0, 7, 6, 5, 4, 3]
+
+
+def test_no_route_between_parts_of_a_graph():
+    apart = laid_by_hand([[0.0], [1.0], [2.0]], [[0, 1]])
+    assert route(apart, 0.0, 0, 2) is None
+    assert shortest_route(np.diag([1.0, 1.0], 1), 2, 2).tolist() == [2]
+
+
+def test_the_literal_route_takes_the_chord():
+    distance = np.array([[0.0, 1.0, 1.9], [1.0, 0.0, 1.0], [1.9, 1.0, 0.0]])
+    assert shortest_route(distance, 0, 2).tolist() == [0, 2]
+
+
+def test_leaps_are_edges_between_far_off_sensations(make_ring):
+    chord = make_ring(20, links=[(k, (k + 1) % 20) for k in range(20)] + [(0, 9)])
+    penalty = leap_penalty(chord, chord.edges)
+    is_chord = (chord.edges == [0, 9]).all(axis=1)
+    assert np.all(penalty[~is_chord] == 1.0)
+    assert penalty[is_chord] > 2.0
+    assert np.all(leap_penalty(chord, chord.edges, power=0.0) == 1.0)
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 1000), start=st.integers(0, 7), goal=st.integers(0, 7))
+def test_routes_follow_edges_from_start_to_goal(seed, start, goal, make_ring):
+    representation = make_ring(8, seed=seed)
+    nodes = route(representation, representation.kernel_q[6 * start], start, goal)
+    edges = {tuple(e) for e in representation.edges.tolist()}
+    assert (nodes[0], nodes[-1]) == (start, goal)
+    assert all((min(e), max(e)) in edges for e in pairwise(nodes))
+
+
+def test_links_join_what_feels_alike_and_what_the_graph_joins(make_ring):
+    chord = make_ring(20, links=[(0, 9)])
+    links = {tuple(link) for link in near_links(chord).tolist()}
+    assert {(0, 9), (0, 1), (0, 2), (0, 19)} <= links
+    assert (0, 10) not in links
+    assert all(i < j for i, j in links)
+
+
+def test_a_kernel_may_be_passed_twice_to_change_posture():
+    # The goal is near 2.9, far from where the arm enters kernel 1; kernel 2 lies between.
+    detour = laid_by_hand([[0.0], [0.5, 2.9], [1.8], [3.4]], [[0, 1], [1, 2], [1, 3]])
+    assert route(detour, 0.0, 0, 3) == [0, 1, 2, 1, 3]
+
+
+def test_a_light_touch_counts_as_firm_where_there_is_none_else():
+    by_hand = laid_by_hand([[0.0, 0.1, 0.2, 0.3, 0.4, 5.0, 6.0, 0.5, 0.6], [1.0]], [[0, 1]])
+    strength = np.array([3.0, 3.0, 3.0, 2.0, 2.0, 2.0, 0.1, 1.0, 0.2, 1.0])
+    object.__setattr__(by_hand, "kernel_strength", strength)
+    # The strong third, and 5.0; 6.0 is alone as well, but hardly felt.
+    assert firm_members(by_hand, 0).tolist() == [0, 1, 2, 5]

@@ -1,0 +1,355 @@
+import dataclasses
+import pickle
+import warnings
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.exceptions import NotFittedError
+from sklearn.utils.estimator_checks import parametrize_with_checks
+
+from selftouch_drake.agent.representation import (
+    DisconnectedWarning,
+    QuotientLearner,
+    component_labels,
+)
+
+
+def test_kernels_hold_rows_of_the_experience_that_feel_alike(experience, learner, representation):
+    sensation, q = experience
+    label = learner.predict(sensation)
+    np.testing.assert_array_equal(q[representation.kernel_row], representation.kernel_q)
+    strength = np.linalg.norm(sensation[representation.kernel_row], axis=1)
+    np.testing.assert_allclose(representation.kernel_strength, strength, rtol=1e-5)
+    for kernel in range(representation.num_targets):
+        rows = representation.kernel_row[representation.members(kernel)]
+        assert (label[rows] == kernel).all()
+        assert len(rows) == min(40, np.sum(label == kernel))
+        assert len(rows) > 0
+
+
+def test_kernel_error_is_the_cosine_distance_to_the_target(experience, representation):
+    sensation, _ = experience
+    members = representation.members(7)
+    felt = sensation[representation.kernel_row[members]]
+    felt = felt / np.linalg.norm(felt, axis=1, keepdims=True)
+    expected = 1 - felt @ representation.target_sensations[7]
+    np.testing.assert_allclose(representation.kernel_error[members], expected, atol=1e-6)
+
+
+def test_the_graph_is_connected_and_near(experience, representation):
+    i, j = representation.edges.T
+    assert (i < j).all()
+    assert (np.diff(i * 1000 + j) > 0).all()
+    assert component_labels(representation.edges, 120).max() == 0
+    # The first three joints are the point that is touched.
+    place = np.array(
+        [representation.kernel_q[representation.members(k), :3].mean(0) for k in range(120)]
+    )
+    # 120 kernels lie 0.35 apart on a sphere of radius 1.
+    assert np.linalg.norm(place[i] - place[j], axis=1).max() < 1.2
+    assert (representation.edge_cost > 0).all()
+
+
+def test_edge_cost_is_between_firm_configurations(experience, representation):
+    def firm(kernel):
+        members = representation.members(kernel)
+        order = np.argsort(-representation.kernel_strength[members])
+        return representation.kernel_q[members][order[: (len(order) + 1) // 2]]
+
+    i, j = representation.edges[10]
+    apart = np.linalg.norm(firm(i)[:, None] - firm(j)[None], axis=2)
+    expected = (apart.min(axis=0).mean() + apart.min(axis=1).mean()) / 2
+    assert representation.edge_cost[10] == pytest.approx(expected, rel=1e-4)
+
+
+def test_two_fits_save_the_same_bytes(experience, learner, tmp_path):
+    learner.representation_.save(tmp_path / "a.npz")
+    clone(learner).fit(*experience).representation_.save(tmp_path / "b.npz")
+    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+
+
+def test_another_seed_gives_other_kernels(experience, learner):
+    other = clone(learner).set_params(random_state=4).fit(*experience)
+    assert not np.array_equal(other.representation_.kernel_row, learner.representation_.kernel_row)
+
+
+def test_double_precision_learns_the_same(experience, learner):
+    sensation, q = (array.astype(float) for array in experience)
+    again = clone(learner).fit(sensation, q).representation_
+    np.testing.assert_array_equal(again.kernel_row, learner.representation_.kernel_row)
+    assert again.kernel_q.dtype == np.float32
+
+
+def test_progress_rises_to_one(experience):
+    told = []
+    QuotientLearner(20).fit(
+        *experience, progress=lambda fraction, stage: told.append((fraction, stage))
+    )
+    fractions = [fraction for fraction, _ in told]
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    assert list(dict.fromkeys(stage for _, stage in told)) == [
+        "target sensations",
+        "motor kernels",
+        "set distances",
+        "quotient graph",
+    ]
+
+
+OWN_WORDS = "refused, with a remedy instead of scikit-learn's words"
+DOES_NOT_APPLY = {
+    "check_fit_score_takes_y": "the second argument is q, the paper's name",
+    "check_dtype_object": "columns of Python objects are refused",
+    "check_estimators_dtypes": "its float32 data hold a null sensation",
+    "check_fit2d_1feature": "its data hold a null sensation",
+    "check_positive_only_tag_during_fit": OWN_WORDS,
+    "check_complex_data": OWN_WORDS,
+    "check_estimators_empty_data_messages": OWN_WORDS,
+    "check_fit2d_1sample": OWN_WORDS,
+    "check_fit2d_predict1d": OWN_WORDS,
+    "check_requires_y_none": OWN_WORDS,
+}
+
+
+@parametrize_with_checks(
+    [QuotientLearner(num_targets=3)], expected_failed_checks=lambda estimator: DOES_NOT_APPLY
+)
+def test_scikit_learn_checks(estimator, check):
+    check(estimator)
+
+
+def cut(arrays, *cuts):
+    return lambda: zip(*(np.split(array, cuts) for array in arrays), strict=True)
+
+
+@pytest.mark.parametrize("cuts", [(1, 2, 50), (0, 3000, 3000), tuple(range(7, 6000, 701))])
+def test_batches_of_any_size_save_the_same_bytes(cuts, experience, learner, tmp_path, monkeypatch):
+    # A short reservoir and short blocks, so that rows are dropped and cut in both readings.
+    monkeypatch.setattr("selftouch_drake.agent.representation.learner.MAX_ROWS", 900)
+    monkeypatch.setattr("selftouch_drake.agent.representation.learner.BLOCK", 512)
+    monkeypatch.setattr("selftouch_drake.agent.representation.kernels._LEAST_WAITING", 1000)
+    for name, batches in (("whole", cut(experience)), ("cut", cut(experience, *cuts))):
+        fitted = clone(learner).fit_batches(batches)
+        fitted.representation_.save(tmp_path / name)
+    assert (tmp_path / "whole").read_bytes() == (tmp_path / "cut").read_bytes()
+    assert fitted.representation_.kernel_row.max() > 5000
+
+
+def test_experience_that_changes_between_readings_is_refused(experience):
+    readings = iter([cut(experience)(), cut([array[:4000] for array in experience])()])
+    with pytest.raises(ValueError, match="batches") as error:
+        QuotientLearner(20).fit_batches(lambda: next(readings))
+    assert str(error.value) == (
+        "batches gave 6000 rows, then 4000: give the same experience each time."
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "message"),
+    [
+        (
+            "sensation",
+            lambda s: s[:, :29],
+            "sensation row 4000 has 29 receptors, rows before 30: give experience of one arm and "
+            "one skin.",
+        ),
+        (
+            "q",
+            lambda q: q[:, :4],
+            "q row 4000 has 4 joints, rows before 5: give experience of one arm and one skin.",
+        ),
+        (
+            "sensation",
+            lambda s: changed(s, (7, 2), np.nan),
+            "sensation row 4007 holds NaN or infinity: drop such rows (1).",
+        ),
+        (
+            "sensation",
+            lambda s: changed(s, 5, 0.0),
+            "sensation row 4005 is null: keep only rows that touch (1 do not).",
+        ),
+        ("q", lambda q: changed(q, 3, np.inf), "q row 4003 holds NaN or infinity: drop such"),
+    ],
+)
+def test_a_batch_that_does_not_belong_is_named(experience, name, change, message):
+    first, second = (dict(zip(("sensation", "q"), b, strict=True)) for b in cut(experience, 4000)())
+    second[name] = change(second[name])
+    with pytest.raises(ValueError, match=r"row") as error:
+        QuotientLearner(20).fit_batches(lambda: [tuple(first.values()), tuple(second.values())])
+    assert str(error.value).startswith(message)
+
+
+def test_parts_of_the_graph_and_what_joined_them_are_told():
+    # Two bodies, far apart for the arm and for the skin.
+    rng = np.random.default_rng(0)
+    there = rng.integers(0, 2, 4000)
+    along = rng.uniform(0, 1, 4000)
+    near = np.exp(-np.square(along[:, None] - np.linspace(0, 1, 12)) / 0.01)
+    sensation = np.hstack([near * (there[:, None] == 0), near * (there[:, None] == 1)])
+    q = np.stack([along + 100 * there, rng.uniform(0, 0.1, 4000)], axis=1)
+    with pytest.warns(DisconnectedWarning):
+        learner = QuotientLearner(40, random_state=0).fit(sensation, q)
+    body = learner.target_sensations_[:, :12].any(axis=1)
+    assert len(set(zip(learner.component_, body, strict=True))) == 2
+    ((i, j),) = learner.bridges_
+    assert body[i] != body[j]
+    assert [i, j] in learner.representation_.edges.tolist()
+
+
+def test_a_connected_graph_has_no_bridges(learner):
+    assert learner.component_.tolist() == [0] * 120
+    assert learner.bridges_.shape == (0, 2)
+
+
+def test_random_state_may_be_a_generator(experience):
+    fits = [
+        QuotientLearner(20, 9, random_state=np.random.RandomState(seed)).fit(*experience)
+        for seed in (5, 5, 6)
+    ]
+    rows = [fit.representation_.kernel_row.tolist() for fit in fits]
+    assert rows[0] == rows[1] != rows[2]
+
+
+def test_scikit_learn_manners(learner, experience):
+    assert clone(learner).get_params() == learner.get_params()
+    fresh = QuotientLearner()
+    assert not [name for name in vars(fresh) if name.endswith("_")]
+    assert fresh.set_params(num_targets=7).num_targets == 7
+    assert fresh.fit(*(array[:100] for array in experience)) is fresh
+    assert fresh.n_features_in_ == 30
+    again = pickle.loads(pickle.dumps(learner))
+    np.testing.assert_array_equal(
+        again.predict(experience[0][:9]), learner.predict(experience[0][:9])
+    )
+    with pytest.raises(NotFittedError):
+        QuotientLearner().predict(experience[0])
+
+
+def test_fit_does_not_change_what_it_is_given(experience):
+    copies = [array.copy() for array in experience]
+    QuotientLearner(10).fit(*experience)
+    for array, copy in zip(experience, copies, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
+def test_as_many_targets_as_rows():
+    sensation, q = np.eye(6), np.arange(6.0)[:, None]
+    representation = QuotientLearner(6).fit(sensation, q).representation_
+    assert np.diff(representation.kernel_offsets).tolist() == [1] * 6
+
+
+def changed(array, index, value):
+    array = array.copy()
+    array[index] = value
+    return array
+
+
+@pytest.mark.parametrize(
+    ("parameters", "change", "message"),
+    [
+        ({"num_targets": 1}, {}, "num_targets=1: give a whole number, 2 or more."),
+        ({"num_targets": 2.5}, {}, "num_targets=2.5: give a whole number, 2 or more."),
+        ({"max_kernel_size": 0}, {}, "max_kernel_size=0: give a whole number, 1 or more."),
+        ({"num_neighbours": True}, {}, "num_neighbours=True: give a whole number, 1 or more."),
+        ({"random_state": -1}, {}, "random_state=-1: give a whole number, 0 or more."),
+        (
+            {"set_distance": "cosine"},
+            {},
+            "set_distance='cosine': choose one of minimum, quantile, mean_nearest, hausdorff.",
+        ),
+        (
+            {},
+            {"sensation": lambda s: s[:0], "q": lambda q: q[:0]},
+            "sensation has 0 rows: babble until the finger touches the body.",
+        ),
+        (
+            {},
+            {"sensation": lambda s: s[:, 0]},
+            "sensation has shape (500,): give sensations as (rows, receptors).",
+        ),
+        (
+            {},
+            {"sensation": lambda s: changed(s, (4, 2), np.nan)},
+            "sensation row 4 holds NaN or infinity: drop such rows (1).",
+        ),
+        (
+            {},
+            {"sensation": lambda s: changed(s, (4, 2), np.inf)},
+            "sensation row 4 holds NaN or infinity: drop such rows (1).",
+        ),
+        (
+            {},
+            {"sensation": lambda s: changed(s, (4, 2), -0.5)},
+            "sensation holds -0.5, below 0: give pressures, the sensors' offset removed.",
+        ),
+        (
+            {},
+            {"sensation": lambda s: changed(s, [8, 9], 0.0)},
+            "sensation row 8 is null: keep only rows that touch (2 do not).",
+        ),
+        (
+            {},
+            {"sensation": lambda s: np.ones_like(s)},
+            "sensation is the same in every row: babble until the finger touches more places.",
+        ),
+        (
+            {},
+            {"sensation": lambda s: np.repeat(s[:20], 25, axis=0)},
+            "num_targets=50, but the experience holds only 20 distinct sensations: ask for at most "
+            "20 targets, or babble longer.",
+        ),
+        (
+            {},
+            {"sensation": lambda s: s.astype(str)},
+            "sensation holds <U32: give real numbers.",
+        ),
+        (
+            {},
+            {"q": lambda q: q[:, 0]},
+            "q has shape (500,): give motor configurations as (rows, joints).",
+        ),
+        (
+            {},
+            {"q": lambda q: q[1:]},
+            "q has 499 rows and sensation 500: give one motor configuration for each sensation.",
+        ),
+        (
+            {},
+            {"q": lambda q: changed(q, 3, np.nan)},
+            "q row 3 holds NaN or infinity: drop such rows (1).",
+        ),
+        (
+            {"num_targets": 501},
+            {},
+            "num_targets=501, but there are only 500 sensations: babble longer, or ask for fewer "
+            "targets.",
+        ),
+    ],
+)
+def test_what_cannot_be_learned_from_is_refused(experience, parameters, change, message):
+    arrays = {"sensation": experience[0][:500], "q": experience[1][:500]}
+    for name, alter in change.items():
+        arrays[name] = alter(arrays[name])
+    with pytest.raises(ValueError, match=r".") as error:
+        QuotientLearner(**{"num_targets": 50, **parameters}).fit(**arrays)
+    assert str(error.value) == message
+
+
+def test_predict_refuses_another_skin(learner, experience):
+    with pytest.raises(ValueError, match=r"has 29 features, but .* is expecting 30 features"):
+        learner.predict(experience[0][:, :29])
+
+
+def test_learning_is_silent(experience, capfd):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        QuotientLearner(60).fit(*experience)
+    captured = capfd.readouterr()
+    assert captured.out == ""
+    assert captured.err == ""
+
+
+def test_the_representation_is_frozen(representation):
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        representation.edges = np.zeros((0, 2))

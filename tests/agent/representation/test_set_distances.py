@@ -1,0 +1,113 @@
+import importlib
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.distance import cdist
+
+from selftouch_drake.agent.representation.set_distances import (
+    SET_DISTANCES,
+    linked_nearest,
+    set_distances,
+)
+
+REFERENCE = {
+    "minimum": (lambda near: near.min(axis=1), np.minimum),
+    "quantile": (lambda near: np.quantile(near, 0.1, axis=1), lambda a, b: (a + b) / 2),
+    "mean_nearest": (lambda near: near.mean(axis=1), lambda a, b: (a + b) / 2),
+    "hausdorff": (lambda near: near.max(axis=1), np.maximum),
+}
+
+
+def reference(sets, name):
+    reduce, symmetrise = REFERENCE[name]
+    there = np.array([[reduce(cdist(a, b).min(axis=1)[None])[0] for b in sets] for a in sets])
+    return symmetrise(there, there.T)
+
+
+def random_sets(sizes, num_joints, seed):
+    rng = np.random.default_rng(seed)
+    sets = [rng.uniform(-3, 3, (size, num_joints)).astype(np.float32) for size in sizes]
+    return sets, np.concatenate(sets), np.cumsum([0, *sizes])
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.integers(1, 9), min_size=1, max_size=6), st.integers(1, 8), st.integers(0, 99))
+def test_compiled_equals_reference(sizes, num_joints, seed):
+    sets, q, offsets = random_sets(sizes, num_joints, seed)
+    found = set_distances(q, offsets, *SET_DISTANCES)
+    for name, distance in zip(SET_DISTANCES, found, strict=True):
+        np.testing.assert_allclose(distance, reference(sets, name), rtol=1e-4, atol=1e-4)
+        assert (distance == distance.T).all()
+        assert (np.diag(distance) == 0).all()
+        assert (distance >= 0).all()
+
+
+def test_by_hand():
+    q = np.array([[0.0], [10.0], [1.0], [13.0]])
+    found = set_distances(q, np.array([0, 2, 4]), "minimum", "mean_nearest", "hausdorff")
+    assert [distance[0, 1] for distance in found] == [1.0, 2.0, 3.0]
+
+
+def test_few_queries_stand_for_many():
+    _, q, offsets = random_sets([700, 900, 800], 3, 0)
+    (all_ask,) = set_distances(q, offsets, "mean_nearest", max_queries=1000)
+    (few_ask,) = set_distances(q, offsets, "mean_nearest", max_queries=200)
+    np.testing.assert_allclose(few_ask, all_ask, rtol=0.1)
+
+
+@pytest.mark.parametrize("num_threads", [1, 2, 7])
+def test_any_number_of_threads_gives_the_same_bytes(num_threads, monkeypatch):
+    _, q, offsets = random_sets([30, 70, 1, 40, 55], 6, 0)
+    # The package has a function of the module's name.
+    module = importlib.import_module("selftouch_drake.agent.representation.set_distances")
+    monkeypatch.setattr(module, "cpu_count", lambda: num_threads)
+    found = set_distances(q, offsets, *SET_DISTANCES)
+    monkeypatch.undo()
+    for here, there in zip(found, set_distances(q, offsets, *SET_DISTANCES), strict=True):
+        assert here.tobytes() == there.tobytes()
+
+
+def test_progress_rises_to_one():
+    told = []
+    _, q, offsets = random_sets([3, 4], 2, 0)
+    set_distances(q, offsets, "minimum", progress=told.append)
+    assert told == [0.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("offsets", "name", "message"),
+    [
+        (
+            [0, 2, 4],
+            "median",
+            "set distance 'median' is unknown: choose one of minimum, quantile, mean_nearest, "
+            "hausdorff.",
+        ),
+        (
+            [0, 4, 4],
+            "minimum",
+            "kernel 1 holds no configuration: drop it from kernel_offsets.",
+        ),
+    ],
+)
+def test_errors(offsets, name, message):
+    with pytest.raises(ValueError, match=r"kernel|unknown") as error:
+        set_distances(np.zeros((4, 2)), np.array(offsets), name)
+    assert str(error.value) == message
+
+
+@pytest.mark.parametrize("num_joints", [1, 6])
+def test_the_nearest_over_each_link_is_the_nearest_of_all(num_joints):
+    rng = np.random.default_rng(0)
+    offsets = np.cumsum([0, 7, 1, 13, 4])
+    q = rng.normal(size=(offsets[-1], num_joints)).astype(np.float32)
+    links = np.array([[0, 2], [2, 0], [1, 3], [3, 1], [0, 1]])
+    nearest = linked_nearest(q, offsets, links)
+    for link, (tail, head) in enumerate(links):
+        entries = slice(*nearest.offsets[link : link + 2])
+        here, there = (slice(*offsets[k : k + 2]) for k in (tail, head))
+        squared = np.square(q[here, None].astype(float) - q[there]).sum(axis=2)
+        assert np.array_equal(nearest.row[entries], offsets[head] + squared.argmin(axis=1))
+        assert np.allclose(nearest.squared[entries], squared.min(axis=1), rtol=1e-5)

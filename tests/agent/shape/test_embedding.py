@@ -1,0 +1,133 @@
+import warnings
+
+import numpy as np
+import pytest
+from bodies import along_sphere, cube, neighbours, shape_error, sphere, torus
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.distance import pdist, squareform
+from scipy.spatial.transform import Rotation
+from threadpoolctl import threadpool_limits
+
+from selftouch_drake.agent.representation import geodesics
+from selftouch_drake.agent.shape import (
+    MisfitWarning,
+    classical_embedding,
+    stress_embedding,
+    unbent_embedding,
+    warn_of_misfit,
+)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(5, 40), st.integers(0, 99))
+def test_straight_distances_are_laid_out_exactly(num_points, seed):
+    points = np.random.default_rng(seed).normal(size=(num_points, 3))
+    distances = squareform(pdist(points))
+    classical, stressed = classical_embedding(distances), stress_embedding(distances)
+    for found in (classical, stressed):
+        assert found.stress < 1e-6
+        np.testing.assert_allclose(found.positions.mean(axis=0), 0.0, atol=1e-8)
+        np.testing.assert_allclose(squareform(pdist(found.positions)), distances, atol=1e-2)
+        assert found.spectrum[0] == 1.0
+        assert abs(found.spectrum[3]) < 1e-9
+
+
+def test_a_sphere_from_exact_geodesics():
+    points = sphere(200, radius=0.25)
+    found = stress_embedding(along_sphere(points))
+    assert shape_error(found.positions, points) < 0.005
+    # The fourth eigenvalue warns that great circles have no flat layout.
+    assert 0.02 < found.spectrum[3] < 0.2
+
+
+def test_the_start_of_lowest_stress_is_finished():
+    points = torus(200)
+    edges, length = neighbours(points, 12)
+    distances = geodesics(edges, length, len(points))
+    found = stress_embedding(distances)
+    alone = [stress_embedding(distances, starts=[(0, 1, axis)]) for axis in (2, 3, 4, 5)]
+    assert shape_error(found.positions, points) < 0.02
+    assert found.stress == pytest.approx(min(one.stress for one in alone), rel=1e-6)
+    assert max(one.stress for one in alone) > 2 * found.stress
+
+
+def test_majorisation_never_loses_to_its_start():
+    distances = along_sphere(sphere(60))
+    short = stress_embedding(distances, num_trial_iterations=1, num_iterations=1)
+    long = stress_embedding(distances, num_trial_iterations=1, num_iterations=60)
+    assert long.stress <= short.stress
+
+
+def test_units_do_not_matter():
+    distances = along_sphere(sphere(60))
+    metres, millimetres = stress_embedding(distances), stress_embedding(1000 * distances)
+    np.testing.assert_allclose(
+        pdist(1000 * metres.positions), pdist(millimetres.positions), rtol=1e-3
+    )
+    assert metres.stress == pytest.approx(millimetres.stress, rel=1e-6)
+
+
+def test_the_number_of_threads_does_not_matter():
+    distances = along_sphere(sphere(300))
+    found = []
+    for num_threads in (1, 2):
+        with threadpool_limits(num_threads, user_api="blas"):
+            found.append(stress_embedding(distances).positions)
+    np.testing.assert_array_equal(*found)
+
+
+def test_any_pose_is_the_same_body():
+    points = torus(80)
+    turned = points @ Rotation.from_euler("xyz", [1, 2, 3]).as_matrix().T + 5.0
+    assert shape_error(turned, points) < 1e-9
+
+
+def test_a_layout_unbends_a_cube():
+    points = cube(300)
+    edges, length = neighbours(points, 12)
+    distances = geodesics(edges, length, len(points))
+    errors = [
+        shape_error(unbent_embedding(edges, distances, num_passes=n).positions, points)
+        for n in (0, 1, 3)
+    ]
+    assert errors[0] > 1.2 * errors[1] > 1.2 * errors[2]
+    np.testing.assert_array_equal(
+        unbent_embedding(edges, distances, num_passes=0).positions,
+        stress_embedding(distances).positions,
+    )
+
+
+def test_the_fourth_eigenvalue_warns_of_a_body_that_does_not_fit():
+    rng = np.random.default_rng(0)
+    flat, solid = rng.normal(size=(60, 3)), rng.normal(size=(60, 4)) * [1.0, 0.9, 0.8, 0.7]
+    for points in (flat, solid):
+        found = stress_embedding(squareform(pdist(points)))
+        assert found.fourth_eigenvalue == found.spectrum[3]
+    with pytest.warns(MisfitWarning) as told:
+        warn_of_misfit(found)
+    assert str(told[0].message) == (
+        "the recovered body does not fit in space: the fourth eigenvalue is "
+        f"{found.fourth_eigenvalue:.0%} of the first, above 15%: babble longer, or choose another "
+        "metric."
+    )
+
+
+@pytest.mark.parametrize("body", [sphere, cube, torus])
+def test_bodies_fit_without_a_warning(body):
+    points = body(200)
+    edges, length = neighbours(points, 12)
+    with warnings.catch_warnings(action="error"):
+        warn_of_misfit(stress_embedding(geodesics(edges, length, len(points))))
+
+
+def test_errors():
+    with pytest.raises(ValueError, match="kernels") as error:
+        stress_embedding(np.ones((3, 3)) - np.eye(3))
+    assert str(error.value) == "num_targets=3: a body in space needs 4 kernels or more."
+    apart = geodesics(np.array([[0, 1], [2, 3]]), np.ones(2), 4)
+    with pytest.raises(ValueError, match="infinite") as error:
+        stress_embedding(apart)
+    assert str(error.value) == (
+        "distances are infinite where no path joins: connect the graph first."
+    )

@@ -1,0 +1,147 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from bodies import shape_error, sphere
+from threadpoolctl import threadpool_limits
+
+from selftouch_drake import experiment
+from selftouch_drake.agent.representation import QuotientLearner, neighbour_edges
+from selftouch_drake.agent.shape import (
+    METRICS,
+    embed_representation,
+    intrinsic_dimension,
+    recover,
+    topology,
+)
+from selftouch_drake.agent.shape.metrics import surface_edges
+from selftouch_drake.agent.shape.revolute import revolute_coordinates
+
+
+@pytest.fixture(scope="module")
+def touched():
+    """A learned unit sphere of which the first three joints tell the place touched."""
+    rng = np.random.default_rng(0)
+    place, receptors = sphere(12_000), sphere(40)
+    sensation = np.clip(place @ receptors.T, 0, None) ** 4 * rng.uniform(0.2, 1, (12_000, 1))
+    q = np.hstack([place, rng.uniform(-0.3, 0.3, (12_000, 2))])
+    return QuotientLearner(250).fit(sensation, q).representation_, place
+
+
+def true_positions(representation, place):
+    rows = [representation.kernel_row[representation.members(k)] for k in range(250)]
+    return np.array([place[r].mean(axis=0) for r in rows])
+
+
+@pytest.fixture(scope="module")
+def bodies(touched):
+    return {metric: recover(touched[0], metric) for metric in METRICS}
+
+
+@pytest.mark.parametrize(
+    ("metric", "most"),
+    [
+        ("literal", 0.15),
+        ("motor", 0.06),
+        ("learned", 0.06),
+        ("sensorimotor", 0.03),
+        ("revolute_reference", 0.04),
+    ],
+)
+def test_every_metric_recovers_a_touched_sphere(touched, bodies, metric, most):
+    distances = bodies[metric].distances
+    assert distances.shape == (250, 250)
+    np.testing.assert_allclose(distances, distances.T, rtol=1e-6)
+    assert (np.diag(distances) == 0).all()
+    assert shape_error(bodies[metric].embedding.positions, true_positions(*touched)) < most
+
+
+@pytest.mark.parametrize("metric", ["motor", "learned", "sensorimotor", "revolute_reference"])
+def test_every_pruned_metric_tells_topology_and_dimension(bodies, metric):
+    found = topology(bodies[metric].embedding.positions)
+    assert found.betti == (1, 0, 1)
+    assert found.margin > 3
+    assert 1.8 < intrinsic_dimension(bodies[metric].distances) < 2.4
+
+
+def test_metrics_are_those_of_the_experiment():
+    assert set(METRICS) == set(experiment.METRICS)
+    assert [name for name, metric in METRICS.items() if not metric.naive] == ["revolute_reference"]
+
+
+def test_the_same_seed_learns_the_same_on_any_number_of_threads(touched, bodies):
+    with threadpool_limits(2, user_api="blas"):
+        again = recover(touched[0], "learned", seed=0)
+    np.testing.assert_array_equal(again.distances, bodies["learned"].distances)
+    np.testing.assert_array_equal(again.embedding.positions, bodies["learned"].embedding.positions)
+
+
+def test_learned_knows_no_sensation(touched, bodies):
+    representation, _ = touched
+    blind = dataclasses.replace(
+        representation, target_sensations=np.ones_like(representation.target_sensations)
+    )
+    np.testing.assert_array_equal(recover(blind, "learned").distances, bodies["learned"].distances)
+
+
+def test_sensations_keep_edges_on_the_surface(touched):
+    """An arm that comes near the antipode by chance is told apart by what it feels there."""
+    representation, place = touched
+    true = true_positions(representation, place)
+    far = np.argmax(np.linalg.norm(true - true[0], axis=1))
+    distance = representation.set_distance.copy()
+    distance[0, far] = distance[far, 0] = np.sort(distance[0])[8]
+    astray = dataclasses.replace(representation, set_distance=distance)
+    pair = sorted([0, int(far)])
+    assert pair in neighbour_edges(distance).tolist()
+    assert pair not in surface_edges(astray).tolist()
+
+
+def test_progress_rises_to_one(touched):
+    told = []
+    recover(touched[0], "learned", progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+
+
+def test_who_knows_that_joints_turn_finds_the_place():
+    rng = np.random.default_rng(1)
+    angle = rng.uniform(-np.pi, np.pi, (60, 3))
+    q = np.repeat(angle, 40, axis=0) + 0.02 * rng.standard_normal((2400, 3))
+    # The last joint moves nothing.
+    q[:, 2] = rng.uniform(-np.pi, np.pi, 2400)
+    found, offsets = revolute_coordinates(q, np.arange(61) * 40)
+    assert found.shape == (2400, 3)
+    np.testing.assert_array_equal(offsets, np.arange(61) * 40)
+    within = found.reshape(60, 40, 3).std(axis=1)
+    assert within.max() < 0.3 * found.std(axis=0).min()
+
+
+def test_an_embedded_representation_is_otherwise_the_same(touched, bodies):
+    representation, _ = touched
+    found = embed_representation(representation, "motor")
+    assert np.isnan(representation.embedding).all()
+    np.testing.assert_array_equal(found.embedding, bodies["motor"].embedding.positions)
+    assert found.edges is representation.edges
+
+
+def test_errors(touched):
+    with pytest.raises(ValueError, match="metric") as error:
+        recover(touched[0], "visual")
+    assert str(error.value) == (
+        "metric 'visual' is unknown: choose one of literal, motor, learned, sensorimotor, "
+        "revolute_reference."
+    )
+    single = QuotientLearner(6).fit(np.eye(6), np.arange(6.0)[:, None]).representation_
+    with pytest.raises(ValueError, match="one configuration") as error:
+        recover(single, "learned")
+    assert str(error.value) == (
+        "kernel_q holds one configuration a kernel: the learned metric needs kernels of several; "
+        "babble longer, or ask for fewer targets."
+    )
+    wide = dataclasses.replace(touched[0], kernel_q=np.zeros((len(touched[0].kernel_q), 8)))
+    with pytest.raises(ValueError, match="8 joints") as error:
+        recover(wide, "revolute_reference")
+    assert str(error.value) == (
+        "q has 8 joints: the revolute reference takes 7 at most; choose the learned metric."
+    )

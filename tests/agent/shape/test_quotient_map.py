@@ -1,0 +1,110 @@
+import numpy as np
+import pytest
+
+from selftouch_drake.agent.shape import quotient_coordinates
+from selftouch_drake.agent.shape.cells import Cells
+from selftouch_drake.agent.shape.network import Network, train
+from selftouch_drake.agent.shape.quotient_map import discriminants, scatter_loss
+
+
+def central_difference(function, array, step):
+    slope = np.zeros_like(array)
+    for index in np.ndindex(array.shape):
+        kept = array[index]
+        array[index] = kept + step
+        above = function()
+        array[index] = kept - step
+        slope[index] = (above - function()) / (2 * step)
+        array[index] = kept
+    return slope
+
+
+def test_slopes_of_the_network_are_those_of_finite_differences():
+    rng = np.random.default_rng(0)
+    network = Network.random([3, 5, 5, 2], rng)
+    network = Network(
+        weights=[w.astype(float) for w in network.weights],
+        biases=[b.astype(float) for b in network.biases],
+    )
+    x, pull = rng.standard_normal((7, 3)), rng.standard_normal((7, 2))
+    _, inputs, slopes = network.forward(x)
+    found = network.gradients(pull, inputs, slopes)
+    for parameter, slope in zip([*network.weights, *network.biases], found, strict=True):
+        expected = central_difference(lambda: np.sum(pull * network(x)), parameter, 1e-6)
+        np.testing.assert_allclose(slope, expected, atol=1e-7)
+
+
+def test_slope_of_the_loss_is_that_of_finite_differences():
+    rng = np.random.default_rng(1)
+    middle = rng.standard_normal((20, 3))
+    y = np.concatenate([middle, middle + 0.3 * rng.standard_normal((20, 3))])
+    # The floor, which the slope holds fixed, weighs 1e-4 at most.
+    expected = central_difference(lambda: scatter_loss(y)[0], y, 1e-6)
+    np.testing.assert_allclose(scatter_loss(y)[1], expected, atol=1e-3)
+
+
+def test_the_loss_sees_no_linear_change_of_the_outputs():
+    rng = np.random.default_rng(2)
+    middle = rng.standard_normal((500, 3))
+    y = np.concatenate([middle, middle + 0.3 * rng.standard_normal((500, 3))])
+    turned = y @ rng.standard_normal((3, 3)) + 5.0
+    assert scatter_loss(turned)[0] == pytest.approx(scatter_loss(y)[0], abs=0.01)
+
+
+def test_training_fits_a_smooth_function():
+    rng = np.random.default_rng(3)
+    network = Network.random([1, 16, 16, 1], rng)
+    x = rng.uniform(-2, 2, (256, 1)).astype(np.float32)
+    wanted = np.sin(2 * x) + 0.5 * x
+    train(network, lambda: x, lambda y: (y - wanted) / len(y), 400)
+    assert np.sqrt(np.mean((network(x) - wanted) ** 2)) < 0.05
+
+
+def test_discriminants_find_what_tells_kernels_apart():
+    rng = np.random.default_rng(4)
+    sizes = rng.integers(5, 40, 60)
+    kernel = np.repeat(np.arange(60), sizes)
+    signal = rng.standard_normal((60, 3))[kernel] + 0.05 * rng.standard_normal((len(kernel), 3))
+    mixed = np.hstack([signal, rng.standard_normal((len(kernel), 2))]) @ rng.standard_normal((5, 5))
+    found = discriminants(mixed, np.concatenate([[0], np.cumsum(sizes)]))
+    assert found.shape == (len(kernel), 3)
+    fit = np.linalg.lstsq(np.c_[signal, np.ones(len(kernel))], found, rcond=None)[0]
+    assert np.abs(np.c_[signal, np.ones(len(kernel))] @ fit - found).max() < 0.2
+
+
+def test_coordinates_are_constant_on_kernels_and_differ_between_them():
+    rng = np.random.default_rng(5)
+    # A ring: only the sum of the first two joints matters.
+    angle = np.repeat(np.linspace(-np.pi, np.pi, 40, endpoint=False), 60)
+    share = rng.uniform(-2, 2, len(angle))
+    q = np.stack([angle - share, share, rng.uniform(-2, 2, len(angle))], axis=1)
+    found = quotient_coordinates(q, np.arange(41) * 60, seed=0, num_steps=100)
+    groups = found.reshape(40, 60, -1)
+    assert groups.std(axis=1).mean() < 0.2 * groups.mean(axis=1).std(axis=0).mean()
+    middle = groups.mean(axis=1)
+    nearest = np.argsort(np.linalg.norm(middle[:, None] - middle, axis=2), axis=1)[:, 1]
+    assert (np.isin((nearest - np.arange(40)) % 40, (1, 39))).mean() > 0.95
+
+
+def test_cells_measure_a_bent_sheet_in_their_own_widths():
+    rng = np.random.default_rng(6)
+    # Cells of width 0.03 on a cylinder of radius 1, 0.1 apart; the third axis counts double.
+    turn, height = (a.ravel() for a in np.meshgrid(np.arange(10) / 10, np.arange(8) / 10))
+    around = np.repeat(turn, 200) + 0.03 * rng.standard_normal(80 * 200)
+    up = np.repeat(height, 200) + 0.03 * rng.standard_normal(80 * 200)
+    points = np.stack([np.cos(around), np.sin(around), 2.0 * up], axis=1)
+    cells = Cells.of(points, np.arange(81) * 200)
+    edges = np.array([[33, 34], [33, 43], [33, 35], [33, 36]])
+    lengths = cells.lengths(edges)
+    np.testing.assert_allclose(lengths / lengths[0], [1.0, 1.0, 2.0, 3.0], rtol=0.12)
+    distance = cells.distances()
+    np.testing.assert_array_equal(distance, distance.T)
+    assert set(np.argsort(distance[33])[1:5]) == {32, 34, 23, 43}
+
+
+def test_a_cell_of_one_configuration_is_as_wide_as_the_mean():
+    rng = np.random.default_rng(7)
+    points = np.concatenate([rng.standard_normal((50, 3)), [[9.0, 0, 0]]])
+    cells = Cells.of(points, np.array([0, 25, 50, 51]))
+    assert np.isfinite(cells.lengths(np.array([[0, 2], [1, 2]]))).all()
+    np.testing.assert_array_equal(cells.mean[2], [9.0, 0, 0])

@@ -1,0 +1,136 @@
+import re
+
+import numpy as np
+import pytest
+
+from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, best, judge, rehearse
+from selftouch_drake.agent.representation import QuotientRepresentation
+
+
+def representation(num_kernels=4, links=((0, 1), (1, 2), (2, 3))):
+    return QuotientRepresentation(
+        target_sensations=np.eye(num_kernels),
+        kernel_offsets=np.arange(num_kernels + 1),
+        kernel_q=np.zeros((num_kernels, 2)),
+        kernel_row=np.arange(num_kernels),
+        kernel_strength=np.ones(num_kernels),
+        kernel_error=np.zeros(num_kernels),
+        set_distance=np.zeros((num_kernels, num_kernels)),
+        edges=np.array(links),
+        edge_cost=np.ones(len(links)),
+        embedding=np.zeros((num_kernels, 3)),
+    )
+
+
+# Four kernels that have nothing in common, so that only edges link them.
+CHAIN = representation()
+
+
+def tried(contact, lost=(), *, reached=True):
+    return Try(contact=contact, reached=reached, lost_links=np.array(lost, int), motion=None)
+
+
+def judged(felt, *, links=(4, 7), goal=2):
+    """Judges sensations felt evenly along two steps of one radian each."""
+    felt = np.array(felt, dtype=float)
+    return judge(
+        "motion",
+        felt=felt,
+        s=np.linspace(0.0, len(links), len(felt)),
+        waypoint_s=np.arange(len(links) + 1.0),
+        links=np.array(links, dtype=int),
+        goal=goal,
+        target_sensations=np.eye(3),
+    )
+
+
+A, B, C, NOTHING = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("felt", "contact", "reached", "lost"),
+    [
+        ([A, A, B, B, C], 1.0, True, []),
+        ([A, NOTHING, B, B, C], 0.8, True, [4]),
+        ([A, A, B, NOTHING, C], 0.8, True, [7]),
+        ([A, NOTHING, B, NOTHING, C], 0.6, True, [4, 7]),
+        ([A, A, NOTHING, B, C], 0.8, True, [7]),
+        ([A, A, B, B, B], 1.0, False, [7]),
+        ([A, A, B, B, NOTHING], 0.8, False, [7]),
+        ([NOTHING] * 5, 0.0, False, [4, 7]),
+    ],
+)
+def test_what_was_felt_tells_the_links_that_failed(felt, contact, reached, lost):
+    one = judged(felt)
+    assert (one.contact, one.reached, one.lost_links.tolist()) == (contact, reached, lost)
+    assert one.perfect == (contact == 1.0 and reached)
+    assert one.motion == "motion"
+
+
+def test_a_step_along_no_link_is_nobodys_fault():
+    assert judged([A, NOTHING, B, NOTHING, C], links=(-1, 7)).lost_links.tolist() == [7]
+
+
+def test_a_plan_to_stay_has_no_link_to_blame():
+    assert judged([C, C], links=()).perfect
+    assert judged([NOTHING, NOTHING], links=()).lost_links.tolist() == []
+
+
+def test_penalties_grow_and_stay_finite():
+    memory = RehearsalMemory.blank(CHAIN)
+    assert memory.link_penalty.tolist() == [1.0] * 3
+    twice = memory.after(np.array([1])).after(np.array([1, 2]))
+    assert twice.link_penalty.tolist() == [1.0, 64.0, 8.0]
+    assert twice.num_tries == 2
+    assert memory.link_penalty.tolist() == [1.0] * 3
+    for _ in range(1000):
+        twice = twice.after(np.array([0]))
+    assert twice.link_penalty[0] == 8.0**6
+
+
+def test_tries_end_at_the_first_perfect_one():
+    scripted = iter([tried(0.9, [1]), tried(0.95, [1, 2]), tried(1.0), tried(1.0)])
+    asked = []
+
+    def attempt(memory):
+        asked.append(memory.link_penalty.tolist())
+        return next(scripted)
+
+    tries, memory = rehearse(attempt, RehearsalMemory.blank(CHAIN), max_tries=6)
+    assert [one.contact for one in tries] == [0.9, 0.95, 1.0]
+    assert asked == [[1.0, 1.0, 1.0], [1.0, 8.0, 1.0], [1.0, 64.0, 8.0]]
+    assert memory.link_penalty.tolist() == [1.0, 64.0, 8.0]
+    assert memory.num_tries == 3
+
+
+def test_tries_end_at_the_most_tries():
+    tries, _ = rehearse(lambda _: tried(0.5), RehearsalMemory.blank(CHAIN), max_tries=2)
+    assert len(tries) == 2
+
+
+def test_the_best_try_reaches_its_goal_and_keeps_contact():
+    early, late = tried(0.9), tried(0.9)
+    assert best([tried(1.0, reached=False), early, tried(0.8), late]) is early
+
+
+def test_a_memory_is_the_same_after_a_night_on_disk(tmp_path):
+    memory = RehearsalMemory.blank(CHAIN).after(np.array([2]))
+    memory.save(tmp_path / "rehearsal.npz")
+    loaded = RehearsalMemory.load(tmp_path / "rehearsal.npz", CHAIN)
+    assert np.array_equal(loaded.link_penalty, memory.link_penalty)
+    assert (loaded.num_tries, loaded.belongs_to) == (memory.num_tries, memory.belongs_to)
+
+
+def test_a_memory_of_another_representation_is_refused(tmp_path):
+    path = tmp_path / "rehearsal.npz"
+    RehearsalMemory.blank(representation(links=((0, 1), (1, 2), (1, 3)))).save(path)
+    message = (
+        f"{path} remembers rehearsals of another representation; delete it, and rehearse again"
+    )
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        RehearsalMemory.load(path, CHAIN)
+
+
+def test_no_try_is_refused():
+    with pytest.raises(ValueError, match=r"^max_tries is 0: give at least 1$"):
+        rehearse(lambda _: tried(1.0), RehearsalMemory.blank(CHAIN), max_tries=0)

@@ -1,0 +1,266 @@
+import multiprocessing
+import sys
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from selftouch_drake.experience import (
+    ExperienceReader,
+    NeverTouchesError,
+    RandomWalk,
+    StoreError,
+    collect,
+    collect_walk,
+    shard_name,
+    walk_sizes,
+)
+from selftouch_drake.experience.sources import (
+    DYNAMIC_BATCH,
+    SAMPLE_PERIOD,
+    DynamicSource,
+    KinematicSource,
+)
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.geometry import build_body
+from selftouch_drake.robot import ContactProbe
+from selftouch_drake.run.directory import RunDirectory
+
+collect_module = sys.modules[collect.__module__]
+
+
+class Backwards(Executor):
+    """Runs its jobs, once all of them are there, in the opposite order."""
+
+    def __init__(self, num_jobs):
+        self._num_jobs, self._jobs = num_jobs, []
+
+    def submit(self, function, /, *args):
+        future = Future()
+        self._jobs.append((future, function, args))
+        if len(self._jobs) == self._num_jobs:
+            for job, do, arguments in reversed(self._jobs):
+                job.set_result(do(*arguments))
+        return future
+
+
+@pytest.fixture(scope="module")
+def experiment():
+    """Three walks on a coarse sphere."""
+    return load_experiment(
+        "sphere",
+        {
+            "body": {"resolution": 0.04},
+            "skin": {"num_receptors": 30},
+            "babbling": {"num_samples": 500, "walk_size": 200},
+        },
+    )
+
+
+@pytest.fixture(scope="module")
+def probe(experiment):
+    return ContactProbe(experiment, *build_body(experiment))
+
+
+@pytest.fixture(scope="module")
+def source(experiment):
+    return KinematicSource(experiment, *build_body(experiment))
+
+
+def _collected(path, experiment, executor):
+    run = RunDirectory.create(path, experiment)
+    with executor:
+        num_steps = collect(run, executor=executor)
+    return run, num_steps
+
+
+def _shards(run):
+    return {str(p.relative_to(run.path)): p.read_bytes() for p in run.path.rglob("*.parquet")}
+
+
+@pytest.fixture(scope="module")
+def reference(experiment, tmp_path_factory):
+    """One worker, walk after walk."""
+    path = tmp_path_factory.mktemp("reference") / "run"
+    run, num_steps = _collected(path, experiment, ThreadPoolExecutor(1))
+    return run, num_steps, _shards(run)
+
+
+def test_walks_share_out_the_samples(experiment):
+    assert walk_sizes(experiment) == [200, 200, 100]
+    whole = load_experiment("sphere", {"babbling": {"num_samples": 600, "walk_size": 200}})
+    assert walk_sizes(whole) == [200, 200, 200]
+
+
+def test_what_is_stored_is_what_is_felt(reference, probe, experiment):
+    run, num_steps, shards = reference
+    assert sorted(shards) == [
+        f"{folder}/{shard_name(walk)}" for folder in ("experience", "truth") for walk in range(3)
+    ]
+    q = ExperienceReader(run.experience).read("q")
+    sensation = ExperienceReader(run.experience).read("sensation")
+    p_WF = ExperienceReader(run.truth).read("p_WF")
+    assert q.shape == (500, 6)
+    assert sensation.shape == (500, 30)
+    assert p_WF.shape == (500, 3)
+    assert sensation.any(axis=1).all()
+    assert (q >= probe.agent.lower - 1e-6).all()
+    assert (q <= probe.agent.upper + 1e-6).all()
+    np.testing.assert_array_equal(probe.sensations(q.astype(float)).astype(np.float32), sensation)
+    # A fingertip that touches is within its radius of the skin.
+    radius = np.linalg.norm(p_WF, axis=1)
+    assert ((radius > 0.21 - 1e-3) & (radius < 0.26)).all()
+    shards_read = [pq.read_table(run.experience / shard_name(walk)) for walk in range(3)]
+    last_steps = [table["step"].to_numpy() for table in shards_read]
+    assert all((np.diff(step) > 0).all() for step in last_steps)
+    assert num_steps == sum(step[-1] + 1 for step in last_steps)
+
+
+@pytest.mark.parametrize("walk", [0, 1])
+def test_a_walk_has_a_seed_of_its_own(source, experiment, reference, walk):
+    run, *_ = reference
+    shard = collect_walk(source, experiment, walk, 50)
+    stored = list(ExperienceReader(run.experience).batches("q"))
+    np.testing.assert_array_equal(shard.q, stored[walk][:50])
+    assert not (stored[0][:100] == stored[1][:100]).any()
+
+
+def test_two_processes_give_the_same_bytes(experiment, reference, tmp_path):
+    _, num_steps, shards = reference
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(2, mp_context=context)
+    run, steps = _collected(tmp_path / "run", experiment, pool)
+    assert _shards(run) == shards
+    assert steps == num_steps
+
+
+def test_any_order_gives_the_same_bytes(experiment, reference, tmp_path):
+    _, num_steps, shards = reference
+    run, steps = _collected(tmp_path / "run", experiment, Backwards(3))
+    assert _shards(run) == shards
+    assert steps == num_steps
+
+
+def test_threads_that_share_a_world_give_the_same_bytes(experiment, reference, tmp_path):
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        run, _ = _collected(tmp_path / "run", experiment, ThreadPoolExecutor(3))
+    finally:
+        sys.setswitchinterval(interval)
+    assert _shards(run) == reference[-1]
+
+
+def test_an_interrupted_run_goes_on_where_it_was(experiment, reference, tmp_path):
+    _, num_steps, shards = reference
+    run, _ = _collected(tmp_path / "run", experiment, ThreadPoolExecutor(1))
+    (run.experience / shard_name(1)).unlink()
+    kept = (run.experience / shard_name(0)).stat().st_mtime_ns
+    progress = []
+    with ThreadPoolExecutor(1) as executor:
+        steps = collect(run, executor=executor, progress=progress.append)
+    assert _shards(run) == shards
+    assert steps == num_steps
+    assert sorted(progress) == [100, 200, 200]
+    assert (run.experience / shard_name(0)).stat().st_mtime_ns == kept
+
+
+def test_shards_of_another_experiment_are_refused_and_kept(experiment, reference, tmp_path):
+    other = load_experiment("sphere", {"seed": 1, "babbling": {"num_samples": 400}})
+    run = RunDirectory.create(tmp_path / "run", other)
+    run.experience.mkdir()
+    shard = run.experience / shard_name(0)
+    shard.write_bytes((reference[0].experience / shard_name(0)).read_bytes())
+    before = shard.read_bytes()
+    with ThreadPoolExecutor(1) as executor, pytest.raises(StoreError) as error:
+        collect(run, executor=executor)
+    assert str(error.value) == f"{shard} belongs to another experiment; choose another --out"
+    assert shard.read_bytes() == before
+
+
+@pytest.mark.parametrize("size", [0, 3, 1000])
+def test_a_truncated_shard_is_refused(experiment, reference, tmp_path, size):
+    run = RunDirectory.create(tmp_path / "run", experiment)
+    run.experience.mkdir()
+    shard = run.experience / shard_name(2)
+    shard.write_bytes((reference[0].experience / shard_name(2)).read_bytes()[:size])
+    with (
+        Backwards(3) as executor,
+        pytest.raises(StoreError, match=r"damaged.*babble again") as error,
+    ):
+        collect(run, executor=executor)
+    assert str(error.value).startswith(f"{shard} is damaged (")
+    assert not run.truth.exists()
+
+
+def test_a_dynamic_walk_is_sampled_evenly_and_felt_where_it_is(experiment, probe):
+    source = DynamicSource(experiment, *build_body(experiment))
+
+    def walk(num_batches):
+        source.begin(
+            RandomWalk(
+                lower=probe.agent.lower,
+                upper=probe.agent.upper,
+                step_size=0.15,
+                persistence=0.9,
+                seed=np.random.SeedSequence(3),
+            )
+        )
+        batches = [source.next_steps() for _ in range(num_batches)]
+        q, sensation = (np.concatenate(parts) for parts in zip(*batches, strict=True))
+        return q, sensation
+
+    q, sensation = walk(3)
+    assert q.shape == (3 * DYNAMIC_BATCH, 6)
+    # The arm never stands still nor jumps, within a batch or between two.
+    moved = np.abs(np.diff(q, axis=0)).max(axis=1)
+    assert moved.min() > 0
+    assert moved.max() < 20.0 * SAMPLE_PERIOD
+    expected = probe.sensations(q.astype(float))
+    assert expected.any(axis=1).sum() > 10
+    # The configuration is stored in float32, 1e-7 rad from where the sensation was felt.
+    np.testing.assert_allclose(sensation, expected, atol=1e-4 * expected.max())
+    again, felt_again = walk(2)
+    np.testing.assert_array_equal(again, q[: len(again)])
+    np.testing.assert_array_equal(felt_again, sensation[: len(again)])
+
+
+def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeypatch):
+    monkeypatch.setattr(collect_module, "PATIENCE", 10_000)
+    monkeypatch.setattr(experiment.babbling, "step_size", 1e-9)
+    # The walk hardly moves, and this one starts away from the body.
+    away = next(w for w in range(20) if not probe.sensations(_first(probe, experiment, w)).any())
+    with pytest.raises(NeverTouchesError) as error:
+        collect_walk(source, experiment, away, 10)
+    assert str(error.value) == (
+        "babbling touched nothing in 12288 steps; make the body reachable (0.92 m from the "
+        "shoulder), or babbling.step_size larger"
+    )
+
+
+def test_a_walk_that_stops_touching_is_told(experiment, monkeypatch):
+    class TouchesOnce:
+        """Touches in its first batch, and never again."""
+
+        agent = SimpleNamespace(lower=np.full(6, -1.0), upper=np.full(6, 1.0))
+
+        def begin(self, walk):
+            self.felt = 1.0
+
+        def next_steps(self):
+            sensation = np.zeros((1000, 3))
+            sensation[-1], self.felt = self.felt, 0.0
+            return np.zeros((1000, 6), np.float32), sensation
+
+    monkeypatch.setattr(collect_module, "PATIENCE", 10_000)
+    with pytest.raises(NeverTouchesError, match="touched nothing in 10001 steps"):
+        collect_walk(TouchesOnce(), experiment, 0, 2)
+
+
+def _first(probe, experiment, walk):
+    """`(1, 6)` the configuration at which a walk that hardly moves stays."""
+    seed = experiment.random_stream("walk", walk)
+    start = np.random.default_rng(seed).uniform(size=6)
+    return (probe.agent.lower + start * (probe.agent.upper - probe.agent.lower))[None]

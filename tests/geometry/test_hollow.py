@@ -1,0 +1,223 @@
+import manifold3d
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddRigidHydroelasticProperties,
+    FramePoseVector,
+    GeometryFrame,
+    GeometryInstance,
+    HydroelasticContactRepresentation,
+    Mesh,
+    ProximityProperties,
+    SceneGraph,
+    Sphere,
+)
+from pydrake.math import RigidTransform
+
+from selftouch_drake import body
+from selftouch_drake.geometry.intersections import first_self_intersection
+
+STANDARD_BODIES = {
+    "sphere": lambda: body.sphere(0.25),
+    "cube": lambda: body.cube(0.44),
+    "torus": lambda: body.torus(0.22, 0.09),
+    "ellipsoid": lambda: body.ellipsoid((0.30, 0.24, 0.20)),
+    "cylinder": lambda: body.cylinder(0.2, 0.4),
+}
+
+
+def _assert_sound(skin: body.HollowSkin) -> None:
+    """All tetrahedra are upright, and together they fill exactly what is between the surfaces."""
+    outer = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
+    inner = trimesh.Trimesh(skin.inner_vertices, skin.faces, process=False)
+    volumes = body.tet_volumes(skin.tet_vertices, skin.tetrahedra)
+    assert skin.tetrahedra.shape == (6 * len(skin.faces), 4)
+    assert volumes.min() > 0
+    assert volumes.sum() == pytest.approx(outer.volume - inner.volume, rel=1e-9)
+    mean_area = (outer.area + inner.area) / 2
+    assert volumes.sum() == pytest.approx(mean_area * skin.thickness, rel=0.02)
+    assert first_self_intersection(skin.inner_vertices, skin.faces) is None
+    _assert_conforming(skin)
+
+
+def _assert_conforming(skin: body.HollowSkin) -> None:
+    """Every triangle is shared by two tetrahedra, but for those of the two surfaces."""
+    triangles = np.sort(skin.tetrahedra[:, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]])
+    unique, count = np.unique(triangles.reshape(-1, 3), axis=0, return_counts=True)
+    num_vertices = len(skin.vertices)
+    outside = np.concatenate([skin.faces, skin.faces + 2 * num_vertices])
+    expected = np.unique(np.sort(outside), axis=0)
+    assert count.max() == 2
+    np.testing.assert_array_equal(unique[count == 1], expected)
+
+
+@pytest.mark.parametrize("name", STANDARD_BODIES)
+def test_standard_bodies_have_a_sound_skin(name):
+    _assert_sound(body.hollow_skin(STANDARD_BODIES[name](), 0.03, 0.01))
+
+
+def test_cube_has_an_exact_cube_inside():
+    skin = body.hollow_skin(body.cube(0.44), 0.03, 0.01)
+    np.testing.assert_allclose(skin.inner_vertices, skin.vertices * 0.38 / 0.44, atol=1e-9)
+    outermost = np.abs(skin.inner_vertices).max(axis=1)
+    np.testing.assert_allclose(outermost, 0.19, rtol=0, atol=1e-12)
+    middle = skin.tet_vertices[len(skin.vertices) : 2 * len(skin.vertices)]
+    np.testing.assert_allclose(middle, skin.vertices * 0.41 / 0.44, atol=1e-9)
+    volumes = body.tet_volumes(skin.tet_vertices, skin.tetrahedra)
+    assert volumes.sum() == pytest.approx(0.44**3 - 0.38**3)
+
+
+def test_a_cube_of_corners_only_shrinks_too():
+    skin = body.hollow_skin(body.cube(0.5, resolution=0.5), 0.03, 0.01)
+    np.testing.assert_allclose(np.abs(skin.inner_vertices), 0.22)
+
+
+def test_inner_sphere_and_cylinder_are_a_thickness_smaller():
+    skin = body.hollow_skin(body.sphere(0.25), 0.03, 0.01)
+    np.testing.assert_allclose(np.linalg.norm(skin.inner_vertices, axis=1), 0.22, atol=1e-4)
+    skin = body.hollow_skin(body.cylinder(0.2, 0.4), 0.03, 0.01)
+    x, y, z = skin.inner_vertices.T
+    assert np.hypot(x, y).max() == pytest.approx(0.17, abs=1e-4)
+    np.testing.assert_allclose(np.abs(z).max(), 0.17)
+
+
+def test_a_reflex_edge_is_mitred(tmp_path):
+    # An L of three cubes of 0.3 m: the inner L keeps the outer one's shape, 0.03 m inside.
+    solid = manifold3d.Manifold.cube((0.6, 0.3, 0.3)) + manifold3d.Manifold.cube((0.3, 0.6, 0.3))
+    mesh = solid.to_mesh()
+    path = tmp_path / "l.ply"
+    trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts).export(path)
+    skin = body.hollow_skin(body.mesh_file(path), 0.03, 0.01)
+    _assert_sound(skin)
+    inner = trimesh.Trimesh(skin.inner_vertices, skin.faces, process=False)
+    assert inner.volume == pytest.approx((0.54 * 0.24 + 0.24 * 0.30) * 0.24, rel=1e-5)
+
+
+def test_a_body_of_genus_two_has_a_sound_skin(tmp_path):
+    surface = _two_tori(tmp_path)
+    assert surface.euler_number == -2
+    skin = body.hollow_skin(surface, 0.03, 0.01)
+    assert body.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
+    _assert_conforming(skin)
+
+
+def _two_tori(tmp_path) -> trimesh.Trimesh:
+    ring = body.torus(0.2, 0.1)
+    solid = manifold3d.Manifold(
+        manifold3d.Mesh64(np.array(ring.vertices), ring.faces.astype(np.uint64))
+    )
+    solid = solid.translate((-0.2, 0, 0)) + solid.translate((0.2, 0, 0))
+    mesh = solid.refine_to_length(0.02).to_mesh64()
+    surface = trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts.astype(int))
+    trimesh.smoothing.filter_laplacian(surface, iterations=10)
+    path = tmp_path / "two_tori.stl"
+    surface.export(path)
+    return body.mesh_file(path)
+
+
+@settings(max_examples=5, deadline=None)
+@given(
+    radius=st.floats(0.15, 0.3),
+    stretch=st.floats(0.8, 1.3),
+    thickness=st.floats(0.01, 0.04),
+)
+def test_any_wide_ellipsoid_has_a_sound_skin(radius, stretch, thickness):
+    surface = body.ellipsoid((radius, radius * stretch, radius), resolution=0.03)
+    _assert_sound(body.hollow_skin(surface, thickness, 0.01))
+
+
+def test_walls_that_do_not_fit_are_refused():
+    def message(surface, thickness):
+        with pytest.raises(ValueError, match=r"^skin\.thickness is") as caught:
+            body.hollow_skin(surface, thickness, 0.01)
+        return str(caught.value)
+
+    assert (
+        message(body.cube(0.44), -0.03)
+        == "skin.thickness is -0.03 m; give a positive length in metres"
+    )
+    for surface in (body.torus(0.22, 0.025), body.cube(0.05), body.cylinder(0.2, 0.05)):
+        crushed = message(surface, 0.03)
+        assert crushed.startswith("skin.thickness is 0.03 m, thicker than the body allows near (")
+        assert crushed.endswith(") m; make the skin thinner or the body larger")
+    for surface in (body.torus(0.22, 0.035), body.cube(0.079), body.cylinder(0.2, 0.079)):
+        narrow = message(surface, 0.03)
+        assert narrow.startswith(
+            "skin.thickness is 0.03 m, which leaves opposite walls nearer than the fingertip's "
+            "diameter of 0.02 m near ("
+        )
+        assert narrow.endswith(") m; make the skin thinner or the body larger")
+
+
+def test_walls_just_wide_enough_are_accepted():
+    for surface in (body.torus(0.22, 0.045), body.cube(0.082), body.cylinder(0.2, 0.082)):
+        skin = body.hollow_skin(surface, 0.03, 0.01)
+        assert body.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
+
+
+def test_vtk_text_is_exact(tmp_path):
+    skin = body.hollow_skin(body.cube(0.5, resolution=0.5), 0.03, 0.01)
+    path = tmp_path / "skin.vtk"
+    body.write_vtk(skin, path)
+    lines = path.read_text().splitlines()
+    assert lines[:5] == [
+        "# vtk DataFile Version 3.0",
+        "Hollow skin, 0.03 m thick",
+        "ASCII",
+        "DATASET UNSTRUCTURED_GRID",
+        "POINTS 24 double",
+    ]
+    points = np.array([line.split() for line in lines[5:29]], dtype=float)
+    np.testing.assert_array_equal(points, skin.tet_vertices)
+    assert lines[29] == "CELLS 72 360"
+    cells = np.array([line.split() for line in lines[30:102]], dtype=int)
+    np.testing.assert_array_equal(cells, np.insert(skin.tetrahedra, 0, 4, axis=1))
+    assert lines[102:] == ["CELL_TYPES 72"] + ["10"] * 72
+
+
+def test_drake_feels_the_wall_and_nothing_inside(tmp_path):
+    ring = body.torus(0.22, 0.09, resolution=0.03)
+    body.write_vtk(body.hollow_skin(ring, 0.03, 0.01), tmp_path / "skin.vtk")
+    in_wall, in_tube, in_hole, outside = _contact_surfaces(
+        tmp_path / "skin.vtk", [(0.22, 0, 0.095), (0.22, 0, 0), (0, 0, 0), (0.22, 0, 0.11)]
+    )
+    (surface,) = in_wall
+    pressures = [
+        surface.poly_e_MN().EvaluateCartesian(face, surface.centroid(face))
+        for face in range(surface.num_faces())
+    ]
+    assert min(pressures) > 0
+    # 5 mm deep, where the pressure rises from zero to the modulus within 15 mm.
+    assert max(pressures) == pytest.approx(3e4 * 5 / 15, rel=0.35)
+    assert in_tube == in_hole == outside == []
+
+
+def _contact_surfaces(path, fingertips):
+    """The contacts of a rigid fingertip of 1 cm, at each `p_WF`, with the skin in `path`."""
+    scene_graph = SceneGraph()
+    source = scene_graph.RegisterSource("test")
+    soft, hard = ProximityProperties(), ProximityProperties()
+    AddCompliantHydroelasticProperties(0.01, 3e4, soft)
+    AddRigidHydroelasticProperties(0.01, hard)
+    skin = GeometryInstance(RigidTransform(), Mesh(str(path)), "skin")
+    skin.set_proximity_properties(soft)
+    scene_graph.RegisterAnchoredGeometry(source, skin)
+    frame = scene_graph.RegisterFrame(source, GeometryFrame("fingertip"))
+    tip = GeometryInstance(RigidTransform(), Sphere(0.01), "fingertip")
+    tip.set_proximity_properties(hard)
+    scene_graph.RegisterGeometry(source, frame, tip)
+    context = scene_graph.CreateDefaultContext()
+    query_port = scene_graph.get_query_output_port()
+    contacts = []
+    for p_WF in fingertips:
+        poses = FramePoseVector()
+        poses.set_value(frame, RigidTransform(np.array(p_WF, dtype=float)))
+        scene_graph.get_source_pose_port(source).FixValue(context, poses)
+        query = query_port.Eval(context)
+        kind = HydroelasticContactRepresentation.kPolygon
+        contacts.append(query.ComputeContactSurfaces(kind))
+    return contacts

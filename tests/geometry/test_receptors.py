@@ -1,0 +1,162 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse.csgraph import dijkstra
+
+from selftouch_drake import body
+from selftouch_drake.geometry.receptors import surface_paths
+
+STANDARD_BODIES = {
+    "sphere": body.sphere(0.25),
+    "cube": body.cube(0.44),
+    "torus": body.torus(0.22, 0.09),
+    "ellipsoid": body.ellipsoid((0.30, 0.24, 0.20)),
+    "cylinder": body.cylinder(0.2, 0.4),
+}
+
+
+def _points_in_wall(surface, num_points, rng):
+    """Points spread at random in the outer half of a skin 3 cm thick."""
+    skin = body.hollow_skin(surface, 0.03, 0.01)
+    outer_half = skin.tetrahedra.reshape(-1, 2, 3, 4)[:, 0].reshape(-1, 4)
+    tets = outer_half[rng.integers(len(outer_half), size=num_points)]
+    return np.einsum("nk,nki->ni", rng.dirichlet(np.ones(4), num_points), skin.tet_vertices[tets])
+
+
+@settings(max_examples=6, deadline=None)
+@given(
+    name=st.sampled_from(list(STANDARD_BODIES)),
+    num_receptors=st.integers(20, 200),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_fields_overlap_and_share_out_everything(name, num_receptors, seed):
+    surface = STANDARD_BODIES[name]
+    p_BS = body.place_receptors(surface, num_receptors, seed)
+    fields = body.receptive_fields(surface, p_BS)
+    np.testing.assert_array_equal(fields.p_BS, p_BS)
+    p_BQ = _points_in_wall(surface, 300, np.random.default_rng(seed))
+    for weights in (fields.vertex_weights, fields.weights_at(p_BQ)):
+        assert weights.shape[1] == num_receptors
+        assert weights.min() >= 0
+        np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-12)
+        assert (weights > 0).sum(axis=1).min() >= 3
+    assert (fields.vertex_weights.sum(axis=0) > 0).all()
+
+
+@pytest.mark.parametrize("name", STANDARD_BODIES)
+def test_receptors_are_spread_evenly(name):
+    surface = STANDARD_BODIES[name]
+    p_BS = body.place_receptors(surface, 100, seed=0)
+    distance = np.linalg.norm(p_BS[:, None] - p_BS, axis=2)
+    nearest = np.sort(distance, axis=1)[:, 1]
+    # A hexagonal pattern on the same area would be 1.07 square roots of the area of each apart.
+    spacing = np.sqrt(surface.area / 100)
+    assert nearest.min() > 0.55 * spacing
+    assert nearest.max() < 1.35 * spacing
+
+
+def test_an_uneven_layout_is_sparse_on_one_side_only():
+    surface = STANDARD_BODIES["sphere"]
+    even, uneven = (
+        body.place_receptors(surface, 200, seed=0, unevenness=unevenness)
+        for unevenness in (0.0, 0.6)
+    )
+    spacing = []
+    for p_BS in (even, uneven):
+        distance = np.linalg.norm(p_BS[:, None] - p_BS, axis=2)
+        spacing.append(np.sort(distance, axis=1)[:, 1])
+    assert spacing[0].max() / spacing[0].min() < 2
+    few, many = np.quantile(spacing[1], [0.98, 0.02])
+    assert 2 < few / many < 3.5
+    # Few on one side: their mean lies off the centre.
+    assert np.linalg.norm(uneven.mean(axis=0)) > 5 * np.linalg.norm(even.mean(axis=0))
+
+
+def test_wide_fields_reach_as_much_farther():
+    surface = STANDARD_BODIES["torus"]
+    p_BS = body.place_receptors(surface, 50, seed=0)
+    one, two = (body.receptive_fields(surface, p_BS, width=width) for width in (1.0, 2.0))
+    assert two.radius == pytest.approx(2 * one.radius)
+    np.testing.assert_allclose(two.vertex_weights.sum(axis=1), 1, atol=1e-12)
+    assert 3 < two.vertex_weights.nnz / one.vertex_weights.nnz < 4.5
+
+
+def test_the_seed_alone_chooses_the_receptors():
+    surface = STANDARD_BODIES["torus"]
+    first, again, other = (body.place_receptors(surface, 30, seed) for seed in (1, 1, 2))
+    assert first.tobytes() == again.tobytes()
+    assert first.tobytes() != other.tobytes()
+
+
+@pytest.mark.parametrize("num_receptors", [19, 201])
+def test_too_few_or_too_many_receptors_are_refused(num_receptors):
+    with pytest.raises(ValueError, match="num_receptors") as caught:
+        body.place_receptors(STANDARD_BODIES["cube"], num_receptors, seed=0)
+    assert str(caught.value) == f"skin.num_receptors is {num_receptors}; give 20 to 200"
+
+
+def test_paths_on_a_sphere_are_great_circles():
+    surface = body.sphere(0.25, resolution=0.01)
+    distance = dijkstra(surface_paths(surface), indices=0)
+    cosine = surface.vertices @ surface.vertices[0] / 0.25**2
+    exact = 0.25 * np.arccos(np.clip(cosine, -1, 1))
+    np.testing.assert_allclose(distance, exact, rtol=0.02, atol=1e-4)
+
+
+def test_paths_on_a_cube_run_over_its_edges():
+    surface = body.cube(0.44, resolution=0.01)
+    start = np.argmin(np.linalg.norm(surface.vertices - (0.18, 0, 0.22), axis=1))
+    distance = dijkstra(surface_paths(surface), indices=start)
+    x, y, z = surface.vertices.T
+    # Unfold the side x = 0.22 about its upper edge; far from the other edges that is the shortest.
+    side = np.isclose(x, 0.22) & (np.abs(y) < 0.15) & (z > 0)
+    exact = np.hypot(0.22 - 0.18 + 0.22 - z, y)[side]
+    assert (distance[side] >= exact - 1e-12).all()
+    assert (distance[side] <= 1.03 * exact).all()
+
+
+def test_a_touch_is_felt_by_the_nearest_receptors_at_their_place():
+    for surface in STANDARD_BODIES.values():
+        fields = body.receptive_fields(surface, body.place_receptors(surface, 50, seed=3))
+        at_receptors = fields.weights_at(fields.p_BS).toarray()
+        np.testing.assert_array_equal(at_receptors.argmax(axis=1), np.arange(50))
+
+
+def test_opposite_walls_do_not_talk():
+    # A tube 0.18 m wide, 0.28 m half-way round: a field reaches round it no farther than its
+    # radius.
+    surface = STANDARD_BODIES["torus"]
+    fields = body.receptive_fields(surface, body.place_receptors(surface, 200, seed=0))
+    assert fields.radius < 0.12
+    top, bottom = fields.weights_at(np.array([[0.22, 0, 0.08], [0.22, 0, -0.08]])).toarray()
+    assert (top * bottom == 0).all()
+    # A slab with walls 0.1 m apart, and fields of more than 0.12 m.
+    slab = body.cylinder(0.25, 0.1, resolution=0.03)
+    fields = body.receptive_fields(slab, body.place_receptors(slab, 40, seed=0))
+    assert fields.radius > 0.12
+    top, bottom = fields.weights_at(np.array([[0, 0, 0.04], [0, 0, -0.04]])).toarray()
+    assert (top * bottom == 0).all()
+
+
+def test_weights_change_little_between_neighbouring_points():
+    for name, surface in STANDARD_BODIES.items():
+        fields = body.receptive_fields(surface, body.place_receptors(surface, 100, seed=0))
+        rng = np.random.default_rng(0)
+        faces = rng.integers(len(surface.faces), size=2000)
+        bary = rng.dirichlet(np.ones(3), 2000)
+        p_BQ = np.einsum("nk,nki->ni", bary, surface.triangles[faces])
+        step = 1e-3 * rng.standard_normal((2000, 3))
+        change = fields.weights_at(p_BQ + step) - fields.weights_at(p_BQ)
+        # All weights together turn over within a field, that is some 150 mm: 1 % a millimetre.
+        total = np.abs(change).sum(axis=1)
+        assert np.mean(total) < 0.06, name
+        assert total.max() < 0.4, name
+
+
+def test_a_point_in_the_wall_beside_an_edge_belongs_to_its_nearest_face():
+    surface = STANDARD_BODIES["cube"]
+    fields = body.receptive_fields(surface, body.place_receptors(surface, 100, seed=0))
+    below_top = fields.weights_at(np.array([[0.19, 0.01, 0.21]]))
+    on_top = fields.weights_at(np.array([[0.19, 0.01, 0.22]]))
+    assert np.abs(below_top - on_top).sum() < 0.1

@@ -1,0 +1,147 @@
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from selftouch_drake.acting import timing
+
+from selftouch_drake.agent.planning import smooth_path
+from selftouch_drake.robot.limits import speed_shares
+from selftouch_drake.robot.timing import quintic_time_scaling, time_path, to_drake
+
+VELOCITY = np.array([1.0, 1.5, 2.0])
+ACCELERATION = np.array([4.0, 5.0, 6.0])
+
+
+def random_path(seed, num_waypoints, step):
+    rng = np.random.default_rng(seed)
+    return smooth_path(np.cumsum(step * rng.normal(size=(num_waypoints, 3)), axis=0))
+
+
+def timed(path, **options):
+    limits = {"velocity_limit": VELOCITY, "acceleration_limit": ACCELERATION}
+    return time_path(path, **limits | options)
+
+
+def assert_commands_within_limits(motion):
+    shares = speed_shares(motion.time_s, motion.q, motion.v, VELOCITY, ACCELERATION)
+    assert max(shares) <= 1.0
+
+
+def assert_within_limits(trajectory):
+    time_s = np.arange(0.0, trajectory.end_time(), 1e-3).tolist()
+    v = np.stack([trajectory.EvalDerivative(t, 1).ravel() for t in time_s])
+    a = np.stack([trajectory.EvalDerivative(t, 2).ravel() for t in time_s])
+    assert np.all(np.abs(v) <= VELOCITY * (1.0 + 1e-6))
+    assert np.all(np.abs(a) <= ACCELERATION * (1.0 + 1e-6))
+
+
+paths = st.builds(
+    random_path, st.integers(0, 10**6), st.integers(2, 10), st.sampled_from([0.003, 0.05, 0.5])
+)
+
+
+@settings(max_examples=15, deadline=None)
+@given(paths)
+def test_a_timed_path_goes_from_rest_to_rest_within_its_limits(path):
+    motion = timed(path)
+    assert_within_limits(motion.trajectory)
+    assert_commands_within_limits(motion)
+    assert np.all(np.diff(motion.time_s) > 0.0)
+    assert np.all(np.diff(motion.s) >= 0.0)
+    assert np.allclose(motion.v[[0, -1]], 0.0, atol=1e-6)
+    assert np.allclose(motion.q[0], path(path.t[0]), atol=1e-9)
+    assert np.allclose(motion.q[-1], path(path.t[-1]), atol=1e-6)
+    assert np.allclose(motion.q, path(motion.s), atol=1e-12)
+
+
+@settings(max_examples=15, deadline=None)
+@given(paths)
+def test_the_quintic_fallback_respects_the_limits_too(path):
+    progress = quintic_time_scaling(path, VELOCITY, ACCELERATION)
+    motion = timing.PathParameterizedTrajectory(to_drake(path), progress)
+    assert_within_limits(motion)
+    assert np.isclose(progress.value(0.0).item(), path.t[0])
+    assert np.isclose(progress.value(progress.end_time()).item(), path.t[-1])
+    for time_s in (0.0, progress.end_time()):
+        assert np.allclose(progress.EvalDerivative(time_s, 1), 0.0, atol=1e-9)
+
+
+def test_toppra_is_faster_than_the_fallback():
+    path = random_path(1, 10, 0.5)
+    fallback = quintic_time_scaling(path, VELOCITY, ACCELERATION)
+    assert timed(path).time_s[-1] < 0.8 * fallback.end_time()
+
+
+def test_the_fallback_takes_over_when_toppra_fails(monkeypatch):
+    monkeypatch.setattr(timing.Toppra, "SolvePathParameterization", lambda *_: None)
+    path = random_path(1, 6, 0.3)
+    motion = timed(path)
+    assert_within_limits(motion.trajectory)
+    expected_s = quintic_time_scaling(path, VELOCITY, ACCELERATION).end_time()
+    assert motion.time_s[-1] == pytest.approx(expected_s)
+
+
+def test_accelerations_are_eased():
+    trajectory = timed(random_path(1, 10, 0.5)).trajectory
+    time_s = np.arange(0.0, trajectory.end_time(), 1e-3)
+    a = np.stack([trajectory.EvalDerivative(t, 2).ravel() for t in time_s])
+    assert np.all(np.abs(a[0]) < 0.02 * ACCELERATION)
+    # Without easing Toppra's first acceleration comes within one of these steps.
+    assert np.abs(np.diff(a, axis=0) / ACCELERATION).max() < 0.1
+
+
+@pytest.mark.parametrize("name", ["velocity_limit", "acceleration_limit"])
+def test_limits_that_no_motion_can_live_with_are_refused(name):
+    with pytest.raises(ValueError, match=r"^the motion would take .* s, more than 600 s: raise"):
+        timed(random_path(1, 4, 0.5), **{name: np.full(3, 1e-7)})
+
+
+def test_the_samples_agree_with_the_trajectory():
+    motion = timed(random_path(3, 6, 0.4), rate_hz=250.0)
+    assert np.allclose(np.diff(motion.time_s)[:-1], 1.0 / 250.0)
+    assert motion.time_s[-1] == motion.trajectory.end_time()
+    for time_s, q, v in zip(motion.time_s, motion.q, motion.v, strict=True):
+        assert np.allclose(motion.trajectory.value(time_s).ravel(), q, atol=1e-9)
+        assert np.allclose(motion.trajectory.EvalDerivative(time_s, 1).ravel(), v, atol=1e-6)
+
+
+def test_the_drake_path_is_the_same_path():
+    path = random_path(4, 6, 0.4)
+    drake_path = to_drake(path)
+    for s in np.linspace(path.t[0], path.t[-1], 20):
+        assert np.allclose(drake_path.value(s).ravel(), path(s), atol=1e-12)
+
+
+def test_a_path_to_nowhere_rests():
+    q = np.array([0.1, 0.2, 0.3])
+    motion = timed(smooth_path(q[None]))
+    assert 0.0 < motion.time_s[-1] < 0.1
+    assert np.allclose(motion.q, q)
+    assert np.allclose(motion.v, 0.0)
+    assert np.allclose(motion.trajectory.value(0.0).ravel(), q)
+
+
+def test_the_same_path_is_timed_the_same():
+    path = random_path(5, 6, 0.4)
+    assert np.array_equal(timed(path).q, timed(path).q)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (
+            {"velocity_limit": np.ones(2)},
+            "velocity_limit has shape (2,): the path needs (3,), one limit a joint",
+        ),
+        (
+            {"acceleration_limit": np.array([1.0, 0.0, 1.0])},
+            "acceleration_limit is [1.0, 0.0, 1.0]: give a positive limit for each joint",
+        ),
+        ({"rate_hz": 0.0}, "rate_hz is 0.0: choose a positive rate"),
+    ],
+)
+def test_errors_say_what_to_do(options, message):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
+        timed(random_path(0, 3, 0.3), **options)

@@ -1,0 +1,225 @@
+import os
+
+import pytest
+
+from selftouch_drake.experiment import ExperimentError, load_experiment
+from selftouch_drake.run.directory import RUN_FORMAT, RunDirectory, RunError
+
+
+@pytest.fixture
+def run(tmp_path):
+    return RunDirectory.create(tmp_path / "run", load_experiment("cube"))
+
+
+def _content(folder):
+    return {p.relative_to(folder): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+def test_a_new_run_holds_its_resolved_experiment(run):
+    assert list(_content(run.path)) == [(run.path / "experiment.yaml").relative_to(run.path)]
+    text = (run.path / "experiment.yaml").read_text()
+    assert text.startswith(f"# A run of selftouch_drake, format {RUN_FORMAT}\n")
+    assert "hydroelastic_modulus: 30000.0" in text
+    opened = RunDirectory.open(run.path)
+    assert opened == run
+    assert opened.experiment == load_experiment("cube")
+
+
+def test_folders_above_a_run_are_made(tmp_path):
+    RunDirectory.create(tmp_path / "a" / "b" / "run", load_experiment("cube"))
+    assert RunDirectory.open(tmp_path / "a" / "b" / "run").metrics() == {}
+
+
+def test_an_empty_folder_becomes_a_run(tmp_path):
+    RunDirectory.create(tmp_path, load_experiment("cube"))
+    assert RunDirectory.open(tmp_path).experiment.name == "cube"
+
+
+def test_the_same_experiment_resumes_its_run(run):
+    run.add_metrics({"babbling_num_samples": 5})
+    before = _content(run.path)
+    resumed = RunDirectory.create(run.path, load_experiment("cube"))
+    assert resumed.metrics() == {"babbling_num_samples": 5}
+    assert _content(run.path) == before
+
+
+@pytest.mark.parametrize(
+    ("overrides", "difference"),
+    [
+        ({"seed": 1}, "seed 0, not 1"),
+        ({"skin": {"num_receptors": 50}}, "skin.num_receptors 100, not 50"),
+        ({"body": {"side": 0.4}}, "body.side 0.44, not 0.4"),
+        ({"end_effector": "two_fingers"}, "end_effector 'one_finger', not 'two_fingers'"),
+    ],
+)
+def test_another_experiment_is_refused_by_the_field_that_differs(run, overrides, difference):
+    before = _content(run.path)
+    with pytest.raises(RunError) as error:
+        RunDirectory.create(run.path, load_experiment("cube", overrides))
+    assert str(error.value) == f"{run.path} was begun with {difference}; choose another --out"
+    assert _content(run.path) == before
+
+
+def test_another_shape_is_refused(run):
+    with pytest.raises(RunError, match="was begun with name 'cube', not 'torus'; choose another"):
+        RunDirectory.create(run.path, load_experiment("torus"))
+
+
+def test_a_run_of_another_version_is_refused(run):
+    file = run.path / "experiment.yaml"
+    lines = file.read_text().splitlines(keepends=True)
+    file.write_text("".join(["# A run of selftouch_drake, format 999\n", *lines[1:]]))
+    expected = (
+        f"{run.path} was made by another version (format 999, this is {RUN_FORMAT}); "
+        "run the experiment again with another --out"
+    )
+    for attempt in (
+        lambda: RunDirectory.open(run.path),
+        lambda: RunDirectory.create(run.path, load_experiment("cube")),
+    ):
+        with pytest.raises(RunError) as error:
+            attempt()
+        assert str(error.value) == expected
+
+
+@pytest.mark.parametrize("content", [b"", b"name: cube\n", b"\xff\xfe\x00", b"# A run of another"])
+def test_an_experiment_that_is_not_of_a_run_is_refused(tmp_path, content):
+    file = tmp_path / "experiment.yaml"
+    file.write_bytes(content)
+    with pytest.raises(RunError) as error:
+        RunDirectory.create(tmp_path, load_experiment("cube"))
+    assert str(error.value) == f"{file} is not the experiment of a run; choose another directory"
+    assert file.read_bytes() == content
+
+
+@pytest.mark.parametrize("damage", ["seed: [\n", "sed: 3\n", "body: 3\n"])
+def test_a_run_whose_experiment_is_damaged_is_refused(run, damage):
+    file = run.path / "experiment.yaml"
+    file.write_text(file.read_text() + damage)
+    with pytest.raises(ExperimentError):
+        RunDirectory.open(run.path)
+
+
+def test_a_folder_that_is_not_a_run_is_refused_and_kept(tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    with pytest.raises(RunError) as error:
+        RunDirectory.open(tmp_path)
+    assert str(error.value) == (
+        f"{tmp_path} is not a run: it has no experiment.yaml; make one with `selftouch run`"
+    )
+    with pytest.raises(RunError) as error:
+        RunDirectory.create(tmp_path, load_experiment("cube"))
+    assert str(error.value) == f"{tmp_path} is not a run and not empty; choose another --out"
+    assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_a_start_that_was_killed_can_be_made_again(tmp_path):
+    experiment = load_experiment("cube")
+    orphan = tmp_path / ".experiment.yaml.4711.part"
+    orphan.write_text("name: cu")
+    with RunDirectory.create(tmp_path, experiment).writing():
+        assert not orphan.exists()
+    assert RunDirectory.open(tmp_path).experiment == experiment
+
+
+def test_a_file_is_not_a_run(tmp_path):
+    file = tmp_path / "file"
+    file.write_text("something")
+    with pytest.raises(RunError, match=r"is not a run: it has no experiment\.yaml"):
+        RunDirectory.open(file)
+    with pytest.raises(RunError, match="is not a run and not empty; choose another --out"):
+        RunDirectory.create(file, load_experiment("cube"))
+    assert file.read_text() == "something"
+
+
+def test_a_path_that_is_not_there_is_not_a_run(tmp_path):
+    with pytest.raises(RunError, match=r"is not a run: it has no experiment\.yaml"):
+        RunDirectory.open(tmp_path / "nothing")
+
+
+def test_figures_are_added_replaced_and_dropped(run):
+    assert run.metrics() == {}
+    run.add_metrics({"babbling_num_samples": 5, "topology_betti": [1, 0, 1]})
+    run.add_metrics({"babbling_num_samples": 6, "shape_rms_fraction": 0.0123456789012345})
+    assert run.metrics() == {
+        "babbling_num_samples": 6,
+        "topology_betti": [1, 0, 1],
+        "shape_rms_fraction": 0.0123456789012345,
+    }
+    run.drop_metrics("topology", "shape")
+    assert run.metrics() == {"babbling_num_samples": 6}
+
+
+@pytest.mark.parametrize("content", [b"", b'{"a": 1', b"[1, 2]", b"\xff\xfe", b"[" * 100_000])
+def test_damaged_figures_are_told_and_kept(run, content):
+    file = run.path / "metrics.json"
+    file.write_bytes(content)
+    for attempt in (run.metrics, lambda: run.add_metrics({"a": 1}), lambda: run.drop_metrics("a")):
+        with pytest.raises(RunError) as error:
+            attempt()
+        assert str(error.value) == f"{file} is damaged; delete it and evaluate again"
+    assert file.read_bytes() == content
+
+
+def test_the_fingerprint_is_of_what_decides_the_experience(run, tmp_path):
+    def fingerprint(**overrides):
+        experiment = load_experiment("cube", overrides)
+        return RunDirectory(tmp_path, experiment).fingerprint()
+
+    same = [
+        {},
+        {"name": "another"},
+        {"representation": {"num_targets": 100}},
+        {"evaluation": {"num_pairs": 3}},
+        {"planning": {"knot_spacing": 0.2}},
+        {"joints": {"offset": 0.01}},
+    ]
+    other = [
+        {"seed": 1},
+        {"body": {"side": 0.4}},
+        {"skin": {"num_receptors": 50}},
+        {"skin": {"unevenness": 0.5}},
+        {"skin": {"field_width": 1.5}},
+        {"skin": {"imperfections": {"dead": 0.05}}},
+        {"joints": {"noise": 0.01}},
+        {"end_effector": "two_fingers"},
+        {"babbling": {"step_size": 0.1}},
+    ]
+    assert {fingerprint(**overrides) for overrides in same} == {run.fingerprint()}
+    prints = {fingerprint(**overrides) for overrides in other}
+    assert len(prints) == len(other)
+    assert run.fingerprint() not in prints
+    # Experience from before skins could be imperfect is still experience.
+    assert run.fingerprint() == "95ccd79891a8221a"
+    stiff = {"execution": {"stiffness": 1000.0}}
+    assert fingerprint(**stiff) == fingerprint()
+    dynamic = {"babbling": {"mode": "dynamic"}}
+    assert fingerprint(**stiff, **dynamic) != fingerprint(**dynamic)
+    of_plans = {"max_tries": 3, "max_velocity": 0.5, "max_acceleration": 2.0}
+    assert fingerprint(execution=of_plans, **dynamic) == fingerprint(**dynamic)
+
+
+def test_the_fingerprint_of_a_mesh_is_that_of_its_content(tmp_path):
+    def fingerprint(path, content):
+        path.write_text(content)
+        mesh = {"side": None, "shape": "mesh", "mesh": str(path)}
+        return RunDirectory(tmp_path, load_experiment("cube", {"body": mesh})).fingerprint()
+
+    one = fingerprint(tmp_path / "one.obj", "a mesh")
+    assert fingerprint(tmp_path / "moved.obj", "a mesh") == one
+    assert fingerprint(tmp_path / "one.obj", "another mesh") != one
+
+
+def test_paths_are_those_of_the_contract(run):
+    names = [run.experience, run.truth, run.skin, run.representation, run.plan(3, 12)]
+    names += [run.figures, run.playback, run.report]
+    assert [str(p.relative_to(run.path)).replace(os.sep, "/") for p in names] == [
+        "experience",
+        "truth",
+        "skin.npz",
+        "representation.npz",
+        "plans/3-12.npz",
+        "figures",
+        "playback.html",
+        "report.html",
+    ]
