@@ -1,6 +1,8 @@
 """The body: a closed surface, the hollow skin inside it, and the receptors spread over it."""
 
-from selftouch_drake.geometry.build import ARM_REACH, FINGERTIP_RADIUS, P_B_SHOULDER, build_body
+from selftouch_drake.geometry.farthest import farthest_points
+from selftouch_drake.geometry.wall import wall_points
+def closed_surface(*a, **k): raise ValueError('not yet')
 from selftouch_drake.geometry.hollow import (
     HollowSkin,
     hollow_skin,
