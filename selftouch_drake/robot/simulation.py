@@ -143,7 +143,7 @@ class Simulation:
         self._begin(path, q[0] if jump else None)
 
     def babble(self, walk: Walk) -> None:
-        """Puts the robot at rest where a walk begins, and lets it walk, of a simulation that does."""
+        """Puts the robot at rest where a walk begins, and lets it walk."""
         if not isinstance(self._source, Babbler):
             raise TypeError("this simulation follows paths; make one with babbles=True")
         self._context.SetTime(0.0)
