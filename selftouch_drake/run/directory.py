@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,16 +46,8 @@ class RunDirectory:
     experiment: Experiment
 
     @staticmethod
-    def create(
-        path: Path, experiment: Experiment, announce: Callable[[str], None] | None = None
-    ) -> RunDirectory:
-        """Begins a run of `experiment`, or resumes one that was begun with the same experiment.
-
-        Args:
-            path: of the run.
-            experiment: what is run.
-            announce: called with one line if meshes of the robot were converted.
-        """
+    def create(path: Path, experiment: Experiment) -> RunDirectory:
+        """Begins a run of `experiment`, or resumes one that was begun with the same experiment."""
         if (path / "experiment.yaml").exists():
             run = RunDirectory.open(path)
             if difference := _first_difference(run.experiment, experiment):
@@ -69,7 +61,7 @@ class RunDirectory:
             path.is_dir() and all(_of_a_killed_start(found) for found in path.iterdir())
         ):
             raise RunError(f"{path} is not a run and not empty; choose another --out")
-        digests = model_digests(experiment, announce)
+        digests = model_digests(experiment)
         path.mkdir(parents=True, exist_ok=True)
         write_text_whole(path / _MODELS, json.dumps(digests, indent=2) + "\n")
         header = f"{_HEADER}{RUN_FORMAT}\n"
@@ -318,7 +310,10 @@ def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, An
 
     def all_of(experiment: Experiment) -> dict[str, Any]:
         # The order of skins is that of the readings in a sensation.
-        order = {"the order skins": [*experiment.skins], "the order touching": [*experiment.touching]}
+        order = {
+            "the order skins": [*experiment.skins],
+            "the order touching": [*experiment.touching],
+        }
         return leaves(yaml.safe_load(dump_experiment(experiment))) | order
 
     a, b = all_of(there), all_of(here)

@@ -19,6 +19,7 @@ from selftouch_drake.agent.rehearsal import Try, best
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.shape import recover
 from selftouch_drake.experience import ExperienceReader, collect, require_complete
+from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
@@ -50,14 +51,32 @@ def silent(fraction: float, doing: str) -> None:
     """Reports progress to nobody."""
 
 
+def build_world(experiment: Experiment) -> World:
+    """The world of an experiment, with its robot built.
+
+    Raises:
+        ExperimentError: Drake refuses it; the text is Drake's own.
+        ValueError: the experiment names what the robot does not have, or a skin cannot be made.
+    """
+    world = World(experiment)
+    try:
+        _ = world.robot
+    # Some of Drake's checks log what is wrong and then raise SystemExit.
+    except (RuntimeError, SystemExit) as error:
+        reason = " ".join(str(error).split())[:500]
+        raise ExperimentError(f"robot.directives gives what Drake refuses: {reason}") from error
+    return world
+
+
 def make_world(run: RunDirectory) -> World:
     """The world of a run.
 
     Raises:
         RunError: a model was edited since the run was begun.
+        ValueError: as `build_world`.
     """
     run.require_models()
-    return World(run.experiment)
+    return build_world(run.experiment)
 
 
 def babble(
@@ -250,9 +269,7 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     return pilot.agent.judge(execution)
 
 
-def rehearse(
-    run: RunDirectory, world: World, start: int, goal: int, max_tries: int
-) -> list[Try]:
+def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: int) -> list[Try]:
     """Plans and executes until contact is never lost, and remembers for every later plan.
 
     Returns:

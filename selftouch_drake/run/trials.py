@@ -204,7 +204,8 @@ class _Balls:
         """s, for how long an execution was off every skin where touch was expected."""
         motion, robot = execution.motion, world.robot
         p_LT = in_link_frames(
-            robot.toucher_positions(execution.q_measured), robot.skin_positions(execution.q_measured)
+            robot.toucher_positions(execution.q_measured),
+            robot.skin_positions(execution.q_measured),
         )
         off = off_skin(p_LT, self.radius, self.walls) & motion.touching
         return float(np.sum(off[:-1] * np.diff(motion.time_s)))
@@ -226,4 +227,4 @@ def _tip_jerk(world: World, motion: Motion, s: np.ndarray, q: np.ndarray) -> flo
     def to_space(q: np.ndarray) -> np.ndarray:
         return world.robot.toucher_positions(q).reshape(len(q), -1)
 
-    return spatial_jerk_reduction(s, to_space(q), motion.waypoints_q, to_space)
+    return spatial_jerk_reduction(s, to_space(q), motion.waypoints_q, motion.waypoint_s, to_space)
