@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +22,6 @@ from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.robot.kinematics import moving_joints
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.touchers import PREFIX
 
 # m; joints nearer to each other than this turn at one place.
 _ONE_PLACE = 0.01
@@ -154,58 +153,76 @@ def touching_pairs(
 def _require_partners(
     pairs: Sequence[tuple[int, int]], touchers: Sequence[Toucher], worn: Sequence[WornSkin]
 ) -> None:
+    # A skin that presses another one feels it, too.
+    feeling = {s for _, s in pairs} | {
+        s
+        for s, skin in enumerate(worn)
+        for t, _ in pairs
+        if skin.geometry_id in touchers[t].geometry_ids
+    }
     for s, skin in enumerate(worn):
-        if not any(pair[1] == s for pair in pairs):
+        if s not in feeling:
             raise ExperimentError(
                 f"skins.{skin.model.name} can never feel: all that touches is on its own link or "
                 "on one next to it; add something to touching"
             )
+    touching = {t for t, _ in pairs}
     for t, toucher in enumerate(touchers):
-        if not any(pair[0] == t for pair in pairs):
+        if t not in touching:
             raise ExperimentError(
                 f"touching.{toucher.name} can never touch: every skin is on its own link or on one "
                 "next to it; leave it out, or add a skin"
             )
 
 
+def own_geometries(
+    plant: MultibodyPlant, scene_graph: SceneGraph
+) -> dict[BodyIndex, tuple[GeometryId, ...]]:
+    """The collision geometries of each link that has any, before skins and touchers are added."""
+    inspector = scene_graph.model_inspector()
+    found = {
+        link.index(): tuple(link_geometries(plant, inspector, link, Role.kProximity))
+        for link in all_links(plant)
+    }
+    return {index: geometries for index, geometries in found.items() if geometries}
+
+
 def rigid_pairs(
     plant: MultibodyPlant,
-    scene_graph: SceneGraph,
+    own: Mapping[BodyIndex, tuple[GeometryId, ...]],
     experiment: Experiment,
     worn: Sequence[WornSkin],
 ) -> Iterator[RigidPair]:
     """Pairs of links with collision geometry of their own that are no neighbours.
 
     A skin that lies on its link's own geometry makes the outer layer of that geometry soft.
+
+    Args:
+        plant: finalized.
+        own: of `own_geometries`.
+        experiment: gives the depth that is allowed.
+        worn: the skins.
     """
     neighbours = Neighbours(plant)
-    inspector = scene_graph.model_inspector()
-    added = {skin.geometry_id for skin in worn}
-    geometries, soft = {}, {}
-    for link in all_links(plant):
-        index = int(link.index())
-        own = [
-            g
-            for g in link_geometries(plant, inspector, link, Role.kProximity)
-            if g not in added and not inspector.GetName(g).split("::")[-1].startswith(PREFIX)
-        ]
-        if own:
-            geometries[index] = (link, tuple(own))
-        soft[index] = max(
-            (
-                skin.model.wall.thickness
-                for skin in worn
-                if int(skin.link.index()) == index and skin.model.is_own_geometry
-            ),
-            default=0.0,
-        )
-    for (a, (link_a, own_a)), (b, (link_b, own_b)) in itertools.combinations(geometries.items(), 2):
-        if not neighbours.are_neighbours(link_a, link_b):
+    for a, b in itertools.combinations(own, 2):
+        links = plant.get_body(a), plant.get_body(b)
+        if not neighbours.are_neighbours(*links):
             yield RigidPair(
-                links=(link_a, link_b),
-                geometry_ids=(own_a, own_b),
-                allowed_depth=experiment.robot.collision_depth + soft[a] + soft[b],
+                links=links,
+                geometry_ids=(own[a], own[b]),
+                allowed_depth=experiment.robot.collision_depth
+                + sum(_softness(link, worn) for link in links),
             )
+
+
+def _softness(link: RigidBody, worn: Sequence[WornSkin]) -> float:
+    """m, how deep a link's own geometry is soft."""
+    thickness = (
+        skin.model.wall.thickness
+        for skin in worn
+        if skin.link.index() == link.index() and skin.model.is_own_geometry
+    )
+    return max(thickness, default=0.0)
 
 
 def leave_to_collide(
