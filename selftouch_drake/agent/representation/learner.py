@@ -36,6 +36,7 @@ from selftouch_drake.agent.representation.set_distances import (
 from selftouch_drake.agent.representation.touches import (
     by_chance,
     kernel_parts,
+    nearby,
     overlapping,
     set_aside,
 )
@@ -153,6 +154,7 @@ class QuotientLearner(BaseEstimator):
         sample = some.sample().columns
         overlap = overlapping(sample["sensation"])
         chance = by_chance(sample["sensation"], overlap)
+        overlap = nearby(sample["sensation"], overlap)
         kept = ~set_aside(sample["sensation"], overlap, chance)
         if not kept.any():
             raise ValueError(
