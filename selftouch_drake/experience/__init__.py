@@ -4,13 +4,16 @@ from selftouch_drake.experience.collect import (
     NeverTouchesError,
     collect,
     collect_walk,
+    random_walk,
     require_complete,
     walk_sizes,
 )
 from selftouch_drake.experience.store import (
+    Contacts,
     ExperienceReader,
     Shard,
     StoreError,
+    WalkCounts,
     read_num_steps,
     shard_name,
     write_shard,
@@ -18,13 +21,16 @@ from selftouch_drake.experience.store import (
 from selftouch_drake.experience.walk import RandomWalk
 
 __all__ = [
+    "Contacts",
     "ExperienceReader",
     "NeverTouchesError",
     "RandomWalk",
     "Shard",
     "StoreError",
+    "WalkCounts",
     "collect",
     "collect_walk",
+    "random_walk",
     "read_num_steps",
     "require_complete",
     "shard_name",

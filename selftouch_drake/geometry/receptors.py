@@ -7,13 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse
 import trimesh
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-FEWEST_RECEPTORS, MOST_RECEPTORS = 20, 200
+from selftouch_drake.geometry.farthest import farthest_points
+from selftouch_drake.geometry.geodesics import surface_paths
+
+FEWEST_RECEPTORS, MOST_RECEPTORS = 4, 1000
 
 # Every point of the skin is felt by at least so many receptors.
 OVERLAP = 3
@@ -21,13 +23,10 @@ OVERLAP = 3
 # The field reaches beyond the worst point's third receptor, so that this one does feel it.
 FIELD_MARGIN = 1.15
 
-# Edge length at which fields are sampled: a sixth or less of the distance between receptors.
+# m, edge length at which fields are sampled, and edges between neighbouring receptors: where
+# receptors are dense, the edges are shorter than that.
 FIELD_RESOLUTION = 0.012
-
-# Sine of the angle at which a chord between two vertices may leave their tangent planes and still
-# stand for the path on the surface: a smooth bend costs 1 % of length there, a sharp edge is
-# never cut.
-CHORD_SLOPE = 0.25
+EDGES_BETWEEN_RECEPTORS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,14 +37,14 @@ class ReceptiveFields:
     by them over the receptors is conserved.
 
     Attributes:
-        p_BS: `(S, 3)` m, receptors in the body's frame.
+        p_LS: `(S, 3)` m, receptors in the link's frame L.
         vertices: `(V, 3)` m, of the surface on which the fields are sampled.
         faces: `(F, 3)` indices into `vertices`.
         vertex_weights: `(V, S)` sparse rows, the share of each receptor at each vertex.
         radius: m, distance along the surface at which a field ends.
     """
 
-    p_BS: np.ndarray
+    p_LS: np.ndarray
     vertices: np.ndarray
     faces: np.ndarray
     vertex_weights: csr_matrix
@@ -54,28 +53,28 @@ class ReceptiveFields:
     @property
     def num_receptors(self) -> int:
         """S, the length of a sensation."""
-        return len(self.p_BS)
+        return len(self.p_LS)
 
-    def weights_at(self, p_BQ: np.ndarray) -> csr_matrix:
+    def weights_at(self, p_LQ: np.ndarray) -> csr_matrix:
         """Returns `(N, S)` sparse rows: the share of each receptor in what is felt at each point.
 
         A point in the wall of the skin is felt where it is nearest to the surface.
 
         Args:
-            p_BQ: `(N, 3)` m, points in the skin, in the body's frame.
+            p_LQ: `(N, 3)` m, points in the skin, in the link's frame L.
         """
-        return self.interpolation_at(p_BQ) @ self.vertex_weights
+        return self.interpolation_at(p_LQ) @ self.vertex_weights
 
-    def interpolation_at(self, p_BQ: np.ndarray) -> csr_matrix:
+    def interpolation_at(self, p_LQ: np.ndarray) -> csr_matrix:
         """Returns `(N, V)` sparse rows: barycentric weights of the nearest triangle's vertices.
 
         Args:
-            p_BQ: `(N, 3)` m, points in the skin, in the body's frame.
+            p_LQ: `(N, 3)` m, points in the skin, in the link's frame L.
         """
-        p_BQ = np.asarray(p_BQ, dtype=float)
-        num_points = len(p_BQ)
-        _, face = self._centroids.query(p_BQ)
-        barycentric = np.einsum("nij,nj->ni", self._gradients[face], p_BQ)
+        p_LQ = np.asarray(p_LQ, dtype=float)
+        num_points = len(p_LQ)
+        _, face = self._centroids.query(p_LQ)
+        barycentric = np.einsum("nij,nj->ni", self._gradients[face], p_LQ)
         barycentric += self._offsets[face]
         np.maximum(barycentric, 0, out=barycentric)
         barycentric /= barycentric.sum(axis=1, keepdims=True)
@@ -111,72 +110,79 @@ def place_receptors(
 ) -> np.ndarray:
     """Spreads receptors evenly: each sits at the vertex farthest, on the surface, from all before.
 
-    An uneven layout takes distances for shorter the farther they lie to one side of the body.
+    An uneven layout takes distances for shorter the farther they lie to one side of the surface.
 
     Args:
-        surface: Closed outer surface in the body's frame, m.
-        num_receptors: 20 to 200.
+        surface: Closed outer surface in the link's frame L, m.
+        num_receptors: 4 to 1000.
         seed: Chooses the first vertex, and the side where receptors are few.
         unevenness: 0 to below 1; at u they are 1 / (1 - u) times as far apart there as on the
             other side.
 
     Returns:
-        `p_BS`: `(num_receptors, 3)` m, in the body's frame.
+        `p_LS`: `(num_receptors, 3)` m, in the link's frame L.
 
     Raises:
         ValueError: If `num_receptors` is out of range, or more than the surface has vertices.
     """
     if not FEWEST_RECEPTORS <= num_receptors <= MOST_RECEPTORS:
         raise ValueError(
-            f"skin.num_receptors is {num_receptors}; give {FEWEST_RECEPTORS} to {MOST_RECEPTORS}"
+            f"num_receptors is {num_receptors}; give {FEWEST_RECEPTORS} to {MOST_RECEPTORS}"
         )
-    surface = _refined(surface)
+    surface = _refined(surface, num_receptors)
     paths = surface_paths(surface)
-    vertex = np.random.default_rng(seed).integers(len(surface.vertices))
-    distance = np.full(len(surface.vertices), np.inf)
-    crowding = _crowding(surface.vertices, unevenness, seed)
-    receptors = []
-    for _ in range(num_receptors):
-        receptors.append(vertex)
-        nearer = dijkstra(paths, indices=vertex, limit=distance.max())
-        distance = np.minimum(distance, nearer)
-        vertex = (crowding * distance).argmax()
+    nearest = np.full(len(surface.vertices), np.inf)
+
+    def distance_from(vertex: int) -> np.ndarray:
+        # Distances beyond the largest one left shorten none: the search ends there.
+        found = dijkstra(paths, indices=vertex, limit=nearest.max())
+        return np.minimum(nearest, found, out=nearest)
+
+    receptors = farthest_points(
+        distance_from,
+        num_receptors,
+        first=int(np.random.default_rng(seed).integers(len(surface.vertices))),
+        weight=_crowding(surface.vertices, unevenness, seed),
+    )
     return surface.vertices[receptors]
 
 
 def _crowding(vertices: np.ndarray, unevenness: float, seed: int) -> np.ndarray:
-    """`(V,)` 1 on one side of the body, falling to `1 - unevenness` on the other."""
+    """`(V,)` 1 on one side of the surface, falling to `1 - unevenness` on the other."""
     side = np.random.default_rng([seed, 1]).standard_normal(3)
     along = vertices @ side
     return 1 - unevenness * (along - along.min()) / np.ptp(along)
 
 
 def receptive_fields(
-    surface: trimesh.Trimesh, p_BS: np.ndarray, *, width: float = 1.0
+    surface: trimesh.Trimesh, p_LS: np.ndarray, *, width: float = 1.0
 ) -> ReceptiveFields:
     """Gives each receptor a smooth round field, wide enough for three to overlap everywhere.
 
     A receptor is felt from the vertex of the surface that is nearest to it.
 
     Args:
-        surface: Closed outer surface in the body's frame, m.
-        p_BS: `(S, 3)` m, receptors on the surface.
+        surface: Closed outer surface in the link's frame L, m.
+        p_LS: `(S, 3)` m, receptors on the surface.
         width: Radius of the fields, as a multiple of that least one.
     """
-    surface = _refined(surface)
-    _, nearest = cKDTree(surface.vertices).query(p_BS)
+    surface = _refined(surface, len(p_LS))
+    _, nearest = cKDTree(surface.vertices).query(p_LS)
     paths = surface_paths(surface)
-    reach = 3 * math.sqrt(surface.area / len(p_BS))
+    reach = 3 * math.sqrt(surface.area / len(p_LS))
     distance = dijkstra(paths, indices=nearest, limit=reach)
     farthest = np.partition(distance, OVERLAP - 1, axis=0)[OVERLAP - 1].max()
     if width * FIELD_MARGIN * farthest > reach:
         distance = dijkstra(paths, indices=nearest)
         farthest = np.partition(distance, OVERLAP - 1, axis=0)[OVERLAP - 1].max()
     radius = width * FIELD_MARGIN * farthest
-    bump = np.square(np.maximum(1 - np.square(distance / radius), 0)).T
-    vertex_weights = csr_matrix(bump / bump.sum(axis=1, keepdims=True))
+    # In place: of a thousand receptors one such table holds a few hundred megabytes.
+    bump = np.square(np.divide(distance, radius, out=distance), out=distance)
+    np.square(np.maximum(np.subtract(1, bump, out=bump), 0, out=bump), out=bump)
+    vertex_weights = csr_matrix(bump.T)
+    vertex_weights.data /= np.repeat(bump.T.sum(axis=1), np.diff(vertex_weights.indptr))
     return ReceptiveFields(
-        p_BS=surface.vertices[nearest],
+        p_LS=surface.vertices[nearest],
         vertices=np.array(surface.vertices),
         faces=np.array(surface.faces, dtype=np.int32),
         vertex_weights=vertex_weights,
@@ -184,36 +190,10 @@ def receptive_fields(
     )
 
 
-def surface_paths(surface: trimesh.Trimesh) -> csr_matrix:
-    """Returns `(V, V)` m, a graph whose shortest paths run along the surface.
-
-    Vertices up to three edges apart are joined by straight lines, in so many directions that a
-    path is 1 or 2 % too long; but only where a straight line stays on the surface.
-    """
-    num_vertices = len(surface.vertices)
-    ends = np.concatenate([surface.edges_unique, surface.edges_unique[:, ::-1]]).T
-    edges = csr_matrix((np.ones(ends.shape[1]), tuple(ends)), shape=(num_vertices, num_vertices))
-    rings = edges + edges @ edges + edges @ edges @ edges
-    i, j = scipy.sparse.triu(rings, k=1).nonzero()
-    chord = surface.vertices[j] - surface.vertices[i]
-    length = np.linalg.norm(chord, axis=1)
-    normals = surface.vertex_normals
-    slope = np.minimum(
-        np.abs(np.einsum("ni,ni->n", chord, normals[i])),
-        np.abs(np.einsum("ni,ni->n", chord, normals[j])),
-    )
-    on_surface = slope <= CHORD_SLOPE * length
-    is_edge = np.asarray(edges[i, j]).ravel() > 0
-    keep = on_surface | is_edge
-    i, j, length = i[keep], j[keep], length[keep]
-    shape = (num_vertices, num_vertices)
-    return csr_matrix(
-        (np.tile(length, 2), (np.concatenate([i, j]), np.concatenate([j, i]))), shape=shape
-    )
-
-
-def _refined(surface: trimesh.Trimesh) -> trimesh.Trimesh:
+def _refined(surface: trimesh.Trimesh, num_receptors: int) -> trimesh.Trimesh:
     """Returns the same surface in triangles fine enough for fields; the first vertices stay."""
+    spacing = math.sqrt(surface.area / num_receptors)
+    resolution = min(FIELD_RESOLUTION, spacing / EDGES_BETWEEN_RECEPTORS)
     mean_edge = surface.edges_unique_length.mean()
-    halvings = max(round(math.log2(mean_edge / FIELD_RESOLUTION)), 0)
+    halvings = max(round(math.log2(mean_edge / resolution)), 0)
     return surface.subdivide(iterations=halvings) if halvings else surface

@@ -1,8 +1,12 @@
-"""Closed outer surfaces of a body: evenly triangulated, watertight, centred on its origin."""
+"""Closed surfaces: evenly triangulated, watertight.
+
+Shapes are centred on the origin of their frame; a mesh file keeps its own.
+"""
 
 from __future__ import annotations
 
 import math
+import warnings
 from os import PathLike
 from pathlib import Path
 
@@ -10,13 +14,17 @@ import manifold3d
 import numpy as np
 import trimesh
 
+from selftouch_drake.geometry.closing import closed_surface
 from selftouch_drake.geometry.intersections import first_self_intersection
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl")
 
-# Ten times a standard body at 2 cm, and 300,000 tetrahedra. A mesh in millimetres asks for a
-# million times more, and would fill the memory before anybody could read why.
+# Ten times a torso at 2 cm, and 300,000 tetrahedra. A mesh in millimetres asks for a million times
+# more, and would fill the memory before anybody could read why.
 MAX_TRIANGLES = 50_000
+
+# A mesh with more than so many times the triangles that its resolution asks for is simplified.
+MOST_DETAIL = 4
 
 # m: beyond it, vertices are not told apart.
 _FARTHEST = 1e6
@@ -56,7 +64,7 @@ def torus(major_radius: float, minor_radius: float, *, resolution: float = 0.02)
     """Returns a torus about the z axis.
 
     Args:
-        major_radius: m, from the centre of the body to the centre of the tube.
+        major_radius: m, from the origin to the centre of the tube.
         minor_radius: m, of the tube; less than `major_radius`.
         resolution: m, edge length of the triangles, on average.
 
@@ -66,8 +74,8 @@ def torus(major_radius: float, minor_radius: float, *, resolution: float = 0.02)
     _require_lengths(major_radius=major_radius, minor_radius=minor_radius, resolution=resolution)
     if minor_radius >= major_radius:
         raise ValueError(
-            f"body.minor_radius is {minor_radius:g} m, which closes the hole of a torus with "
-            f"body.major_radius {major_radius:g} m; make it smaller"
+            f"surface.minor_radius is {minor_radius:g} m, which closes the hole of a torus with "
+            f"surface.major_radius {major_radius:g} m; make it smaller"
         )
     # Multiples of four keep the extreme points, and so the bounding box, exact.
     around, across = (
@@ -103,79 +111,168 @@ def cylinder(radius: float, height: float, *, resolution: float = 0.02) -> trime
     return _mesh(vertices, prism.faces)
 
 
-def mesh_file(path: str | PathLike[str], *, resolution: float = 0.02) -> trimesh.Trimesh:
-    """Reads a closed surface from a mesh file in metres, and splits its longer edges.
+def capsule(radius: float, length: float, *, resolution: float = 0.02) -> trimesh.Trimesh:
+    """Returns a capsule along z: a cylinder between two half spheres.
 
-    The body's origin is the centre of the bounding box. Triangles that all look inwards are
-    turned over.
+    Args:
+        radius: m, of the cylinder and of the half spheres.
+        length: m, between the centres of the half spheres.
+        resolution: m, edge length of the triangles, on average.
+
+    Raises:
+        ValueError: If a length is not positive, or the triangles are too many.
+    """
+    _require_lengths(radius=radius, length=length, resolution=resolution)
+    # A sphere of 20 n^2 equilateral triangles; with n even, its equator is a row of edges.
+    sphere_triangles = 4 * math.pi * radius**2 / _equilateral_area(resolution)
+    pieces = 2 * max(round(math.sqrt(sphere_triangles / 20) / 2), 1)
+    around = 5 * pieces
+    # Each row of equilateral triangles is turned by half an edge against the row below.
+    turn = math.pi / around
+    rows = max(round(length / (math.sqrt(3) * radius * turn)), 1)
+    _require_triangles(20 * pieces**2 + 2 * around * rows, resolution)
+    cap, cap_faces = _half_sphere(pieces)
+    angles = turn * (2 * np.arange(around) + np.arange(rows + 1)[:, None])
+    levels = np.linspace(-length / 2, length / 2, rows + 1)[:, None]
+    side = [radius * np.cos(angles), radius * np.sin(angles), np.broadcast_to(levels, angles.shape)]
+    i, j = np.arange(around), np.roll(np.arange(around), -1)
+    row = np.concatenate([[i, j, i + around], [j, j + around, i + around]], axis=1).T
+    side_faces = (row + around * np.arange(rows)[:, None, None]).reshape(-1, 3)
+    # The caps bring all their vertices but the equator, which comes first and is the side's rim.
+    last_turn = trimesh.transformations.rotation_matrix(rows * turn, (0, 0, 1))[:3, :3]
+    upper = radius * cap[around:] @ last_turn.T + (0, 0, length / 2)
+    lower = radius * cap[around:] * (1, 1, -1) - (0, 0, length / 2)
+    num_side = around * (rows + 1)
+    upper_faces = cap_faces + num_side - around
+    lower_faces = np.where(cap_faces < around, 0, num_side + len(upper) - around) + cap_faces
+    return _mesh(
+        np.concatenate([np.stack(side, axis=-1).reshape(-1, 3), upper, lower]),
+        np.concatenate([side_faces, upper_faces, lower_faces[:, ::-1]]),
+    )
+
+
+def _half_sphere(pieces: int) -> tuple[np.ndarray, np.ndarray]:
+    """Half a unit sphere above z = 0, its edges cut into an even number of `pieces`.
+
+    Returns:
+        `(V, 3)` vertices: first those of the equator, `5 pieces` at even angles from the x axis on;
+        and `(F, 3)` faces, outward.
+    """
+    angles = 2 * math.pi / 5 * (np.arange(10) % 5 + 0.5 * (np.arange(10) >= 5) - 0.25)
+    ring = 2 / math.sqrt(5) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    heights = np.repeat([1, -1], 5)[:, None] / math.sqrt(5)
+    vertices = np.concatenate([[(0, 0, 1)], np.hstack([ring, heights]), [(0, 0, -1)]])
+    k, n = np.arange(1, 6), np.roll(np.arange(1, 6), -1)
+    bands = [(0 * k, k, n), (k, k + 5, n), (k + 5, n + 5, n), (0 * k + 11, n + 5, k + 5)]
+    sphere = _split_edges(_mesh(vertices, np.concatenate(bands, axis=1).T), pieces=pieces)
+    directions = sphere.vertices / np.linalg.norm(sphere.vertices, axis=1, keepdims=True)
+    faces = sphere.faces[directions[sphere.faces, 2].mean(axis=1) > 0]
+    step = 2 * math.pi / (5 * pieces)
+    on_equator = np.flatnonzero(np.abs(directions[:, 2]) < 1e-9)
+    place = np.round(np.arctan2(*directions[on_equator, 1::-1].T) / step).astype(int)
+    on_equator = on_equator[np.argsort(place % (5 * pieces))]
+    # Cutting flat triangles leaves the equator's angles a little uneven.
+    even = step * np.arange(5 * pieces)
+    directions[on_equator] = np.stack([np.cos(even), np.sin(even), 0 * even], axis=1)
+    above = np.setdiff1d(np.unique(faces), on_equator)
+    order = np.concatenate([on_equator, above])
+    new = np.empty(len(directions), dtype=int)
+    new[order] = np.arange(len(order))
+    return directions[order], new[faces]
+
+
+class SimplifiedWarning(UserWarning):
+    """A mesh was finer than its resolution, and was simplified."""
+
+
+def mesh_file(
+    path: str | PathLike[str], *, resolution: float = 0.02, scale: float = 1.0
+) -> trimesh.Trimesh:
+    """Reads a closed surface from a mesh file and gives its triangles the size of `resolution`.
+
+    The mesh keeps its frame. Triangles that all look inwards are turned over. Longer edges are cut;
+    a dense scan is simplified, with a `SimplifiedWarning`.
 
     Args:
         path: An `.obj`, `.ply` or `.stl` file.
         resolution: m, to which longer edges are cut, into 0.7 to 1.4 times as much.
+        scale: m, length of one unit of the file: 0.001 if it is in millimetres.
 
     Raises:
         ValueError: If the file is missing, unreadable, empty, open, in several pieces, not
-            orientable, self-intersecting, too large to be in metres, or too dense.
+            orientable, self-intersecting, or too large to be in metres.
     """
-    _require_lengths(resolution=resolution)
+    _require_lengths(resolution=resolution, scale=scale)
     path = Path(path)
-    surface = _read(path)
+    surface = _read(path, scale)
     if not surface.is_watertight:
-        raise ValueError(f"body.mesh {path} is open; close its holes so that it is watertight")
+        raise ValueError(f"surface.mesh {path} is open; close its holes so that it is watertight")
     if surface.body_count != 1:
-        raise ValueError(f"body.mesh {path} has {surface.body_count} pieces; join them into one")
+        raise ValueError(f"surface.mesh {path} has {surface.body_count} pieces; join them into one")
     if not surface.is_winding_consistent:
         trimesh.repair.fix_winding(surface)
     if surface.volume < 0:
         surface.invert()
     if not (surface.is_winding_consistent and surface.volume > 0):
-        raise ValueError(f"body.mesh {path} has no inside; orient all its triangles outwards")
+        raise ValueError(f"surface.mesh {path} has no inside; orient all its triangles outwards")
     num_triangles = surface.area / _equilateral_area(resolution)
     if num_triangles > MAX_TRIANGLES:
         raise ValueError(
-            f"body.mesh {path} is {surface.extents.max():g} m across, which makes "
-            f"{num_triangles:.0f} triangles at {resolution:g} m; give it in metres"
+            f"surface.mesh {path} is {surface.extents.max():g} m across, which makes "
+            f"{num_triangles:.0f} triangles at {resolution:g} m; set surface.scale, or a coarser "
+            "surface.resolution"
         )
-    if len(surface.faces) > MAX_TRIANGLES:
-        raise ValueError(
-            f"body.mesh {path} has {len(surface.faces)} triangles, more than {MAX_TRIANGLES}; "
-            f"decimate it to about {num_triangles:.0f}"
+    if len(surface.faces) > MOST_DETAIL * num_triangles:
+        dense, surface = surface, closed_surface([surface], resolution=resolution)
+        warnings.warn(
+            f"surface.mesh {path} was simplified from {len(dense.faces)} to {len(surface.faces)} "
+            f"triangles, for edges of {resolution:g} m",
+            SimplifiedWarning,
+            stacklevel=2,
         )
-    surface.apply_translation(-surface.bounds.mean(axis=0))
-    manifold = _to_manifold(surface)
-    for _ in range(3):  # The first cut leaves longer edges inside large triangles.
-        manifold = manifold.refine_to_length(1.4 * resolution)
-    surface = _from_manifold(manifold)
+    else:
+        manifold = _to_manifold(surface)
+        for _ in range(3):  # The first cut leaves longer edges inside large triangles.
+            manifold = manifold.refine_to_length(1.4 * resolution)
+        surface = _from_manifold(manifold)
     crossing = first_self_intersection(surface.vertices, surface.faces)
     if crossing is not None:
         raise ValueError(
-            f"body.mesh {path} intersects itself near {_point(crossing)} m from its centre; "
+            f"surface.mesh {path} intersects itself near {_point(crossing)} m; "
             "repair it so that its surface never crosses itself"
         )
     return surface
 
 
-def _read(path: Path) -> trimesh.Trimesh:
+def _read(path: Path, scale: float) -> trimesh.Trimesh:
     if path.suffix.lower() not in MESH_SUFFIXES:
-        raise ValueError(f"body.mesh {path} is not one of {', '.join(MESH_SUFFIXES)}; convert it")
+        raise ValueError(
+            f"surface.mesh {path} is not one of {', '.join(MESH_SUFFIXES)}; convert it"
+        )
     if not path.is_file():
-        raise ValueError(f"body.mesh {path} does not exist; give the path of a mesh file")
+        raise ValueError(f"surface.mesh {path} does not exist; give the path of a mesh file")
     try:
         surface = trimesh.load_mesh(path, process=False)
     except Exception as error:  # Each of trimesh's readers fails in its own way.
-        raise ValueError(f"body.mesh {path} cannot be read ({error}); export it again") from error
+        raise ValueError(
+            f"surface.mesh {path} cannot be read ({error}); export it again"
+        ) from error
     if not isinstance(surface, trimesh.Trimesh) or surface.is_empty:
-        raise ValueError(f"body.mesh {path} has no triangles; export it again as triangles")
+        raise ValueError(f"surface.mesh {path} has no triangles; export it again as triangles")
     if not np.isfinite(surface.vertices).all():
-        raise ValueError(f"body.mesh {path} has vertices that are not finite; export it again")
+        raise ValueError(f"surface.mesh {path} has vertices that are not finite; export it again")
+    surface.vertices = surface.vertices * scale
     if (reach := np.abs(surface.vertices).max()) > _FARTHEST:
-        raise ValueError(f"body.mesh {path} reaches {reach:g} m from its origin; give it in metres")
+        raise ValueError(
+            f"surface.mesh {path} reaches {reach:g} m from its origin; give its unit as "
+            "surface.scale, in metres"
+        )
     if surface.faces.min() < 0 or surface.faces.max() >= len(surface.vertices):
-        raise ValueError(f"body.mesh {path} has triangles without corners; export it again")
+        raise ValueError(f"surface.mesh {path} has triangles without corners; export it again")
     try:
         return _clean(surface)
     except (ValueError, ArithmeticError, LookupError) as error:
-        raise ValueError(f"body.mesh {path} is no surface ({error}); export it again") from error
+        raise ValueError(f"surface.mesh {path} is no surface ({error}); export it again") from error
 
 
 def _clean(surface: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -218,13 +315,13 @@ def _equilateral_area(edge: float) -> float:
 def _require_lengths(**lengths: float | tuple[float, ...]) -> None:
     for name, value in lengths.items():
         if not all(math.isfinite(length) and length > 0 for length in np.atleast_1d(value)):
-            raise ValueError(f"body.{name} is {value}; give positive lengths in metres")
+            raise ValueError(f"surface.{name} is {value}; give positive lengths in metres")
 
 
 def _require_triangles(num_triangles: float, resolution: float) -> None:
     if num_triangles > MAX_TRIANGLES:
         raise ValueError(
-            f"body.resolution {resolution:g} m cuts this body into {num_triangles:.0f} triangles, "
+            f"surface.resolution {resolution:g} m cuts it into {num_triangles:.0f} triangles, "
             f"more than {MAX_TRIANGLES}; give a coarser resolution, and all lengths in metres"
         )
 

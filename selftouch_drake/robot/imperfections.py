@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,14 +10,44 @@ from scipy.special import ndtri
 
 from selftouch_drake.experiment import Experiment, Imperfections
 from selftouch_drake.geometry import ReceptiveFields
+from selftouch_drake.robot.skins import SkinModel
 
 # In standard deviations of the additive noise; see `Imperfections.threshold`.
 _SILENCE = 6.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Readings:
-    """What receptors read where a perfect skin feels something.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImperfectSkins:
+    """What the receptors of all skins read where perfect skins feel something.
+
+    Attributes:
+        skins: for each skin the columns of a sensation that are its own, and its imperfections.
+    """
+
+    skins: tuple[tuple[slice, ImperfectSkin], ...]
+
+    @staticmethod
+    def of(experiment: Experiment, skins: Sequence[SkinModel]) -> ImperfectSkins | None:
+        """The imperfections of the skins of `experiment`; None if all are perfect."""
+        ends = np.cumsum([0, *(skin.fields.num_receptors for skin in skins)]).tolist()
+        found = []
+        for number, skin in enumerate(skins):
+            imperfect = ImperfectSkin.of(experiment, number, skin)
+            if imperfect is not None:
+                found.append((slice(ends[number], ends[number + 1]), imperfect))
+        return ImperfectSkins(skins=tuple(found)) if found else None
+
+    def __call__(self, sensation: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """`(N, S)` N, what is read where perfect skins feel `sensation` at `q` `(N, J)`."""
+        read = np.array(sensation, dtype=float)
+        for columns, skin in self.skins:
+            read[:, columns] = skin(sensation[:, columns], q)
+        return read
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImperfectSkin:
+    """What the receptors of one skin read where a perfect skin feels something.
 
     Noise is a function of the seed and of the motor configuration, so that kinematic and dynamic
     worlds agree, in any order and after any crash.
@@ -34,24 +65,20 @@ class Readings:
     seed: int
 
     @staticmethod
-    def of(experiment: Experiment, fields: ReceptiveFields) -> Readings | None:
-        """The readings of the skin of `experiment`; None if the skin is perfect."""
-        flaws, num_receptors = experiment.skin.imperfections, fields.num_receptors
+    def of(experiment: Experiment, number: int, skin: SkinModel) -> ImperfectSkin | None:
+        """The imperfections of skin `number` of `experiment`; None if it is perfect."""
+        flaws = experiment.skins[skin.name].imperfections
+        fields, num_receptors = skin.fields, skin.fields.num_receptors
         if flaws == Imperfections():
             return None
-        chance = np.random.default_rng(experiment.random_stream("skin", 0))
+        # The first skin's stream is the one of the time when there was one skin.
+        which = (number,) if number else ()
+        chance = np.random.default_rng(experiment.random_stream("skin", 0, *which))
         alive = np.ones(num_receptors, dtype=bool)
         num_dead = round(flaws.dead * num_receptors)
         alive[chance.choice(num_receptors, num_dead, replace=False)] = False
-        overlap = (fields.vertex_weights.T @ fields.vertex_weights).toarray()
-        np.fill_diagonal(overlap, 0.0)
-        (seed,) = experiment.random_stream("skin", 1).generate_state(1, np.uint64)
-        return Readings(
-            flaws=flaws,
-            leak=overlap / overlap.sum(axis=1, keepdims=True),
-            alive=alive,
-            seed=int(seed),
-        )
+        (seed,) = experiment.random_stream("skin", 1, *which).generate_state(1, np.uint64)
+        return ImperfectSkin(flaws=flaws, leak=_leak(fields), alive=alive, seed=int(seed))
 
     @property
     def threshold(self) -> float:
@@ -64,7 +91,7 @@ class Readings:
 
         Args:
             sensation: `(N, S)` N.
-            q: `(N, J)` rad, the configurations in which it is felt.
+            q: `(N, J)` rad or m, the configurations in which it is felt.
 
         Returns:
             `(N, S)` N, not negative; rows of zeros where nothing is felt.
@@ -82,13 +109,19 @@ class Readings:
         if flaws.saturation is not None:
             np.minimum(read, flaws.saturation, out=read)
         if flaws.quantisation:
-            # Of steps too small for their number to be told, each reading is a multiple.
+            # If the quantisation step underflows, readings stay unquantised.
             with np.errstate(over="ignore"):
                 steps = read / flaws.quantisation
             read = np.where(np.isfinite(steps), flaws.quantisation * np.round(steps), read)
         read[(read < self.threshold) | (read < 0)] = 0.0
         read[:, ~self.alive] = 0.0
         return read
+
+
+def _leak(fields: ReceptiveFields) -> np.ndarray:
+    overlap = (fields.vertex_weights.T @ fields.vertex_weights).toarray()
+    np.fill_diagonal(overlap, 0.0)
+    return overlap / overlap.sum(axis=1, keepdims=True)
 
 
 def standard_noise(q: np.ndarray, width: int, *, seed: int) -> np.ndarray:

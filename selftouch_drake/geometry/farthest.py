@@ -1,0 +1,42 @@
+"""Points chosen one by one, each as far as can be from all chosen before."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+
+def farthest_points(
+    distance_from: Callable[[int], np.ndarray],
+    num_points: int,
+    *,
+    first: int = 0,
+    weight: np.ndarray | None = None,
+    least: float = 0.0,
+) -> np.ndarray:
+    """Picks points one by one, each the farthest from all picked before.
+
+    Works in any space: `distance_from` alone knows what a distance is, and may return its square.
+
+    Args:
+        distance_from: Called with the index of a point; returns `(n,)` its distances to all
+            points. Those greater than the least distance to any point picked before need not be
+            right, so that a search may stop early.
+        num_points: How many to pick; fewer are returned if there are fewer.
+        first: Index of the point to begin with.
+        weight: `(n,)` positive factors; where they are small, points are picked farther apart.
+        least: Stops as soon as the next point is nearer than this to one picked before.
+
+    Returns:
+        Indices of the picked points, in order.
+    """
+    picked = [int(first)]
+    nearest = np.array(distance_from(picked[0]))
+    while len(picked) < min(num_points, len(nearest)):
+        farthest = int((nearest if weight is None else weight * nearest).argmax())
+        if nearest[farthest] < least:
+            break
+        picked.append(farthest)
+        np.minimum(nearest, distance_from(farthest), out=nearest)
+    return np.array(picked)

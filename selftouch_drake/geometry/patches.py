@@ -1,0 +1,148 @@
+"""The part of a surface that can be touched: a patch with a rim, and its holes.
+
+A back that no hand reaches leaves a hole in what an agent can learn of its torso. What is right
+for the agent to find is the topology of the touched patch, not that of the whole skin.
+
+Touches are a sample. Between them are gaps that mean nothing, and the rim of the patch is ragged.
+So a patch is defined at a scale, a `radius`: what is smaller than a disc of that radius is neither
+a hole nor a part. Take the distance between neighbouring target sensations on the skin,
+sqrt(area / K): the agent resolves nothing finer, and where touches are thinner than that, it has
+no kernel.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import trimesh
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+from selftouch_drake.geometry.geodesics import surface_paths
+
+
+def touched_patch(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    touch_counts: np.ndarray,
+    *,
+    radius: float,
+    fewest: int = 1,
+) -> np.ndarray:
+    """Says which vertices of a surface belong to the patch that was touched.
+
+    The touched vertices are closed, as in mathematical morphology: all within `radius` of a
+    touched vertex is added, then all within `radius` of what is still missing is taken away again.
+    That fills every gap that no disc of this radius fits into, and leaves wider ones, and the
+    outline, as they were: a rim does not grow, as it would if gaps were merely painted over.
+    Parts smaller than such a disc are then dropped: a few stray touches are no part of the body.
+
+    Args:
+        vertices: `(V, 3)` m, of a closed surface, finer than `radius`.
+        faces: `(F, 3)` its triangles.
+        touch_counts: `(V,)` touches nearest to each vertex.
+        radius: m, along the surface.
+        fewest: Touches that a vertex needs to count as touched.
+
+    Returns:
+        `(V,)` whether a vertex is in the patch.
+
+    Raises:
+        ValueError: If `radius` is less than the mean edge: nothing would be closed.
+    """
+    surface = trimesh.Trimesh(vertices, faces, process=False)
+    if not radius >= (edge := surface.edges_unique_length.mean()):
+        raise ValueError(
+            f"radius is {radius:g} m, less than the edges of the surface, {edge:.3g} m in the "
+            "mean; give a larger radius, or a finer surface"
+        )
+    paths = surface_paths(surface)
+
+    def within(marked: np.ndarray) -> np.ndarray:
+        if not marked.any():
+            return marked
+        found = dijkstra(paths, indices=np.flatnonzero(marked), limit=radius, min_only=True)
+        return np.isfinite(found)
+
+    touched = ~within(~within(np.asarray(touch_counts) >= fewest))
+    inside = touched[faces].all(axis=1)
+    part, num_parts = _parts_by_vertex(faces[inside], len(vertices))
+    area = np.bincount(
+        part[faces[inside][:, 0]], weights=surface.area_faces[inside], minlength=num_parts
+    )
+    return touched & (area >= math.pi * radius**2)[part]
+
+
+def submesh(
+    vertices: np.ndarray, faces: np.ndarray, touched: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the triangles of a surface all of whose corners were touched.
+
+    Args:
+        vertices: `(V, 3)` m.
+        faces: `(F, 3)` indices into `vertices`.
+        touched: `(V,)` whether a vertex was touched, as by `touched_patch`.
+
+    Returns:
+        `(V', 3)` m, the vertices of these triangles, and `(F', 3)` indices into them; both in
+        their old order.
+    """
+    kept = faces[np.asarray(touched, dtype=bool)[faces].all(axis=1)]
+    used, new = np.unique(kept, return_inverse=True)
+    return vertices[used], new.reshape(-1, 3)
+
+
+def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
+    """Counts the parts, holes and cavities of a triangle surface, closed or with rims.
+
+    The surface is made of one or several parts; what is counted is the rank of its homology with
+    coefficients in Z/2. Parts that meet in one vertex alone are one part, as in any complex.
+
+    Args:
+        faces: `(F, 3)` indices of vertices; no edge belongs to more than two triangles.
+
+    Returns:
+        `(b0, b1, b2)`: a sphere has (1, 0, 1), a torus (1, 2, 1), a disc (1, 0, 0), an open tube
+        (1, 1, 0).
+
+    Raises:
+        ValueError: If an edge belongs to more than two triangles.
+    """
+    faces = np.asarray(faces).reshape(-1, 3)
+    if not len(faces):
+        return 0, 0, 0
+    corners, faces = np.unique(faces, return_inverse=True)
+    faces = faces.reshape(-1, 3)
+    edges, edge_of, count = np.unique(
+        np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1),
+        axis=0,
+        return_inverse=True,
+        return_counts=True,
+    )
+    if count.max() > 2:
+        raise ValueError(
+            f"faces has an edge of {count.max()} triangles; give a surface, where each edge "
+            "belongs to one or two"
+        )
+    edge_of = edge_of.reshape(-1, 3)
+    _, num_parts = _parts_by_vertex(faces, len(corners))
+    # A part is closed if it has no rim. Here parts hang together by edges: a sphere that touches
+    # a disc in one vertex still has its cavity.
+    num_edges = len(edges)
+    incidence = (np.repeat(np.arange(len(faces)), 3) + num_edges, edge_of.ravel())
+    size = num_edges + len(faces)
+    graph = coo_array((np.ones(len(incidence[0])), incidence), shape=(size, size))
+    num_sheets, sheet = connected_components(graph, directed=False)
+    with_rim = np.unique(sheet[:num_edges][count == 1])
+    num_cavities = num_sheets - len(with_rim)
+    euler_number = len(corners) - num_edges + len(faces)
+    return num_parts, num_parts + num_cavities - euler_number, num_cavities
+
+
+def _parts_by_vertex(faces: np.ndarray, num_vertices: int) -> tuple[np.ndarray, int]:
+    """`(V,)` the connected part of each vertex, and the number of parts, lone vertices included."""
+    ends = np.stack([faces[:, [0, 1]], faces[:, [1, 2]]]).reshape(-1, 2).T
+    graph = coo_array((np.ones(len(ends[0])), tuple(ends)), shape=(num_vertices, num_vertices))
+    num_parts, part = connected_components(graph, directed=False)
+    return part, num_parts

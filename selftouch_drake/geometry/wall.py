@@ -1,0 +1,27 @@
+"""Points that stand for the wall of a skin."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from selftouch_drake.geometry.hollow import HollowSkin
+
+
+def wall_points(skin: HollowSkin, spacing: float) -> np.ndarray:
+    """Points on the outer, middle and inner layer of a skin's wall.
+
+    A triangle whose edges are no longer than e is nowhere farther than e / sqrt(3) from its
+    corners, so that every point of a layer is as near to one of these.
+
+    Args:
+        skin: In its link's frame L.
+        spacing: m, the longest edge between neighbouring points of a layer.
+
+    Returns:
+        `(N, 3)` m, in the link's frame.
+    """
+    num_vertices = len(skin.vertices)
+    layers = np.concatenate([skin.faces + layer * num_vertices for layer in range(3)])
+    points, _ = trimesh.remesh.subdivide_to_size(skin.tet_vertices, layers, max_edge=spacing)
+    return points
