@@ -1,4 +1,4 @@
-"""The agent is naive: no module of it reaches Drake, the world, the truth, or the files of a run."""
+"""The agent is naive: none of its modules reaches Drake, the world, the truth or files."""
 
 import ast
 import pkgutil
@@ -81,7 +81,9 @@ def outside(source: str) -> set[str]:
     return {n for n in names if n.split(".")[0] not in ALLOWED and not n.startswith(own)}
 
 
-@pytest.mark.parametrize("path", sorted(Path(agent.__path__[0]).rglob("*.py")), ids=lambda p: p.stem)
+@pytest.mark.parametrize(
+    "path", sorted(Path(agent.__path__[0]).rglob("*.py")), ids=lambda p: p.stem
+)
 def test_a_module_of_the_agent_names_only_a_few_libraries(path):
     assert outside(path.read_text()) == set()
 

@@ -78,9 +78,7 @@ def surface_edges(
     Warns:
         DisconnectedWarning: a part fell apart.
     """
-    return connected_edges(
-        *surface_neighbours(set_distance, target_sensations, part, num_mutual)
-    )
+    return connected_edges(*surface_neighbours(set_distance, target_sensations, part, num_mutual))
 
 
 def step_links(representation: QuotientRepresentation) -> np.ndarray:

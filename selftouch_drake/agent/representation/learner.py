@@ -359,9 +359,13 @@ def _firm_steps(
     ways = np.concatenate([edges, edges[:, ::-1]])
     nearest = linked_nearest(kernel_x[firm], firm_offsets, ways)
     step = np.sqrt(nearest.squared)
-    there, back = np.split(np.add.reduceat(step, nearest.offsets[:-1]), 2) if len(edges) else (
-        np.empty(0),
-        np.empty(0),
+    there, back = (
+        np.split(np.add.reduceat(step, nearest.offsets[:-1]), 2)
+        if len(edges)
+        else (
+            np.empty(0),
+            np.empty(0),
+        )
     )
     sizes = np.diff(firm_offsets)
     i, j = edges.T

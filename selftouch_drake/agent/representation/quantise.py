@@ -11,6 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import csr_array
 
+from selftouch_drake.geometry.farthest import farthest_points
+
 #: Rows assigned at a time: bounds the (rows, K) table of similarities to some tens of MB.
 BLOCK = 16_384
 
@@ -56,27 +58,6 @@ def assign(sensation: np.ndarray, target_sensations: np.ndarray) -> tuple[np.nda
     return label, np.maximum(error, 0.0)
 
 
-def farthest_points(points: np.ndarray, num_points: int) -> np.ndarray:
-    """Picks points one by one, each the farthest from all picked before; the first is row 0.
-
-    Args:
-        points: `(n, S)` unit L2 norm.
-        num_points: how many to pick; fewer are returned when fewer are distinct.
-
-    Returns:
-        Indices of the picked rows, in order.
-    """
-    picked = [0]
-    distance = 2.0 - 2.0 * (points @ points[0])
-    while len(picked) < num_points:
-        farthest = int(distance.argmax())
-        if distance[farthest] < _SAME:
-            break
-        picked.append(farthest)
-        np.minimum(distance, 2.0 - 2.0 * (points @ points[farthest]), out=distance)
-    return np.array(picked)
-
-
 def target_sensations(
     sensation: np.ndarray,
     num_targets: int,
@@ -103,7 +84,9 @@ def target_sensations(
         ValueError: there are fewer distinct sensations than targets.
     """
     points = unit(sensation)
-    start = farthest_points(points, num_targets)
+    start = farthest_points(
+        lambda row: 2.0 - 2.0 * (points @ points[row]), num_targets, least=_SAME
+    )
     if len(start) == 1:
         raise ValueError(
             "sensation is the same in every row: babble until the finger touches more places."

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -192,13 +193,13 @@ class QuotientRepresentation:
         names = [field.name for field in fields(cls)]
         if missing := [name for name in names if name not in arrays]:
             raise ValueError(f"{', '.join(missing)} is missing.")
-        counts = {}
+        checked: dict[str, Any] = {name: np.asarray(arrays[name]) for name in _ARRAYS}
         for name in _COUNTS:
             count = np.asarray(arrays[name])
             if count.shape != () or count.dtype.kind not in "iu" or count < 0:
                 raise ValueError(f"{name} is {count.tolist()}, not a whole number, 0 or more.")
-            counts[name] = int(count)
-        return cls(**{name: np.asarray(arrays[name]) for name in _ARRAYS}, **counts)
+            checked[name] = int(count)
+        return cls(**checked)
 
 
 _COUNTS = ("num_touches", "num_set_aside")

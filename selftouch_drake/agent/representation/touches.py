@@ -132,7 +132,7 @@ def apart(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
 
 
 def of_several_parts(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """`(n,)` bool, sensations that touch several parts of the body at once; arguments as `apart`."""
+    """`(n,)` bool, sensations that touch several parts of the body; arguments as `apart`."""
     part = receptor_parts(overlap)
     felt = np.asarray(sensation) > 0
     strongest = part[np.asarray(sensation).argmax(axis=1)]

@@ -61,7 +61,8 @@ class Metric:
     """A way to measure a part of the body.
 
     Attributes:
-        graph: builds the graph from a representation, a seed and what to call with the fraction done.
+        graph: builds the graph from a representation, a seed and what to call with the fraction
+            done.
         layout: lays out N nodes from the graph and `(N, N)` shortest paths on it.
         naive: whether it knows only motor configurations and sensations.
     """

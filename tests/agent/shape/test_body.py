@@ -50,7 +50,7 @@ def test_a_patch_has_a_surface_with_a_rim(three):
     for part in recover(representation, "sensorimotor").parts:
         faces = fitted_surface(part.places, part.topology)
         directed = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-        edges, met = np.unique(directed, axis=0, return_counts=True)
+        _, met = np.unique(directed, axis=0, return_counts=True)
         closed = skin[part.kernels[0]] == 0
         assert (met >= 2).all() == closed
         assert len(np.unique(faces)) > 0.95 * len(part.places)
