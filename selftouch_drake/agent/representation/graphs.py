@@ -37,7 +37,7 @@ LINK_SPACINGS = 1.5
 # With few targets the spacing is so wide that it says nothing: sensations that have nothing in
 # common are sqrt(2) apart. Linked are those that have more in common than not.
 _MOST_APART = 1.0
-# Target sensations whose cosine is less have nothing in common: their places are no neighbours. With
+# Target sensations whose cosine is less have nothing in common: no neighbours on a body. With
 # two arms at one body and 60 kernels on a forearm (12 joints), a sixth of the edges joined such
 # kernels, and the shape was off by 16 %, without them by 5 %. With six joints there are hardly any.
 _LEAST_ALIKE = 0.05

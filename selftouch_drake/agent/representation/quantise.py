@@ -16,7 +16,7 @@ from selftouch_drake.geometry.farthest import farthest_points
 #: Rows assigned at a time: bounds the (rows, K) table of similarities to some tens of MB.
 BLOCK = 16_384
 
-#: Cells with less than this share of the touches of a typical one are of chance. On a sphere that two
+#: Cells with less than this share of the touches of a typical one are chance. On a sphere that two
 #: arms touch, 30 of 182 cells held one touch in 100,000 each, and no other less than 349.
 _RARE = 0.05
 
