@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometryId,
@@ -14,12 +15,16 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Frame, RigidBody
+from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
+from pydrake.systems.framework import Context
 
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.robot.kinematics import moving_joints
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
+
+# m; joints nearer to each other than this turn at one place.
+_ONE_PLACE = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,25 +76,49 @@ class RigidPair:
 
 
 class Neighbours:
-    """Which links are one (welded together), and which are next to each other in the tree."""
+    """Which links are one (welded together), and which are next to each other in the tree.
+
+    Next to each other are two links with one joint between them, or several that turn at one place,
+    as in a spherical wrist: the links between those have no length.
+    """
 
     def __init__(self, plant: MultibodyPlant):
         self._group: dict[int, int] = {}
         for number, bodies in enumerate(_welded_groups(plant)):
             for body in bodies:
                 self._group[body] = number
-        self._adjacent = set()
-        for joint in moving_joints(plant):
-            ends = [self.of(joint.parent_body()), self.of(joint.child_body())]
-            self._adjacent |= {tuple(ends), tuple(ends[::-1])}
+        context = plant.CreateDefaultContext()
+        joints = moving_joints(plant)
+        ends = [(self.of(j.parent_body()), self.of(j.child_body())) for j in joints]
+        # For each joint the links that it, or a joint before it at the same place, starts from.
+        starts: list[set[int]] = []
+        for joint, (parent, _) in zip(joints, ends, strict=True):
+            starts.append({parent})
+            for before, (_, child) in enumerate(ends):
+                if child == parent and _at_one_place(joints[before], joint, context):
+                    starts[-1] |= starts[before]
+        self._adjacent = {
+            pair
+            for (_, child), reached in zip(ends, starts, strict=True)
+            for parent in reached
+            for pair in ((parent, child), (child, parent))
+        }
 
     def of(self, link: RigidBody) -> int:
         """The number of the group of links that move as one."""
         return self._group[int(link.index())]
 
     def are_neighbours(self, a: RigidBody, b: RigidBody) -> bool:
-        """Whether one joint or none lies between two links."""
+        """Whether two links are one, or next to each other."""
         return self.of(a) == self.of(b) or (self.of(a), self.of(b)) in self._adjacent
+
+
+def _at_one_place(before: Joint, joint: Joint, context: Context) -> bool:
+    """Whether two joints in a row turn about axes that meet, give or take `_ONE_PLACE`."""
+    if not (isinstance(before, RevoluteJoint) and isinstance(joint, RevoluteJoint)):
+        return False
+    X_BJ = joint.frame_on_parent().CalcPose(context, before.frame_on_child())
+    return float(np.linalg.norm(X_BJ.translation())) < _ONE_PLACE
 
 
 def _welded_groups(plant: MultibodyPlant) -> list[set[int]]:
