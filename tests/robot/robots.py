@@ -98,12 +98,11 @@ def joint(name, kind, parent, child, axis="0 0 1", limits=(-1, 1), pose="", **mo
 
 def shape(kind, pose="", **dimensions):
     """SDF of a geometry, as `shape("box", size="1 1 1")`."""
-    prefix = "drake:" if kind in ("ellipsoid", "capsule") else ""
-    text = "".join(f"<{prefix}{key}>{value}</{prefix}{key}>" for key, value in dimensions.items())
-    return f"{_pose(pose)}<geometry><{prefix}{kind}>{text}</{prefix}{kind}></geometry>"
+    text = "".join(f"<{key}>{value}</{key}>" for key, value in dimensions.items())
+    return f"{_pose(pose)}<geometry><{kind}>{text}</{kind}></geometry>"
 
 
-def carried(name, *geometries, parent="base", reach=2.0):
+def carried(name, *geometries, parent="base", reach=100.0):
     """SDF of a link that six joints carry anywhere: rails along x, y, z, and turns about them."""
     steps = [f"{name}_{part}" for part in ("x", "y", "z", "roll", "pitch")]
     chain = [parent, *steps, name]

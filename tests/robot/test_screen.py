@@ -1,5 +1,7 @@
 """The screen rejects much, and nothing that touches."""
 
+import functools
+
 import numpy as np
 import pytest
 import robots
@@ -22,12 +24,18 @@ TOUCHERS = {
     "capsule": [robots.shape("capsule", "0 0.05 0 1 0 0", radius=0.015, length=0.1)],
     "cylinder": [robots.shape("cylinder", radius=0.03, length=0.02)],
     "mesh": [robots.shape("mesh", "0.01 0 0 0.2 0 0", uri="pyramid.obj", scale="1 2 1")],
-    "two shapes": [
+    "two_shapes": [
         robots.shape("sphere", "0.1 0 0 0 0 0", radius=0.02),
         robots.shape("box", "-0.1 0 0 0 0 0", size="0.03 0.03 0.03"),
     ],
     "skin": [],
 }
+
+
+@functools.cache
+def screen_of(world):
+    """The screen of a world's robot."""
+    return TouchScreen(world.robot)
 
 
 def on_rails(folder, surface):
@@ -52,13 +60,13 @@ def ball(request, tmp_path_factory):
     return on_rails(tmp_path_factory.mktemp("ball"), SURFACES[request.param])
 
 
-@pytest.fixture(scope="module", params=TOUCHERS)
-def carried(request, tmp_path_factory):
-    """Each of the touchers, carried anywhere, at a skin that moves, too."""
-    folder = tmp_path_factory.mktemp("carried")
+@pytest.fixture(scope="module")
+def world_of_hands(tmp_path_factory):
+    """All of the touchers, each carried anywhere, at a skin that moves, too."""
+    folder = tmp_path_factory.mktemp("hands")
     trimesh.Trimesh(CORNERS, FACES).export(folder / "pyramid.obj")
     small = {"shape": "capsule", "radius": 0.04, "length": 0.05, "translation": [0, 0.01, 0]}
-    hand = {"link": "hand", "surface": small, "thickness": 0.015, "num_receptors": 20}
+    hand = {"link": "skin", "surface": small, "thickness": 0.015, "num_receptors": 20}
     return robots.build(
         folder,
         robots.link("base"),
@@ -66,21 +74,43 @@ def carried(request, tmp_path_factory):
         robots.link("body"),
         robots.joint("turn", "continuous", "base", "neck", "0 0.6 0.8", None),
         robots.joint("nod", "revolute", "neck", "body", "1 0 0", (-1, 1), pose="0 0 -0.1 0 0 0"),
-        robots.carried("hand", *TOUCHERS[request.param]),
-        skins={
-            "body": {"link": "body", "surface": SURFACES["torus"]},
-            **({"hand": hand} if request.param == "skin" else {}),
-        },
-        touching={"hand": {"link": "hand"}},
+        *(robots.carried(name, *geometries) for name, geometries in TOUCHERS.items()),
+        skins={"body": {"link": "body", "surface": SURFACES["torus"]}, "hand": hand},
+        touching={name: {"link": name} for name in TOUCHERS},
     )
 
 
-def near(world, number, seed, reach=0.25):
-    """Configurations with the hand near the skin, turned anyhow."""
-    q = robots.anywhere(world.robot, number, seed)
-    rails = np.flatnonzero(~world.robot.turns)
-    q[:, rails] *= reach / world.robot.upper[rails]
-    return q
+class Hand:
+    """One of the touchers; the others are out of the way."""
+
+    def __init__(self, world, name):
+        self.world, self.station = world, robots.kinematic_station(world)
+        self.screen = screen_of(world)
+        joints = world.robot.joint_names
+        self.rails = [joints.index(f"{name}_{axis}_joint") for axis in "xyz"]
+        self._lined_up = {
+            joints.index(f"{other}_{axis}_joint"): 10.0 * number
+            for number, other in enumerate(TOUCHERS, start=1)
+            for axis in "xyz"
+            if other != name
+        }
+
+    def anywhere(self, number, seed, reach):
+        """Configurations with this hand up to `reach` m from the skin along each axis."""
+        q = robots.anywhere(self.world.robot, number, seed)
+        q[:, list(self._lined_up)] = list(self._lined_up.values())
+        q[:, self.rails] *= reach / self.world.robot.upper[self.rails]
+        return q
+
+    def feels(self, q):
+        """`(N,)` whether Drake finds a touch."""
+        return self.station.sensations(q).any(axis=1)
+
+
+@pytest.fixture(scope="module", params=TOUCHERS)
+def hand(request, world_of_hands):
+    """Each of the touchers."""
+    return Hand(world_of_hands, request.param)
 
 
 def test_it_changes_no_sensation(world):
@@ -92,48 +122,39 @@ def test_it_changes_no_sensation(world):
     assert screened.any(axis=1).sum() > 100
 
 
-def test_it_changes_no_sensation_whatever_touches(carried):
-    q = near(carried, 1500, seed=0)
-    screened = carried.probe.sensations(q)
-    asked = robots.kinematic_station(carried).sensations(q)
+def test_it_changes_no_sensation_whatever_touches(hand):
+    q = hand.anywhere(800, seed=0, reach=0.25)
+    screened, asked = hand.world.probe.sensations(q), hand.station.sensations(q)
     np.testing.assert_allclose(screened, asked, rtol=0, atol=1e-12 * asked.max())
-    assert asked.any(axis=1).sum() > 50
-    may_touch = TouchScreen(carried.robot).may_touch(q)
-    assert may_touch[asked.any(axis=1)].all()
+    assert asked.any(axis=1).sum() > 40
+    assert hand.screen.may_touch(q)[asked.any(axis=1)].all()
 
 
-def test_it_passes_what_comes_near_enough_to_touch(carried):
-    station, screen = robots.kinematic_station(carried), TouchScreen(carried.robot)
-    robot = carried.robot
-    touching = [q for q in near(carried, 600, seed=1) if station.sensations(q[None]).any()][:12]
+def test_it_passes_what_comes_near_enough_to_touch(hand):
+    q = hand.anywhere(400, seed=1, reach=0.25)
+    touching = q[hand.feels(q)][:12]
     assert len(touching) == 12
-    rails = np.flatnonzero(~robot.turns)
-    rng = np.random.default_rng(2)
-    for q in touching:
-        away = q.copy()
-        away[rails] += rng.choice([-1.0, 1.0], 3)
-        # Where on the way it touches no more, to a tenth of a micrometre.
-        felt, free = 0.0, 1.0
-        while free - felt > 1e-7:
-            middle = (felt + free) / 2
-            if station.sensations((q + middle * (away - q))[None]).any():
-                felt = middle
-            else:
-                free = middle
-        assert screen.may_touch((q + felt * (away - q))[None])[0]
+    away = touching.copy()
+    away[:, hand.rails] += np.random.default_rng(2).choice([-1.0, 1.0], (12, 3))
+    # Where on the way each touches no more, to a tenth of a micrometre.
+    felt, free = np.zeros((12, 1)), np.ones((12, 1))
+    while (free - felt).max() > 1e-7:
+        middle = (felt + free) / 2
+        feels = hand.feels(touching + middle * (away - touching))[:, None]
+        felt, free = np.where(feels, middle, felt), np.where(feels, free, middle)
+    assert hand.screen.may_touch(touching + felt * (away - touching)).all()
 
 
-def test_it_rejects_what_is_far(carried):
-    q = robots.anywhere(carried.robot, 500, seed=3)
-    rails = np.flatnonzero(~carried.robot.turns)
-    far = np.linalg.norm(q[:, rails], axis=1) > 0.7
+def test_it_rejects_what_is_far(hand):
+    q = hand.anywhere(500, seed=3, reach=2.0)
+    far = np.linalg.norm(q[:, hand.rails], axis=1) > 0.7
     assert far.sum() > 100
-    assert not TouchScreen(carried.robot).may_touch(q[far]).any()
+    assert not hand.screen.may_touch(q[far]).any()
 
 
 def test_a_ball_in_the_wall_passes(ball):
     (wall,) = (skin.wall for skin in ball.skins)
-    screen = TouchScreen(ball.robot)
+    screen = screen_of(ball)
     rng = np.random.default_rng(2)
     corners = wall.tet_vertices[wall.tetrahedra]
     tets = corners[rng.integers(len(corners), size=20_000)]
@@ -146,7 +167,7 @@ def test_a_ball_in_the_wall_passes(ball):
 
 def test_a_ball_that_just_touches_passes(ball):
     (wall,) = (skin.wall for skin in ball.skins)
-    screen = TouchScreen(ball.robot)
+    screen = screen_of(ball)
     rng = np.random.default_rng(2)
     for side, vertices in ((1, wall.vertices), (-1, wall.inner_vertices)):
         surface = trimesh.Trimesh(vertices, wall.faces, process=False)
@@ -159,12 +180,12 @@ def test_a_ball_that_just_touches_passes(ball):
 
 @pytest.mark.parametrize("q", [[0.0, 0, 0.025], [9.0, 0, 0], [0, -9.0, 0], [0, 0, 1e4]])
 def test_a_ball_far_away_or_in_the_cavity_is_rejected(ball, q):
-    assert not TouchScreen(ball.robot).may_touch(np.array([q]))[0]
+    assert not screen_of(ball).may_touch(np.array([q]))[0]
 
 
 def test_it_saves_work(world):
     q = robots.configurations(world)[:2000]
-    assert 0 < TouchScreen(world.robot).may_touch(q).mean() < 0.25
+    assert 0 < screen_of(world).may_touch(q).mean() < 0.25
 
 
 def test_one_of_two_balls_in_touch_is_enough(tmp_path):
@@ -172,8 +193,10 @@ def test_one_of_two_balls_in_touch_is_enough(tmp_path):
         part
         for side in ("left", "right")
         for part in (
+            robots.link(f"{side}_mount", mass=0.1),
+            robots.joint(f"{side}_turn", "revolute", "base", f"{side}_mount"),
             robots.link(side),
-            robots.joint(f"{side}_rail", "prismatic", "base", side, "1 0 0", (-9, 9)),
+            robots.joint(f"{side}_rail", "prismatic", f"{side}_mount", side, "1 0 0", (-9, 9)),
         )
     ]
     world = robots.build(
@@ -183,11 +206,13 @@ def test_one_of_two_balls_in_touch_is_enough(tmp_path):
         skins={"body": {"link": "base", "surface": SURFACES["sphere"]}},
         touching={side: {"frame": side, "radius": RADIUS} for side in ("left", "right")},
     )
-    q = np.array([[9.0, 9.0], [9.0, 0.1], [0.1, 9.0]])
-    np.testing.assert_array_equal(TouchScreen(world.robot).may_touch(q), [False, True, True])
+    rails = np.flatnonzero(~world.robot.turns)
+    q = np.zeros((3, 4))
+    q[:, rails] = [[9.0, 9.0], [9.0, 0.1], [0.1, 9.0]]
+    np.testing.assert_array_equal(screen_of(world).may_touch(q), [False, True, True])
 
 
 def test_no_configurations_are_none(world):
     none = np.empty((0, world.robot.num_joints))
-    assert TouchScreen(world.robot).may_touch(none).shape == (0,)
+    assert screen_of(world).may_touch(none).shape == (0,)
     assert world.probe.sensations(none).shape == (0, world.experiment.num_receptors)
