@@ -1,5 +1,6 @@
 """What the README shows works as it stands there."""
 
+import itertools
 import re
 import shlex
 import subprocess
@@ -78,7 +79,7 @@ def my_arm(geometry: Callable[[str, float, float], str]) -> str:
     <visual>{place}</visual>
     <collision>{place}</collision>
   </link>""")
-    for number, (parent, child) in enumerate(zip(names, names[1:], strict=False), 1):
+    for number, (parent, child) in enumerate(itertools.pairwise(names), 1):
         length, _, axis = LINKS[parent]
         xyz = {"z": "0 0 1", "y": "0 1 0"}[axis]
         limit = LIMITS[axis]
