@@ -154,4 +154,15 @@ def test_icub():
     pytest.importorskip("icub_models")
     robot = built(ICUB).robot
     assert robot.num_joints == 20
-    assert len(robot.skins) == 7
+    assert len(robot.skins) == 5
+    # Links that overlap round a compound joint do not collide, and a hand does not touch its arm.
+    pairs = {tuple(link.name() for link in pair.links) for pair in robot.rigid_pairs}
+    assert ("head", "r_hand") in pairs
+    assert not pairs & {("chest", "head"), ("chest", "r_shoulder_3"), ("r_forearm", "r_hand")}
+    names = [skin.model.name for skin in robot.skins]
+    assert {names[skin] for toucher, skin in robot.touching_pairs if toucher == 1} == {
+        "head",
+        "left_forearm",
+        "left_thigh",
+        "right_thigh",
+    }
