@@ -150,6 +150,12 @@ def test_infant_is_the_same_on_both_sides():
     np.testing.assert_allclose(at_mirrored[:, ::-1], at_q * [1, -1, 1], atol=1e-12)
 
 
+def test_rigid_parts_of_the_infant_are_kept_apart():
+    pairs = built("infant").robot.rigid_pairs
+    names = {tuple(link.name() for link in pair.links) for pair in pairs}
+    assert {("torso", "left_upper_arm"), ("head", "right_hand")} <= names
+
+
 def test_icub():
     pytest.importorskip("icub_models")
     robot = built(ICUB).robot
