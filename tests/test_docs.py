@@ -16,7 +16,9 @@ from selftouch_drake.sweep import load_sweep
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 # Files of the repository that pages name; the reference is there once it was made.
-NAMED = re.compile(r"`((?!docs/reference)(?:tests|docs|benchmarks|notebooks|experiments|sweeps)/[\w./-]+)`")
+NAMED = re.compile(
+    r"`((?!docs/reference)(?:tests|docs|benchmarks|notebooks|experiments|sweeps)/[\w./-]+)`"
+)
 
 
 def blocks(path: Path, language: str) -> list[str]:
