@@ -26,7 +26,7 @@ from selftouch_drake.experience import (
     ExperienceReader,
     Shard,
     StoreError,
-    read_num_steps,
+    read_counts,
     shard_name,
     write_shard,
 )
@@ -232,7 +232,7 @@ def test_a_damaged_shard(edits, folder, run, tmp_path_factory):
     fingerprint = run.directory.fingerprint()
 
     def load():
-        steps = read_num_steps(there, 0, num_rows=60, fingerprint=fingerprint, folder=folder)
+        steps = read_counts(there, 0, num_rows=60, fingerprint=fingerprint, folder=folder)
         reader = ExperienceReader(there / folder)
         assert reader.num_rows == 60
         return steps, {c: reader.read(c) for c in columns}

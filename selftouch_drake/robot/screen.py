@@ -16,9 +16,9 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import HollowSkin, farthest_points, wall_points
 from selftouch_drake.robot.kinematics import compose, joint_poses
-from selftouch_drake.robot.links import as_mesh
 from selftouch_drake.robot.pairs import Toucher
 from selftouch_drake.robot.robot import Robot
+from selftouch_drake.robot.touchers import touching_triangles
 
 # m, edge of a cell of the grid; larger where a skin is so large that its grid would have more than
 # `_MOST_CELLS` along one side.
@@ -97,7 +97,7 @@ def covering_balls(toucher: Toucher, robot: Robot) -> tuple[np.ndarray, np.ndarr
         elif isinstance(shape, Sphere):
             balls.append((X_FG.translation(), shape.radius()))
         else:
-            mesh = as_mesh(shape)
+            mesh = trimesh.Trimesh(*touching_triangles(shape), process=False)
             spacing = max(float(mesh.extents.min()) / 8, 0.002)
             fine, _ = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, spacing)
             clouds.append(X_FG.multiply(fine.T).T)
@@ -147,11 +147,11 @@ class TouchScreen:
         self._grid_ends = np.cumsum([0, *(grid.reach.size for grid in grids)])
         self._reach = np.concatenate([grid.reach.ravel() for grid in grids])
 
-    def may_touch(self, q: np.ndarray) -> np.ndarray:
-        """`(N,)` bool, whether anything might touch a skin at `q` `(N, J)`."""
-        found = np.empty(len(q), dtype=np.bool_)
+    def near(self, q: np.ndarray) -> np.ndarray:
+        """`(N, P)` bool, which of the touching pairs might touch at `q` `(N, J)`."""
+        found = np.zeros((len(q), len(self._pairs)), dtype=np.bool_)
         k = self._kinematics
-        _may_touch(
+        _near(
             np.ascontiguousarray(q, dtype=float), k.parent, k.X_PF, k.axis_F, k.turns, k.owner,
             k.X_JL, self._num_skins, self._pairs, self._ball_ends, self._centre, self._radius,
             self._origin, self._cell, self._shape, self._grid_ends, self._reach, found,
@@ -165,7 +165,7 @@ def _bounding_ball(centre: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, 
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _may_touch(
+def _near(
     q, parent, X_PF, axis_F, turns, owner, X_JL, num_skins, pairs, ball_ends, centre, radius,
     origin, cell, shape, grid_ends, reach, found,
 ):  # fmt: skip
@@ -180,8 +180,8 @@ def _may_touch(
                 X_WL[frame] = X_JL[frame]
             else:
                 compose(X_WJ[owner[frame]], X_JL[frame], X_WL[frame])
-        near = False
         for pair in range(len(pairs)):
+            near = False
             toucher, skin = pairs[pair, 0], pairs[pair, 1]
             X_WT, X_WS = X_WL[num_skins + toucher], X_WL[skin]
             first = ball_ends[toucher]
@@ -207,6 +207,4 @@ def _may_touch(
                 if touching and not bounding:
                     near = True
                     break
-            if near:
-                break
-        found[row] = near
+            found[row, pair] = near

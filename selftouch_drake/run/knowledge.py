@@ -7,7 +7,6 @@ experience or version are refused, and the text says what to do.
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Mapping
 from contextlib import ExitStack
 
@@ -66,7 +65,6 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     if not file.exists():
         raise RunError(f"{run.path} has learned nothing yet; {remedy}")
     arrays = load_arrays(file)
-    run.require_stamp(file, arrays)
     try:
         representation = QuotientRepresentation.from_arrays(arrays)
     except ValueError as error:
@@ -78,6 +76,7 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
             f"{file} has {found[0]} targets over {found[1]} receptors, the experiment {wanted[0]} "
             f"over {wanted[1]}; {remedy}"
         )
+    run.require_stamp(file, arrays)
     return representation
 
 
@@ -249,6 +248,7 @@ def _topology_arrays(body: Body) -> dict[str, np.ndarray]:
     arrays = {"num_parts": np.array(len(body.parts))}
     for number, part in enumerate(body.parts):
         name = functools.partial(_named, number)
+        arrays[name("metric")] = np.array(part.metric)
         arrays[name("kernels")] = part.kernels
         arrays[name("pieces")] = part.pieces
         arrays[name("stress")] = np.array(part.embedding.stress)
@@ -288,6 +288,7 @@ def _part_from(
             diagram=(h0, h1, h2),
         )
     return RecoveredPart(
+        metric=str(array("metric")),
         kernels=kernels,
         distances=distances[np.ix_(kernels, kernels)],
         embedding=Embedding(
@@ -299,8 +300,3 @@ def _part_from(
         topology=found,
         dimension=float(array("dimension")) if has("dimension") else None,
     )
-
-
-def step_pairs(nodes: np.ndarray) -> list[tuple[int, int]]:
-    """The steps of a route, from one node to the next."""
-    return list(itertools.pairwise(nodes.tolist()))

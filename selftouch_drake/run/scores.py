@@ -83,6 +83,8 @@ def found_figures(run: RunDirectory, body: Body) -> Figures:
     margins = [found.margin for found in holes if found is not None]
     dimensions = [part.dimension for part in body.parts]
     figures: Figures = {"parts_found": len(body.parts)}
+    if any(part.metric != body.metric for part in body.parts):
+        figures["shape_metric_by_part"] = [part.metric for part in body.parts]
     if margins:
         figures["topology_margin"] = min(margins)
     figures["embedding_fourth_eigenvalue"] = max(
