@@ -261,7 +261,7 @@ class ExperienceReader:
             )
 
     def take_contacts(self, rows: np.ndarray) -> Contacts:
-        """The contacts of the touches of given numbers, in memory that does not grow with the store.
+        """The contacts of some touches, in memory that does not grow with the store.
 
         Raises:
             StoreError: there are not so many rows, or a shard is damaged.

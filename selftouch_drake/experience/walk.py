@@ -40,7 +40,7 @@ class RandomWalk:
         self._velocity = step_size * self._random.standard_normal(len(self._lower))
 
     def steps(self, num_steps: int) -> np.ndarray:
-        """`(num_steps, J)` rad or m, the next configurations; the same however the walk is cut up."""
+        """`(num_steps, J)` the next configurations; the same however the walk is cut up."""
         noise = self._innovation * self._random.standard_normal((num_steps, len(self._lower)))
         carried = self._persistence * self._velocity
         velocity, _ = lfilter([1.0], [1.0, -self._persistence], noise, axis=0, zi=carried[None])

@@ -1,8 +1,8 @@
-"""The body: a closed surface, the hollow skin inside it, and the receptors spread over it."""
+"""Surfaces, hollow skins and receptors, each in the frame of the link that wears it."""
 
+from selftouch_drake.geometry.closing import closed_surface
 from selftouch_drake.geometry.farthest import farthest_points
-from selftouch_drake.geometry.wall import wall_points
-def closed_surface(*a, **k): raise ValueError('not yet')
+from selftouch_drake.geometry.geodesics import surface_distances, surface_paths
 from selftouch_drake.geometry.hollow import (
     HollowSkin,
     hollow_skin,
@@ -10,26 +10,41 @@ from selftouch_drake.geometry.hollow import (
     vtk_text,
     write_vtk,
 )
+from selftouch_drake.geometry.patches import betti_of_patch, submesh, touched_patch
 from selftouch_drake.geometry.receptors import ReceptiveFields, place_receptors, receptive_fields
-from selftouch_drake.geometry.surfaces import cube, cylinder, ellipsoid, mesh_file, sphere, torus
+from selftouch_drake.geometry.surfaces import (
+    capsule,
+    cube,
+    cylinder,
+    ellipsoid,
+    mesh_file,
+    sphere,
+    torus,
+)
+from selftouch_drake.geometry.wall import wall_points
 
 __all__ = [
-    "ARM_REACH",
-    "FINGERTIP_RADIUS",
-    "P_B_SHOULDER",
     "HollowSkin",
     "ReceptiveFields",
-    "build_body",
+    "betti_of_patch",
+    "capsule",
+    "closed_surface",
     "cube",
     "cylinder",
     "ellipsoid",
+    "farthest_points",
     "hollow_skin",
     "mesh_file",
     "place_receptors",
     "receptive_fields",
     "sphere",
+    "submesh",
+    "surface_distances",
+    "surface_paths",
     "tet_volumes",
     "torus",
+    "touched_patch",
     "vtk_text",
+    "wall_points",
     "write_vtk",
 ]

@@ -2,37 +2,76 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.spatial import cKDTree
+
+from selftouch_drake.geometry.samples import cut_triangles
+
+# A triangle more slender than this is cut up, so that a ball round a piece of it is not much larger
+# than the piece.
+_SLENDERNESS = 4
+
+# No triangle is cut into more than about as many pieces, however thin it is.
+_MOST_PIECES = 64
+
+# Pieces whose neighbours are looked up at a time: bounds the memory, and lets Ctrl-C through.
+_BLOCK = 10_000
 
 
 def first_self_intersection(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
     """Returns a point where two triangles without a common vertex touch, or None.
 
-    An edge of one of them then pierces the other. Meant for triangles of similar size: the
-    candidates are the pairs whose circumscribing balls about the centroids could meet.
+    An edge of one of them then pierces the other. Triangles may be of any sizes, long or compact.
 
     Args:
         vertices: `(V, 3)` m.
         faces: `(F, 3)` indices into `vertices`.
     """
     corners = vertices[faces]
-    centroids = corners.mean(axis=1)
-    radii = np.linalg.norm(corners - centroids[:, None], axis=2).max(axis=1)
-    pairs = cKDTree(centroids).query_pairs(2 * radii.max(), output_type="ndarray")
-    i, j = pairs.T
-    gap = np.linalg.norm(centroids[i] - centroids[j], axis=1)
-    near = gap <= radii[i] + radii[j]
-    i, j = i[near], j[near]
-    apart = (faces[i][:, :, None] != faces[j][:, None, :]).all(axis=(1, 2))
-    i, j = i[apart], j[apart]
-    for edged, pierced in ((i, j), (j, i)):
-        for start, end in ((0, 1), (1, 2), (2, 0)):
-            p, q = corners[edged, start], corners[edged, end]
-            hit = _segment_pierces(p, q, corners[pierced])
-            if hit.any():
-                return centroids[pierced[hit.argmax()]]
+    for i, j in _near_pairs(corners):
+        apart = (faces[i][:, :, None] != faces[j][:, None, :]).all(axis=(1, 2))
+        i, j = i[apart], j[apart]
+        for edged, pierced in ((i, j), (j, i)):
+            for start, end in ((0, 1), (1, 2), (2, 0)):
+                p, q = corners[edged, start], corners[edged, end]
+                hit = _segment_pierces(p, q, corners[pierced])
+                if hit.any():
+                    return corners[pierced[hit.argmax()]].mean(axis=0)
     return None
+
+
+def _near_pairs(triangles: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Yields blocks of pairs of triangles `(F, 3, 3)`, each pair once in a block, that may meet.
+
+    They are those with pieces whose circumscribing balls about the centroids meet. Each piece is
+    compared with pieces that are as large as itself or larger, one class of size after another:
+    few of these are near, however many small ones are.
+    """
+    edges = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+    longest = edges.max(axis=1)
+    a, b, c = triangles.swapaxes(0, 1)
+    height = np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.maximum(longest, 1e-300)
+    limit = np.maximum(_SLENDERNESS * height, longest / _MOST_PIECES)
+    pieces, face = cut_triangles(triangles, limit)
+    centroids = pieces.mean(axis=1)
+    radii = np.linalg.norm(pieces - centroids[:, None], axis=2).max(axis=1)
+    size = np.frexp(radii)[1]
+    for level in np.unique(size):
+        larger = np.flatnonzero(size == level)
+        tree = cKDTree(centroids[larger])
+        smaller = np.flatnonzero(size <= level)
+        for block in np.array_split(smaller, len(smaller) // _BLOCK + 1):
+            reach = radii[block].max() + radii[larger].max()
+            near = cKDTree(centroids[block]).sparse_distance_matrix(
+                tree, reach, output_type="coo_matrix"
+            )
+            i, j = block[near.row], larger[near.col]
+            meet = (near.data <= radii[i] + radii[j]) & (face[i] != face[j])
+            i, j = face[i[meet]], face[j[meet]]
+            pair = np.unique(np.minimum(i, j) * len(triangles) + np.maximum(i, j))
+            yield np.divmod(pair, len(triangles))
 
 
 def _segment_pierces(p: np.ndarray, q: np.ndarray, triangle: np.ndarray) -> np.ndarray:

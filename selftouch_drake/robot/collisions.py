@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import GeometryId, SceneGraphInspector
+from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector
 
 from selftouch_drake.robot.kinematics import Kinematics
 from selftouch_drake.robot.links import pieces_in_link
@@ -58,7 +59,7 @@ class CollisionCheck:
             robot.plant, [link.body_frame() for link in links.values()]
         )
 
-    def depth(self, q: np.ndarray, query) -> np.ndarray:
+    def depth(self, q: np.ndarray, query: Callable[[np.ndarray], QueryObject]) -> np.ndarray:
         """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.
 
         Args:
@@ -76,13 +77,11 @@ class CollisionCheck:
         p = np.einsum("npkij,pkj->npki", X[..., :3], self._centres) + X[..., 3]
         apart = np.linalg.norm(p[:, :, 0] - p[:, :, 1], axis=2)
         rows, pairs = np.nonzero(apart < self._near)
-        last, found = -1, None
-        for row, pair in zip(rows.tolist(), pairs.tolist(), strict=True):
-            if row != last:
-                found, last = query(q[row]), row
-            a, b, allowed = self._pairs[pair]
-            distance = found.ComputeSignedDistancePairClosestPoints(a, b).distance
-            depth[row] = max(depth[row], -distance - allowed)
+        for row in np.unique(rows):
+            found = query(q[row])
+            for a, b, allowed in (self._pairs[pair] for pair in pairs[rows == row]):
+                distance = found.ComputeSignedDistancePairClosestPoints(a, b).distance
+                depth[row] = max(depth[row], -distance - allowed)
         return depth
 
 

@@ -159,7 +159,7 @@ class SensorModel:
     ) -> np.ndarray:
         """`(contacts, receptors)` N, of some contacts with one skin."""
         if len(contacts) == len(num_faces):
-            faces = slice(None)
+            faces: slice | np.ndarray = slice(None)
         else:
             mine = np.zeros(len(num_faces), dtype=bool)
             mine[contacts] = True

@@ -38,7 +38,7 @@ class ImperfectSkins:
         return ImperfectSkins(skins=tuple(found)) if found else None
 
     def __call__(self, sensation: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """`(N, S)` N, what is read where perfect skins feel `sensation` `(N, S)` at `q` `(N, J)`."""
+        """`(N, S)` N, what is read where perfect skins feel `sensation` at `q` `(N, J)`."""
         read = np.array(sensation, dtype=float)
         for columns, skin in self.skins:
             read[:, columns] = skin(sensation[:, columns], q)

@@ -34,7 +34,7 @@ class JointLimits:
 
     @staticmethod
     def of(robot: Robot, execution: Execution) -> JointLimits:
-        """The limits of `robot` and of the plans that `execution` asks for; the tighter one holds."""
+        """The limits of `robot` and of the plans of `execution`; the tighter one holds."""
         plant = robot.plant
         actuators = [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]
         effort = {a.joint().position_start(): a.effort_limit() for a in actuators}

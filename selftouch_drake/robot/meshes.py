@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from pathlib import Path
+from typing import Any
 
 import trimesh
 
@@ -55,8 +56,8 @@ def _read(path: Path) -> trimesh.Trimesh:
     try:
         scale = _metres_per_unit(path)
         # Scenes of several pieces become one mesh, each piece in its place.
-        scene = trimesh.load(path, force="scene")
-        mesh = scene.dump(concatenate=True)
+        scene: Any = trimesh.load(path, force="scene")
+        mesh = trimesh.util.concatenate(scene.dump())
     except MeshError:
         raise
     except Exception as error:  # Each of trimesh's readers fails in its own way.

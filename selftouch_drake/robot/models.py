@@ -14,6 +14,7 @@ import xml.dom.minidom
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 from xml.parsers.expat import ExpatError
 
@@ -72,6 +73,7 @@ def load_model(
 
     Raises:
         ModelError: a file or a package is not found, or cannot be read.
+        MeshError: a mesh cannot be converted.
     """
     finder = _Finder(_package_roots(packages))
     path = finder.path(directives, Path.cwd(), what="robot.directives")
@@ -146,7 +148,7 @@ class _Finder:
         if not separator:
             path = folder / uri
         elif scheme == "file":
-            path = Path(unquote(rest))
+            path = Path(rest)
         elif scheme in ("package", "model"):
             name, _, inside = rest.partition("/")
             path = self._root(name, uri, what) / inside
@@ -218,7 +220,7 @@ class _Reader:
                     if copied:
                         place = _cached_copy(file.name, yaml_dump_typed(nested))
                 any_copied |= place != file
-                entry.file = place.as_uri()
+                entry.file = f"file://{place}"  # Drake does not decode what as_uri quotes
         return loaded, any_copied
 
     def model(self, path: Path) -> Path:
@@ -229,7 +231,7 @@ class _Reader:
                 return path
             document = _read_xml(path)
             if path.suffix.lower() == ".xml":
-                self._join_included(document, document.documentElement, path.parent)
+                self._join_included(document, document, path.parent)
             references = list(find_references(document, path.parent))
             files, places = [], []
             for reference in references:
@@ -254,15 +256,14 @@ class _Reader:
         self.num_converted += is_new
         return place
 
-    def _join_included(
-        self, document: xml.dom.minidom.Document, element: xml.dom.minidom.Element, folder: Path
-    ) -> None:
+    def _join_included(self, document: xml.dom.minidom.Document, part: Any, folder: Path) -> None:
         """Puts what MJCF files include in its place; all paths start at the main file."""
-        for include in list(element.getElementsByTagName("include")):
+        for include in list(part.getElementsByTagName("include")):
             name = include.getAttribute("file")
             file = self._find(name, folder, what="file of an <include>")
             with self._reading(file):
-                included = document.importNode(_read_xml(file).documentElement, True)
+                root: Any = _read_xml(file).documentElement
+                included = document.importNode(root, True)
                 self._join_included(document, included, folder)
             for child in list(included.childNodes):
                 include.parentNode.insertBefore(child, include)

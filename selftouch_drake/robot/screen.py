@@ -10,13 +10,15 @@ from dataclasses import dataclass
 
 import numba
 import numpy as np
+import trimesh
 from pydrake.geometry import Sphere
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import HollowSkin, farthest_points, wall_points
 from selftouch_drake.robot.kinematics import compose, joint_poses
 from selftouch_drake.robot.links import as_mesh
-from selftouch_drake.robot.robot import Robot, Toucher
+from selftouch_drake.robot.pairs import Toucher
+from selftouch_drake.robot.robot import Robot
 
 # m, edge of a cell of the grid; larger where a skin is so large that its grid would have more than
 # `_MOST_CELLS` along one side.
@@ -97,8 +99,8 @@ def covering_balls(toucher: Toucher, robot: Robot) -> tuple[np.ndarray, np.ndarr
         else:
             mesh = as_mesh(shape)
             spacing = max(float(mesh.extents.min()) / 8, 0.002)
-            fine = mesh.subdivide_to_size(spacing)
-            clouds.append(X_FG.multiply(np.asarray(fine.vertices).T).T)
+            fine, _ = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, spacing)
+            clouds.append(X_FG.multiply(fine.T).T)
             slacks.append(spacing / np.sqrt(3))
     if clouds:
         cloud = np.concatenate(clouds)

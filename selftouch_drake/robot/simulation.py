@@ -143,7 +143,7 @@ class Simulation:
         self._begin(path, q[0] if jump else None)
 
     def babble(self, walk: Walk) -> None:
-        """Puts the robot at rest where a walk begins, and lets it walk, of a simulation that does."""
+        """Puts the robot at rest where a walk begins, and lets it walk."""
         if not isinstance(self._source, Babbler):
             raise TypeError("this simulation follows paths; make one with babbles=True")
         self._context.SetTime(0.0)
@@ -151,6 +151,8 @@ class Simulation:
         self._source.SetWalk(source_context, walk)
         self._put(self._source.GetOutputPort("q").Eval(source_context))
         self._restart()
+        # Where a walk begins was not walked to.
+        self._clear_logs()
 
     def advance(self, duration: float) -> None:
         """Lets the world go on for `duration` s, in step with the clock if a rate is set."""
@@ -216,6 +218,9 @@ class Simulation:
 
     def _restart(self) -> None:
         """Begins time anew: what the skins felt late before this moment is what they feel now."""
+        self._clear_logs()
+        self._simulator.Initialize()
+
+    def _clear_logs(self) -> None:
         for log in self._logs.values():
             log.FindMutableLog(self._context).Clear()
-        self._simulator.Initialize()

@@ -79,11 +79,14 @@ class Babbler(LeafSystem):
         super().__init__()
         self._num_joints = num_joints
         self._period_s = period_s
+        # The walk, and the step after the next one.
         self._walk = self.DeclareAbstractState(Value[object](None))
-        # The step just taken, the next one, and when it was taken. Drake updates all systems of an
-        # instant at once: whoever follows the walk still sees it arrive there.
+        # The step just taken, the next one, and when it was taken.
         self._steps = self.DeclareDiscreteState(2 * num_joints + 1)
-        self.DeclarePeriodicUnrestrictedUpdateEvent(period_s, period_s, self._step)
+        # Drake updates all discrete states of an instant at once, so that whoever follows the walk
+        # still sees it arrive; what is drawn from the walk is drawn before that.
+        self.DeclarePeriodicUnrestrictedUpdateEvent(period_s, period_s, self._draw)
+        self.DeclarePeriodicDiscreteUpdateEvent(period_s, period_s, self._step)
         self.DeclareVectorOutputPort("q", num_joints, self._calc_q)
         self.DeclareVectorOutputPort("desired_state", 2 * num_joints, self._calc_desired_state)
 
@@ -91,17 +94,18 @@ class Babbler(LeafSystem):
         """Begins a walk in this system's context, now; `walk` itself does not move."""
         walk = copy.deepcopy(walk)
         first = walk.steps(2)
-        context.SetAbstractState(int(self._walk), walk)
+        context.SetAbstractState(int(self._walk), (walk, None))
         context.SetDiscreteState(int(self._steps), np.append(first, context.get_time()))
 
-    def _step(self, context, state):
+    def _draw(self, context, state):
+        walk = copy.deepcopy(self._given(context)[0])
+        drawn = walk.steps(1)[0]
+        state.get_mutable_abstract_state(int(self._walk)).set_value((walk, drawn))
+
+    def _step(self, context, discrete_state):
         _, arrived, _ = self._split(context)
-        walk = copy.deepcopy(context.get_abstract_state(int(self._walk)).get_value())
-        following = walk.steps(1)[0]
-        state.get_mutable_abstract_state(int(self._walk)).set_value(walk)
-        state.get_mutable_discrete_state(int(self._steps)).set_value(
-            np.concatenate([arrived, following, [context.get_time()]])
-        )
+        _, drawn = self._given(context)
+        discrete_state.set_value(np.concatenate([arrived, drawn, [context.get_time()]]))
 
     def _calc_q(self, context, output):
         output.SetFromVector(self._split(context)[0])
@@ -113,7 +117,12 @@ class Babbler(LeafSystem):
         output.SetFromVector(np.concatenate([taken + elapsed * velocity, velocity]))
 
     def _split(self, context):
+        self._given(context)
         state = context.get_discrete_state(int(self._steps)).value()
-        if context.get_abstract_state(int(self._walk)).get_value() is None:
-            raise ValueError("the Babbler has no walk; call SetWalk on its context first")
         return state[: self._num_joints], state[self._num_joints : -1], state[-1]
+
+    def _given(self, context):
+        given = context.get_abstract_state(int(self._walk)).get_value()
+        if given is None:
+            raise ValueError("the Babbler has no walk; call SetWalk on its context first")
+        return given

@@ -25,6 +25,8 @@ from pydrake.multibody.tree import Frame, RigidBody
 from selftouch_drake.geometry import closed_surface
 from selftouch_drake.robot.links import as_mesh
 
+# What the geometry of every toucher is called, before its name.
+PREFIX = "touching_"
 # As the skin's: friction changes no reading, only the effort.
 FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
 # A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch costs a
@@ -63,7 +65,7 @@ def register_toucher(
         ball = Sphere(toucher.radius)
         X_LG = frame.GetFixedPoseInBodyFrame()
         hint = 2 * toucher.radius * _DIAMETERS
-        return (_register(plant, frame.body(), X_LG, ball, f"touching_{name}", hint),)
+        return (_register(plant, frame.body(), X_LG, ball, f"{PREFIX}{name}", hint),)
     ids = []
     for number, geometry in enumerate(toucher.geometries):
         shape = toucher.inspector.GetShape(geometry)
@@ -76,7 +78,7 @@ def register_toucher(
                 toucher.link,
                 toucher.inspector.GetPoseInFrame(geometry),
                 shape,
-                f"touching_{name}_{number}",
+                f"{PREFIX}{name}_{number}",
                 _OF_EXTENT * extent,
             )
         )
