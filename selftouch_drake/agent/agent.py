@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.motions import NO_KERNEL, Execution, Motion, Plan
+from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning import (
     KNOT_SPACING,
+    Limits,
     Planner,
     Prediction,
     predict_sensation,
@@ -27,10 +28,6 @@ from selftouch_drake.agent.representation import (
     kernel_sensations,
 )
 from selftouch_drake.agent.shape import Body, recover
-
-#: Lowest and highest motor configuration, `(J,)` each.
-Limits = tuple[np.ndarray, np.ndarray]
-
 
 # No slots: the planner is built when it is first asked for, and kept.
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,8 +120,7 @@ class Agent:
 
     def knowing(self, body: Body) -> Agent:
         """The same agent, its representation embedded in the recovered `body`."""
-        embedded = dataclasses.replace(self.representation, embedding=body.positions)
-        return self._with(representation=embedded)
+        return self._with(representation=body.embed(self.representation))
 
     def felt(self, sensation: np.ndarray) -> int | None:
         """The target sensation nearest to a `(S,)` sensation; None if nothing is felt."""
@@ -236,6 +232,3 @@ class Agent:
         members = self.representation.members(self.planner.checked_target(start))
         best = members.start + int(self.representation.kernel_error[members].argmin())
         return self.representation.kernel_q[best].astype(float)
-
-
-__all__ = ["NO_KERNEL", "Agent", "Limits"]

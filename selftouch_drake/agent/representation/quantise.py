@@ -94,7 +94,7 @@ def target_sensations(
         sensation: `(n, S)` N, no row null.
         num_targets: K, number of target sensations.
         num_iterations: Lloyd iterations.
-        progress: told the fraction done.
+        progress: called with the fraction done.
 
     Returns:
         `(K, S)` float32 target sensations, unit L2 norm; every one is the nearest of some row.

@@ -1,23 +1,17 @@
-"""The quotient graph: which kernel sets are neighbours, and ways through them (paper, section III).
+"""Near neighbours, and shortest paths over them: what graphs over kernels are made of.
 
-The paper's graph is complete. A complete graph takes chords through free space, so that the graphs
-used here are pruned to near neighbours; both are a list of edges to the functions below.
+The paper's graph is complete (section III). A complete graph takes chords through free space, so
+that the graphs used here are pruned to near neighbours. Both are a list of edges to the functions
+below.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any
 
-import networkx as nx
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
-
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.files import written_whole
 
 #: Mutual nearest: two rings of a triangulated surface hold 18 kernels, one ring 6.
 NUM_MUTUAL = 12
@@ -27,7 +21,7 @@ NUM_KEPT = 5
 
 
 class DisconnectedWarning(UserWarning):
-    """A pruned graph fell into parts, and was joined by its shortest bridges."""
+    """A pruned graph fell apart, and was joined by its shortest bridges."""
 
 
 def complete_edges(num_kernels: int) -> np.ndarray:
@@ -45,7 +39,7 @@ def neighbour_edges(
     the other, so that no kernel dangles.
 
     Args:
-        distance: `(K, K)` symmetric.
+        distance: `(K, K)` symmetric; pairs at infinite distance are no neighbours.
         num_mutual: 0 keeps the union of nearest only.
         num_kept: 0 keeps the mutual nearest only.
 
@@ -58,7 +52,7 @@ def neighbour_edges(
     np.fill_diagonal(rank, len(distance))
     near = np.maximum(rank, rank.T) < num_mutual
     kept = np.minimum(rank, rank.T) < num_kept
-    return np.argwhere(np.triu(near | kept, 1))
+    return np.argwhere(np.triu((near | kept) & np.isfinite(distance), 1))
 
 
 def component_labels(edges: np.ndarray, num_kernels: int) -> np.ndarray:
@@ -73,14 +67,15 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
     Args:
         edges: `(E, 2)` pairs i < j.
-        distance: `(K, K)` length of a bridge between two kernels.
+        distance: `(K, K)` length of a bridge between two kernels; infinite where there may be
+            none, as between parts of the body.
 
     Returns:
-        `(E + components - 1, 2)` pairs i < j, sorted.
+        `(E + bridges, 2)` pairs i < j, sorted.
 
     Warns:
-        DisconnectedWarning: bridges were added; the text tells sizes and members of the parts, and
-            the bridges.
+        DisconnectedWarning: bridges were added; the text gives sizes and members of the
+            components, and the bridges.
     """
     label = component_labels(edges, len(distance))
     num_components = int(label.max()) + 1
@@ -94,7 +89,10 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
     )
     # A length of zero would be no edge to csgraph; a constant added to all leaves the tree as is.
     length = 1.0 + distance[bridge[..., 0], bridge[..., 1]]
+    length[~np.isfinite(length)] = 0.0
     tree = minimum_spanning_tree(np.triu(length, 1)).tocoo()
+    if not tree.nnz:
+        return edges
     bridges = np.sort(bridge[tree.row, tree.col], axis=1)
     warnings.warn(
         f"the quotient graph fell into {num_components} parts ({_describe(label)}) and was joined "
@@ -153,64 +151,6 @@ def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return length / np.sqrt(spacing[i] * spacing[j])
 
 
-def to_networkx(representation: QuotientRepresentation, *, complete: bool = False) -> nx.Graph:
-    """The quotient graph as a networkx graph.
-
-    Args:
-        representation: K kernels.
-        complete: join every two kernels, as the paper does, instead of neighbours alone.
-
-    Returns:
-        Nodes are kernels 0 to K - 1 with attributes `size` (stored configurations),
-        `target_sensation` (`(S,)` unit L2 norm) and `position` (`(3,)` in the embedding). Every
-        edge has `set_distance` (rad); edges between neighbours also have `cost` (rad, as
-        `edge_cost` of the representation).
-    """
-    graph = nx.Graph()
-    sizes = np.diff(representation.kernel_offsets)
-    for kernel in range(representation.num_targets):
-        graph.add_node(
-            kernel,
-            size=int(sizes[kernel]),
-            target_sensation=representation.target_sensations[kernel],
-            position=representation.embedding[kernel],
-        )
-    edges = representation.edges
-    if complete:
-        edges = complete_edges(representation.num_targets)
-    distance = representation.set_distance[edges[:, 0], edges[:, 1]]
-    for (i, j), apart in zip(edges.tolist(), distance.tolist(), strict=True):
-        graph.add_edge(i, j, set_distance=apart)
-    costs = representation.edge_cost.tolist()
-    for (i, j), cost in zip(representation.edges.tolist(), costs, strict=True):
-        graph.edges[i, j]["cost"] = cost
-    return graph
-
-
-def write_graphml(graph: nx.Graph, path: Path | str) -> None:
-    """Writes a graph of `to_networkx` for other programs, whole or not at all.
-
-    GraphML knows numbers but no vectors: a node's `position` becomes `position_0` to `position_2`,
-    its `target_sensation` becomes `target_sensation_0` and so on.
-    """
-    plain = nx.Graph()
-    for node, attributes in graph.nodes(data=True):
-        plain.add_node(node, **dict(_numbered(attributes)))
-    plain.add_edges_from(graph.edges(data=True))
-    with written_whole(Path(path)) as aside:
-        nx.write_graphml(plain, aside)
-
-
-def _numbered(attributes: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    for name, value in attributes.items():
-        if np.ndim(value) == 0:
-            yield name, value
-        else:
-            yield from (
-                (f"{name}_{i}", entry) for i, entry in enumerate(np.asarray(value).tolist())
-            )
-
-
 def _sparse(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> csr_array:
     # To csgraph a stored zero is an edge of length zero, and an absent entry no edge.
     i, j = np.asarray(edges).reshape(-1, 2).T
@@ -228,7 +168,7 @@ def _pairs(edges: np.ndarray) -> str:
 
 
 def _describe(label: np.ndarray) -> str:
-    """Tells sizes and first members of the components, at most five of them."""
+    """Sizes and first members of the components, at most five of them."""
     parts = []
     for component, size in enumerate(np.bincount(label)[:5]):
         first = int(np.flatnonzero(label == component)[0])

@@ -1,7 +1,7 @@
 import numpy as np
 from bodies import sphere
 
-from selftouch_drake.agent.shape.parts import cut_wide_cells
+from selftouch_drake.agent.shape.pieces import cut_wide_cells
 
 
 def cells_on_a_sphere(centres, points):

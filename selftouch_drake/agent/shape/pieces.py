@@ -1,4 +1,4 @@
-"""Wide cells cut in parts, so that the body is sampled evenly.
+"""Wide cells cut in pieces, so that the body is sampled evenly.
 
 All targets are equally far apart in what is felt. Where receptors are missing, wide stretches of
 skin feel alike and are one kernel: a gap between the points of a layout, and a false loop round it.
@@ -13,39 +13,39 @@ import numpy as np
 from scipy.sparse import csr_array
 from sklearn.cluster import KMeans
 
-from selftouch_drake.agent.representation.graph import neighbour_edges
+from selftouch_drake.agent.representation.neighbours import neighbour_edges
 from selftouch_drake.agent.shape.cells import Cells
 
-#: Configurations that a part has at least, on average: fewer do not tell how wide it is.
+#: Configurations that a piece has at least, on average: fewer do not tell how wide it is.
 _LEAST_SIZE = 20
 
 
 def cut_wide_cells(
     coordinates: np.ndarray, offsets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cuts each cell that is twice as large as those around, or more, in parts of their size.
+    """Cuts each cell that is twice as large as those around, or more, in pieces of their size.
 
-    The parts are those of k-means in the cell's own tangent plane.
+    The pieces are those of k-means in the cell's own tangent plane.
 
     Args:
         coordinates: `(R, D)` of a quotient map, grouped by kernel.
         offsets: `(K + 1,)` of the kernels.
 
     Returns:
-        `(R, D)` the same rows grouped by part, `(P + 1,)` offsets of the parts, and `(P,)` the
+        `(R, D)` the same rows grouped by piece, `(P + 1,)` offsets of the pieces, and `(P,)` the
         kernel that each is of, rising.
     """
     cells = Cells.of(coordinates, offsets)
     sizes = np.diff(offsets)
     number = np.minimum(_times_larger(cells).astype(int), sizes // _LEAST_SIZE)
-    part = np.zeros(len(coordinates), dtype=int)
+    piece = np.zeros(len(coordinates), dtype=int)
     for kernel in np.flatnonzero(number > 1):
         rows = slice(offsets[kernel], offsets[kernel + 1])
         along = (coordinates[rows] - cells.mean[kernel]) @ cells.tangent[kernel]
-        part[rows] = KMeans(number[kernel], n_init=4, random_state=0).fit_predict(along)
+        piece[rows] = KMeans(number[kernel], n_init=4, random_state=0).fit_predict(along)
     owner = np.repeat(np.arange(len(sizes)), sizes)
-    order = np.lexsort((part, owner))
-    first = np.flatnonzero(np.diff(owner, prepend=-1) | np.diff(part[order], prepend=-1))
+    order = np.lexsort((piece, owner))
+    first = np.flatnonzero(np.diff(owner, prepend=-1) | np.diff(piece[order], prepend=-1))
     return coordinates[order], np.append(first, len(coordinates)), owner[first]
 
 
