@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.shape import Body
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.show.paths import SkinPath
+from selftouch_drake.robot import Robot, Touches, World
+from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import SkinSurface
+
+#: The targets that name a plan, in order; the first is "free" if it begins anywhere.
+Targets = tuple[int | str, ...]
 
 
 class MissingError(ValueError):
@@ -20,86 +25,64 @@ class MissingError(ValueError):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RecoveredPart:
+class RecoveredSkin:
     """A part of the body that the agent recovered, laid on the skins that it stands for.
 
     Attributes:
-        skins: numbers of the skins that it is on.
-        kernels: `(n,)` the kernels on it.
-        places: `(N, 3)` m, the kernels and then the pieces of wide ones, with the skins at home.
+        part: its number among the parts.
+        skins: numbers of the skins that it is on, the one with the most kernels first.
+        places: `(N, 3)` m, its kernels and then the pieces of wide ones, with the skins at home.
+        num_kernels: n of them.
         faces: `(F, 3)` indices into `places`, the fitted surface, outward.
         closed: whether the surface has no rim.
     """
 
+    part: int
     skins: tuple[int, ...]
-    kernels: np.ndarray
     places: np.ndarray
+    num_kernels: int
     faces: np.ndarray
     closed: bool
 
     @property
     def positions(self) -> np.ndarray:
         """`(n, 3)` m, the kernels."""
-        return self.places[: len(self.kernels)]
+        return self.places[: self.num_kernels]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RobotFigure:
-    """A robot in one posture, in the world.
+class TouchSample:
+    """Where some touches truly were.
 
     Attributes:
-        links: vertices `(V, 3)` m and faces `(F, 3)` of what the model draws of each link.
-        rods: `(n, 2, 3)` m, ends of the links that the model draws nothing of.
-        joints: `(J, 3)` m, where the moving joints are.
-        turns: `(J,)` bool, whether each turns or slides.
-        balls: `(B, 3)` m, centres of the balls that touch.
-        radii: `(B,)` m.
+        places: `(n, 3)` m, with the skins at home.
+        num_drawn: of so many touches, of which some are at several places.
+        num_touches: touches in all.
     """
 
-    links: Sequence[tuple[np.ndarray, np.ndarray]]
-    rods: np.ndarray
-    joints: np.ndarray
-    turns: np.ndarray
-    balls: np.ndarray
-    radii: np.ndarray
+    places: np.ndarray
+    num_drawn: int
+    num_touches: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JointLine:
-    """A joint as the report lists it.
+class Reading(Protocol):
+    """A metric of the run, ready to be read."""
 
-    Attributes:
-        name: in the robot's model.
-        turns: whether it turns (rad) or slides (m).
-        lower: rad or m; infinite if it turns without limits.
-        upper: the same.
-    """
+    @property
+    def key(self) -> str:
+        """Its name in `metrics.json`."""
 
-    name: str
-    turns: bool
-    lower: float
-    upper: float
+    @property
+    def value(self) -> str:
+        """The number with its unit."""
 
+    @property
+    def meaning(self) -> str:
+        """One line."""
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SkinLine:
-    """A skin as the report lists it.
-
-    Attributes:
-        name: as the experiment calls it.
-        link: that wears it.
-        area_cm2: of its outer surface.
-        thickness_cm: of its wall.
-        num_receptors: on it.
-        touchers: names of what may touch it.
-    """
-
-    name: str
-    link: str
-    area_cm2: float
-    thickness_cm: float
-    num_receptors: int
-    touchers: tuple[str, ...]
+    @property
+    def target(self) -> str:
+        """Which value is good; empty where none is better than another."""
 
 
 class Material(Protocol):
@@ -110,16 +93,31 @@ class Material(Protocol):
         """The experiment."""
 
     @property
-    def metrics(self) -> dict:
+    def metrics(self) -> dict[str, Any]:
         """The metrics of the run; empty before the first stage is done."""
 
     @property
-    def joint_lines(self) -> Sequence[JointLine]:
-        """The robot's joints."""
+    def readings(self) -> Mapping[str, Sequence[Reading]]:
+        """The metrics by section of the report."""
 
     @property
-    def skin_lines(self) -> Sequence[SkinLine]:
-        """The robot's skins."""
+    def headline(self) -> Sequence[tuple[str, str]]:
+        """The few metrics that sum the run up: name and value."""
+
+    @property
+    def world(self) -> World:
+        """The world of the experiment."""
+
+    @property
+    def robot(self) -> Robot:
+        """Its robot."""
+
+    @property
+    def shape(self) -> RobotShape:
+        """What is drawn of the robot."""
+
+    def touches_at(self, q: np.ndarray) -> Touches:
+        """What touches what at configurations `(N, J)`."""
 
     @property
     def skins(self) -> Sequence[SkinSurface]:
@@ -130,31 +128,34 @@ class Material(Protocol):
         """`(skins, 3, 4)` poses of the skins' links in the posture in which they are drawn."""
 
     @property
-    def num_touches(self) -> int:
-        """Touches in the experience, of which the truth is there."""
+    def touch_density(self) -> Sequence[np.ndarray]:
+        """`(V,)` touches / cm² at the vertices of each skin."""
 
-    def contacts(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """All contacts in batches: `(C,)` skin, and `(C, 3)` m in the frame of its link."""
+    def touch_sample(self, count: int) -> TouchSample:
+        """About `count` of the touches."""
 
     @property
     def representation(self) -> QuotientRepresentation:
-        """What the agent has learned."""
+        """What the agent has learned; embedded in the recovered body."""
 
     @property
-    def embedding(self) -> np.ndarray:
-        """`(K, 3)` each kernel in the pose and unit of its own part; NaN in fragments."""
-
-    @property
-    def diagrams(self) -> Sequence[Sequence[np.ndarray]]:
-        """Of each part the births and deaths `(bars, 2)` of components, loops and voids."""
+    def body(self) -> Body:
+        """The body that the agent recovered."""
 
     @property
     def true_distances(self) -> np.ndarray:
         """`(K, K)` m between the true places of kernels; NaN between those on different skins."""
 
     @property
-    def recovered(self) -> Sequence[RecoveredPart]:
+    def recovered(self) -> Sequence[RecoveredSkin]:
         """The recovered parts, each on its skins at home."""
+
+    @property
+    def kernel_places(self) -> np.ndarray:
+        """`(K, 3)` m, each kernel where the recovered body has it; NaN in fragments."""
+
+    def skins_of(self, kernels: np.ndarray) -> list[int]:
+        """Numbers of the skins that some kernels truly are on, the one with the most first."""
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -169,20 +170,3 @@ class Material(Protocol):
 
     def execution(self, *targets: int | str) -> Execution:
         """A plan that was executed."""
-
-    def joint_positions(self, q: np.ndarray) -> np.ndarray:
-        """`(N, J, 3)` m, the joints in the world at `q` `(N, J)`."""
-
-    def skin_poses(self, q: np.ndarray) -> np.ndarray:
-        """`(N, skins, 3, 4)` poses of the skins' links in the world at `q` `(N, J)`."""
-
-    def robot(self, q: np.ndarray) -> RobotFigure:
-        """The robot at `(J,)` q."""
-
-    def paths(self, q: np.ndarray, touching: np.ndarray | None = None) -> list[SkinPath]:
-        """What touches, over the skins that it slides on, along a motion `(T, J)`.
-
-        Args:
-            q: motor configurations.
-            touching: `(T,)` bool, where touch is expected; elsewhere there is no path.
-        """

@@ -1,45 +1,42 @@
-"""What stands in Meshcat, live and in recordings: three bodies side by side.
+"""What stands in Meshcat, live and in recordings: the robot's skins three times, side by side.
 
-In the middle the real one, whose receptors show what is felt; to the left the same body showing
-what the agent expects to feel; to the right the body that the agent recovered, with the sensation
-it feels marked in red. Meshcat records and changes transforms and properties, no objects: whatever
-is to change is drawn here once.
+In the middle the real ones, on the robot, whose receptors show what is felt; to the left the same
+skins showing what the agent expects to feel; to the right the body that the agent recovered, with
+the sensation that it feels marked in red. Meshcat records and changes transforms and properties,
+no objects: whatever is to change is drawn here once. All that belongs to a skin is drawn below one
+path, whose transform follows the skin's link.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.colors import to_rgb
-from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba, Sphere
-from pydrake.math import RigidTransform
+from pydrake.geometry import Meshcat, MeshcatAnimation, Sphere
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.perception import BaseField, Fields, PointCloud
 
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.show.lettering import put_legend, put_words
 from selftouch_drake.show.material import Material, MissingError
-from selftouch_drake.show.motion_figures import evenly_spaced
-from selftouch_drake.show.scene import View
-from selftouch_drake.show.style import (
-    BLUE,
-    GREEN,
-    INK,
-    ORANGE,
-    PRESSURE,
-    RECOVERED,
-    SKIN,
-    VERMILION,
-)
+from selftouch_drake.show.meshcat.receptors import Receptors, key_frames, linear_light, rgba
+from selftouch_drake.show.meshcat.text_meshes import put_legend, put_text
+from selftouch_drake.show.paths import SkinPath, evenly_spaced
+from selftouch_drake.show.skins import all_moved, as_one, moved
+from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, SKIN, VERMILION
+from selftouch_drake.show.view import View
 
 VIEW = View(elevation=20.0, azimuth=-70.0)
-# Pressure is shown in so many steps: few enough that a receptor's colour changes seldom.
-_STEPS = 24
-_COLORS = PRESSURE(np.arange(_STEPS + 1) / _STEPS)
-# Bodies stand this many times their size apart.
+# The three stand this many times their size apart.
 _APART = 1.55
-# Between lines of text, as a share of the body's size.
+# Skins that move take this many times the width that they move over.
+_CLEAR = 1.1
+# Postures of the experience that show where the skins move.
+_NUM_POSTURES = 200
+# Between lines of text, as a share of the size.
 _LINE = 0.18
+# Paths of the real skins, of the expected ones, and of the recovered body.
+FELT, EXPECTED, RECOVERED_BODY = "/skins", "/expected", "/recovered"
 
 
 def firm_touch(representation: QuotientRepresentation) -> float:
@@ -53,90 +50,136 @@ def firm_touch(representation: QuotientRepresentation) -> float:
     return float(np.quantile(representation.kernel_strength, 0.75))
 
 
-class Receptors:
-    """Receptors on one body, coloured by what they feel.
-
-    Args:
-        meshcat: where they are drawn.
-        path: of all of them in Meshcat.
-        positions: `(S, 3)` m.
-        radius: m, of the ball that stands for one.
-    """
-
-    def __init__(self, meshcat: Meshcat, path: str, positions: np.ndarray, radius: float):
-        self._meshcat = meshcat
-        self._paths = [f"{path}/{receptor}" for receptor in range(len(positions))]
-        self._shown = np.zeros(len(positions), dtype=int)
-        for each, position in zip(self._paths, positions, strict=True):
-            meshcat.SetObject(each, Sphere(radius), Rgba(*_COLORS[0]))
-            meshcat.SetTransform(each, RigidTransform(position))
-
-    def show(self, felt: np.ndarray) -> None:
-        """Shows `(S,)` readings, 1 in the strongest colour."""
-        steps = _steps(felt)
-        for receptor in np.flatnonzero(steps != self._shown):
-            self._meshcat.SetProperty(
-                self._paths[receptor], "color", _COLORS[steps[receptor]].tolist()
-            )
-        self._shown = steps
-
-    def record(self, recording: MeshcatAnimation, felt: np.ndarray) -> None:
-        """Records `(frames, S)` readings, 1 in the strongest colour.
-
-        A recorded property named `color` is not played back (Drake issue 20879). The colour of the
-        material is, and is blended in linear light; live it does nothing.
-        """
-        colors = linear_light(_COLORS[:, :3]).tolist()
-        for path, steps in zip(self._paths, _steps(felt).T, strict=True):
-            for frame in key_frames(steps):
-                recording.SetProperty(
-                    frame, f"{path}/<object>", "material.color", colors[steps[frame]]
-                )
-
-
-class Scenery:
-    """Draws all that does not move, and keeps what changes its colour or place.
+class MeshcatScene:
+    """Draws all that is shown, and moves and colours what changes.
 
     Args:
         meshcat: where it is drawn.
         material: of a run that has learned.
 
     Attributes:
-        felt: receptors of the real body.
-        expected: receptors of the body to its left.
-        mind: `(K, 3)` m, the recovered body where it is drawn; None if there is none.
-        size: m, of the body.
+        size: m, of the body, or of what its parts move over.
+        kernel_places: `(K, 3)` m, the kernels on the recovered body, NaN in fragments; None if
+            there is no recovered body.
     """
 
     def __init__(self, meshcat: Meshcat, material: Material):
         self._meshcat = meshcat
-        skin = material.skin
-        low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
+        self._skins = material.skins
+        home = as_one(all_moved(material.skins, material.home))
+        low, high = home.vertices.min(axis=0), home.vertices.max(axis=0)
         middle = (low + high) / 2
-        self.size = float((high - low).max())
-        lowest = ((skin.vertices - middle) @ VIEW.axes[1]).min()
+        width, lowest = _reach(material, middle)
+        self.size = max(float((high - low).max()), _CLEAR * width / _APART)
         self._under = middle + (lowest - 0.22 * self.size) * VIEW.axes[1]
-        aside = _APART * self.size * VIEW.axes[0]
-        skin_color = rgba(SKIN, 0.4)
-        for path, place in (("/body", 0.0 * aside), ("/expected", -aside)):
-            mesh = (skin.vertices + place).T
-            meshcat.SetTriangleMesh(f"{path}/skin", mesh, skin.faces.T, skin_color)
-        radius = 0.02 * self.size
-        self.felt = Receptors(meshcat, "/body/receptors", skin.p_BS, radius)
-        self.expected = Receptors(meshcat, "/expected/receptors", skin.p_BS - aside, radius)
-        self.mind = self._draw_mind(material, aside)
-        self._titles(-aside, aside)
-        for prop in ("/Grid", "/Axes"):
-            meshcat.SetProperty(prop, "visible", False)
-        meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
-        meshcat.SetProperty("/Background/<object>", "bottom_color", [0.87, 0.89, 0.92])
-        # Room above for the arm, whose links are 0.4 m long.
-        centre = middle + np.array([0.0, 0.0, 0.04])
-        meshcat.SetCameraPose(centre + (0.35 + 1.7 * self.size) * VIEW.towards, centre)
+        self._aside = _APART * self.size * VIEW.axes[0]
+        self._receptors = {root: self._draw_skins(root) for root in (FELT, EXPECTED)}
+        meshcat.SetTransform(EXPECTED, RigidTransform(-self._aside))
+        self._poses = np.full((len(self._skins), 3, 4), np.nan)
+        self.move(material.home)
+        self._balls = _draw_balls(meshcat, material)
+        self.kernel_places = self._draw_recovered(material)
+        self._write_titles()
+        self._set_stage(middle)
 
-    def tell(self, text: str) -> None:
+    def move(self, poses: np.ndarray) -> None:
+        """Puts the skins where their links are: `(skins, 3, 4)`."""
+        for number, (skin, pose) in enumerate(zip(self._skins, poses, strict=True)):
+            if not np.array_equal(pose, self._poses[number]):
+                for root in (FELT, EXPECTED):
+                    self._meshcat.SetTransform(f"{root}/{skin.name}", transform(pose))
+        self._poses = np.array(poses)
+
+    def move_balls(self, p_WT: np.ndarray) -> None:
+        """Puts the balls that the model does not draw at `(touchers, 3)` m."""
+        for number, path in self._balls.items():
+            self._meshcat.SetTransform(path, RigidTransform(p_WT[number]))
+
+    def show_felt(self, felt: np.ndarray) -> None:
+        """Shows a sensation `(S,)` on the real skins, 1 in the strongest colour."""
+        self._show(FELT, felt)
+
+    def show_expected(self, expected: np.ndarray) -> None:
+        """Shows an expected sensation `(S,)` beside them."""
+        self._show(EXPECTED, expected)
+
+    def show_here(self, kernel: int) -> None:
+        """Marks a kernel on the recovered body, if it is there."""
+        if self.kernel_places is not None and np.isfinite(self.kernel_places[kernel]).all():
+            here = RigidTransform(self.kernel_places[kernel])
+            self._meshcat.SetTransform(f"{RECOVERED_BODY}/here", here)
+
+    def record(
+        self,
+        recording: MeshcatAnimation,
+        *,
+        poses: np.ndarray,
+        p_WT: np.ndarray,
+        felt: np.ndarray,
+        expected: np.ndarray,
+        kernel: np.ndarray,
+    ) -> None:
+        """Records what changes, frame by frame.
+
+        Args:
+            recording: to add to.
+            poses: `(frames, skins, 3, 4)` of the skins' links.
+            p_WT: `(frames, touchers, 3)` m, of what touches.
+            felt: `(frames, S)` as of `show_felt`.
+            expected: `(frames, S)` as of `show_expected`.
+            kernel: `(frames,)` the kernel that is felt, or was felt last.
+        """
+        for number, skin in enumerate(self._skins):
+            if np.ptp(poses[:, number], axis=0).max() < 1e-9:
+                continue
+            for frame, pose in enumerate(poses[:, number]):
+                for root in (FELT, EXPECTED):
+                    recording.SetTransform(frame, f"{root}/{skin.name}", transform(pose))
+        for number, path in self._balls.items():
+            for frame, place in enumerate(p_WT[:, number]):
+                recording.SetTransform(frame, path, RigidTransform(place))
+        for root, readings in ((FELT, felt), (EXPECTED, expected)):
+            for skin, receptors in zip(self._skins, self._receptors[root], strict=True):
+                receptors.record(recording, readings[:, skin.readings])
+        if self.kernel_places is not None:
+            for frame in key_frames(kernel):
+                place = self.kernel_places[kernel[frame]]
+                if np.isfinite(place).all():
+                    here = RigidTransform(place)
+                    recording.SetTransform(frame, f"{RECOVERED_BODY}/here", here)
+
+    def draw_path(self, name: str, paths: Sequence[SkinPath], num_rows: int) -> None:
+        """Draws the planned paths over the skins, from green to blue; `name` tells plans apart."""
+        for number, path in enumerate(paths):
+            root = f"{self.path_root(path, name)}/path_{number}"
+            self._draw_dots(root, path, BLUE, spacing=0.008, point_size=0.007)
+            for end, row, color in (("start", 0, GREEN), ("goal", num_rows - 1, BLUE)):
+                if (place := path.at(row)) is not None:
+                    self._meshcat.SetObject(f"{root}/{end}", Sphere(0.014), rgba(color))
+                    self._meshcat.SetTransform(f"{root}/{end}", RigidTransform(place))
+
+    def draw_trace(self, name: str, paths: Sequence[SkinPath]) -> None:
+        """Draws the paths that were truly taken, in orange."""
+        for number, path in enumerate(paths):
+            root = f"{self.path_root(path, name)}/trace_{number}"
+            self._draw_dots(root, path, ORANGE, spacing=0.004, point_size=0.005)
+
+    def clear_paths(self, name: str) -> None:
+        """Removes the paths of a plan."""
+        for root in self.path_roots(name):
+            self._meshcat.Delete(root)
+
+    def path_roots(self, name: str) -> list[str]:
+        """Where the paths of a plan are drawn, one place per skin."""
+        return [f"{FELT}/{skin.name}/{name}" for skin in self._skins]
+
+    def path_root(self, path: SkinPath, name: str) -> str:
+        """Where one path of a plan is drawn: it moves with the skin that it is on."""
+        return self.path_roots(name)[path.skin]
+
+    def write_status(self, text: str) -> None:
         """Writes one or two lines below everything."""
-        self._write("/told", text, line=2)
+        self._write("/status", text, line=2)
 
     def draw_legend(self, full: float) -> None:
         """Draws the scale of the colours, up to `full` N, below the body's title."""
@@ -144,74 +187,96 @@ class Scenery:
         width = 0.8 * self.size
         put_legend(self._meshcat, "/legend", full, centre, VIEW, width=width, color=rgba(INK))
 
+    def _show(self, root: str, sensation: np.ndarray) -> None:
+        for skin, receptors in zip(self._skins, self._receptors[root], strict=True):
+            receptors.show(sensation[skin.readings])
+
+    def _draw_skins(self, root: str) -> list[Receptors]:
+        receptors = []
+        for skin in self._skins:
+            path = f"{root}/{skin.name}"
+            self._meshcat.SetTriangleMesh(
+                f"{path}/surface", skin.vertices.T, skin.faces.T, rgba(SKIN, 0.4)
+            )
+            radius = 0.02 * skin.extent
+            receptors.append(
+                Receptors(self._meshcat, f"{path}/receptors", skin.receptors, radius)
+            )
+        return receptors
+
+    def _draw_recovered(self, material: Material) -> np.ndarray | None:
+        try:
+            parts, places = material.recovered, material.kernel_places
+        except MissingError:
+            return None
+        self._meshcat.SetTransform(RECOVERED_BODY, RigidTransform(self._aside))
+        typical = float(np.median([skin.extent for skin in self._skins]))
+        for part in parts:
+            path = f"{RECOVERED_BODY}/part_{part.part}"
+            color = rgba(RECOVERED, 0.4)
+            # A sheet is seen from both sides.
+            faces = part.faces if part.closed else np.vstack([part.faces, part.faces[:, ::-1]])
+            self._meshcat.SetTriangleMesh(f"{path}/surface", part.places.T, faces.T, color)
+            cloud = _cloud(part.positions, RECOVERED)
+            self._meshcat.SetObject(f"{path}/kernels", cloud, point_size=0.025 * typical)
+        ball = Sphere(0.04 * typical)
+        self._meshcat.SetObject(f"{RECOVERED_BODY}/here", ball, rgba(VERMILION))
+        return places
+
+    def _draw_dots(
+        self, path: str, points: SkinPath, color: str, *, spacing: float, point_size: float
+    ) -> None:
+        dots = np.concatenate([evenly_spaced(s, spacing) for s in points.stretches()])
+        self._meshcat.SetObject(f"{path}/dots", _cloud(dots, color), point_size=point_size)
+
     def _write(self, path: str, text: str, *, aside: np.ndarray | float = 0.0, line: int = 0):
         centre = self._under + aside - _LINE * self.size * line * VIEW.axes[1]
         size = 0.08 * self.size
-        put_words(self._meshcat, path, text, centre, VIEW, size=size, color=rgba(INK))
+        put_text(self._meshcat, path, text, centre, VIEW, size=size, color=rgba(INK))
 
-    def _titles(self, left: np.ndarray, right: np.ndarray) -> None:
-        titles = [
-            ("expected", "what it expects to feel", left),
-            ("felt", "what it feels", 0.0 * left),
-        ]
-        if self.mind is not None:
-            titles.append(("mind", "its body, as it recovered it", right))
-        for name, text, place in titles:
-            self._write(f"/titles/{name}", text, aside=place)
+    def _write_titles(self) -> None:
+        self._write("/titles/expected", "what it expects to feel", aside=-self._aside)
+        self._write("/titles/felt", "what it feels")
+        if self.kernel_places is not None:
+            self._write("/titles/recovered", "its body, as it recovered it", aside=self._aside)
 
-    def _draw_mind(self, material: Material, aside: np.ndarray) -> np.ndarray | None:
-        try:
-            positions, faces = material.recovered
-        except MissingError:
-            return None
-        mind = positions + aside
-        skin = rgba(RECOVERED, 0.4)
-        self._meshcat.SetTriangleMesh("/mind/skin", mind.T, faces.T, skin)
-        cloud = _cloud(mind, RECOVERED)
-        self._meshcat.SetObject("/mind/kernels", cloud, point_size=0.025 * self.size)
-        self._meshcat.SetObject("/mind/here", Sphere(0.04 * self.size), rgba(VERMILION))
-        return mind
-
-    def draw_path(self, path: str, tips: np.ndarray) -> None:
-        """Draws a planned way `(T, fingers, 3)` m of the fingertips, from green to blue."""
-        for finger in range(tips.shape[1]):
-            dots = evenly_spaced(tips[:, finger], 0.008)
-            self._meshcat.SetObject(f"{path}/path_{finger}", _cloud(dots, BLUE), point_size=0.007)
-            for name, row, color in (("start", 0, GREEN), ("goal", -1, BLUE)):
-                end = f"{path}/{name}_{finger}"
-                self._meshcat.SetObject(end, Sphere(0.014), rgba(color))
-                self._meshcat.SetTransform(end, RigidTransform(tips[row, finger]))
-
-    def draw_trace(self, path: str, tips: np.ndarray) -> None:
-        """Draws the way `(T, fingers, 3)` m that the fingertips went, in orange."""
-        for finger in range(tips.shape[1]):
-            dots = evenly_spaced(tips[:, finger], 0.004)
-            cloud = _cloud(dots, ORANGE)
-            self._meshcat.SetObject(f"{path}/trace_{finger}", cloud, point_size=0.005)
+    def _set_stage(self, middle: np.ndarray) -> None:
+        for prop in ("/Grid", "/Axes"):
+            self._meshcat.SetProperty(prop, "visible", False)
+        self._meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
+        self._meshcat.SetProperty("/Background/<object>", "bottom_color", [0.87, 0.89, 0.92])
+        # Room above for arms.
+        centre = middle + np.array([0.0, 0.0, 0.04])
+        self._meshcat.SetCameraPose(centre + (0.35 + 1.7 * self.size) * VIEW.towards, centre)
 
 
-def key_frames(values: np.ndarray) -> Iterator[int]:
-    """The frames that say all of a series whose values are held between changes.
-
-    Playing blends from key to key, so that the last frame before a change is a key as well; and
-    each series starts over when it ends, so that all have to end with the last frame.
-    """
-    changes = np.flatnonzero(np.diff(values) != 0)
-    yield from np.unique([0, *changes, *(changes + 1), len(values) - 1]).tolist()
+def transform(pose: np.ndarray) -> RigidTransform:
+    """A pose `(3, 4)` as Drake has it."""
+    return RigidTransform(RotationMatrix(pose[:, :3]), pose[:, 3])
 
 
-def linear_light(srgb: np.ndarray) -> np.ndarray:
-    """Linear light of sRGB components, both from 0 to 1."""
-    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+def _reach(material: Material, middle: np.ndarray) -> tuple[float, float]:
+    """m, how wide the skins move in the picture, and how far below `middle` they come."""
+    q = material.representation.kernel_q
+    some = q[:: max(len(q) // _NUM_POSTURES, 1)].astype(float)
+    poses = material.robot.skin_positions(some)
+    places = [skin.vertices for skin in all_moved(material.skins, material.home)]
+    for number, skin in enumerate(material.skins):
+        if np.ptp(poses[:, number], axis=0).max() > 1e-9:
+            # As many points as the outline of a picture needs.
+            outline = skin.vertices[:: max(len(skin.vertices) // 200, 1)]
+            places += [moved(outline, pose) for pose in poses[:, number]]
+    picture = VIEW.project(np.concatenate(places) - middle)
+    return float(np.ptp(picture[:, 0])), float(picture[:, 1].min())
 
 
-def rgba(color: str, alpha: float = 1.0) -> Rgba:
-    """A colour as Meshcat takes it."""
-    return Rgba(*to_rgb(color), alpha)
-
-
-def _steps(felt: np.ndarray) -> np.ndarray:
-    return np.rint(_STEPS * np.clip(felt, 0.0, 1.0)).astype(int)
+def _draw_balls(meshcat: Meshcat, material: Material) -> dict[int, str]:
+    """Draws the balls that touch and that the model does not draw; their paths by toucher."""
+    paths = {}
+    for number, radius in material.shape.bare_balls().items():
+        paths[number] = f"/touching/{number}"
+        meshcat.SetObject(paths[number], Sphere(radius), rgba(VERMILION))
+    return paths
 
 
 def _cloud(points: np.ndarray, color: str) -> PointCloud:

@@ -6,13 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
-from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
-from selftouch_drake.robot.agent import MakeAgent
-from selftouch_drake.show.material import Material
-from selftouch_drake.show.scenery import Scenery, firm_touch, key_frames
+from selftouch_drake.agent.motions import Execution
+from selftouch_drake.robot import MakeRobot
+from selftouch_drake.show.material import Material, Targets
+from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
+from selftouch_drake.show.meshcat.receptors import key_frames
+from selftouch_drake.show.paths import touch_paths
 
 FRAMES_PER_S = 30
 # The page starts over so often; its controls stop it.
@@ -21,7 +23,7 @@ _REPETITIONS = 1000
 _PAUSE_S = 1.0
 
 
-def record(meshcat: Meshcat, material: Material, tours: Sequence[tuple[int | str, ...]]) -> float:
+def record(meshcat: Meshcat, material: Material, tours: Sequence[Targets]) -> float:
     """Draws the agent and records executed plans, one after the other.
 
     Args:
@@ -32,38 +34,42 @@ def record(meshcat: Meshcat, material: Material, tours: Sequence[tuple[int | str
     Returns:
         N, the reading of a receptor that is shown in the strongest colour.
     """
-    plans = [material.executed(*targets) for targets in tours]
-    rows = [frame_rows(plan["time_s"]) for plan in plans]
+    executions = [material.execution(*targets) for targets in tours]
+    rows = [frame_rows(execution.motion.time_s) for execution in executions]
     q, felt, expected = (
-        np.concatenate([plan[name][frames] for plan, frames in zip(plans, rows, strict=True)])
-        for name in ("q_measured", "felt", "predicted")
+        np.concatenate([array[frames] for array, frames in zip(arrays, rows, strict=True)])
+        for arrays in (
+            [execution.q_measured for execution in executions],
+            [execution.felt for execution in executions],
+            [execution.motion.predicted for execution in executions],
+        )
     )
-    number = np.repeat(np.arange(len(plans)), [len(r) for r in rows])
+    number = np.repeat(np.arange(len(tours)), [len(r) for r in rows])
     full = firm_touch(material.representation)
 
-    scenery = Scenery(meshcat, material)
-    for plan_number, plan in enumerate(plans):
-        scenery.draw_path(f"/plan/{plan_number}", material.fingertips(plan["q"]))
-        scenery.draw_trace(f"/plan/{plan_number}", material.fingertips(plan["q_measured"]))
+    scene = MeshcatScene(meshcat, material)
+    names = [f"plan_{plan}" for plan in range(len(tours))]
+    for name, execution in zip(names, executions, strict=True):
+        _draw_paths(scene, name, material, execution)
     # What is set with a time is recorded only; live, the recording is played.
     meshcat.StartRecording(FRAMES_PER_S, set_visualizations_while_recording=False)
     recording = meshcat.get_mutable_recording()
     recording.set_repetitions(_REPETITIONS)
-    _animate_arm(meshcat, material, q)
-    scenery.felt.record(recording, felt / full)
-    scenery.expected.record(recording, expected)
-    if scenery.mind is not None:
-        # Which sensation of the recovered body the agent feels, or felt last.
-        kernel = np.argmax(felt @ material.representation.target_sensations.T, axis=1)
-        felt_last = np.maximum.accumulate(np.where(felt.any(axis=1), np.arange(len(felt)), 0))
-        kernel = kernel[felt_last]
-        for frame in key_frames(kernel):
-            here = RigidTransform(scenery.mind[kernel[frame]])
-            recording.SetTransform(frame, "/mind/here", here)
-    for plan_number in range(len(plans)):
-        shown = number == plan_number
+    _animate_robot(meshcat, material, q)
+    robot = material.robot
+    scene.record(
+        recording,
+        poses=robot.skin_positions(q),
+        p_WT=robot.toucher_positions(q),
+        felt=felt / full,
+        expected=expected,
+        kernel=_felt_last(felt, material.representation.target_sensations),
+    )
+    for plan, name in enumerate(names):
+        shown = number == plan
         for frame in key_frames(shown):
-            recording.SetProperty(frame, f"/plan/{plan_number}", "visible", bool(shown[frame]))
+            for root in scene.path_roots(name):
+                recording.SetProperty(frame, root, "visible", bool(shown[frame]))
     meshcat.StopRecording()
     meshcat.PublishRecording()
     return full
@@ -77,8 +83,26 @@ def frame_rows(time_s: np.ndarray) -> np.ndarray:
     return np.minimum(rows, len(time_s) - 1)
 
 
-def _animate_arm(meshcat: Meshcat, material: Material, q: np.ndarray) -> None:
-    """Publishes the arm at `q` `(frames, J)` rad.
+def _draw_paths(
+    scene: MeshcatScene, name: str, material: Material, execution: Execution
+) -> None:
+    planned, measured = (
+        touch_paths(material.robot, material.touches_at, q)
+        for q in (execution.motion.q, execution.q_measured)
+    )
+    scene.draw_path(name, planned, len(execution.motion.q))
+    scene.draw_trace(name, measured)
+
+
+def _felt_last(felt: np.ndarray, target_sensations: np.ndarray) -> np.ndarray:
+    """`(frames,)` the kernel whose sensation the agent feels, or felt last."""
+    kernel = np.argmax(felt @ target_sensations.T, axis=1)
+    touched = np.where(felt.any(axis=1), np.arange(len(felt)), 0)
+    return kernel[np.maximum.accumulate(touched)]
+
+
+def _animate_robot(meshcat: Meshcat, material: Material, q: np.ndarray) -> None:
+    """Publishes the robot at `q` `(frames, J)`.
 
     Its diagram feels nothing: on older Drakes one with a Python system is never freed, nor is the
     Meshcat that it shows itself in.
@@ -86,11 +110,11 @@ def _animate_arm(meshcat: Meshcat, material: Material, q: np.ndarray) -> None:
     builder = DiagramBuilder()
     scene_graph = SceneGraph()
     builder.AddSystem(scene_graph)
-    agent = MakeAgent(material.run.experiment, material.body[0], scene_graph)
-    to_pose = MultibodyPositionToGeometryPose(agent.plant)
+    plant = MakeRobot(material.experiment, material.world.skins, scene_graph).plant
+    to_pose = MultibodyPositionToGeometryPose(plant)
     builder.AddSystem(to_pose)
-    source_id = agent.plant.get_source_id()
-    assert source_id is not None  # the plant is registered by MakeAgent
+    source_id = plant.get_source_id()
+    assert source_id is not None  # the plant is registered by MakeRobot
     builder.Connect(to_pose.get_output_port(), scene_graph.get_source_pose_port(source_id))
     builder.ExportInput(to_pose.get_input_port(), "q")
     MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)

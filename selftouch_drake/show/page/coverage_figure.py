@@ -9,6 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from selftouch_drake.show.material import TouchSample
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -27,18 +28,14 @@ from selftouch_drake.show.view import View
 def coverage(
     skins: Sequence[SkinSurface],
     density: Sequence[np.ndarray],
-    dots: np.ndarray,
-    num_touches: int,
-    num_drawn: int,
+    sample: TouchSample,
 ) -> Figure:
     """Where the skins were touched, and how often, from the front and from behind.
 
     Args:
         skins: in one frame.
         density: `(V,)` touches / cm² of each skin, as `touch_density` gives it.
-        dots: `(n, 3)` m, where some of the touches truly were, in the same frame.
-        num_touches: how many there were.
-        num_drawn: of how many the dots are.
+        sample: some of the touches, in the same frame.
     """
     skin = as_one(skins)
     amount = np.concatenate(list(density))
@@ -49,8 +46,9 @@ def coverage(
 
     figure = Figure(figsize=(10.5, 4.0), layout="constrained")
     grid = figure.add_gridspec(1, 3)
-    ax = add_scene(figure, grid[0], f"{num_drawn:,} of {num_touches:,} touches")
-    x, y, nearness = front.project(dots).T
+    title = f"{sample.num_drawn:,} of {sample.num_touches:,} touches"
+    ax = add_scene(figure, grid[0], title)
+    x, y, nearness = front.project(sample.places).T
     order = np.argsort(nearness)
     ax.scatter(
         x[order], y[order], c=nearness[order], s=2.5, cmap="Blues", linewidths=0,

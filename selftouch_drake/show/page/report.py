@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Callable, Iterator
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from selftouch_drake.experiment import dump_experiment
-from selftouch_drake.files import write_text_whole
-from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.show.figures import write_figures
 from selftouch_drake.show.material import Material, MissingError
-from selftouch_drake.show.playback import write_playback
-from selftouch_drake.show.readings import headline, readings
+from selftouch_drake.show.page.tables import (
+    joint_rows,
+    part_rows,
+    plan_rows,
+    skin_rows,
+    toucher_rows,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,106 +33,80 @@ class Picture:
     image: str = ""
     missing: str = ""
 
+    @staticmethod
+    def of(path: Path) -> Picture:
+        """The picture in a PNG file."""
+        return Picture(image=base64.b64encode(path.read_bytes()).decode("ascii"))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PlanLine:
-    """A line of the table of plans; figures are None before execution.
+class Recording:
+    """The recording beside the page, or why there is none.
 
     Attributes:
-        start: target sensation.
-        goal: target sensation.
-        num_kernels: kernel sets on the route.
-        duration: s.
-        contact: share of the time in contact.
-        max_force: N, strongest total force on the skin.
+        file: its name.
+        missing: the reason why there is none.
     """
 
-    start: int
-    goal: int
-    num_kernels: int
-    duration: float
-    contact: float | None = None
-    max_force: float | None = None
+    file: str = ""
+    missing: str = ""
 
 
-def write_report(
-    run: RunDirectory,
-    progress: Callable[[float, str], None] = lambda fraction, doing: None,
-    *,
-    vector: bool = False,
-) -> Path:
-    """Draws the figures and the recording of a run, and writes its `report.html`.
+def report_page(
+    material: Material, pictures: Mapping[str, Picture], recording: Recording
+) -> str:
+    """The report of a run as HTML that holds all it shows and asks nothing of a network.
 
-    The page holds everything it shows and asks nothing of a network. What was not made yet is
-    named, with the command that makes it.
+    What was not made yet is named, with the command that makes it.
 
     Args:
-        run: the run, with any of its stages done.
-        progress: told the fraction done and what is being drawn.
-        vector: whether to write the figures as PDF as well.
+        material: of the run, with any of its stages done.
+        pictures: by the names of `FIGURES`.
+        recording: of the plan that is shown.
     """
-    reasons: dict[str, str] = {}
-    written = write_figures(
-        run,
-        vector=vector,
-        progress=lambda fraction, doing: progress(0.7 * fraction, doing),
-        skipped=reasons.__setitem__,
-    )
-    pictures = {name: Picture(missing=reason) for name, reason in reasons.items()}
-    pictures |= {path.stem: Picture(image=_base64(path)) for path in written}
-    progress(0.7, "recording")
-    material = Material(run)
-    playback = _recorded(run, material)
-    progress(0.9, "report")
-    page = _template().render(
-        experiment=run.experiment,
-        settings=dump_experiment(run.experiment),
+    plans = list(plan_rows(material))
+    return _template().render(
+        experiment=material.experiment,
+        settings=dump_experiment(material.experiment),
         pictures=pictures,
-        headline=headline(material.metrics),
-        readings=readings(material.metrics),
-        metrics=material.metrics,
-        plans=list(_plan_lines(material)),
+        headline=material.headline,
+        readings=material.readings,
+        parts=_parts(material),
+        plans=plans,
+        flights=any(plan.num_flights for plan in plans),
         shown=material.shown_pair if material.pairs else None,
-        playback=playback,
+        recording=recording,
+        **_robot(material),
     )
-    write_text_whole(run.report, page)
-    progress(1.0, "reported")
-    return run.report
+
+
+def _robot(material: Material) -> dict[str, Any]:
+    try:
+        return {
+            "joints": joint_rows(material),
+            "skins": skin_rows(material),
+            "touchers": toucher_rows(material),
+            "robot_missing": "",
+        }
+    except MissingError as reason:
+        return {"joints": [], "skins": [], "touchers": [], "robot_missing": str(reason)}
+
+
+def _parts(material: Material) -> Sequence[Any]:
+    """The rows of the table of parts; none where there is one part on one skin."""
+    try:
+        rows = part_rows(material)
+    except MissingError:
+        return ()
+    return rows if len(rows) > 1 or len(material.experiment.skins) > 1 else ()
 
 
 def _template():
     environment = Environment(
-        loader=PackageLoader("selftouch_drake.show", "."),
+        loader=PackageLoader("selftouch_drake.show.page", "."),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
     return environment.get_template("report.html.j2")
-
-
-def _base64(path: Path) -> str:
-    return base64.b64encode(path.read_bytes()).decode("ascii")
-
-
-def _recorded(run: RunDirectory, material: Material) -> Picture:
-    """Writes the recording; its name stands for it, because the page links to it."""
-    try:
-        return Picture(image=write_playback(run, *material.shown_pair).name)
-    except MissingError as reason:
-        run.playback.unlink(missing_ok=True)
-        return Picture(missing=str(reason))
-
-
-def _plan_lines(material: Material) -> Iterator[PlanLine]:
-    for start, goal in material.pairs:
-        plan = material.plan(start, goal)
-        felt = plan.get("felt")
-        yield PlanLine(
-            start=start,
-            goal=goal,
-            num_kernels=len(plan["nodes"]),
-            duration=float(np.ptp(plan["time_s"])),
-            contact=None if felt is None else float(felt.any(axis=1).mean()),
-            max_force=None if felt is None else float(felt.sum(axis=1).max()),
-        )

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from selftouch_drake.show.material import RecoveredPart
+from selftouch_drake.show.material import RecoveredSkin
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -35,7 +35,7 @@ _COLUMNS = 3
 @styled
 def body_shape(
     skins: Sequence[SkinSurface],
-    parts: Sequence[RecoveredPart],
+    parts: Sequence[RecoveredSkin],
     *,
     rms_fraction: float | None = None,
 ) -> Figure:
@@ -119,12 +119,12 @@ def _typical(skins: Sequence[SkinSurface]) -> float:
     return float(np.median([skin.extent for skin in skins]))
 
 
-def _fitted(part: RecoveredPart) -> Solid:
+def _fitted(part: RecoveredSkin) -> Solid:
     solid = surface(part.places, part.faces, RECOVERED, cuts=2)
     return solid if part.closed else solid.both_sides()
 
 
-def _draw_kernels(ax: Axes, parts: Sequence[RecoveredPart], radius: float) -> int:
+def _draw_kernels(ax: Axes, parts: Sequence[RecoveredSkin], radius: float) -> int:
     """Draws the kernels that nothing hides, and returns how many there are in all."""
     offsets = np.cumsum([0, *(len(part.places) for part in parts)])
     places = np.concatenate([part.places for part in parts])

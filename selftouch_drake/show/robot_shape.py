@@ -1,0 +1,192 @@
+"""A robot as it is drawn: its links, joints and the balls that touch, in any posture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from pydrake.geometry import GeometryId, Role, Sphere
+from pydrake.multibody.tree import Frame, RigidBody
+
+from selftouch_drake.robot import Robot
+from selftouch_drake.robot.kinematics import Kinematics
+from selftouch_drake.robot.links import all_links, link_geometries, pieces_in_link, scoped_name
+from selftouch_drake.robot.pairs import Toucher
+from selftouch_drake.robot.touchers import PREFIX
+from selftouch_drake.show.skins import moved
+
+# A link of more triangles than this is drawn with fewer: those that are seen in a picture, in m.
+_MOST_FACES, _FINEST = 4000, 0.004
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinkShape:
+    """What a model draws of a link.
+
+    Attributes:
+        vertices: `(V, 3)` m, in the world.
+        faces: `(F, 3)` indices.
+        touches: whether it is what presses skins.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    touches: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DrawnRobot:
+    """A robot in one posture, in the world.
+
+    Attributes:
+        links: those that are drawn as their model has them.
+        rods: `(n, 2, 3)` m, ends of those that the model draws nothing of.
+        joints: `(J, 3)` m, where the moving joints are.
+        turns: `(J,)` bool, whether each turns or slides.
+        balls: `(B, 3)` m, centres of the balls that touch.
+        radii: `(B,)` m.
+    """
+
+    links: Sequence[LinkShape]
+    rods: np.ndarray
+    joints: np.ndarray
+    turns: np.ndarray
+    balls: np.ndarray
+    radii: np.ndarray
+
+
+class RobotShape:
+    """What is drawn of a robot, ready for any posture.
+
+    A link is drawn by its visual geometry, or by its collision geometry if it has no other. Links
+    whose skin lies on their own geometry are left to their skin.
+
+    Args:
+        robot: the robot.
+    """
+
+    def __init__(self, robot: Robot):
+        self.robot = robot
+        self._meshes = _drawn_meshes(robot)
+        links = [link for link, _ in self._meshes]
+        self._touching = {int(t.link.index()) for t in robot.touchers if not _is_ball(robot, t)}
+        balls = [t for t in robot.touchers if _is_ball(robot, t)]
+        self._radii = np.array([ball_radius(robot, t) for t in balls])
+        frames: list[Frame] = [joint.frame_on_parent() for joint in robot.joints]
+        frames += [ball.frame for ball in balls] + [link.body_frame() for link in links]
+        self._kinematics = Kinematics.of(robot.plant, frames)
+        self._ends = np.cumsum([len(robot.joints), len(balls)])
+
+    def joints(self, q: np.ndarray) -> np.ndarray:
+        """`(N, J, 3)` m, the joints in the world at `q` `(N, J)`."""
+        return self._kinematics.positions(q)[:, : self._ends[0]]
+
+    def at(self, q: np.ndarray) -> DrawnRobot:
+        """The robot at `(J,)` q."""
+        (poses,) = self._kinematics.poses(np.asarray(q, dtype=float)[None])
+        joints, balls, links = np.split(poses, self._ends)
+        shapes = [
+            LinkShape(
+                vertices=moved(np.asarray(mesh.vertices), pose),
+                faces=np.asarray(mesh.faces),
+                touches=int(link.index()) in self._touching,
+            )
+            for (link, mesh), pose in zip(self._meshes, links, strict=True)
+        ]
+        return DrawnRobot(
+            links=shapes,
+            rods=self._rods(joints[:, :, 3], balls[:, :, 3]),
+            joints=joints[:, :, 3],
+            turns=self.robot.turns,
+            balls=balls[:, :, 3],
+            radii=self._radii,
+        )
+
+    def bare_balls(self) -> dict[int, float]:
+        """m, radii of the balls that touch where the model draws nothing, by number of toucher."""
+        drawn = self.at(np.zeros(len(self.robot.joints)))
+        vertices = np.concatenate([np.full((1, 3), np.inf), *(s.vertices for s in drawn.links)])
+        numbers = [n for n, t in enumerate(self.robot.touchers) if _is_ball(self.robot, t)]
+        return {
+            number: float(radius)
+            for number, ball, radius in zip(numbers, drawn.balls, drawn.radii, strict=True)
+            if np.linalg.norm(vertices - ball, axis=1).min() > 1.5 * radius
+        }
+
+    def _rods(self, joints: np.ndarray, balls: np.ndarray) -> np.ndarray:
+        """From joint to joint, and to balls, where nothing else is drawn in between."""
+        owner = self._kinematics.owner
+        drawn = {int(joint) for joint in owner[self._ends[1] :]}
+        ends = [*joints, *balls]
+        rods = [
+            (joints[before], ends[k])
+            for k, before in enumerate(owner[: self._ends[1]])
+            if before >= 0
+            and int(before) not in drawn
+            and np.linalg.norm(ends[k] - joints[before]) > 1e-6
+        ]
+        return np.array(rods).reshape(-1, 2, 3)
+
+
+def ball_radius(robot: Robot, toucher: Toucher) -> float | None:
+    """m, of the ball that touches; None if it is a link's own geometry."""
+    inspector = robot.scene_graph.model_inspector()
+    geometry = toucher.geometry_ids[0]
+    shape = inspector.GetShape(geometry)
+    is_ball = inspector.GetName(geometry).split("::")[-1] == f"{PREFIX}{toucher.name}"
+    return shape.radius() if is_ball and isinstance(shape, Sphere) else None
+
+
+def joint_labels(robot: Robot) -> list[str]:
+    """J names that tell the joints apart: scoped by their model where they have to be."""
+    names = robot.joint_names
+    return [
+        name if names.count(name) == 1 else scoped_name(robot.plant, joint)
+        for name, joint in zip(names, robot.joints, strict=True)
+    ]
+
+
+def _is_ball(robot: Robot, toucher: Toucher) -> bool:
+    return ball_radius(robot, toucher) is not None
+
+
+def _drawn_meshes(robot: Robot) -> list[tuple[RigidBody, trimesh.Trimesh]]:
+    """The links that are drawn as their model has them, each in its own frame."""
+    inspector = robot.scene_graph.model_inspector()
+    skins = {skin.geometry_id for skin in robot.skins}
+    covered = {int(s.link.index()) for s in robot.skins if s.model.is_own_geometry}
+
+    def is_own(geometry: GeometryId) -> bool:
+        name = inspector.GetName(geometry).split("::")[-1]
+        return geometry not in skins and not name.startswith(PREFIX)
+
+    meshes = []
+    for link in all_links(robot.plant)[1:]:
+        if int(link.index()) in covered:
+            continue
+        for role in (Role.kIllustration, Role.kProximity):
+            own = [g for g in link_geometries(robot.plant, inspector, link, role) if is_own(g)]
+            try:
+                pieces = pieces_in_link(inspector, own)
+            except ValueError:  # a half space has no end to draw
+                pieces = []
+            if pieces:
+                meshes.append((link, _coarse(trimesh.util.concatenate(pieces))))
+                break
+    return meshes
+
+
+def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh without triangles that are too small to be seen, if it has very many."""
+    if len(mesh.faces) <= _MOST_FACES:
+        return mesh
+    places, number = np.unique((mesh.vertices / _FINEST).round(), axis=0, return_inverse=True)
+    number = number.ravel()
+    share = 1.0 / np.bincount(number)
+    vertices = np.stack([np.bincount(number, axis) * share for axis in mesh.vertices.T], axis=1)
+    faces = number[mesh.faces]
+    a, b, c = faces.T
+    kept = (a != b) & (b != c) & (c != a)
+    return trimesh.Trimesh(vertices[: len(places)], faces[kept], process=False)
