@@ -162,6 +162,7 @@ def spatial_jerk_reduction(
     s: np.ndarray,
     path: np.ndarray,
     waypoints_q: np.ndarray,
+    waypoint_s: np.ndarray,
     to_space: Callable[[np.ndarray], np.ndarray],
 ) -> float:
     """How many times smaller the jerk of a fingertip's path in space is than the polyline's.
@@ -173,12 +174,13 @@ def spatial_jerk_reduction(
         s: `(T,)` rad, where on the planned path the robot was.
         path: `(T, D)` m, where its fingertips were.
         waypoints_q: `(W, J)` of the plan.
+        waypoint_s: `(W,)` rad, where on its path they are.
         to_space: from `(N, J)` configurations to `(N, D)` m.
     """
     moved = _moved(s)
     at = np.linspace(s[0], s[-1], max(5, int(np.ptp(s) / _JERK_SPACING)))
     smooth = CubicSpline(s[moved], path[moved])(at)
-    rough = to_space(polyline(waypoints_q)(at))
+    rough = to_space(polyline(waypoints_q, waypoint_s)(at))
     jerk = [np.sqrt(np.mean(np.square(np.diff(p, 3, axis=0)))) for p in (rough, smooth)]
     return float(jerk[0] / jerk[1])
 

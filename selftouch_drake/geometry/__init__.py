@@ -1,4 +1,4 @@
-"""Surfaces, hollow skins and receptors, each in the frame of the link that wears it."""
+"""Skins of links: closed surfaces, the wall below them, and receptors spread over them."""
 
 from selftouch_drake.geometry.closing import closed_surface
 from selftouch_drake.geometry.farthest import farthest_points
@@ -13,6 +13,7 @@ from selftouch_drake.geometry.hollow import (
 from selftouch_drake.geometry.patches import betti_of_patch, submesh, touched_patch
 from selftouch_drake.geometry.receptors import ReceptiveFields, place_receptors, receptive_fields
 from selftouch_drake.geometry.surfaces import (
+    SimplifiedWarning,
     capsule,
     cube,
     cylinder,
@@ -26,6 +27,7 @@ from selftouch_drake.geometry.wall import wall_points
 __all__ = [
     "HollowSkin",
     "ReceptiveFields",
+    "SimplifiedWarning",
     "betti_of_patch",
     "capsule",
     "closed_surface",

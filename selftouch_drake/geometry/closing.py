@@ -203,9 +203,7 @@ def _level_set(solid: _Solid, edge: float) -> trimesh.Trimesh:
     bounds = np.concatenate([solid.origin, solid.origin + solid.cell * np.array(solid.depth.shape)])
     manifold3d.Manifold.level_set(gather, bounds, edge)
     depths = dict(zip(asked, solid.depth_at(np.array(asked)).tolist(), strict=True))
-    mesh = manifold3d.Manifold.level_set(
-        lambda x, y, z: depths[x, y, z], bounds, edge
-    ).to_mesh64()
+    mesh = manifold3d.Manifold.level_set(lambda x, y, z: depths[x, y, z], bounds, edge).to_mesh64()
     return trimesh.Trimesh(
         mesh.vert_properties[:, :3].copy(), mesh.tri_verts.astype(np.int64), process=False
     )

@@ -13,21 +13,29 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.intersections import first_self_intersection
+from selftouch_drake.geometry.samples import sample_triangles
 
-# A face of the outer surface that turns by more than this between neighbours is an edge of the
-# body, to be mitred; less is a smooth surface cut into triangles. It is the ratio of the second
+# A face of the outer surface that turns by more than this between neighbours is an edge, to be
+# mitred; less is a smooth surface cut into triangles. It is the ratio of the second
 # to the first principal value of the normals round a vertex: about 25 degrees.
 MITRE_RATIO = 0.05
 
-# A wall of a smooth body is a little thinner than asked where its triangles turn.
+# The wall of a smooth surface is a little thinner than asked where its triangles turn.
 THINNEST_WALL = 0.9
+
+# How far from an edge, in thicknesses, vertices slide to make room for its mitre.
+_SLIDE_RANGE = 2
+
+# Points that stand for a surface: no finer than this, in m, and no more than about so many.
+_FINEST_SAMPLES = 1e-3
+_MOST_SAMPLES = 400_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HollowSkin:
     """The wall between a closed outer surface and the same surface moved inwards.
 
-    All points are in the body's frame B, in metres.
+    All points are in the frame of the outer surface, the link's frame L, in metres.
 
     Attributes:
         vertices: `(V, 3)` m, of the outer surface.
@@ -46,7 +54,9 @@ class HollowSkin:
     tetrahedra: np.ndarray
 
 
-def hollow_skin(surface: trimesh.Trimesh, thickness: float, fingertip_radius: float) -> HollowSkin:
+def hollow_skin(
+    surface: trimesh.Trimesh, thickness: float, entering_radius: float | None
+) -> HollowSkin:
     """Extrudes a closed surface inwards into a skin, with vertices at mid-depth.
 
     Hydroelastic pressure is zero on the boundary of a mesh, so that a wall without vertices
@@ -55,33 +65,40 @@ def hollow_skin(surface: trimesh.Trimesh, thickness: float, fingertip_radius: fl
     Args:
         surface: Closed outer surface, in m, wound outwards.
         thickness: m, by which each face moves inwards.
-        fingertip_radius: m. Opposite walls must leave room for the fingertip between them.
+        entering_radius: m, of the smallest ball that can get into the cavity: opposite walls must
+            leave room for it between them. None if nothing gets inside.
 
     Raises:
-        ValueError: If the skin is thicker than the body allows, or opposite inner walls are not
-            farther apart than the fingertip's diameter.
+        ValueError: If the skin is thicker than the surface allows, or opposite inner walls are not
+            farther apart than the diameter of the ball.
     """
     if not thickness > 0:
-        raise ValueError(f"skin.thickness is {thickness:g} m; give a positive length in metres")
+        raise ValueError(f"thickness is {thickness:g} m; give a positive length in metres")
     vertices = np.array(surface.vertices)
     faces = np.array(surface.faces)
-    inner_vertices = vertices + thickness * _inward_steps(surface)
-    tet_vertices = np.concatenate([vertices, (vertices + inner_vertices) / 2, inner_vertices])
     tetrahedra = _fill_prisms(faces, len(vertices))
-    inner = trimesh.Trimesh(inner_vertices, faces, process=False)
-    crushed = _crushed_wall(surface, inner, thickness, tet_volumes(tet_vertices, tetrahedra))
+    # On a long limb, the smoothest steps slide far along it, and into its round ends.
+    for slide_range in (np.inf, _SLIDE_RANGE * thickness):
+        inner_vertices = vertices + thickness * _inward_steps(surface, slide_range)
+        tet_vertices = np.concatenate([vertices, (vertices + inner_vertices) / 2, inner_vertices])
+        inner = trimesh.Trimesh(inner_vertices, faces, process=False)
+        volumes = tet_volumes(tet_vertices, tetrahedra)
+        crushed = _crushed_wall(surface, inner, thickness, volumes)
+        if crushed is None:
+            break
     if crushed is not None:
         raise ValueError(
-            f"skin.thickness is {thickness:g} m, thicker than the body allows near "
-            f"{_point(crushed)} m; make the skin thinner or the body larger"
+            f"thickness is {thickness:g} m, thicker than the surface allows near "
+            f"{_point(crushed)} m; make the skin thinner or the surface larger"
         )
-    narrow = _narrow_place(inner, fingertip_radius)
-    if narrow is not None:
-        raise ValueError(
-            f"skin.thickness is {thickness:g} m, which leaves opposite walls nearer than the "
-            f"fingertip's diameter of {2 * fingertip_radius:g} m near {_point(narrow)} m; "
-            "make the skin thinner or the body larger"
-        )
+    if entering_radius is not None:
+        narrow = _narrow_place(inner, entering_radius)
+        if narrow is not None:
+            raise ValueError(
+                f"thickness is {thickness:g} m, which leaves opposite walls nearer than the "
+                f"diameter of {2 * entering_radius:g} m of what touches them near "
+                f"{_point(narrow)} m; make the skin thinner or the surface larger"
+            )
     return HollowSkin(
         vertices=vertices,
         faces=faces,
@@ -121,13 +138,14 @@ def vtk_text(skin: HollowSkin) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _inward_steps(surface: trimesh.Trimesh) -> np.ndarray:
+def _inward_steps(surface: trimesh.Trimesh, slide_range: float) -> np.ndarray:
     """Returns `(V, 3)` steps d that move every face inwards by one: n · d = -1.
 
     Round each vertex the faces fix d in the directions that their normals span (least squares,
     weighted by their angles there): one on a smooth surface, two on an edge, three at a corner.
     In the others d is free, and there it is the smoothest field (of least Dirichlet energy), so
-    that the vertices next to an edge make room for it: a cube simply shrinks.
+    that the vertices next to an edge make room for it: a cube simply shrinks. A finite
+    `slide_range`, in m, is how far from an edge they still do.
     """
     num_vertices = len(surface.vertices)
     corners = surface.faces.ravel()
@@ -150,7 +168,12 @@ def _inward_steps(surface: trimesh.Trimesh) -> np.ndarray:
         shape=(3 * num_vertices, len(vertex)),
     )
     stiffness = scipy.sparse.kron(_laplacian(surface), scipy.sparse.eye_array(3), format="csc")
-    slide = spsolve((free.T @ stiffness @ free).tocsc(), -free.T @ (stiffness @ fixed))
+    energy = free.T @ stiffness @ free
+    if np.isfinite(slide_range):
+        share = np.repeat(surface.area_faces / 3, 3)
+        area = np.bincount(corners, weights=share, minlength=num_vertices)
+        energy = energy + scipy.sparse.diags_array(area[vertex] / slide_range**2)
+    slide = spsolve(energy.tocsc(), -free.T @ (stiffness @ fixed))
     return (fixed + free @ slide).reshape(-1, 3)
 
 
@@ -197,44 +220,41 @@ def _crushed_wall(
     if folded.any():
         return surface.triangles_center[folded.argmax() // 6]
     # The cloud is never nearer than the surface, and farther by less than 1 % of the thickness.
-    cloud, _ = _sample_surface(surface, thickness / 8)
+    cloud, _ = sample_triangles(surface.triangles, max(thickness / 8, _finest(surface)))
     distance, _ = cKDTree(cloud).query(inner.vertices)
     if distance.min() < THINNEST_WALL * thickness:
         return surface.vertices[distance.argmin()]
     return first_self_intersection(inner.vertices, inner.faces)
 
 
-def _narrow_place(inner: trimesh.Trimesh, fingertip_radius: float) -> np.ndarray | None:
-    """Returns an inner point where a fingertip that touches the wall meets the opposite one.
+def _narrow_place(inner: trimesh.Trimesh, radius: float) -> np.ndarray | None:
+    """Returns an inner point where a ball that touches the wall meets the opposite one.
 
     A wall is opposite where it looks back at the point: not the next face round a corner.
     """
-    if fingertip_radius <= 0:
+    if radius <= 0:
         return None
     into_cavity = -inner.face_normals
-    # Below 1 mm the samples would be millions, for a fingertip finer than any skin.
-    cloud, cloud_face = _sample_surface(inner, max(fingertip_radius / 4, 1e-3))
+    # Finer samples would be millions, for a ball finer than any skin.
+    finest = max(_FINEST_SAMPLES, _finest(inner))
+    cloud, cloud_face = sample_triangles(inner.triangles, max(radius / 6, finest))
     tree = cKDTree(cloud)
-    fingertips = inner.triangles_center + fingertip_radius * into_cavity
-    for chunk in np.array_split(np.arange(len(fingertips)), len(fingertips) // 500 + 1):
-        # The sampled wall is at most 1 % of a radius beyond the wall itself.
-        touched = tree.query_ball_point(fingertips[chunk], 1.01 * fingertip_radius)
+    points, face = sample_triangles(inner.triangles, max(2 * radius, finest))
+    balls = points + radius * into_cavity[face]
+    for chunk in np.array_split(np.arange(len(balls)), len(balls) // 500 + 1):
+        # The sampled wall is at most 2 % of a radius beyond the wall itself.
+        touched = tree.query_ball_point(balls[chunk], 1.01 * radius)
         toucher = np.repeat(chunk, [len(points) for points in touched])
         wall = cloud_face[np.concatenate(touched).astype(int)]
-        opposite = np.einsum("ni,ni->n", into_cavity[toucher], into_cavity[wall]) < -0.5
+        opposite = np.einsum("ni,ni->n", into_cavity[face[toucher]], into_cavity[wall]) < -0.5
         if opposite.any():
-            return inner.triangles_center[toucher[opposite.argmax()]]
+            return points[toucher[opposite.argmax()]]
     return None
 
 
-def _sample_surface(surface: trimesh.Trimesh, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Returns `(N, 3)` points no farther than about `spacing` apart, and `(N,)` their faces."""
-    pieces = int(np.ceil(surface.edges_unique_length.max() / spacing))
-    i, j = np.meshgrid(np.arange(pieces + 1), np.arange(pieces + 1), indexing="ij")
-    inside = i + j <= pieces
-    weights = np.stack([i[inside], j[inside], pieces - i[inside] - j[inside]], axis=1) / pieces
-    points = np.einsum("wk,fki->fwi", weights, surface.triangles)
-    return points.reshape(-1, 3), np.repeat(np.arange(len(surface.faces)), len(weights))
+def _finest(surface: trimesh.Trimesh) -> float:
+    """m, spacing below which samples of a surface would fill the memory."""
+    return float(np.sqrt(surface.area / _MOST_SAMPLES))
 
 
 def _point(p: np.ndarray) -> str:

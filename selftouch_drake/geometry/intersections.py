@@ -58,10 +58,12 @@ def _near_pairs(triangles: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]
     centroids = pieces.mean(axis=1)
     radii = np.linalg.norm(pieces - centroids[:, None], axis=2).max(axis=1)
     size = np.frexp(radii)[1]
+    by_size = np.argsort(radii, kind="stable")
     for level in np.unique(size):
         larger = np.flatnonzero(size == level)
         tree = cKDTree(centroids[larger])
-        smaller = np.flatnonzero(size <= level)
+        # Sorted, so that a block of small pieces need not look far.
+        smaller = by_size[: np.searchsorted(size[by_size], level, side="right")]
         for block in np.array_split(smaller, len(smaller) // _BLOCK + 1):
             reach = radii[block].max() + radii[larger].max()
             near = cKDTree(centroids[block]).sparse_distance_matrix(

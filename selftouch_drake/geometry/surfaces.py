@@ -14,6 +14,7 @@ import manifold3d
 import numpy as np
 import trimesh
 
+from selftouch_drake.geometry.closing import closed_surface
 from selftouch_drake.geometry.intersections import first_self_intersection
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl")
@@ -203,13 +204,7 @@ def mesh_file(
     """
     _require_lengths(resolution=resolution, scale=scale)
     path = Path(path)
-    surface = _read(path)
-    surface.apply_scale(scale)
-    if (reach := np.abs(surface.vertices).max()) > _FARTHEST:
-        raise ValueError(
-            f"surface.mesh {path} reaches {reach:g} m from its origin; give it in metres, or "
-            "set surface.scale"
-        )
+    surface = _read(path, scale)
     if not surface.is_watertight:
         raise ValueError(f"surface.mesh {path} is open; close its holes so that it is watertight")
     if surface.body_count != 1:
@@ -227,36 +222,51 @@ def mesh_file(
             f"{num_triangles:.0f} triangles at {resolution:g} m; set surface.scale, or a coarser "
             "surface.resolution"
         )
-    manifold = _to_manifold(surface)
     if len(surface.faces) > MOST_DETAIL * num_triangles:
-        manifold = _simplified(manifold, num_triangles)
-    for _ in range(3):  # The first cut leaves longer edges inside large triangles.
-        manifold = manifold.refine_to_length(1.4 * resolution)
-    simplified, surface = surface, _from_manifold(manifold)
+        dense, surface = surface, closed_surface([surface], resolution=resolution)
+        warnings.warn(
+            f"surface.mesh {path} was simplified from {len(dense.faces)} to {len(surface.faces)} "
+            f"triangles, for edges of {resolution:g} m",
+            SimplifiedWarning,
+            stacklevel=2,
+        )
+    else:
+        manifold = _to_manifold(surface)
+        for _ in range(3):  # The first cut leaves longer edges inside large triangles.
+            manifold = manifold.refine_to_length(1.4 * resolution)
+        surface = _from_manifold(manifold)
     crossing = first_self_intersection(surface.vertices, surface.faces)
     if crossing is not None:
         raise ValueError(
-            f"surface.mesh {path} intersects itself near {_point(crossing)} m from its centre; "
+            f"surface.mesh {path} intersects itself near {_point(crossing)} m; "
             "repair it so that its surface never crosses itself"
         )
     return surface
 
 
-def _read(path: Path) -> trimesh.Trimesh:
+def _read(path: Path, scale: float) -> trimesh.Trimesh:
     if path.suffix.lower() not in MESH_SUFFIXES:
-        raise ValueError(f"surface.mesh {path} is not one of {', '.join(MESH_SUFFIXES)}; convert it")
+        raise ValueError(
+            f"surface.mesh {path} is not one of {', '.join(MESH_SUFFIXES)}; convert it"
+        )
     if not path.is_file():
         raise ValueError(f"surface.mesh {path} does not exist; give the path of a mesh file")
     try:
         surface = trimesh.load_mesh(path, process=False)
     except Exception as error:  # Each of trimesh's readers fails in its own way.
-        raise ValueError(f"surface.mesh {path} cannot be read ({error}); export it again") from error
+        raise ValueError(
+            f"surface.mesh {path} cannot be read ({error}); export it again"
+        ) from error
     if not isinstance(surface, trimesh.Trimesh) or surface.is_empty:
         raise ValueError(f"surface.mesh {path} has no triangles; export it again as triangles")
     if not np.isfinite(surface.vertices).all():
         raise ValueError(f"surface.mesh {path} has vertices that are not finite; export it again")
+    surface.vertices = surface.vertices * scale
     if (reach := np.abs(surface.vertices).max()) > _FARTHEST:
-        raise ValueError(f"surface.mesh {path} reaches {reach:g} m from its origin; give it in metres")
+        raise ValueError(
+            f"surface.mesh {path} reaches {reach:g} m from its origin; give its unit as "
+            "surface.scale, in metres"
+        )
     if surface.faces.min() < 0 or surface.faces.max() >= len(surface.vertices):
         raise ValueError(f"surface.mesh {path} has triangles without corners; export it again")
     try:

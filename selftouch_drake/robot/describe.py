@@ -49,17 +49,16 @@ def _joints(world: World) -> Iterator[tuple[str, ...]]:
 
 
 def _skins(robot: Robot) -> Iterator[tuple[str, ...]]:
-    for skin in robot.skins:
+    for number, skin in enumerate(robot.skins):
         wall, fields = skin.model.wall, skin.model.fields
         area = trimesh.Trimesh(wall.vertices, wall.faces, process=False).area
-        moves = any(joint.child_body().index() == skin.link.index() for joint in robot.joints)
         yield (
             skin.model.name,
             f"on {scoped_name(robot.plant, skin.link)}",
             f"{1e4 * area:.0f} cm²",
             f"{1e3 * wall.thickness:.0f} mm thick",
             f"{fields.num_receptors} receptors",
-            "moves" if moves else "",
+            "moves" if robot.kinematics.owner[number] >= 0 else "",
         )
 
 

@@ -91,7 +91,7 @@ class ImperfectSkin:
 
         Args:
             sensation: `(N, S)` N.
-            q: `(N, J)` rad, the configurations in which it is felt.
+            q: `(N, J)` rad or m, the configurations in which it is felt.
 
         Returns:
             `(N, S)` N, not negative; rows of zeros where nothing is felt.

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, Joint, RevoluteJoint
+from pydrake.multibody.tree import Frame, Joint, RevoluteJoint, RigidBody
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,7 +23,7 @@ class Kinematics:
         parent: `(J,)` the joint before each one on its way to the world; -1 for none. Joints are in
             the order of q, a parent before its children.
         X_PF: `(J, 3, 4)` each joint's frame on the frame that its parent joint moves.
-        axis_F: `(J, 3)` unit vectors.
+        axis_F: `(J, 3)` unit vectors, along or about which the side away from the world moves.
         turns: `(J,)` bool, whether the joint turns (rad) or slides (m).
         owner: `(L,)` the joint that each frame hangs on; -1 for none.
         X_JL: `(L, 3, 4)` each frame on the frame that its joint moves.
@@ -49,9 +49,9 @@ class Kinematics:
         joints = moving_joints(plant)
         # At zero the frame that a joint moves lies in the frame it moves in.
         X_WJ = [joint.frame_on_parent().CalcPoseInWorld(context) for joint in joints]
-        carriers = _carriers(plant, joints)
-        parent = [carriers[int(joint.parent_body().index())] for joint in joints]
-        owner = [carriers[int(frame.body().index())] for frame in frames]
+        tree = _Tree(plant, joints)
+        parent = [tree.carrier(tree.inboard_body(joint)) for joint in joints]
+        owner = [tree.carrier(frame.body()) for frame in frames]
 
         def relative(X_WF: RigidTransform, joint: int) -> np.ndarray:
             X = X_WF if joint < 0 else X_WJ[joint].InvertAndCompose(X_WF)
@@ -60,7 +60,7 @@ class Kinematics:
         return Kinematics(
             parent=np.array(parent, dtype=np.int64),
             X_PF=np.array([relative(X, p) for X, p in zip(X_WJ, parent, strict=True)]),
-            axis_F=np.array([_axis(joint) for joint in joints]),
+            axis_F=np.array([tree.direction(joint) * _axis(joint) for joint in joints]),
             turns=np.array([isinstance(joint, RevoluteJoint) for joint in joints]),
             owner=np.array(owner, dtype=np.int64),
             X_JL=np.array(
@@ -94,20 +94,48 @@ def moving_joints(plant: MultibodyPlant) -> list[Joint]:
     return sorted((j for j in joints if j.num_positions()), key=lambda j: j.position_start())
 
 
-def _carriers(plant: MultibodyPlant, joints: Sequence[Joint]) -> dict[int, int]:
-    """For each body the last moving joint on its way from the world; -1 for none."""
-    number = {int(joint.child_body().index()): k for k, joint in enumerate(joints)}
-    inboard = {
-        int(plant.get_joint(index).child_body().index()): plant.get_joint(index)
-        for index in plant.GetJointIndices()
-    }
-    carriers = {}
-    for index in range(plant.num_bodies()):
-        body = index
-        while body not in number and body in inboard:
-            body = int(inboard[body].parent_body().index())
-        carriers[index] = number.get(body, -1)
-    return carriers
+class _Tree:
+    """The joints on the way from each body to the world.
+
+    A model that is welded to the world by its tip has joints whose parent is the body that moves.
+    """
+
+    def __init__(self, plant: MultibodyPlant, joints: Sequence[Joint]):
+        self._number = {int(joint.index()): k for k, joint in enumerate(joints)}
+        at_body: dict[int, list[Joint]] = {index: [] for index in range(plant.num_bodies())}
+        for index in plant.GetJointIndices():
+            joint = plant.get_joint(index)
+            for body in (joint.parent_body(), joint.child_body()):
+                at_body[int(body.index())].append(joint)
+        world = int(plant.world_body().index())
+        self._inboard: dict[int, tuple[Joint, int]] = {}
+        reached = [world]
+        for near in reached:
+            for joint in at_body[near]:
+                ends = int(joint.parent_body().index()), int(joint.child_body().index())
+                far = ends[1] if ends[0] == near else ends[0]
+                if far != world and far not in self._inboard:
+                    self._inboard[far] = joint, near
+                    reached.append(far)
+
+    def carrier(self, body: RigidBody) -> int:
+        """The number of the last moving joint on the way from the world to `body`; -1 for none."""
+        index = int(body.index())
+        while index in self._inboard:
+            joint, near = self._inboard[index]
+            if (number := self._number.get(int(joint.index()))) is not None:
+                return number
+            index = near
+        return -1
+
+    def direction(self, joint: Joint) -> int:
+        """1 if a joint moves its child, -1 if its child carries its parent."""
+        found = self._inboard.get(int(joint.child_body().index()))
+        return 1 if found is not None and found[0].index() == joint.index() else -1
+
+    def inboard_body(self, joint: Joint) -> RigidBody:
+        """The body of a joint that is nearer to the world."""
+        return joint.parent_body() if self.direction(joint) > 0 else joint.child_body()
 
 
 def _axis(joint: Joint) -> np.ndarray:

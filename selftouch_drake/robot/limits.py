@@ -57,8 +57,8 @@ def commanded(time_s: np.ndarray, q: np.ndarray, v: np.ndarray) -> CubicHermiteS
 
     Args:
         time_s: `(T,)` s.
-        q: `(T, J)` rad.
-        v: `(T, J)` rad/s.
+        q: `(T, J)` rad or m.
+        v: `(T, J)` rad/s or m/s.
     """
     return CubicHermiteSpline(time_s, q, v)
 
@@ -74,10 +74,10 @@ def speed_shares(
 
     Args:
         time_s: `(T,)` s.
-        q: `(T, J)` rad.
-        v: `(T, J)` rad/s.
-        velocity_limit: `(J,)` rad/s.
-        acceleration_limit: `(J,)` rad/s^2.
+        q: `(T, J)` rad or m.
+        v: `(T, J)` rad/s or m/s.
+        velocity_limit: `(J,)` rad/s or m/s.
+        acceleration_limit: `(J,)` rad/s^2 or m/s^2.
 
     Returns:
         The largest share of the velocity and of the acceleration that is allowed, of any joint.
@@ -103,11 +103,11 @@ def limit_shares(
 
     Args:
         time_s: `(T,)` s.
-        q: `(T, J)` rad, commanded.
-        v: `(T, J)` rad/s, commanded.
-        q_measured: `(T, J)` rad.
-        torque: `(N, J)` N·m, of the actuators, any number of samples.
-        limits: of the arm and its motions.
+        q: `(T, J)` rad or m, commanded.
+        v: `(T, J)` rad/s or m/s, commanded.
+        q_measured: `(T, J)` rad or m.
+        torque: `(N, J)` N·m or N, of the actuators, any number of samples.
+        limits: of the robot and its motions.
 
     Returns:
         For `position` (distance from the middle of a joint's range, commanded or measured),

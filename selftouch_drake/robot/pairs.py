@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometryId,
@@ -14,13 +15,16 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Frame, RigidBody
+from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
+from pydrake.systems.framework import Context
 
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.robot.kinematics import moving_joints
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.touchers import PREFIX
+
+# m; joints nearer to each other than this turn at one place.
+_ONE_PLACE = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -72,25 +76,49 @@ class RigidPair:
 
 
 class Neighbours:
-    """Which links are one (welded together), and which are next to each other in the tree."""
+    """Which links are one (welded together), and which are next to each other in the tree.
+
+    Next to each other are two links with one joint between them, or several that turn at one place,
+    as in a spherical wrist: the links between those have no length.
+    """
 
     def __init__(self, plant: MultibodyPlant):
         self._group: dict[int, int] = {}
         for number, bodies in enumerate(_welded_groups(plant)):
             for body in bodies:
                 self._group[body] = number
-        self._adjacent = set()
-        for joint in moving_joints(plant):
-            ends = [self.of(joint.parent_body()), self.of(joint.child_body())]
-            self._adjacent |= {tuple(ends), tuple(ends[::-1])}
+        context = plant.CreateDefaultContext()
+        joints = moving_joints(plant)
+        ends = [(self.of(j.parent_body()), self.of(j.child_body())) for j in joints]
+        # For each joint the links that it, or a joint before it at the same place, starts from.
+        starts: list[set[int]] = []
+        for joint, (parent, _) in zip(joints, ends, strict=True):
+            starts.append({parent})
+            for before, (_, child) in enumerate(ends):
+                if child == parent and _at_one_place(joints[before], joint, context):
+                    starts[-1] |= starts[before]
+        self._adjacent = {
+            pair
+            for (_, child), reached in zip(ends, starts, strict=True)
+            for parent in reached
+            for pair in ((parent, child), (child, parent))
+        }
 
     def of(self, link: RigidBody) -> int:
         """The number of the group of links that move as one."""
         return self._group[int(link.index())]
 
     def are_neighbours(self, a: RigidBody, b: RigidBody) -> bool:
-        """Whether one joint or none lies between two links."""
+        """Whether two links are one, or next to each other."""
         return self.of(a) == self.of(b) or (self.of(a), self.of(b)) in self._adjacent
+
+
+def _at_one_place(before: Joint, joint: Joint, context: Context) -> bool:
+    """Whether two joints in a row turn about axes that meet, give or take `_ONE_PLACE`."""
+    if not (isinstance(before, RevoluteJoint) and isinstance(joint, RevoluteJoint)):
+        return False
+    X_BJ = joint.frame_on_parent().CalcPose(context, before.frame_on_child())
+    return float(np.linalg.norm(X_BJ.translation())) < _ONE_PLACE
 
 
 def _welded_groups(plant: MultibodyPlant) -> list[set[int]]:
@@ -125,58 +153,76 @@ def touching_pairs(
 def _require_partners(
     pairs: Sequence[tuple[int, int]], touchers: Sequence[Toucher], worn: Sequence[WornSkin]
 ) -> None:
+    # A skin that presses another one feels it, too.
+    feeling = {s for _, s in pairs} | {
+        s
+        for s, skin in enumerate(worn)
+        for t, _ in pairs
+        if skin.geometry_id in touchers[t].geometry_ids
+    }
     for s, skin in enumerate(worn):
-        if not any(pair[1] == s for pair in pairs):
+        if s not in feeling:
             raise ExperimentError(
                 f"skins.{skin.model.name} can never feel: all that touches is on its own link or "
                 "on one next to it; add something to touching"
             )
+    touching = {t for t, _ in pairs}
     for t, toucher in enumerate(touchers):
-        if not any(pair[0] == t for pair in pairs):
+        if t not in touching:
             raise ExperimentError(
                 f"touching.{toucher.name} can never touch: every skin is on its own link or on one "
                 "next to it; leave it out, or add a skin"
             )
 
 
+def own_geometries(
+    plant: MultibodyPlant, scene_graph: SceneGraph
+) -> dict[BodyIndex, tuple[GeometryId, ...]]:
+    """The collision geometries of each link that has any, before skins and touchers are added."""
+    inspector = scene_graph.model_inspector()
+    found = {
+        link.index(): tuple(link_geometries(plant, inspector, link, Role.kProximity))
+        for link in all_links(plant)
+    }
+    return {index: geometries for index, geometries in found.items() if geometries}
+
+
 def rigid_pairs(
     plant: MultibodyPlant,
-    scene_graph: SceneGraph,
+    own: Mapping[BodyIndex, tuple[GeometryId, ...]],
     experiment: Experiment,
     worn: Sequence[WornSkin],
 ) -> Iterator[RigidPair]:
     """Pairs of links with collision geometry of their own that are no neighbours.
 
     A skin that lies on its link's own geometry makes the outer layer of that geometry soft.
+
+    Args:
+        plant: finalized.
+        own: of `own_geometries`.
+        experiment: gives the depth that is allowed.
+        worn: the skins.
     """
     neighbours = Neighbours(plant)
-    inspector = scene_graph.model_inspector()
-    added = {skin.geometry_id for skin in worn}
-    geometries, soft = {}, {}
-    for link in all_links(plant):
-        index = int(link.index())
-        own = [
-            g
-            for g in link_geometries(plant, inspector, link, Role.kProximity)
-            if g not in added and not inspector.GetName(g).split("::")[-1].startswith(PREFIX)
-        ]
-        if own:
-            geometries[index] = (link, tuple(own))
-        soft[index] = max(
-            (
-                skin.model.wall.thickness
-                for skin in worn
-                if int(skin.link.index()) == index and skin.model.is_own_geometry
-            ),
-            default=0.0,
-        )
-    for (a, (link_a, own_a)), (b, (link_b, own_b)) in itertools.combinations(geometries.items(), 2):
-        if not neighbours.are_neighbours(link_a, link_b):
+    for a, b in itertools.combinations(own, 2):
+        links = plant.get_body(a), plant.get_body(b)
+        if not neighbours.are_neighbours(*links):
             yield RigidPair(
-                links=(link_a, link_b),
-                geometry_ids=(own_a, own_b),
-                allowed_depth=experiment.robot.collision_depth + soft[a] + soft[b],
+                links=links,
+                geometry_ids=(own[a], own[b]),
+                allowed_depth=experiment.robot.collision_depth
+                + sum(_softness(link, worn) for link in links),
             )
+
+
+def _softness(link: RigidBody, worn: Sequence[WornSkin]) -> float:
+    """m, how deep a link's own geometry is soft."""
+    thickness = (
+        skin.model.wall.thickness
+        for skin in worn
+        if skin.link.index() == link.index() and skin.model.is_own_geometry
+    )
+    return max(thickness, default=0.0)
 
 
 def leave_to_collide(

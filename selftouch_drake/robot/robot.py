@@ -2,28 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import (
-    HydroelasticContactRepresentation,
-    Role,
-    SceneGraph,
-)
+from pydrake.geometry import GeometryId, HydroelasticContactRepresentation, SceneGraph
 from pydrake.multibody.plant import ContactModel, DiscreteContactApproximation, MultibodyPlant
-from pydrake.multibody.tree import (
-    Joint,
-    PdControllerGains,
-)
+from pydrake.multibody.tree import BodyIndex, Joint, PdControllerGains
 
 from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.experiment import Toucher as ToucherFields
 from selftouch_drake.robot.kinematics import Kinematics, moving_joints
-from selftouch_drake.robot.links import (
-    find_frame,
-    find_link,
-    link_geometries,
-)
+from selftouch_drake.robot.links import find_frame, find_link, scoped_name
 from selftouch_drake.robot.models import RobotModel, load_model, parse
 from selftouch_drake.robot.moving import fix_joints
 from selftouch_drake.robot.pairs import (
@@ -31,15 +21,16 @@ from selftouch_drake.robot.pairs import (
     Toucher,
     WornSkin,
     leave_to_collide,
+    own_geometries,
     rigid_pairs,
     touching_pairs,
 )
 from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.tactile_skin import RegisterSkin
-from selftouch_drake.robot.touchers import TouchingBall, TouchingShapes, register_toucher
+from selftouch_drake.robot.touchers import register_ball, register_shapes
 
-# Half a turn either way: where babbling keeps a joint that turns without limits.
-HALF_TURN = np.pi
+# rad, how far babbling turns a joint that turns without limits.
+TURN = 2 * np.pi
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,8 +64,12 @@ class Robot:
 
     @property
     def joint_names(self) -> list[str]:
-        """J names, in the order of q."""
-        return [joint.name() for joint in self.joints]
+        """J names, in the order of q; `model::name` where several models have such a joint."""
+        names = [joint.name() for joint in self.joints]
+        return [
+            name if names.count(name) == 1 else scoped_name(self.plant, joint)
+            for name, joint in zip(names, self.joints, strict=True)
+        ]
 
     @property
     def turns(self) -> np.ndarray:
@@ -95,8 +90,9 @@ class Robot:
     def babbled_range(self) -> tuple[np.ndarray, np.ndarray]:
         """`(J,)` and `(J,)`: where babbling stays, one turn where a joint has no limits."""
         lower, upper = self.lower, self.upper
-        endless = ~(np.isfinite(lower) & np.isfinite(upper))
-        return np.where(endless, -HALF_TURN, lower), np.where(endless, HALF_TURN, upper)
+        start = np.where(np.isfinite(upper), upper - TURN, -TURN / 2)
+        start = np.where(np.isfinite(lower), lower, start)
+        return start, np.where(np.isfinite(upper), upper, start + TURN)
 
     def skin_positions(self, q: np.ndarray) -> np.ndarray:
         """`(N, skins, 3, 4)` poses of the links that wear skins at `q` `(N, J)`."""
@@ -130,6 +126,7 @@ def MakeRobot(experiment: Experiment, skins: Sequence[SkinModel], scene_graph: S
     model = robot_model(experiment)
     parse(plant, model)
     fix_joints(plant, experiment, model)
+    own = own_geometries(plant, scene_graph)
 
     worn = []
     for skin in skins:
@@ -144,14 +141,14 @@ def MakeRobot(experiment: Experiment, skins: Sequence[SkinModel], scene_graph: S
         )
         worn.append(WornSkin(model=skin, link=link, geometry_id=geometry_id))
     touchers = [
-        _toucher(plant, scene_graph, name, toucher, worn)
+        _add_toucher(plant, scene_graph, name, toucher, worn, own)
         for name, toucher in experiment.touching.items()
     ]
     _give_gains(plant, experiment)
     plant.Finalize()
 
     pairs = touching_pairs(plant, touchers, worn)
-    rigid = tuple(rigid_pairs(plant, scene_graph, experiment, worn))
+    rigid = tuple(rigid_pairs(plant, own, experiment, worn))
     leave_to_collide(scene_graph, worn, touchers, pairs)
     frames = [skin.link.body_frame() for skin in worn] + [t.frame for t in touchers]
     return Robot(
@@ -177,27 +174,31 @@ def _give_gains(plant: MultibodyPlant, experiment: Experiment) -> None:
         plant.get_mutable_joint_actuator(actuator).set_controller_gains(gains)
 
 
-def _toucher(
-    plant: MultibodyPlant, scene_graph: SceneGraph, name: str, toucher, worn: Sequence[WornSkin]
+def _add_toucher(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    name: str,
+    described: ToucherFields,
+    worn: Sequence[WornSkin],
+    own: Mapping[BodyIndex, tuple[GeometryId, ...]],
 ) -> Toucher:
     field = f"touching.{name}"
-    if toucher.frame is not None:
-        frame = find_frame(plant, toucher.frame, f"{field}.frame")
-        ids = register_toucher(plant, name, TouchingBall(frame=frame, radius=toucher.radius))
+    if described.link is None:
+        frame = find_frame(plant, str(described.frame), f"{field}.frame")
+        ids = (register_ball(plant, name, frame, float(described.radius or 0.0)),)
         return Toucher(name=name, link=frame.body(), frame=frame, geometry_ids=ids)
-    link = find_link(plant, toucher.link, f"{field}.link")
-    skins = tuple(skin.geometry_id for skin in worn if skin.link.index() == link.index())
-    if skins:
-        ids = skins
-    else:
-        inspector = scene_graph.model_inspector()
-        own = link_geometries(plant, inspector, link, Role.kProximity)
-        if not own:
+    link = find_link(plant, described.link, f"{field}.link")
+    ids = tuple(skin.geometry_id for skin in worn if skin.link.index() == link.index())
+    if not ids:
+        if link.index() not in own:
             raise ExperimentError(
-                f"{field}.link is {toucher.link!r}, which has no collision geometry; give it some "
-                "in its model, or give a ball by frame and radius"
+                f"{field}.link is {described.link!r}, which has no collision geometry; give it "
+                "some in its model, or give a ball by frame and radius"
             )
-        ids = register_toucher(
-            plant, name, TouchingShapes(link=link, geometries=tuple(own), inspector=inspector)
-        )
+        try:
+            ids = register_shapes(
+                plant, name, link, own[link.index()], scene_graph.model_inspector()
+            )
+        except ValueError as error:
+            raise ExperimentError(f"{field}.link is {described.link!r}: {error}") from error
     return Toucher(name=name, link=link, frame=link.body_frame(), geometry_ids=ids)

@@ -96,11 +96,10 @@ class Simulation:
         self._station_context = station.diagram.GetMyContextFromRoot(self._context)
         self._state = station.diagram.GetOutputPort("state")
         self._sensation = station.diagram.GetOutputPort("sensation")
-        self._path = PiecewisePolynomial(np.zeros((num_joints, 1)))
 
     @property
     def time_s(self) -> float:
-        """s, since `rest`, `follow` or `babble`."""
+        """s, since `rest_at`, `follow` or `babble`."""
         return self._context.get_time()
 
     @property
@@ -110,12 +109,13 @@ class Simulation:
 
     @property
     def q_commanded(self) -> np.ndarray:
-        """`(J,)` rad or m, where the joints are told to be, as they read.
+        """`(J,)` rad or m, where the joints are commanded to be, as they read.
 
-        It is beyond `q` by what presses on the skin.
+        Where something presses on a skin, the joints stay behind their command.
         """
-        time = np.clip(self.time_s, self._path.start_time(), self._path.end_time())
-        return self._path.value(time).ravel() + self._slip
+        desired = self._source.GetOutputPort("desired_state")
+        source_context = self._source.GetMyContextFromRoot(self._context)
+        return desired.Eval(source_context)[: self.robot.num_joints] + self._slip
 
     @property
     def felt(self) -> np.ndarray:
@@ -203,7 +203,6 @@ class Simulation:
     def _begin(self, path: PiecewisePolynomial, q: np.ndarray | None) -> None:
         if not isinstance(self._source, PathSource):
             raise TypeError("this simulation babbles; make one with babbles=False")
-        self._path = path
         self._context.SetTime(0.0)
         self._source.SetPath(self._source.GetMyMutableContextFromRoot(self._context), path)
         if q is not None:

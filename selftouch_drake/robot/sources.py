@@ -42,7 +42,7 @@ class PathSource(LeafSystem):
         self.DeclareVectorOutputPort("desired_state", 2 * num_joints, self._calc_desired_state)
 
     def SetPath(self, context: Context, path: Trajectory) -> None:
-        """Gives this system's context a path; its start time is the context's time."""
+        """Gives this system's context a path over the context's time, s."""
         self._path.FixValue(context, Value[object](path))
 
     def _calc_desired_state(self, context, output):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
 
 import trimesh
 from pydrake.common import MemoryFile
@@ -26,7 +26,7 @@ from selftouch_drake.geometry import closed_surface
 from selftouch_drake.robot.links import as_mesh
 
 # What the geometry of every toucher is called, before its name.
-PREFIX = "touching_"
+_PREFIX = "touching_"
 # As the skin's: friction changes no reading, only the effort.
 FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
 # A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch costs a
@@ -39,49 +39,48 @@ _OF_EXTENT = 0.5
 _FINEST = 0.008
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TouchingBall:
-    """A rigid ball about a frame's origin, `radius` m."""
+def register_ball(plant: MultibodyPlant, name: str, frame: Frame, radius: float) -> GeometryId:
+    """Gives a frame's link a rigid ball about the frame's origin, called `touching_NAME`.
 
-    frame: Frame
-    radius: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TouchingShapes:
-    """The collision geometries that a link has from its model."""
-
-    link: RigidBody
-    geometries: tuple[GeometryId, ...]
-    inspector: SceneGraphInspector
+    Args:
+        plant: not yet finalized.
+        name: of the toucher.
+        frame: fixed to a link.
+        radius: m.
+    """
+    X_LG = frame.GetFixedPoseInBodyFrame()
+    hint = 2 * radius * _DIAMETERS
+    return _register(plant, frame.body(), X_LG, Sphere(radius), f"{_PREFIX}{name}", hint)
 
 
-def register_toucher(
-    plant: MultibodyPlant, name: str, toucher: TouchingBall | TouchingShapes
+def register_shapes(
+    plant: MultibodyPlant,
+    name: str,
+    link: RigidBody,
+    geometries: Iterable[GeometryId],
+    inspector: SceneGraphInspector,
 ) -> tuple[GeometryId, ...]:
-    """Gives a toucher rigid hydroelastic geometry of its own, called `touching_NAME`."""
-    if isinstance(toucher, TouchingBall):
-        frame = toucher.frame
-        ball = Sphere(toucher.radius)
-        X_LG = frame.GetFixedPoseInBodyFrame()
-        hint = 2 * toucher.radius * _DIAMETERS
-        return (_register(plant, frame.body(), X_LG, ball, f"{PREFIX}{name}", hint),)
+    """Gives a link rigid copies of collision geometries of its own, called `touching_NAME_0` etc.
+
+    Args:
+        plant: not yet finalized.
+        name: of the toucher.
+        link: the link.
+        geometries: its own, from its model.
+        inspector: of the scene graph that holds them.
+
+    Raises:
+        ValueError: a geometry has no closed surface, as a half space.
+    """
     ids = []
-    for number, geometry in enumerate(toucher.geometries):
-        shape = toucher.inspector.GetShape(geometry)
+    for number, geometry in enumerate(geometries):
+        shape = inspector.GetShape(geometry)
         extent = float(as_mesh(shape).extents.min())
         if isinstance(shape, Mesh | Convex):
             shape = _thinned(shape, extent)
-        ids.append(
-            _register(
-                plant,
-                toucher.link,
-                toucher.inspector.GetPoseInFrame(geometry),
-                shape,
-                f"{PREFIX}{name}_{number}",
-                _OF_EXTENT * extent,
-            )
-        )
+        X_LG = inspector.GetPoseInFrame(geometry)
+        own_name = f"{_PREFIX}{name}_{number}"
+        ids.append(_register(plant, link, X_LG, shape, own_name, _OF_EXTENT * extent))
     return tuple(ids)
 
 

@@ -1,4 +1,4 @@
-"""The stages of a run: babble, learn, plan, execute, evaluate.
+"""The stages of a run: babble, learn, plan, execute, rehearse, evaluate.
 
 Each is a function of the run, reads and writes its directory, and leaves what it computes to the
 packages. A stage that runs again replaces what it made and drops what was made from it.
@@ -6,96 +6,95 @@ packages. A stage that runs again replaces what it made and drops what was made 
 
 from __future__ import annotations
 
-import dataclasses
 import shutil
 import time
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
 
-from selftouch_drake.agent.rehearsal import Try
+from selftouch_drake.agent.motions import Motion
+from selftouch_drake.agent.rehearsal import Try, best
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
-from selftouch_drake.agent.shape import (
-    METRICS,
-    intrinsic_dimension,
-    recover,
-    topology,
-    warn_of_misfit,
-)
-from selftouch_drake.evaluation import (
-    coverage,
-    distance_distortion,
-    kernel_positions,
-    kernel_spread,
-    neighbour_agreement,
-    shape_rms_fraction,
-    surface_distances,
-    trustworthiness,
-)
+from selftouch_drake.agent.shape import recover
 from selftouch_drake.experience import ExperienceReader, collect, require_complete
-from selftouch_drake.files import load_arrays, save_arrays, written_whole
+from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.files import save_arrays
+from selftouch_drake.robot import World
+from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.motions import (
-    Motion,
-    Pilot,
-    World,
-    execute,
-    judged,
-    load_representation,
-    rehearse_motion,
-    tracking_rms,
+from selftouch_drake.run.figures import keys_of
+from selftouch_drake.run.knowledge import (
+    load_agent,
+    load_body,
+    load_motion,
+    save_learned,
+    save_memory,
+    save_plan,
 )
-from selftouch_drake.run.trials import score_motions
-
-__all__ = [
-    "Pilot",
-    "World",
-    "babble",
-    "evaluate",
-    "execute",
-    "has_babbled",
-    "has_evaluated",
-    "has_learned",
-    "judged",
-    "learn",
-    "load_representation",
-    "rehearse",
-    "tracking_rms",
-]
-
-#: What the names of the figures that a stage leaves begin with.
-BABBLED = ("babbling",)
-LEARNED = (
-    "learning",
-    "representation",
-    "kernel_size",
-    "graph",
-    "topology",
-    "intrinsic",
-    "embedding",
-)
+from selftouch_drake.run.scores import found_figures, score_body, trial_figures, trial_table
+from selftouch_drake.run.trials import try_pairs
 
 # mN; what presses harder counts as so much where the median is found.
 _MOST_FORCE_MN = 1_000_000
 
-# Told the fraction of the stage that is done and what it is doing.
+#: Called with the fraction of the stage that is done and what it is doing.
 Progress = Callable[[float, str], None]
+
+
+class NeverTouchedWarning(UserWarning):
+    """A skin was never touched, or something that touches never touched."""
 
 
 def silent(fraction: float, doing: str) -> None:
     """Reports progress to nobody."""
 
 
+def build_world(experiment: Experiment) -> World:
+    """The world of an experiment, with its robot built.
+
+    Raises:
+        ExperimentError: Drake refuses it; the text is Drake's own.
+        ValueError: the experiment names what the robot does not have, or a skin cannot be made.
+    """
+    world = World(experiment)
+    try:
+        _ = world.robot
+    # Some of Drake's checks log what is wrong and then raise SystemExit.
+    except (RuntimeError, SystemExit) as error:
+        reason = " ".join(str(error).split())[:500]
+        raise ExperimentError(f"robot.directives gives what Drake refuses: {reason}") from error
+    return world
+
+
+def make_world(run: RunDirectory) -> World:
+    """The world of a run.
+
+    Raises:
+        RunError: a model was edited since the run was begun.
+        ValueError: as `build_world`.
+    """
+    run.require_models()
+    return build_world(run.experiment)
+
+
 def babble(
     run: RunDirectory, world: World, executor: Executor, progress: Progress = silent
 ) -> None:
-    """Collects the experience of the run; walks that are stored already are kept."""
+    """Collects the experience of the run; walks that are stored already are kept.
+
+    Warns:
+        NeverTouchedWarning: of each skin that was never touched, and each toucher that never did.
+    """
     began = time.perf_counter()
     wall_before = run.metrics().get("babbling_wall_s", 0.0)
-    _, fields = world.body
-    surface = {"p_BS": fields.p_BS, "vertices": fields.vertices, "faces": fields.faces}
-    save_arrays(run.skin, surface | run.body_stamp())
+    surfaces = {"receptor_skin": world.receptor_skin}
+    for skin in world.skins:
+        surfaces[f"{skin.name}_vertices"] = skin.fields.vertices
+        surfaces[f"{skin.name}_faces"] = skin.fields.faces
+        surfaces[f"{skin.name}_p_LS"] = skin.fields.p_LS
+    save_arrays(run.skin, surfaces | run.body_stamp())
     wanted, stored = run.experiment.babbling.num_samples, 0
 
     def count(num_rows: int) -> None:
@@ -103,19 +102,37 @@ def babble(
         stored += num_rows
         progress(stored / wanted, f"{stored:,} of {wanted:,} touches")
 
-    num_steps = collect(run, executor=executor, progress=count)
+    counts = collect(
+        run.experiment,
+        run.path,
+        fingerprint=run.fingerprint(),
+        executor=executor,
+        progress=count,
+    )
     wall = time.perf_counter() - began
     median, largest = _force_figures(run)
+    by_skin, by_toucher = _touch_counts(run)
     run.add_metrics(
         {
             "babbling_num_samples": wanted,
-            "babbling_num_steps": num_steps,
-            "babbling_touch_rate": wanted / num_steps,
+            "babbling_num_steps": counts.num_steps,
+            "babbling_touch_rate": wanted / counts.num_steps,
+            "babbling_num_impossible": counts.num_impossible,
+            "babbling_touches_by_skin": by_skin,
             "babbling_force_median_N": median,
             "babbling_force_max_N": largest,
             "babbling_wall_s": wall_before + wall,
         }
     )
+    never = [f"skins.{name} was never touched" for name, number in by_skin.items() if not number]
+    never += [f"touching.{name} never touched" for name, number in by_toucher.items() if not number]
+    if never:
+        warnings.warn(
+            f"{', '.join(never)} in {wanted:,} touches; see what can reach what with `selftouch "
+            f"robot {run.path / 'experiment.yaml'} --show`",
+            NeverTouchedWarning,
+            stacklevel=2,
+        )
 
 
 def _force_figures(run: RunDirectory) -> tuple[float, float]:
@@ -129,15 +146,39 @@ def _force_figures(run: RunDirectory) -> tuple[float, float]:
     return int(np.searchsorted(np.cumsum(counts), counts.sum() / 2)) / 1e3, largest
 
 
+def _touch_counts(run: RunDirectory) -> tuple[dict[str, int], dict[str, int]]:
+    """Touches of each skin, and by each toucher; one on two skins counts for both."""
+    skins, touchers = list(run.experiment.skins), list(run.experiment.touching)
+    of_skin, by_toucher = np.zeros(len(skins), int), np.zeros(len(touchers) + len(skins), int)
+    for contacts in ExperienceReader(run.truth).contacts():
+        for found, counts in ((contacts.skin, of_skin), (contacts.toucher, by_toucher)):
+            pairs = np.unique(contacts.row * len(counts) + found)
+            counts += np.bincount(pairs % len(counts), minlength=len(counts))
+    # A link that touches with its own skin counts as that skin.
+    for number, toucher in enumerate(run.experiment.touching.values()):
+        for skin, worn in enumerate(run.experiment.skins.values()):
+            if toucher.link is not None and toucher.link == worn.link:
+                by_toucher[number] += by_toucher[len(touchers) + skin]
+    return (
+        dict(zip(skins, of_skin.tolist(), strict=True)),
+        dict(zip(touchers, by_toucher[: len(touchers)].tolist(), strict=True)),
+    )
+
+
 def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentation:
-    """Builds the quotient representation from the experience, and reads off what it tells."""
+    """Builds the quotient representation from the experience, and recovers the body from it.
+
+    Raises:
+        RunError: the experience is not complete.
+        ValueError: it cannot be learned from.
+    """
     began = time.perf_counter()
     _require_experience(run)
-    settings = run.experiment.representation
+    settings, seed = run.experiment.representation, run.experiment.seed
     learner = QuotientLearner(
         num_targets=settings.num_targets,
         max_kernel_size=settings.max_kernel_size,
-        random_state=run.experiment.seed,
+        random_state=seed,
     )
     learner.fit_batches(
         ExperienceReader(run.experience).touches,
@@ -146,44 +187,24 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     body = recover(
         learner.representation_,
         settings.metric,
-        seed=run.experiment.seed,
-        progress=lambda fraction: progress(0.6 + 0.3 * fraction, "shape"),
+        seed=seed,
+        progress=lambda fraction: progress(0.6 + 0.35 * fraction, "shape and holes"),
     )
-    representation = dataclasses.replace(
-        learner.representation_, embedding=body.embedding.positions
-    )
-    warn_of_misfit(body.embedding)
-    progress(0.9, "holes")
-    found = topology(body.places)
-    diagrams = {f"diagram_{dimension}": bars for dimension, bars in enumerate(found.diagram)}
-    dimension = intrinsic_dimension(body.distances)
+    representation = body.embed(learner.representation_)
+    body.warn_of_misfit()
+    save_learned(run, representation, body, forget=lambda: _forget_learning(run))
     sizes = np.diff(representation.kernel_offsets)
-    # Written aside first: what was learned before, and all that was made from it, stays as it is
-    # until the new is whole.
-    with (
-        written_whole(run.representation) as new_representation,
-        written_whole(run.topology) as new_topology,
-        written_whole(run.body_distances) as new_distances,
-    ):
-        stamp = run.stamp()
-        names = [field.name for field in dataclasses.fields(representation)]
-        save_arrays(new_representation, {n: getattr(representation, n) for n in names} | stamp)
-        save_arrays(new_topology, diagrams | {"parts": body.parts} | stamp)
-        distances = body.distances.astype(np.float32)
-        save_arrays(new_distances, {"distances": distances} | stamp)
-        _forget_learning(run)
+    bridges = learner.bridges_.tolist()
     run.add_metrics(
         {
             "representation_num_targets": representation.num_targets,
+            "representation_num_set_aside": representation.num_set_aside,
             "kernel_size_min": int(sizes.min()),
             "kernel_size_median": float(np.median(sizes)),
             "kernel_size_max": int(sizes.max()),
             "graph_component_sizes": np.bincount(learner.component_).tolist(),
-            **({"graph_bridges": learner.bridges_.tolist()} if len(learner.bridges_) else {}),
-            "topology_betti": list(found.betti),
-            "topology_margin": found.margin,
-            "embedding_fourth_eigenvalue": body.embedding.fourth_eigenvalue,
-            "intrinsic_dimension": dimension,
+            **({"graph_bridges": bridges} if bridges else {}),
+            **found_figures(run, body),
             "learning_wall_s": time.perf_counter() - began,
         }
     )
@@ -193,25 +214,72 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
 
 def _forget_learning(run: RunDirectory) -> None:
     """Drops the figures of what was learned before, and all that was made from it."""
-    run.drop_metrics(*LEARNED, "kernel")
-    run.drop_metrics("neighbour", "shape", "trustworthiness", "continuity", "distance")
-    run.drop_metrics("planning", "execution", "rehearsal")
+    run.drop_metrics(keys_of("learn", "evaluate"))
     shutil.rmtree(run.path / "plans", ignore_errors=True)
     run.rehearsal.unlink(missing_ok=True)
     run.trials.unlink(missing_ok=True)
 
 
-def rehearse(
-    run: RunDirectory, world: World, start: int, goal: int, max_tries: int
-) -> list[Try[Motion]]:
+def plan(run: RunDirectory, world: World, *targets: int) -> Motion:
+    """Plans through target sensations, from a configuration of the first; keeps the plan.
+
+    Raises:
+        RunError: there is no such target sensation, or nothing was learned.
+        ValueError: there is no way.
+    """
+    pilot = Pilot(load_agent(run), world)
+    _require_targets(run, targets)
+    motion = pilot.plan(*targets).motion
+    save_plan(run, motion, *targets)
+    return motion
+
+
+def plan_from(run: RunDirectory, world: World, q_start: np.ndarray, goal: int) -> Motion:
+    """Plans from any `(J,)` configuration, touching or not; keeps the plan as `free-GOAL`.
+
+    Raises:
+        RunError: there is no such target sensation, or nothing was learned.
+        ValueError: `q_start` is no configuration within the limits, or there is no way.
+    """
+    pilot = Pilot(load_agent(run), world)
+    _require_targets(run, (0, goal))
+    motion = pilot.plan_from(q_start, goal).motion
+    save_plan(run, motion, "free", goal)
+    return motion
+
+
+def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
+    """Executes a stored plan in the dynamic world, and keeps what was felt beside it.
+
+    Args:
+        run: a run that has planned.
+        world: its world.
+        targets: of the plan, in order; `"free", GOAL` for one of `plan_from`.
+
+    Returns:
+        What the agent makes of it.
+
+    Raises:
+        RunError: there is no such target sensation, or no such plan.
+    """
+    pilot = Pilot(load_agent(run, predicts=False), world)
+    _require_targets(run, targets)
+    execution, _ = pilot.execute(load_motion(run, *targets))
+    save_plan(run, execution, *targets)
+    return pilot.agent.judge(execution)
+
+
+def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: int) -> list[Try]:
     """Plans and executes until contact is never lost, and remembers for every later plan.
 
     Returns:
-        The tries, in order; the plan of the best is stored.
+        The tries, in order; the best is kept.
     """
-    pilot = Pilot(run)
-    tries = rehearse_motion(pilot, world, start, goal, max_tries=max_tries)
-    pilot.memory.save(run.rehearsal)
+    pilot = Pilot(load_agent(run), world)
+    _require_targets(run, (start, goal))
+    tries = pilot.rehearse(start, goal, max_tries=max_tries)
+    save_plan(run, best(tries).execution, start, goal)
+    save_memory(run, pilot.agent.memory)
     return tries
 
 
@@ -221,81 +289,19 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
     Raises:
         StoreError: the truth is not there, or only in part.
     """
-    representation = load_representation(run)
-    require_complete(run, truth=True)
+    agent = load_agent(run)
+    require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
     run.metrics()  # what cannot be added to is refused now
+    body = load_body(run, agent.representation)
     progress(0.0, "against the truth")
-    run.add_metrics(_score_against_truth(run, world, representation))
-    figures = score_motions(
-        run, world, lambda fraction, doing: progress(0.1 + 0.9 * fraction, doing)
+    run.add_metrics(score_body(run, world, agent.representation, body))
+    trials = try_pairs(
+        run, world, agent, lambda fraction, doing: progress(0.1 + 0.9 * fraction, doing)
     )
-    run.add_metrics(figures)
+    if trials:
+        save_arrays(run.trials, trial_table(trials) | run.stamp())
+    run.add_metrics(trial_figures(trials, world.robot.turns))
     progress(1.0, "evaluated")
-
-
-def _score_against_truth(
-    run: RunDirectory, world: World, representation: QuotientRepresentation
-) -> dict[str, object]:
-    truth = ExperienceReader(run.truth)
-    p_WF = truth.take("p_WF", representation.kernel_row)
-    _, fields = world.body
-    positions = kernel_positions(representation, p_WF)
-    spread = kernel_spread(representation, p_WF)
-    chosen = run.experiment.representation.metric
-    found = {chosen: (representation.embedding, _distances_along_body(run, representation))}
-    asked = run.experiment.evaluation.shape_metrics
-    if asked is None:
-        asked = [name for name, metric in METRICS.items() if metric.naive]
-    for name in [name for name in METRICS if name in asked and name != chosen]:
-        body = recover(representation, name, seed=run.experiment.seed)
-        found[name] = (body.embedding.positions, body.distances)
-    shape_error = {
-        name: shape_rms_fraction(embedding, positions) for name, (embedding, _) in found.items()
-    }
-    figures: dict[str, object] = {
-        **coverage(
-            fields.vertices, fields.faces, (p.reshape(-1, 3) for p in truth.batches("p_WF"))
-        ),
-        "kernel_spread_median_m": float(np.median(spread)),
-        "kernel_spread_worst_m": float(spread.max()),
-        "neighbour_agreement": neighbour_agreement(representation.set_distance, positions),
-        "shape_rms_fraction": shape_error[chosen],
-        "shape_rms_fraction_by_metric": shape_error,
-    }
-    # With two fingers the quotient space is another than the body's surface.
-    if run.experiment.num_fingers == 1:
-        true = surface_distances(fields.vertices, fields.faces, positions)
-        _, distances = found[chosen]
-        distortion = {name: distance_distortion(d, true) for name, (_, d) in found.items()}
-        figures |= {
-            "trustworthiness": trustworthiness(distances, true),
-            "continuity": trustworthiness(true, distances),
-            "distance_distortion_median_fraction": distortion[chosen].median,
-            "distance_distortion_p95_fraction": distortion[chosen].p95,
-            "distance_distortion_median_fraction_by_metric": {
-                name: found.median for name, found in distortion.items()
-            },
-        }
-    return figures
-
-
-def _distances_along_body(run: RunDirectory, representation: QuotientRepresentation) -> np.ndarray:
-    """`(K, K)` along the recovered body, as `learn` left them."""
-    num_targets = representation.num_targets
-    try:
-        arrays = load_arrays(run.body_distances, ["distances"])
-    except FileNotFoundError:
-        raise RunError(
-            f"{run.body_distances} is not there; run `selftouch learn {run.path}`"
-        ) from None
-    run.require_stamp(run.body_distances, arrays)
-    distances = arrays["distances"]
-    if distances.shape != (num_targets, num_targets):
-        raise RunError(
-            f"{run.body_distances} has shape {distances.shape}, not {(num_targets, num_targets)}; "
-            f"run `selftouch learn {run.path}`"
-        )
-    return distances
 
 
 def has_babbled(run: RunDirectory) -> bool:
@@ -315,8 +321,18 @@ def has_learned(run: RunDirectory) -> bool:
 def has_evaluated(run: RunDirectory) -> bool:
     """Whether `evaluate` came to its end."""
     wanted = run.experiment.evaluation.num_pairs
-    done = "execution_num_pairs" if wanted else "shape_rms_fraction"
-    return done in run.metrics()
+    return ("execution_num_pairs" if wanted else "coverage_evenness") in run.metrics()
+
+
+def _require_targets(run: RunDirectory, targets: Sequence[int | str]) -> None:
+    """Refuses target sensations that a run does not have."""
+    num_targets = run.experiment.representation.num_targets
+    names = ("--from", "--to") if len(targets) == 2 else ("--through",) * len(targets)
+    for name, target in zip(names, targets, strict=True):
+        if isinstance(target, int) and not 0 <= target < num_targets:
+            raise RunError(
+                f"{name} is {target}; this run has target sensations 0 to {num_targets - 1}"
+            )
 
 
 def _require_experience(run: RunDirectory) -> None:
@@ -326,4 +342,4 @@ def _require_experience(run: RunDirectory) -> None:
             f"{run.path} is half-finished: babbling has not come to its end; "
             f"resume it with `selftouch babble {run.path / 'experiment.yaml'} --out {run.path}`"
         )
-    require_complete(run)
+    require_complete(run.experiment, run.path, fingerprint=run.fingerprint())

@@ -18,23 +18,23 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 
-from selftouch_drake import body
+from selftouch_drake import geometry
 from selftouch_drake.geometry.intersections import first_self_intersection
 
 STANDARD_BODIES = {
-    "sphere": lambda: body.sphere(0.25),
-    "cube": lambda: body.cube(0.44),
-    "torus": lambda: body.torus(0.22, 0.09),
-    "ellipsoid": lambda: body.ellipsoid((0.30, 0.24, 0.20)),
-    "cylinder": lambda: body.cylinder(0.2, 0.4),
+    "sphere": lambda: geometry.sphere(0.25),
+    "cube": lambda: geometry.cube(0.44),
+    "torus": lambda: geometry.torus(0.22, 0.09),
+    "ellipsoid": lambda: geometry.ellipsoid((0.30, 0.24, 0.20)),
+    "cylinder": lambda: geometry.cylinder(0.2, 0.4),
 }
 
 
-def _assert_sound(skin: body.HollowSkin) -> None:
+def _assert_sound(skin: geometry.HollowSkin) -> None:
     """All tetrahedra are upright, and together they fill exactly what is between the surfaces."""
     outer = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
     inner = trimesh.Trimesh(skin.inner_vertices, skin.faces, process=False)
-    volumes = body.tet_volumes(skin.tet_vertices, skin.tetrahedra)
+    volumes = geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra)
     assert skin.tetrahedra.shape == (6 * len(skin.faces), 4)
     assert volumes.min() > 0
     assert volumes.sum() == pytest.approx(outer.volume - inner.volume, rel=1e-9)
@@ -44,7 +44,7 @@ def _assert_sound(skin: body.HollowSkin) -> None:
     _assert_conforming(skin)
 
 
-def _assert_conforming(skin: body.HollowSkin) -> None:
+def _assert_conforming(skin: geometry.HollowSkin) -> None:
     """Every triangle is shared by two tetrahedra, but for those of the two surfaces."""
     triangles = np.sort(skin.tetrahedra[:, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]])
     unique, count = np.unique(triangles.reshape(-1, 3), axis=0, return_counts=True)
@@ -57,29 +57,29 @@ def _assert_conforming(skin: body.HollowSkin) -> None:
 
 @pytest.mark.parametrize("name", STANDARD_BODIES)
 def test_standard_bodies_have_a_sound_skin(name):
-    _assert_sound(body.hollow_skin(STANDARD_BODIES[name](), 0.03, 0.01))
+    _assert_sound(geometry.hollow_skin(STANDARD_BODIES[name](), 0.03, 0.01))
 
 
 def test_cube_has_an_exact_cube_inside():
-    skin = body.hollow_skin(body.cube(0.44), 0.03, 0.01)
+    skin = geometry.hollow_skin(geometry.cube(0.44), 0.03, 0.01)
     np.testing.assert_allclose(skin.inner_vertices, skin.vertices * 0.38 / 0.44, atol=1e-9)
     outermost = np.abs(skin.inner_vertices).max(axis=1)
     np.testing.assert_allclose(outermost, 0.19, rtol=0, atol=1e-12)
     middle = skin.tet_vertices[len(skin.vertices) : 2 * len(skin.vertices)]
     np.testing.assert_allclose(middle, skin.vertices * 0.41 / 0.44, atol=1e-9)
-    volumes = body.tet_volumes(skin.tet_vertices, skin.tetrahedra)
+    volumes = geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra)
     assert volumes.sum() == pytest.approx(0.44**3 - 0.38**3)
 
 
 def test_a_cube_of_corners_only_shrinks_too():
-    skin = body.hollow_skin(body.cube(0.5, resolution=0.5), 0.03, 0.01)
+    skin = geometry.hollow_skin(geometry.cube(0.5, resolution=0.5), 0.03, 0.01)
     np.testing.assert_allclose(np.abs(skin.inner_vertices), 0.22)
 
 
 def test_inner_sphere_and_cylinder_are_a_thickness_smaller():
-    skin = body.hollow_skin(body.sphere(0.25), 0.03, 0.01)
+    skin = geometry.hollow_skin(geometry.sphere(0.25), 0.03, 0.01)
     np.testing.assert_allclose(np.linalg.norm(skin.inner_vertices, axis=1), 0.22, atol=1e-4)
-    skin = body.hollow_skin(body.cylinder(0.2, 0.4), 0.03, 0.01)
+    skin = geometry.hollow_skin(geometry.cylinder(0.2, 0.4), 0.03, 0.01)
     x, y, z = skin.inner_vertices.T
     assert np.hypot(x, y).max() == pytest.approx(0.17, abs=1e-4)
     np.testing.assert_allclose(np.abs(z).max(), 0.17)
@@ -91,7 +91,7 @@ def test_a_reflex_edge_is_mitred(tmp_path):
     mesh = solid.to_mesh()
     path = tmp_path / "l.ply"
     trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts).export(path)
-    skin = body.hollow_skin(body.mesh_file(path), 0.03, 0.01)
+    skin = geometry.hollow_skin(geometry.mesh_file(path), 0.03, 0.01)
     _assert_sound(skin)
     inner = trimesh.Trimesh(skin.inner_vertices, skin.faces, process=False)
     assert inner.volume == pytest.approx((0.54 * 0.24 + 0.24 * 0.30) * 0.24, rel=1e-5)
@@ -100,13 +100,13 @@ def test_a_reflex_edge_is_mitred(tmp_path):
 def test_a_body_of_genus_two_has_a_sound_skin(tmp_path):
     surface = _two_tori(tmp_path)
     assert surface.euler_number == -2
-    skin = body.hollow_skin(surface, 0.03, 0.01)
-    assert body.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
+    skin = geometry.hollow_skin(surface, 0.03, 0.01)
+    assert geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
     _assert_conforming(skin)
 
 
 def _two_tori(tmp_path) -> trimesh.Trimesh:
-    ring = body.torus(0.2, 0.1)
+    ring = geometry.torus(0.2, 0.1)
     solid = manifold3d.Manifold(
         manifold3d.Mesh64(np.array(ring.vertices), ring.faces.astype(np.uint64))
     )
@@ -116,7 +116,7 @@ def _two_tori(tmp_path) -> trimesh.Trimesh:
     trimesh.smoothing.filter_laplacian(surface, iterations=10)
     path = tmp_path / "two_tori.stl"
     surface.export(path)
-    return body.mesh_file(path)
+    return geometry.mesh_file(path)
 
 
 @settings(max_examples=5, deadline=None)
@@ -126,43 +126,51 @@ def _two_tori(tmp_path) -> trimesh.Trimesh:
     thickness=st.floats(0.01, 0.04),
 )
 def test_any_wide_ellipsoid_has_a_sound_skin(radius, stretch, thickness):
-    surface = body.ellipsoid((radius, radius * stretch, radius), resolution=0.03)
-    _assert_sound(body.hollow_skin(surface, thickness, 0.01))
+    surface = geometry.ellipsoid((radius, radius * stretch, radius), resolution=0.03)
+    _assert_sound(geometry.hollow_skin(surface, thickness, 0.01))
 
 
 def test_walls_that_do_not_fit_are_refused():
     def message(surface, thickness):
-        with pytest.raises(ValueError, match=r"^skin\.thickness is") as caught:
-            body.hollow_skin(surface, thickness, 0.01)
+        with pytest.raises(ValueError, match=r"^thickness is") as caught:
+            geometry.hollow_skin(surface, thickness, 0.01)
         return str(caught.value)
 
     assert (
-        message(body.cube(0.44), -0.03)
-        == "skin.thickness is -0.03 m; give a positive length in metres"
+        message(geometry.cube(0.44), -0.03)
+        == "thickness is -0.03 m; give a positive length in metres"
     )
-    for surface in (body.torus(0.22, 0.025), body.cube(0.05), body.cylinder(0.2, 0.05)):
+    for surface in (geometry.torus(0.22, 0.025), geometry.cube(0.05), geometry.cylinder(0.2, 0.05)):
         crushed = message(surface, 0.03)
-        assert crushed.startswith("skin.thickness is 0.03 m, thicker than the body allows near (")
-        assert crushed.endswith(") m; make the skin thinner or the body larger")
-    for surface in (body.torus(0.22, 0.035), body.cube(0.079), body.cylinder(0.2, 0.079)):
+        assert crushed.startswith("thickness is 0.03 m, thicker than the surface allows near (")
+        assert crushed.endswith(") m; make the skin thinner or the surface larger")
+    for surface in (
+        geometry.torus(0.22, 0.035),
+        geometry.cube(0.079),
+        geometry.cylinder(0.2, 0.079),
+    ):
         narrow = message(surface, 0.03)
         assert narrow.startswith(
-            "skin.thickness is 0.03 m, which leaves opposite walls nearer than the fingertip's "
-            "diameter of 0.02 m near ("
+            "thickness is 0.03 m, which leaves opposite walls nearer than the diameter of 0.02 m of "
+            "what touches them near ("
         )
-        assert narrow.endswith(") m; make the skin thinner or the body larger")
+        assert narrow.endswith(") m; make the skin thinner or the surface larger")
 
 
 def test_walls_just_wide_enough_are_accepted():
-    for surface in (body.torus(0.22, 0.045), body.cube(0.082), body.cylinder(0.2, 0.082)):
-        skin = body.hollow_skin(surface, 0.03, 0.01)
-        assert body.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
+    for surface in (
+        geometry.torus(0.22, 0.045),
+        geometry.cube(0.082),
+        geometry.cylinder(0.2, 0.082),
+    ):
+        skin = geometry.hollow_skin(surface, 0.03, 0.01)
+        assert geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
 
 
 def test_vtk_text_is_exact(tmp_path):
-    skin = body.hollow_skin(body.cube(0.5, resolution=0.5), 0.03, 0.01)
+    skin = geometry.hollow_skin(geometry.cube(0.5, resolution=0.5), 0.03, 0.01)
     path = tmp_path / "skin.vtk"
-    body.write_vtk(skin, path)
+    geometry.write_vtk(skin, path)
     lines = path.read_text().splitlines()
     assert lines[:5] == [
         "# vtk DataFile Version 3.0",
@@ -180,8 +188,8 @@ def test_vtk_text_is_exact(tmp_path):
 
 
 def test_drake_feels_the_wall_and_nothing_inside(tmp_path):
-    ring = body.torus(0.22, 0.09, resolution=0.03)
-    body.write_vtk(body.hollow_skin(ring, 0.03, 0.01), tmp_path / "skin.vtk")
+    ring = geometry.torus(0.22, 0.09, resolution=0.03)
+    geometry.write_vtk(geometry.hollow_skin(ring, 0.03, 0.01), tmp_path / "skin.vtk")
     in_wall, in_tube, in_hole, outside = _contact_surfaces(
         tmp_path / "skin.vtk", [(0.22, 0, 0.095), (0.22, 0, 0), (0, 0, 0), (0.22, 0, 0.11)]
     )

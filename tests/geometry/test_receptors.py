@@ -4,21 +4,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse.csgraph import dijkstra
 
-from selftouch_drake import body
-from selftouch_drake.geometry.receptors import surface_paths
+from selftouch_drake import geometry
 
 STANDARD_BODIES = {
-    "sphere": body.sphere(0.25),
-    "cube": body.cube(0.44),
-    "torus": body.torus(0.22, 0.09),
-    "ellipsoid": body.ellipsoid((0.30, 0.24, 0.20)),
-    "cylinder": body.cylinder(0.2, 0.4),
+    "sphere": geometry.sphere(0.25),
+    "cube": geometry.cube(0.44),
+    "torus": geometry.torus(0.22, 0.09),
+    "ellipsoid": geometry.ellipsoid((0.30, 0.24, 0.20)),
+    "cylinder": geometry.cylinder(0.2, 0.4),
 }
 
 
 def _points_in_wall(surface, num_points, rng):
     """Points spread at random in the outer half of a skin 3 cm thick."""
-    skin = body.hollow_skin(surface, 0.03, 0.01)
+    skin = geometry.hollow_skin(surface, 0.03, 0.01)
     outer_half = skin.tetrahedra.reshape(-1, 2, 3, 4)[:, 0].reshape(-1, 4)
     tets = outer_half[rng.integers(len(outer_half), size=num_points)]
     return np.einsum("nk,nki->ni", rng.dirichlet(np.ones(4), num_points), skin.tet_vertices[tets])
@@ -32,11 +31,11 @@ def _points_in_wall(surface, num_points, rng):
 )
 def test_fields_overlap_and_share_out_everything(name, num_receptors, seed):
     surface = STANDARD_BODIES[name]
-    p_BS = body.place_receptors(surface, num_receptors, seed)
-    fields = body.receptive_fields(surface, p_BS)
-    np.testing.assert_array_equal(fields.p_BS, p_BS)
-    p_BQ = _points_in_wall(surface, 300, np.random.default_rng(seed))
-    for weights in (fields.vertex_weights, fields.weights_at(p_BQ)):
+    p_LS = geometry.place_receptors(surface, num_receptors, seed)
+    fields = geometry.receptive_fields(surface, p_LS)
+    np.testing.assert_array_equal(fields.p_LS, p_LS)
+    p_LQ = _points_in_wall(surface, 300, np.random.default_rng(seed))
+    for weights in (fields.vertex_weights, fields.weights_at(p_LQ)):
         assert weights.shape[1] == num_receptors
         assert weights.min() >= 0
         np.testing.assert_allclose(weights.sum(axis=1), 1, atol=1e-12)
@@ -47,8 +46,8 @@ def test_fields_overlap_and_share_out_everything(name, num_receptors, seed):
 @pytest.mark.parametrize("name", STANDARD_BODIES)
 def test_receptors_are_spread_evenly(name):
     surface = STANDARD_BODIES[name]
-    p_BS = body.place_receptors(surface, 100, seed=0)
-    distance = np.linalg.norm(p_BS[:, None] - p_BS, axis=2)
+    p_LS = geometry.place_receptors(surface, 100, seed=0)
+    distance = np.linalg.norm(p_LS[:, None] - p_LS, axis=2)
     nearest = np.sort(distance, axis=1)[:, 1]
     # A hexagonal pattern on the same area would be 1.07 square roots of the area of each apart.
     spacing = np.sqrt(surface.area / 100)
@@ -59,12 +58,12 @@ def test_receptors_are_spread_evenly(name):
 def test_an_uneven_layout_is_sparse_on_one_side_only():
     surface = STANDARD_BODIES["sphere"]
     even, uneven = (
-        body.place_receptors(surface, 200, seed=0, unevenness=unevenness)
+        geometry.place_receptors(surface, 200, seed=0, unevenness=unevenness)
         for unevenness in (0.0, 0.6)
     )
     spacing = []
-    for p_BS in (even, uneven):
-        distance = np.linalg.norm(p_BS[:, None] - p_BS, axis=2)
+    for p_LS in (even, uneven):
+        distance = np.linalg.norm(p_LS[:, None] - p_LS, axis=2)
         spacing.append(np.sort(distance, axis=1)[:, 1])
     assert spacing[0].max() / spacing[0].min() < 2
     few, many = np.quantile(spacing[1], [0.98, 0.02])
@@ -75,8 +74,8 @@ def test_an_uneven_layout_is_sparse_on_one_side_only():
 
 def test_wide_fields_reach_as_much_farther():
     surface = STANDARD_BODIES["torus"]
-    p_BS = body.place_receptors(surface, 50, seed=0)
-    one, two = (body.receptive_fields(surface, p_BS, width=width) for width in (1.0, 2.0))
+    p_LS = geometry.place_receptors(surface, 50, seed=0)
+    one, two = (geometry.receptive_fields(surface, p_LS, width=width) for width in (1.0, 2.0))
     assert two.radius == pytest.approx(2 * one.radius)
     np.testing.assert_allclose(two.vertex_weights.sum(axis=1), 1, atol=1e-12)
     assert 3 < two.vertex_weights.nnz / one.vertex_weights.nnz < 4.5
@@ -84,30 +83,30 @@ def test_wide_fields_reach_as_much_farther():
 
 def test_the_seed_alone_chooses_the_receptors():
     surface = STANDARD_BODIES["torus"]
-    first, again, other = (body.place_receptors(surface, 30, seed) for seed in (1, 1, 2))
+    first, again, other = (geometry.place_receptors(surface, 30, seed) for seed in (1, 1, 2))
     assert first.tobytes() == again.tobytes()
     assert first.tobytes() != other.tobytes()
 
 
-@pytest.mark.parametrize("num_receptors", [19, 201])
+@pytest.mark.parametrize("num_receptors", [3, 1001])
 def test_too_few_or_too_many_receptors_are_refused(num_receptors):
     with pytest.raises(ValueError, match="num_receptors") as caught:
-        body.place_receptors(STANDARD_BODIES["cube"], num_receptors, seed=0)
-    assert str(caught.value) == f"skin.num_receptors is {num_receptors}; give 20 to 200"
+        geometry.place_receptors(STANDARD_BODIES["cube"], num_receptors, seed=0)
+    assert str(caught.value) == f"num_receptors is {num_receptors}; give 4 to 1000"
 
 
 def test_paths_on_a_sphere_are_great_circles():
-    surface = body.sphere(0.25, resolution=0.01)
-    distance = dijkstra(surface_paths(surface), indices=0)
+    surface = geometry.sphere(0.25, resolution=0.01)
+    distance = dijkstra(geometry.surface_paths(surface), indices=0)
     cosine = surface.vertices @ surface.vertices[0] / 0.25**2
     exact = 0.25 * np.arccos(np.clip(cosine, -1, 1))
     np.testing.assert_allclose(distance, exact, rtol=0.02, atol=1e-4)
 
 
 def test_paths_on_a_cube_run_over_its_edges():
-    surface = body.cube(0.44, resolution=0.01)
+    surface = geometry.cube(0.44, resolution=0.01)
     start = np.argmin(np.linalg.norm(surface.vertices - (0.18, 0, 0.22), axis=1))
-    distance = dijkstra(surface_paths(surface), indices=start)
+    distance = dijkstra(geometry.surface_paths(surface), indices=start)
     x, y, z = surface.vertices.T
     # Unfold the side x = 0.22 about its upper edge; far from the other edges that is the shortest.
     side = np.isclose(x, 0.22) & (np.abs(y) < 0.15) & (z > 0)
@@ -118,8 +117,8 @@ def test_paths_on_a_cube_run_over_its_edges():
 
 def test_a_touch_is_felt_by_the_nearest_receptors_at_their_place():
     for surface in STANDARD_BODIES.values():
-        fields = body.receptive_fields(surface, body.place_receptors(surface, 50, seed=3))
-        at_receptors = fields.weights_at(fields.p_BS).toarray()
+        fields = geometry.receptive_fields(surface, geometry.place_receptors(surface, 50, seed=3))
+        at_receptors = fields.weights_at(fields.p_LS).toarray()
         np.testing.assert_array_equal(at_receptors.argmax(axis=1), np.arange(50))
 
 
@@ -127,13 +126,13 @@ def test_opposite_walls_do_not_talk():
     # A tube 0.18 m wide, 0.28 m half-way round: a field reaches round it no farther than its
     # radius.
     surface = STANDARD_BODIES["torus"]
-    fields = body.receptive_fields(surface, body.place_receptors(surface, 200, seed=0))
+    fields = geometry.receptive_fields(surface, geometry.place_receptors(surface, 200, seed=0))
     assert fields.radius < 0.12
     top, bottom = fields.weights_at(np.array([[0.22, 0, 0.08], [0.22, 0, -0.08]])).toarray()
     assert (top * bottom == 0).all()
     # A slab with walls 0.1 m apart, and fields of more than 0.12 m.
-    slab = body.cylinder(0.25, 0.1, resolution=0.03)
-    fields = body.receptive_fields(slab, body.place_receptors(slab, 40, seed=0))
+    slab = geometry.cylinder(0.25, 0.1, resolution=0.03)
+    fields = geometry.receptive_fields(slab, geometry.place_receptors(slab, 40, seed=0))
     assert fields.radius > 0.12
     top, bottom = fields.weights_at(np.array([[0, 0, 0.04], [0, 0, -0.04]])).toarray()
     assert (top * bottom == 0).all()
@@ -141,13 +140,13 @@ def test_opposite_walls_do_not_talk():
 
 def test_weights_change_little_between_neighbouring_points():
     for name, surface in STANDARD_BODIES.items():
-        fields = body.receptive_fields(surface, body.place_receptors(surface, 100, seed=0))
+        fields = geometry.receptive_fields(surface, geometry.place_receptors(surface, 100, seed=0))
         rng = np.random.default_rng(0)
         faces = rng.integers(len(surface.faces), size=2000)
         bary = rng.dirichlet(np.ones(3), 2000)
-        p_BQ = np.einsum("nk,nki->ni", bary, surface.triangles[faces])
+        p_LQ = np.einsum("nk,nki->ni", bary, surface.triangles[faces])
         step = 1e-3 * rng.standard_normal((2000, 3))
-        change = fields.weights_at(p_BQ + step) - fields.weights_at(p_BQ)
+        change = fields.weights_at(p_LQ + step) - fields.weights_at(p_LQ)
         # All weights together turn over within a field, that is some 150 mm: 1 % a millimetre.
         total = np.abs(change).sum(axis=1)
         assert np.mean(total) < 0.06, name
@@ -156,7 +155,7 @@ def test_weights_change_little_between_neighbouring_points():
 
 def test_a_point_in_the_wall_beside_an_edge_belongs_to_its_nearest_face():
     surface = STANDARD_BODIES["cube"]
-    fields = body.receptive_fields(surface, body.place_receptors(surface, 100, seed=0))
+    fields = geometry.receptive_fields(surface, geometry.place_receptors(surface, 100, seed=0))
     below_top = fields.weights_at(np.array([[0.19, 0.01, 0.21]]))
     on_top = fields.weights_at(np.array([[0.19, 0.01, 0.22]]))
     assert np.abs(below_top - on_top).sum() < 0.1

@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 import trimesh
 
-from selftouch_drake import body
+from selftouch_drake import geometry
 from selftouch_drake.geometry.intersections import first_self_intersection
 
 # surface, Euler number, volume in m³, half extents in m
 STANDARD_BODIES = {
-    "sphere": (body.sphere(0.25), 2, 4 / 3 * math.pi * 0.25**3, (0.25, 0.25, 0.25)),
-    "cube": (body.cube(0.44), 2, 0.44**3, (0.22, 0.22, 0.22)),
-    "torus": (body.torus(0.22, 0.09), 0, 2 * math.pi**2 * 0.22 * 0.09**2, (0.31, 0.31, 0.09)),
+    "sphere": (geometry.sphere(0.25), 2, 4 / 3 * math.pi * 0.25**3, (0.25, 0.25, 0.25)),
+    "cube": (geometry.cube(0.44), 2, 0.44**3, (0.22, 0.22, 0.22)),
+    "torus": (geometry.torus(0.22, 0.09), 0, 2 * math.pi**2 * 0.22 * 0.09**2, (0.31, 0.31, 0.09)),
     "ellipsoid": (
-        body.ellipsoid((0.30, 0.24, 0.20)),
+        geometry.ellipsoid((0.30, 0.24, 0.20)),
         2,
         4 / 3 * math.pi * 0.30 * 0.24 * 0.20,
         (0.30, 0.24, 0.20),
     ),
-    "cylinder": (body.cylinder(0.2, 0.4), 2, math.pi * 0.2**2 * 0.4, (0.2, 0.2, 0.2)),
+    "cylinder": (geometry.cylinder(0.2, 0.4), 2, math.pi * 0.2**2 * 0.4, (0.2, 0.2, 0.2)),
 }
 
 
@@ -39,10 +39,10 @@ def test_standard_bodies_are_closed_even_and_of_the_right_size(name):
 
 
 def test_vertices_lie_on_the_surface():
-    np.testing.assert_allclose(np.linalg.norm(body.sphere(0.25).vertices, axis=1), 0.25)
-    x, y, z = body.torus(0.22, 0.09).vertices.T
+    np.testing.assert_allclose(np.linalg.norm(geometry.sphere(0.25).vertices, axis=1), 0.25)
+    x, y, z = geometry.torus(0.22, 0.09).vertices.T
     np.testing.assert_allclose(np.hypot(np.hypot(x, y) - 0.22, z), 0.09)
-    x, y, z = body.cylinder(0.2, 0.4).vertices.T
+    x, y, z = geometry.cylinder(0.2, 0.4).vertices.T
     on_side = np.isclose(np.hypot(x, y), 0.2)
     on_cap = np.isclose(np.abs(z), 0.2)
     assert (on_side | on_cap).all()
@@ -50,7 +50,7 @@ def test_vertices_lie_on_the_surface():
 
 
 def test_cube_is_a_regular_grid_with_sharp_edges():
-    surface = body.cube(0.44)
+    surface = geometry.cube(0.44)
     outermost = np.isclose(np.abs(surface.vertices), 0.22, rtol=0, atol=1e-12).sum(axis=1)
     # 21 x 21 inside each of 6 faces, 21 on each of 12 edges, 8 corners.
     np.testing.assert_array_equal(np.bincount(outermost), [0, 6 * 21**2, 12 * 21, 8])
@@ -60,26 +60,26 @@ def test_cube_is_a_regular_grid_with_sharp_edges():
 
 def test_resolution_sets_the_edge_length():
     for resolution in (0.01, 0.03):
-        edges = body.sphere(0.25, resolution=resolution).edges_unique_length
+        edges = geometry.sphere(0.25, resolution=resolution).edges_unique_length
         assert edges.mean() == pytest.approx(resolution, rel=0.1)
 
 
 def test_the_same_call_gives_the_same_bytes():
-    first, again = body.cylinder(0.2, 0.4), body.cylinder(0.2, 0.4)
+    first, again = geometry.cylinder(0.2, 0.4), geometry.cylinder(0.2, 0.4)
     assert first.vertices.tobytes() == again.vertices.tobytes()
     assert first.faces.tobytes() == again.faces.tobytes()
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "stl"])
-def test_mesh_file_is_centred_refined_and_closed(tmp_path, suffix):
+def test_mesh_file_keeps_its_frame_refined_and_closed(tmp_path, suffix):
     path = tmp_path / f"box.{suffix}"
     box = trimesh.creation.box(extents=(0.4, 0.3, 0.2))
     box.apply_translation((1, 2, 3))
     box.export(path)
-    surface = body.mesh_file(path)
+    surface = geometry.mesh_file(path)
     assert surface.is_watertight
     np.testing.assert_allclose(surface.extents, (0.4, 0.3, 0.2), atol=1e-6)
-    np.testing.assert_allclose(surface.bounds.sum(axis=0), 0, atol=1e-12)
+    np.testing.assert_allclose(surface.bounds.mean(axis=0), (1, 2, 3), atol=1e-6)
     assert surface.volume == pytest.approx(0.024, rel=1e-5)
     assert surface.edges_unique_length.max() <= 0.028 + 1e-9
 
@@ -90,11 +90,11 @@ def test_mesh_file_turns_an_inverted_mesh_over(tmp_path):
     box.invert()
     assert box.volume < 0
     box.export(path)
-    assert body.mesh_file(path).volume == pytest.approx(0.064, rel=1e-5)
+    assert geometry.mesh_file(path).volume == pytest.approx(0.064, rel=1e-5)
 
 
 def _message(call, *args, **kwargs):
-    with pytest.raises(ValueError, match=r"^body\.") as caught:
+    with pytest.raises(ValueError, match=r"^surface\.") as caught:
         call(*args, **kwargs)
     message = str(caught.value)
     assert "\n" not in message
@@ -102,21 +102,26 @@ def _message(call, *args, **kwargs):
 
 
 def test_wrong_dimensions_are_named():
-    assert _message(body.sphere, -1) == "body.radius is -1; give positive lengths in metres"
-    assert _message(body.cube, math.nan) == "body.side is nan; give positive lengths in metres"
-    assert _message(body.cylinder, 0.2, 0) == "body.height is 0; give positive lengths in metres"
+    assert _message(geometry.sphere, -1) == "surface.radius is -1; give positive lengths in metres"
     assert (
-        _message(body.ellipsoid, (0.3, 0, 0.2))
-        == "body.semi_axes is (0.3, 0, 0.2); give positive lengths in metres"
+        _message(geometry.cube, math.nan) == "surface.side is nan; give positive lengths in metres"
     )
     assert (
-        _message(body.torus, 0.1, 0.2)
-        == "body.minor_radius is 0.2 m, which closes the hole of a torus with "
-        "body.major_radius 0.1 m; make it smaller"
+        _message(geometry.cylinder, 0.2, 0)
+        == "surface.height is 0; give positive lengths in metres"
     )
     assert (
-        _message(body.cube, 440)
-        == "body.resolution 0.02 m cuts this body into 5808000000 triangles, more than 50000; "
+        _message(geometry.ellipsoid, (0.3, 0, 0.2))
+        == "surface.semi_axes is (0.3, 0, 0.2); give positive lengths in metres"
+    )
+    assert (
+        _message(geometry.torus, 0.1, 0.2)
+        == "surface.minor_radius is 0.2 m, which closes the hole of a torus with "
+        "surface.major_radius 0.1 m; make it smaller"
+    )
+    assert (
+        _message(geometry.cube, 440)
+        == "surface.resolution 0.02 m cuts it into 5808000000 triangles, more than 50000; "
         "give a coarser resolution, and all lengths in metres"
     )
 
@@ -128,7 +133,7 @@ def test_wrong_mesh_files_are_named(tmp_path):
             path.write_bytes(content)
         elif content is not None:
             content.export(path)
-        return _message(body.mesh_file, path).replace(str(path), "FILE")
+        return _message(geometry.mesh_file, path).replace(str(path), "FILE")
 
     box = trimesh.creation.box(extents=(0.4, 0.4, 0.4))
     lidless = trimesh.Trimesh(box.vertices, box.faces[1:], process=False)
@@ -144,21 +149,17 @@ def test_wrong_mesh_files_are_named(tmp_path):
         ("two.stl", box + far): "has 2 pieces; join them into one",
         ("klein.ply", _klein_bottle()): "has no inside; orient all its triangles outwards",
         ("large.stl", large): "is 400 m across, which makes 5542562584 triangles at 0.02 m; "
-        "give it in metres",
+        "set surface.scale, or a coarser surface.resolution",
     }
     for (name, content), expected in table.items():
-        assert message(name, content) == f"body.mesh FILE {expected}"
-    scan = trimesh.creation.icosphere(subdivisions=6, radius=0.25)
-    assert message("scan.ply", scan) == (
-        "body.mesh FILE has 81920 triangles, more than 50000; decimate it to about 4534"
-    )
+        assert message(name, content) == f"surface.mesh FILE {expected}"
     unreadable = message("noise.ply", b"\x00\x01 not a mesh")
-    assert unreadable.startswith("body.mesh FILE cannot be read (")
+    assert unreadable.startswith("surface.mesh FILE cannot be read (")
     assert unreadable.endswith("); export it again")
     # A torus whose tube is wider than its ring runs through itself round its axis.
     spindle = trimesh.creation.torus(0.1, 0.15, major_sections=32, minor_sections=32)
     crossing = message("spindle.stl", spindle)
-    assert crossing.startswith("body.mesh FILE intersects itself near (")
+    assert crossing.startswith("surface.mesh FILE intersects itself near (")
     assert crossing.endswith("; repair it so that its surface never crosses itself")
 
 
