@@ -3,55 +3,62 @@
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
+from typing import Any
 
 import numpy as np
+import trimesh
 from pydrake.geometry import SceneGraph
+from scipy.spatial.distance import cdist
 
+from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.shape import fitted_surface, topology
-from selftouch_drake.evaluation import align, kernel_positions
+from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_surface
+from selftouch_drake.evaluation import (
+    KernelTruth,
+    TouchCounts,
+    align,
+    count_touches,
+    kernel_truth,
+    touch_density,
+)
 from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
+from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import load_arrays
-from selftouch_drake.geometry import HollowSkin, ReceptiveFields, build_body
-from selftouch_drake.robot.agent import Agent, MakeAgent
+from selftouch_drake.robot import MakeRobot, Robot, Touches, World
+from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.motions import load_plan
+from selftouch_drake.run.figures import Reading, headline, readings
+from selftouch_drake.run.knowledge import (
+    load_body,
+    load_execution,
+    load_motion,
+    load_representation,
+    stored_pairs,
+    was_executed,
+)
+from selftouch_drake.run.stages import make_world
+from selftouch_drake.show import MissingError, RecoveredSkin, RobotShape, SkinSurface, TouchSample
+from selftouch_drake.show.skins import all_moved, as_one
 
-
-class MissingError(RunError):
-    """What was asked for was not made yet; the text says what, and what makes it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BodySurface:
-    """The outer surface of the body.
-
-    Attributes:
-        p_BS: `(S, 3)` m, receptors.
-        vertices: `(V, 3)` m.
-        faces: `(F, 3)` indices, outward.
-    """
-
-    p_BS: np.ndarray
-    vertices: np.ndarray
-    faces: np.ndarray
+# Skins that fewer of a part's kernels are on do not count as its own.
+_LEAST_SHARE = 0.05
 
 
 class Material:
-    """Everything that figures, report and playback are made of.
+    """Everything that figures, report, recording and live play are made of.
 
     Args:
         run: the run.
+        world: its world, if it was built already.
 
     Raises:
-        MissingError: by every property whose stage has not run.
+        MissingError: by every part whose stage has not run.
     """
 
-    def __init__(self, run: RunDirectory):
+    def __init__(self, run: RunDirectory, world: World | None = None):
         self.run = run
+        self._known_world = world
 
     def require_sound(self) -> None:
         """Reads every file that there is, before anything is made of any.
@@ -59,123 +66,171 @@ class Material:
         Raises:
             ValueError: one is damaged, or of another experiment.
         """
-        for name in ("metrics", "skin", "representation", "diagrams", "truth", "kernel_p_WF"):
+        for name in ("metrics", "skins", "representation", "body", "kernel_truth"):
             with contextlib.suppress(MissingError):
                 getattr(self, name)
+        with contextlib.suppress(MissingError):
+            self._truth.num_rows  # noqa: B018 - refuses damaged shards
         for pair in self.pairs:
-            self.plan(*pair)
+            self.motion(*pair)
+
+    @property
+    def experiment(self) -> Experiment:
+        """The experiment of the run."""
+        return self.run.experiment
 
     @cached_property
-    def metrics(self) -> dict:
-        """The figures of the run."""
+    def metrics(self) -> dict[str, Any]:
+        """The metrics of the run; empty before the first stage is done."""
         return self.run.metrics()
 
+    @property
+    def readings(self) -> dict[str, list[Reading]]:
+        """The metrics by section of the report."""
+        return readings(self.metrics)
+
+    @property
+    def headline(self) -> list[tuple[str, str]]:
+        """The few metrics that sum the run up: name and value."""
+        return headline(self.metrics)
+
     @cached_property
-    def skin(self) -> BodySurface:
-        """The outer surface and its receptors."""
-        names = ("p_BS", "vertices", "faces")
-        arrays = self._arrays(self.run.skin, names, "the skin", "babble")
-        # Runs of before the stamp have none.
-        stamp = self.run.body_stamp()
-        if str((stamp | arrays)["made_for"]) != str(stamp["made_for"]):
+    def world(self) -> World:
+        """The world of the experiment."""
+        if self._known_world is not None:
+            return self._known_world
+        try:
+            return make_world(self.run)
+        except ModelError as error:
+            raise MissingError(str(error)) from None
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot, without the probe of contact, which takes longer to build."""
+        return MakeRobot(self.experiment, self.world.skins, SceneGraph())
+
+    @cached_property
+    def shape(self) -> RobotShape:
+        """What is drawn of the robot."""
+        return RobotShape(self.robot, self.experiment.touching)
+
+    def touches_at(self, q: np.ndarray) -> Touches:
+        """What touches what at configurations `(N, J)`."""
+        return self.world.probe.touches(q)
+
+    @cached_property
+    def skins(self) -> tuple[SkinSurface, ...]:
+        """The skins, each in the frame of its link."""
+        names = list(self.experiment.skins)
+        kinds = ("vertices", "faces", "p_LS")
+        if not self.run.skin.exists():
+            raise MissingError("the skins are not there; run `selftouch babble`")
+        wanted = [f"{name}_{kind}" for name in names for kind in kinds]
+        arrays = load_arrays(self.run.skin, [*wanted, "made_for"])
+        if str(arrays["made_for"]) != str(self.run.body_stamp()["made_for"]):
             raise RunError(
                 f"{self.run.skin} is of another experiment or version; run `selftouch babble "
                 f"{self.run.path / 'experiment.yaml'} --out {self.run.path}`"
             )
-        return BodySurface(**{name: arrays[name] for name in names})
+        skins, first = [], 0
+        for name in names:
+            vertices, faces, p_LS = (arrays[f"{name}_{kind}"] for kind in kinds)
+            skins.append(
+                SkinSurface(name=name, vertices=vertices, faces=faces, receptors=p_LS, first=first)
+            )
+            first += len(p_LS)
+        return tuple(skins)
 
     @cached_property
-    def body(self) -> tuple[HollowSkin, ReceptiveFields]:
-        """The hollow skin and its receptive fields, built anew from the experiment."""
-        return build_body(self.run.experiment)
+    def home(self) -> np.ndarray:
+        """`(skins, 3, 4)` poses of the skins' links in the posture that is the model's default."""
+        plant = self.robot.plant
+        q = plant.GetPositions(plant.CreateDefaultContext())
+        return self.robot.skin_positions(q[None])[0]
 
-    @property
-    def truth(self) -> ExperienceReader:
-        """The true fingertip positions `p_WF` of the experience."""
-        if not any(self.run.truth.glob("part-*.parquet")):
-            raise MissingError("the truth is not there; run `selftouch babble`")
-        reader = ExperienceReader(self.run.truth)
-        reader.num_rows  # noqa: B018 - refuses damaged shards
-        return reader
+    @cached_property
+    def touch_density(self) -> list[np.ndarray]:
+        """`(V,)` touches / cm² at the vertices of each skin."""
+        return [
+            touch_density(skin.vertices, skin.faces, counts)
+            for skin, counts in zip(self.skins, self._touch_counts.counts, strict=True)
+        ]
+
+    def touch_sample(self, count: int) -> TouchSample:
+        """About `count` of the touches."""
+        num_touches = self._truth.num_rows
+        rows = np.arange(0, num_touches, max(num_touches // count, 1))
+        contacts = self._truth.take_contacts(rows)
+        return TouchSample(
+            places=self._at_home(contacts.skin, contacts.p_LC),
+            num_drawn=len(rows),
+            num_touches=num_touches,
+        )
 
     @cached_property
     def representation(self) -> QuotientRepresentation:
         """What the agent has learned."""
         if not self.run.representation.exists():
             raise MissingError("nothing was learned yet; run `selftouch learn`")
-        representation = QuotientRepresentation.load(self.run.representation)
-        self.run.require_stamp(self.run.representation)
-        return representation
+        return load_representation(self.run)
 
     @cached_property
-    def diagrams(self) -> list[np.ndarray]:
-        """Births and deaths `(bars, 2)` of components, loops and voids."""
-        names = [f"diagram_{dimension}" for dimension in range(3)]
-        arrays = self._arrays(self.run.topology, names, "the persistence of holes", "learn")
-        self.run.require_stamp(self.run.topology, arrays)
-        return [arrays[name] for name in names]
+    def body(self) -> Body:
+        """The body that the agent recovered."""
+        if not self.run.topology.exists():
+            raise MissingError("the recovered body is not there; run `selftouch learn`")
+        return load_body(self.run, self.representation)
 
     @cached_property
-    def kernel_p_WF(self) -> np.ndarray:
-        """`(R, 3 * fingers)` m, true fingertip positions in each configuration of the kernels."""
+    def kernel_truth(self) -> KernelTruth:
+        """Where the kernels truly are."""
+        representation, run = self.representation, self.run
         try:
-            require_complete(self.run, truth=True)
+            require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
         except StoreError as error:
             raise MissingError(str(error)) from None
-        return self.truth.take("p_WF", self.representation.kernel_row)
+        return kernel_truth(representation, self._truth.take_contacts(representation.kernel_row))
 
     @cached_property
-    def kernel_positions(self) -> np.ndarray:
-        """`(K, 3)` m, where each kernel truly puts the first fingertip."""
-        return kernel_positions(self.representation, self.kernel_p_WF)
+    def true_distances(self) -> np.ndarray:
+        """`(K, K)` m between the true places of kernels; NaN between those on different skins."""
+        truth = self.kernel_truth
+        same = truth.skin[:, None] == truth.skin
+        return np.where(same, cdist(truth.positions, truth.positions), np.nan)
 
     @cached_property
-    def embedding(self) -> np.ndarray:
-        """`(K, 3)` the kernels as the agent lays them out, any unit."""
-        embedding = self.representation.embedding
-        if not np.isfinite(embedding).all():
-            raise MissingError("the representation is not embedded; run `selftouch learn`")
-        return embedding
-
-    @cached_property
-    def recovered(self) -> tuple[np.ndarray, np.ndarray]:
-        """The recovered body, aligned with the real one: where it is, and its fitted surface.
-
-        `(N, 3)` m, the kernels and then the parts of wide ones, and `(F, 3)` corners.
-        """
-        if self.run.experiment.num_fingers > 1:
+    def recovered(self) -> tuple[RecoveredSkin, ...]:
+        """The recovered parts, each on its skins at home."""
+        truth = self.kernel_truth
+        if not truth.is_surface:
             raise MissingError(
-                "with two fingers the quotient space is not the body's surface (paper, section IV)"
+                f"{1 - truth.share_single:.0%} of the touches are at several places at once: what "
+                "they stand for is no surface (paper, section IV)"
             )
-        parts = self._arrays(self.run.topology, ["parts"], "the persistence of holes", "learn")
-        places = np.concatenate([self.embedding, parts["parts"]])
-        faces = fitted_surface(places, topology(places).scale)
-        if not len(faces):
-            raise MissingError("no closed surface goes through the recovered body; babble longer")
-        aligned = align(self.embedding, self.kernel_positions, places)
-        a, b, c = aligned[faces].transpose(1, 0, 2)
-        mirrored = np.einsum("fi,fi->", np.cross(a, b), c) < 0
-        return aligned, faces[:, ::-1] if mirrored else faces
+        found = [self._recovered(number, part) for number, part in enumerate(self.body.parts)]
+        parts = tuple(part for part in found if part is not None)
+        if not parts:
+            raise MissingError("no surface goes through the recovered body; babble longer")
+        return parts
+
+    @cached_property
+    def kernel_places(self) -> np.ndarray:
+        """`(K, 3)` m, each kernel where the recovered body has it; NaN in fragments."""
+        places = np.full((self.representation.num_targets, 3), np.nan)
+        for part in self.recovered:
+            places[self.body.parts[part.part].kernels] = part.positions
+        return places
+
+    def skins_of(self, kernels: np.ndarray) -> list[int]:
+        """Numbers of the skins that some kernels truly are on, the one with the most first."""
+        counts = np.bincount(self.kernel_truth.skin[kernels])
+        order = np.argsort(-counts, kind="stable")
+        return order[counts[order] > _LEAST_SHARE * len(kernels)].tolist()
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """Start and goal of all plans, in order."""
-        names = (path.stem.split("-") for path in (self.run.path / "plans").glob("*-*.npz"))
-        return sorted((int(n[0]), int(n[1])) for n in names if len(n) == 2 and all(map(_digits, n)))
-
-    def plan(self, *targets: int | str) -> dict[str, np.ndarray]:
-        """The arrays of a plan, executed or not; the targets name it, in order."""
-        if not (file := self.run.plan(*targets)).exists():
-            raise MissingError(f"plan {file.stem} is not there; run `selftouch plan`")
-        return load_plan(self.run, *targets)
-
-    def executed(self, *targets: int | str) -> dict[str, np.ndarray]:
-        """The arrays of a plan that was executed."""
-        plan = self.plan(*targets)
-        if not {"felt", "q_measured"} <= plan.keys():
-            name = self.run.plan(*targets).stem
-            raise MissingError(f"plan {name} was not executed; run `selftouch execute`")
-        return plan
+        """Start and goal of all plans from one sensation to another, in order."""
+        return stored_pairs(self.run)
 
     @cached_property
     def shown_pair(self) -> tuple[int, int]:
@@ -184,44 +239,76 @@ class Material:
             raise MissingError("nothing was planned yet; run `selftouch plan`")
 
         def length(pair: tuple[int, int]) -> tuple[bool, int]:
-            plan = self.plan(*pair)
-            return "felt" in plan, len(plan["nodes"])
+            return was_executed(self.run, *pair), len(self.motion(*pair).nodes)
 
         return max(self.pairs, key=length)
 
-    def fingertips(self, q: np.ndarray) -> np.ndarray:
-        """`(N, fingers, 3)` m, fingertips in the world at `q` `(N, J)` rad."""
-        return self._frames(q)[:, self._num_joints :]
+    def motion(self, *targets: int | str) -> Motion:
+        """A plan, executed or not; the targets name it, in order."""
+        if not (file := self.run.plan(*targets)).exists():
+            raise MissingError(f"plan {file.stem} is not there; run `selftouch plan`")
+        return load_motion(self.run, *targets)
 
-    def joints(self, q: np.ndarray) -> np.ndarray:
-        """`(N, J, 3)` m, joints in the world at `q` `(N, J)` rad, from the shoulder on."""
-        return self._frames(q)[:, : self._num_joints]
+    def execution(self, *targets: int | str) -> Execution:
+        """A plan that was executed."""
+        self.motion(*targets)
+        if not was_executed(self.run, *targets):
+            name = self.run.plan(*targets).stem
+            raise MissingError(f"plan {name} was not executed; run `selftouch execute`")
+        return load_execution(self.run, *targets)
 
     @property
-    def _num_joints(self) -> int:
-        return self._agent.plant.num_positions()
+    def _truth(self) -> ExperienceReader:
+        """Where the touches of the experience truly were."""
+        if not any(self.run.truth.glob("part-*.parquet")):
+            raise MissingError("the truth is not there; run `selftouch babble`")
+        return ExperienceReader(self.run.truth)
 
     @cached_property
-    def _agent(self) -> Agent:
-        return MakeAgent(self.run.experiment, self.body[0], SceneGraph())
+    def _touch_counts(self) -> TouchCounts:
+        return count_touches([s.fields for s in self.world.skins], self._truth.contacts())
 
-    def _frames(self, q: np.ndarray) -> np.ndarray:
-        plant, context = self._agent.plant, self._agent.plant.CreateDefaultContext()
-        joints = [plant.get_joint(index) for index in plant.GetJointIndices(self._agent.arm)]
-        frames = [joint.frame_on_parent() for joint in joints if joint.num_positions() == 1]
-        frames += self._agent.fingertips
-        positions = np.empty((len(q), len(frames), 3))
-        for row, configuration in enumerate(q):
-            plant.SetPositions(context, configuration)
-            positions[row] = [frame.CalcPoseInWorld(context).translation() for frame in frames]
-        return positions
+    def _at_home(self, skin: np.ndarray, p_LC: np.ndarray) -> np.ndarray:
+        """`(C, 3)` m, points of skins in the frames of their links, with the skins at home."""
+        pose = self.home[skin]
+        return np.einsum("nij,nj->ni", pose[:, :, :3], p_LC) + pose[:, :, 3]
 
-    def _arrays(self, path: Path, names, what: str, verb: str) -> dict[str, np.ndarray]:
-        try:
-            return load_arrays(path, names)
-        except FileNotFoundError:
-            raise MissingError(f"{what} is not there; run `selftouch {verb}`") from None
+    def _recovered(self, number: int, part: RecoveredPart) -> RecoveredSkin | None:
+        """A part laid on its skins; None if no surface goes through it."""
+        if part.topology is None:
+            return None
+        faces = fitted_surface(part.places, part.topology)
+        if not len(faces):
+            return None
+        truth = self.kernel_truth
+        true = self._at_home(truth.skin[part.kernels], truth.positions[part.kernels])
+        places = align(part.positions, true, part.places)
+        closed = bool(part.topology.betti[2])
+        if closed:
+            faces = _closed_outward(places, faces)
+        else:
+            faces = _outward(places, faces, as_one(all_moved(self.skins, self.home)))
+        return RecoveredSkin(
+            part=number,
+            skins=tuple(self.skins_of(part.kernels)),
+            places=places,
+            num_kernels=len(part.kernels),
+            faces=faces,
+            closed=closed,
+        )
 
 
-def _digits(text: str) -> bool:
-    return text.isascii() and text.isdigit()
+def _closed_outward(places: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Faces of a closed surface, turned if it was mirrored when it was laid on the skin."""
+    a, b, c = places[faces].transpose(1, 0, 2)
+    mirrored = np.einsum("fi,fi->", np.cross(a, b), c) < 0
+    return faces[:, ::-1] if mirrored else faces
+
+
+def _outward(places: np.ndarray, faces: np.ndarray, skin: SkinSurface) -> np.ndarray:
+    """Faces of a surface with a rim, each turned as the skin is where it is nearest."""
+    mesh = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
+    _, nearest = mesh.kdtree.query(places[faces].mean(axis=1))
+    a, b, c = places[faces].transpose(1, 0, 2)
+    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), mesh.vertex_normals[nearest]) < 0
+    return np.where(inward[:, None], faces[:, ::-1], faces)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from selftouch_drake.robot import Robot, Touches
-from selftouch_drake.show.robot_shape import ball_radius
+from selftouch_drake.robot import Touches
+from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import moved
 
 # Instants for which contact may be lost while a path goes on.
@@ -49,7 +49,7 @@ class SkinPath:
 
 
 def touch_paths(
-    robot: Robot, touches_at: Callable[[np.ndarray], Touches], q: np.ndarray
+    shape: RobotShape, touches_at: Callable[[np.ndarray], Touches], q: np.ndarray
 ) -> list[SkinPath]:
     """What touches, over the skins that it slides on, along a motion.
 
@@ -58,11 +58,11 @@ def touch_paths(
     centre of pressure.
 
     Args:
-        robot: the robot.
+        shape: of the robot.
         touches_at: what touches what at configurations `(N, J)`; not asked for balls on one skin.
         q: `(T, J)` motor configurations.
     """
-    radii = [ball_radius(robot, toucher) for toucher in robot.touchers]
+    robot, radii = shape.robot, shape.ball_radii
     X_WL, p_WT = robot.skin_positions(q), robot.toucher_positions(q)
     if len(robot.skins) == 1 and None not in radii:
         every = np.arange(len(q))

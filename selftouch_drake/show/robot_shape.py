@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from pydrake.geometry import GeometryId, Role, Sphere
+from pydrake.geometry import Role
 from pydrake.multibody.tree import Frame, RigidBody
 
+from selftouch_drake.experiment import Toucher
 from selftouch_drake.robot import Robot
 from selftouch_drake.robot.kinematics import Kinematics
-from selftouch_drake.robot.links import all_links, link_geometries, pieces_in_link, scoped_name
-from selftouch_drake.robot.pairs import Toucher
-from selftouch_drake.robot.touchers import PREFIX
+from selftouch_drake.robot.links import all_links, link_geometries, pieces_in_link
 from selftouch_drake.show.skins import moved
 
 # A link of more triangles than this is drawn with fewer: those that are seen in a picture, in m.
@@ -65,15 +64,21 @@ class RobotShape:
 
     Args:
         robot: the robot.
+        touching: what touches, as the experiment has it.
+
+    Attributes:
+        robot: the robot.
+        ball_radii: m, of each toucher that is a ball; None of the others.
     """
 
-    def __init__(self, robot: Robot):
+    def __init__(self, robot: Robot, touching: Mapping[str, Toucher]):
         self.robot = robot
+        self.ball_radii = tuple(touching[toucher.name].radius for toucher in robot.touchers)
         self._meshes = _drawn_meshes(robot)
         links = [link for link, _ in self._meshes]
-        self._touching = {int(t.link.index()) for t in robot.touchers if not _is_ball(robot, t)}
-        balls = [t for t in robot.touchers if _is_ball(robot, t)]
-        self._radii = np.array([ball_radius(robot, t) for t in balls])
+        pairs = list(zip(robot.touchers, self.ball_radii, strict=True))
+        self._touching = {int(t.link.index()) for t, radius in pairs if radius is None}
+        balls = [toucher for toucher, radius in pairs if radius is not None]
         frames: list[Frame] = [joint.frame_on_parent() for joint in robot.joints]
         frames += [ball.frame for ball in balls] + [link.body_frame() for link in links]
         self._kinematics = Kinematics.of(robot.plant, frames)
@@ -101,14 +106,14 @@ class RobotShape:
             joints=joints[:, :, 3],
             turns=self.robot.turns,
             balls=balls[:, :, 3],
-            radii=self._radii,
+            radii=np.array([radius for radius in self.ball_radii if radius is not None]),
         )
 
     def bare_balls(self) -> dict[int, float]:
         """m, radii of the balls that touch where the model draws nothing, by number of toucher."""
         drawn = self.at(np.zeros(len(self.robot.joints)))
         vertices = np.concatenate([np.full((1, 3), np.inf), *(s.vertices for s in drawn.links)])
-        numbers = [n for n, t in enumerate(self.robot.touchers) if _is_ball(self.robot, t)]
+        numbers = [number for number, radius in enumerate(self.ball_radii) if radius is not None]
         return {
             number: float(radius)
             for number, ball, radius in zip(numbers, drawn.balls, drawn.radii, strict=True)
@@ -130,44 +135,19 @@ class RobotShape:
         return np.array(rods).reshape(-1, 2, 3)
 
 
-def ball_radius(robot: Robot, toucher: Toucher) -> float | None:
-    """m, of the ball that touches; None if it is a link's own geometry."""
-    inspector = robot.scene_graph.model_inspector()
-    geometry = toucher.geometry_ids[0]
-    shape = inspector.GetShape(geometry)
-    is_ball = inspector.GetName(geometry).split("::")[-1] == f"{PREFIX}{toucher.name}"
-    return shape.radius() if is_ball and isinstance(shape, Sphere) else None
-
-
-def joint_labels(robot: Robot) -> list[str]:
-    """J names that tell the joints apart: scoped by their model where they have to be."""
-    names = robot.joint_names
-    return [
-        name if names.count(name) == 1 else scoped_name(robot.plant, joint)
-        for name, joint in zip(names, robot.joints, strict=True)
-    ]
-
-
-def _is_ball(robot: Robot, toucher: Toucher) -> bool:
-    return ball_radius(robot, toucher) is not None
-
-
 def _drawn_meshes(robot: Robot) -> list[tuple[RigidBody, trimesh.Trimesh]]:
     """The links that are drawn as their model has them, each in its own frame."""
     inspector = robot.scene_graph.model_inspector()
-    skins = {skin.geometry_id for skin in robot.skins}
+    added = {skin.geometry_id for skin in robot.skins}
+    added |= {geometry for toucher in robot.touchers for geometry in toucher.geometry_ids}
     covered = {int(s.link.index()) for s in robot.skins if s.model.is_own_geometry}
-
-    def is_own(geometry: GeometryId) -> bool:
-        name = inspector.GetName(geometry).split("::")[-1]
-        return geometry not in skins and not name.startswith(PREFIX)
-
     meshes = []
     for link in all_links(robot.plant)[1:]:
         if int(link.index()) in covered:
             continue
         for role in (Role.kIllustration, Role.kProximity):
-            own = [g for g in link_geometries(robot.plant, inspector, link, role) if is_own(g)]
+            all_of_link = link_geometries(robot.plant, inspector, link, role)
+            own = [geometry for geometry in all_of_link if geometry not in added]
             try:
                 pieces = pieces_in_link(inspector, own)
             except ValueError:  # a half space has no end to draw

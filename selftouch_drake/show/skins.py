@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from selftouch_drake.robot import SkinModel
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SkinSurface:
@@ -42,6 +44,21 @@ class SkinSurface:
         return dataclasses.replace(
             self, vertices=moved(self.vertices, pose), receptors=moved(self.receptors, pose)
         )
+
+
+def surfaces_of(skins: Sequence[SkinModel]) -> tuple[SkinSurface, ...]:
+    """The skins of a world, each in the frame of its link."""
+    firsts = np.cumsum([0, *(skin.fields.num_receptors for skin in skins)])
+    return tuple(
+        SkinSurface(
+            name=skin.name,
+            vertices=skin.fields.vertices,
+            faces=skin.fields.faces,
+            receptors=skin.fields.p_LS,
+            first=int(first),
+        )
+        for skin, first in zip(skins, firsts, strict=False)
+    )
 
 
 def moved(points: np.ndarray, pose: np.ndarray) -> np.ndarray:

@@ -224,7 +224,7 @@ class LiveShow:
         self._motion = None
 
     def _paths(self, q: np.ndarray) -> list[SkinPath]:
-        return touch_paths(self.simulation.robot, self._material.touches_at, q)
+        return touch_paths(self._material.shape, self._material.touches_at, q)
 
     def _say(self, text: str) -> None:
         self._announce(text.replace("\n", "; "))

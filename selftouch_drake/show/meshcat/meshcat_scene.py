@@ -14,19 +14,19 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.colors import to_rgb
 from pydrake.geometry import Meshcat, MeshcatAnimation, Sphere
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.perception import BaseField, Fields, PointCloud
 
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.show.material import Material, MissingError
-from selftouch_drake.show.meshcat.receptors import Receptors, key_frames, linear_light, rgba
+from selftouch_drake.show.meshcat.receptors import key_frames, linear_light, rgba
+from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
+from selftouch_drake.show.meshcat.stage import VIEW, draw_balls, set_stage
 from selftouch_drake.show.meshcat.text_meshes import put_legend, put_text
 from selftouch_drake.show.paths import SkinPath, evenly_spaced
 from selftouch_drake.show.skins import all_moved, as_one, moved
-from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, SKIN, VERMILION
-from selftouch_drake.show.view import View
+from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, VERMILION
 
-VIEW = View(elevation=20.0, azimuth=-70.0)
 # The three stand this many times their size apart.
 _APART = 1.55
 # Skins that move take this many times the width that they move over.
@@ -73,22 +73,19 @@ class MeshcatScene:
         self.size = max(float((high - low).max()), _CLEAR * width / _APART)
         self._under = middle + (lowest - 0.22 * self.size) * VIEW.axes[1]
         self._aside = _APART * self.size * VIEW.axes[0]
-        self._receptors = {root: self._draw_skins(root) for root in (FELT, EXPECTED)}
+        self._felt = SkinDrawing(meshcat, FELT, material.skins)
+        self._expected = SkinDrawing(meshcat, EXPECTED, material.skins)
         meshcat.SetTransform(EXPECTED, RigidTransform(-self._aside))
-        self._poses = np.full((len(self._skins), 3, 4), np.nan)
         self.move(material.home)
-        self._balls = _draw_balls(meshcat, material)
+        self._balls = draw_balls(meshcat, material.shape)
         self.kernel_places = self._draw_recovered(material)
         self._write_titles()
-        self._set_stage(middle)
+        set_stage(meshcat, VIEW, middle, self.size)
 
     def move(self, poses: np.ndarray) -> None:
         """Puts the skins where their links are: `(skins, 3, 4)`."""
-        for number, (skin, pose) in enumerate(zip(self._skins, poses, strict=True)):
-            if not np.array_equal(pose, self._poses[number]):
-                for root in (FELT, EXPECTED):
-                    self._meshcat.SetTransform(f"{root}/{skin.name}", transform(pose))
-        self._poses = np.array(poses)
+        self._felt.move(poses)
+        self._expected.move(poses)
 
     def move_balls(self, p_WT: np.ndarray) -> None:
         """Puts the balls that the model does not draw at `(touchers, 3)` m."""
@@ -97,11 +94,11 @@ class MeshcatScene:
 
     def show_felt(self, felt: np.ndarray) -> None:
         """Shows a sensation `(S,)` on the real skins, 1 in the strongest colour."""
-        self._show(FELT, felt)
+        self._felt.show(felt)
 
     def show_expected(self, expected: np.ndarray) -> None:
         """Shows an expected sensation `(S,)` beside them."""
-        self._show(EXPECTED, expected)
+        self._expected.show(expected)
 
     def show_here(self, kernel: int) -> None:
         """Marks a kernel on the recovered body, if it is there."""
@@ -129,18 +126,11 @@ class MeshcatScene:
             expected: `(frames, S)` as of `show_expected`.
             kernel: `(frames,)` the kernel that is felt, or was felt last.
         """
-        for number, skin in enumerate(self._skins):
-            if np.ptp(poses[:, number], axis=0).max() < 1e-9:
-                continue
-            for frame, pose in enumerate(poses[:, number]):
-                for root in (FELT, EXPECTED):
-                    recording.SetTransform(frame, f"{root}/{skin.name}", transform(pose))
         for number, path in self._balls.items():
             for frame, place in enumerate(p_WT[:, number]):
                 recording.SetTransform(frame, path, RigidTransform(place))
-        for root, readings in ((FELT, felt), (EXPECTED, expected)):
-            for skin, receptors in zip(self._skins, self._receptors[root], strict=True):
-                receptors.record(recording, readings[:, skin.readings])
+        self._felt.record(recording, poses, felt)
+        self._expected.record(recording, poses, expected)
         if self.kernel_places is not None:
             for frame in key_frames(kernel):
                 place = self.kernel_places[kernel[frame]]
@@ -187,23 +177,6 @@ class MeshcatScene:
         width = 0.8 * self.size
         put_legend(self._meshcat, "/legend", full, centre, VIEW, width=width, color=rgba(INK))
 
-    def _show(self, root: str, sensation: np.ndarray) -> None:
-        for skin, receptors in zip(self._skins, self._receptors[root], strict=True):
-            receptors.show(sensation[skin.readings])
-
-    def _draw_skins(self, root: str) -> list[Receptors]:
-        receptors = []
-        for skin in self._skins:
-            path = f"{root}/{skin.name}"
-            self._meshcat.SetTriangleMesh(
-                f"{path}/surface", skin.vertices.T, skin.faces.T, rgba(SKIN, 0.4)
-            )
-            radius = 0.02 * skin.extent
-            receptors.append(
-                Receptors(self._meshcat, f"{path}/receptors", skin.receptors, radius)
-            )
-        return receptors
-
     def _draw_recovered(self, material: Material) -> np.ndarray | None:
         try:
             parts, places = material.recovered, material.kernel_places
@@ -240,21 +213,6 @@ class MeshcatScene:
         if self.kernel_places is not None:
             self._write("/titles/recovered", "its body, as it recovered it", aside=self._aside)
 
-    def _set_stage(self, middle: np.ndarray) -> None:
-        for prop in ("/Grid", "/Axes"):
-            self._meshcat.SetProperty(prop, "visible", False)
-        self._meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
-        self._meshcat.SetProperty("/Background/<object>", "bottom_color", [0.87, 0.89, 0.92])
-        # Room above for arms.
-        centre = middle + np.array([0.0, 0.0, 0.04])
-        self._meshcat.SetCameraPose(centre + (0.35 + 1.7 * self.size) * VIEW.towards, centre)
-
-
-def transform(pose: np.ndarray) -> RigidTransform:
-    """A pose `(3, 4)` as Drake has it."""
-    return RigidTransform(RotationMatrix(pose[:, :3]), pose[:, 3])
-
-
 def _reach(material: Material, middle: np.ndarray) -> tuple[float, float]:
     """m, how wide the skins move in the picture, and how far below `middle` they come."""
     q = material.representation.kernel_q
@@ -268,15 +226,6 @@ def _reach(material: Material, middle: np.ndarray) -> tuple[float, float]:
             places += [moved(outline, pose) for pose in poses[:, number]]
     picture = VIEW.project(np.concatenate(places) - middle)
     return float(np.ptp(picture[:, 0])), float(picture[:, 1].min())
-
-
-def _draw_balls(meshcat: Meshcat, material: Material) -> dict[int, str]:
-    """Draws the balls that touch and that the model does not draw; their paths by toucher."""
-    paths = {}
-    for number, radius in material.shape.bare_balls().items():
-        paths[number] = f"/touching/{number}"
-        meshcat.SetObject(paths[number], Sphere(radius), rgba(VERMILION))
-    return paths
 
 
 def _cloud(points: np.ndarray, color: str) -> PointCloud:

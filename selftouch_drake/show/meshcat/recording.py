@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
+from pydrake.geometry import Meshcat
 
 from selftouch_drake.agent.motions import Execution
-from selftouch_drake.robot import MakeRobot
 from selftouch_drake.show.material import Material, Targets
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
 from selftouch_drake.show.meshcat.receptors import key_frames
+from selftouch_drake.show.meshcat.stage import RobotDrawing
 from selftouch_drake.show.paths import touch_paths
 
 FRAMES_PER_S = 30
@@ -55,7 +53,9 @@ def record(meshcat: Meshcat, material: Material, tours: Sequence[Targets]) -> fl
     meshcat.StartRecording(FRAMES_PER_S, set_visualizations_while_recording=False)
     recording = meshcat.get_mutable_recording()
     recording.set_repetitions(_REPETITIONS)
-    _animate_robot(meshcat, material, q)
+    drawing = RobotDrawing(meshcat, material.experiment, material.world.skins)
+    for frame, configuration in enumerate(q):
+        drawing.put(configuration, frame / FRAMES_PER_S)
     robot = material.robot
     scene.record(
         recording,
@@ -87,7 +87,7 @@ def _draw_paths(
     scene: MeshcatScene, name: str, material: Material, execution: Execution
 ) -> None:
     planned, measured = (
-        touch_paths(material.robot, material.touches_at, q)
+        touch_paths(material.shape, material.touches_at, q)
         for q in (execution.motion.q, execution.q_measured)
     )
     scene.draw_path(name, planned, len(execution.motion.q))
@@ -99,28 +99,3 @@ def _felt_last(felt: np.ndarray, target_sensations: np.ndarray) -> np.ndarray:
     kernel = np.argmax(felt @ target_sensations.T, axis=1)
     touched = np.where(felt.any(axis=1), np.arange(len(felt)), 0)
     return kernel[np.maximum.accumulate(touched)]
-
-
-def _animate_robot(meshcat: Meshcat, material: Material, q: np.ndarray) -> None:
-    """Publishes the robot at `q` `(frames, J)`.
-
-    Its diagram feels nothing: on older Drakes one with a Python system is never freed, nor is the
-    Meshcat that it shows itself in.
-    """
-    builder = DiagramBuilder()
-    scene_graph = SceneGraph()
-    builder.AddSystem(scene_graph)
-    plant = MakeRobot(material.experiment, material.world.skins, scene_graph).plant
-    to_pose = MultibodyPositionToGeometryPose(plant)
-    builder.AddSystem(to_pose)
-    source_id = plant.get_source_id()
-    assert source_id is not None  # the plant is registered by MakeRobot
-    builder.Connect(to_pose.get_output_port(), scene_graph.get_source_pose_port(source_id))
-    builder.ExportInput(to_pose.get_input_port(), "q")
-    MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
-    diagram = builder.Build()
-    context = diagram.CreateDefaultContext()
-    for frame, configuration in enumerate(q):
-        diagram.GetInputPort("q").FixValue(context, configuration)
-        context.SetTime(frame / FRAMES_PER_S)
-        diagram.ForcedPublish(context)

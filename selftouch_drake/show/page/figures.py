@@ -21,7 +21,6 @@ from selftouch_drake.show.page import (
     shape_figures,
 )
 from selftouch_drake.show.paths import touch_paths
-from selftouch_drake.show.robot_shape import joint_labels
 from selftouch_drake.show.skins import SkinSurface, all_moved
 from selftouch_drake.show.style import DPI
 
@@ -97,7 +96,7 @@ def plan_path(material: Material) -> Figure:
     """One plan over the skins (paper, figure 4)."""
     motion = material.motion(*material.shown_pair)
     paths, known = (
-        [path.moved(material.home[path.skin]) for path in touch_paths(material.robot, material.touches_at, q)]
+        [path.moved(material.home[path.skin]) for path in touch_paths(material.shape, material.touches_at, q)]
         for q in (motion.q, motion.waypoints_q)
     )
     if not paths:
@@ -113,7 +112,7 @@ def felt_and_predicted(material: Material) -> Figure:
 def contact_and_tracking(material: Material) -> Figure:
     """Force and tracking along that plan."""
     robot, execution = material.robot, material.execution(*material.shown_pair)
-    return motion_figures.contact_and_tracking(execution, joint_labels(robot), robot.turns)
+    return motion_figures.contact_and_tracking(execution, robot.joint_names, robot.turns)
 
 
 # In the order of the paper. The name is that of the file.

@@ -12,7 +12,6 @@ import trimesh
 
 from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.show.material import Material, MissingError
-from selftouch_drake.show.robot_shape import ball_radius, joint_labels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,7 +112,7 @@ def joint_rows(material: Material) -> list[JointRow]:
     robot = material.robot
     rows = []
     for name, turns, low, high in zip(
-        joint_labels(robot), robot.turns, robot.lower, robot.upper, strict=True
+        robot.joint_names, robot.turns, robot.lower, robot.upper, strict=True
     ):
         unit = "rad" if turns else "m"
         limited = np.isfinite(low) and np.isfinite(high)
@@ -153,7 +152,7 @@ def toucher_rows(material: Material) -> list[ToucherRow]:
     worn = {int(skin.link.index()): skin.model.name for skin in robot.skins}
     rows = []
     for number, toucher in enumerate(robot.touchers):
-        radius = ball_radius(robot, toucher)
+        radius = material.shape.ball_radii[number]
         if radius is not None:
             what = f"a ball of {100 * radius:.2g} cm radius at {toucher.frame.name()}"
         elif (name := worn.get(int(toucher.link.index()))) is not None:
