@@ -16,8 +16,8 @@ from selftouch_drake.robot.kinematics import Kinematics
 from selftouch_drake.robot.links import all_links, link_geometries, pieces_in_link
 from selftouch_drake.show.skins import moved
 
-# A link of more triangles than this is drawn with fewer: those that are seen in a picture, in m.
-_MOST_FACES, _FINEST = 4000, 0.004
+# m, finer triangles are not seen in a picture; a link of very many has larger ones.
+_FINEST, _MOST_FACES = 0.0025, 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -153,20 +153,27 @@ def _drawn_meshes(robot: Robot) -> list[tuple[RigidBody, trimesh.Trimesh]]:
             except ValueError:  # a half space has no end to draw
                 pieces = []
             if pieces:
-                meshes.append((link, _coarse(trimesh.util.concatenate(pieces))))
+                meshes.append((link, _coarse(_joined(pieces))))
                 break
     return meshes
 
 
-def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh without triangles that are too small to be seen, if it has very many."""
-    if len(mesh.faces) <= _MOST_FACES:
-        return mesh
-    places, number = np.unique((mesh.vertices / _FINEST).round(), axis=0, return_inverse=True)
+def _joined(pieces: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    offsets = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+    return trimesh.Trimesh(
+        np.concatenate([piece.vertices for piece in pieces]),
+        np.concatenate([p.faces + o for p, o in zip(pieces, offsets, strict=False)]),
+        process=False,
+    )
+
+
+def _coarse(mesh: trimesh.Trimesh, cell: float = _FINEST) -> trimesh.Trimesh:
+    """The mesh with all vertices in one cell of a grid, in m, joined in one."""
+    _, number = np.unique((mesh.vertices / cell).round(), axis=0, return_inverse=True)
     number = number.ravel()
     share = 1.0 / np.bincount(number)
     vertices = np.stack([np.bincount(number, axis) * share for axis in mesh.vertices.T], axis=1)
     faces = number[mesh.faces]
     a, b, c = faces.T
-    kept = (a != b) & (b != c) & (c != a)
-    return trimesh.Trimesh(vertices[: len(places)], faces[kept], process=False)
+    joined = trimesh.Trimesh(vertices, faces[(a != b) & (b != c) & (c != a)], process=False)
+    return joined if len(joined.faces) <= _MOST_FACES else _coarse(mesh, 2 * cell)

@@ -43,4 +43,3 @@ class View:
         """The view from the side that `direction` `(3,)` points to, a little from its left."""
         azimuth = np.degrees(np.arctan2(direction[1], direction[0]))
         return View(elevation, float(azimuth) - 20.0)
-

@@ -208,7 +208,7 @@ class LiveShow:
     def _finish(self, motion: Motion) -> None:
         felt, rows = np.array([e[0] for e in self._log]), [e[2] for e in self._log]
         expected, meant = motion.predicted[rows], motion.touching[rows]
-        touching = felt.any(axis=1)
+        touching = np.any(felt, axis=1)
         there = self._nearest(felt[-1])
         end = "reached" if there == self._goal else f"came to {there}"
         if not touching[-1]:

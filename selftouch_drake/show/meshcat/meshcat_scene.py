@@ -29,8 +29,8 @@ from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, VERM
 
 # The three stand this many times their size apart.
 _APART = 1.55
-# Skins that move take this many times the width that they move over.
-_CLEAR = 1.1
+# Of the places where moving skins are, this share on each side may overlap with the neighbours.
+_RARE = 0.03
 # Postures of the experience that show where the skins move.
 _NUM_POSTURES = 200
 # Between lines of text, as a share of the size.
@@ -70,7 +70,7 @@ class MeshcatScene:
         low, high = home.vertices.min(axis=0), home.vertices.max(axis=0)
         middle = (low + high) / 2
         width, lowest = _reach(material, middle)
-        self.size = max(float((high - low).max()), _CLEAR * width / _APART)
+        self.size = max(float((high - low).max()), width / _APART)
         self._under = middle + (lowest - 0.22 * self.size) * VIEW.axes[1]
         self._aside = _APART * self.size * VIEW.axes[0]
         self._felt = SkinDrawing(meshcat, FELT, material.skins)
@@ -213,19 +213,26 @@ class MeshcatScene:
         if self.kernel_places is not None:
             self._write("/titles/recovered", "its body, as it recovered it", aside=self._aside)
 
+
 def _reach(material: Material, middle: np.ndarray) -> tuple[float, float]:
-    """m, how wide the skins move in the picture, and how far below `middle` they come."""
+    """m, how wide the skins are or mostly move in the picture, and how far below `middle`."""
+    home = VIEW.project(as_one(all_moved(material.skins, material.home)).vertices - middle)
+    width, lowest = float(np.ptp(home[:, 0])), float(home[:, 1].min())
     q = material.representation.kernel_q
     some = q[:: max(len(q) // _NUM_POSTURES, 1)].astype(float)
     poses = material.robot.skin_positions(some)
-    places = [skin.vertices for skin in all_moved(material.skins, material.home)]
-    for number, skin in enumerate(material.skins):
-        if np.ptp(poses[:, number], axis=0).max() > 1e-9:
-            # As many points as the outline of a picture needs.
-            outline = skin.vertices[:: max(len(skin.vertices) // 200, 1)]
-            places += [moved(outline, pose) for pose in poses[:, number]]
-    picture = VIEW.project(np.concatenate(places) - middle)
-    return float(np.ptp(picture[:, 0])), float(picture[:, 1].min())
+    if np.ptp(poses, axis=0).max() < 1e-9:
+        return width, lowest
+    # As many points as the outline of a picture needs.
+    outlines = [skin.vertices[:: max(len(skin.vertices) // 200, 1)] for skin in material.skins]
+    places = [
+        moved(outline, pose)
+        for number, outline in enumerate(outlines)
+        for pose in poses[:, number]
+    ]
+    right, up, _ = VIEW.project(np.concatenate(places) - middle).T
+    left_end, right_end = np.quantile(right, [_RARE, 1.0 - _RARE])
+    return max(width, float(right_end - left_end)), min(lowest, float(np.quantile(up, _RARE)))
 
 
 def _cloud(points: np.ndarray, color: str) -> PointCloud:

@@ -83,9 +83,7 @@ def frame_rows(time_s: np.ndarray) -> np.ndarray:
     return np.minimum(rows, len(time_s) - 1)
 
 
-def _draw_paths(
-    scene: MeshcatScene, name: str, material: Material, execution: Execution
-) -> None:
+def _draw_paths(scene: MeshcatScene, name: str, material: Material, execution: Execution) -> None:
     planned, measured = (
         touch_paths(material.shape, material.touches_at, q)
         for q in (execution.motion.q, execution.q_measured)

@@ -46,9 +46,7 @@ class SkinDrawing:
         for skin, receptors in zip(self._skins, self._receptors, strict=True):
             receptors.show(sensation[skin.readings])
 
-    def record(
-        self, recording: MeshcatAnimation, poses: np.ndarray, sensation: np.ndarray
-    ) -> None:
+    def record(self, recording: MeshcatAnimation, poses: np.ndarray, sensation: np.ndarray) -> None:
         """Records poses `(frames, skins, 3, 4)` and sensations `(frames, S)`."""
         for number, path in enumerate(self._paths):
             if np.ptp(poses[:, number], axis=0).max() > 1e-9:

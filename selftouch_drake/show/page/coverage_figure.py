@@ -19,7 +19,7 @@ from selftouch_drake.show.page.scene import (
     share_scale,
 )
 from selftouch_drake.show.page.solids import surface
-from selftouch_drake.show.skins import SkinSurface, as_one
+from selftouch_drake.show.skins import SkinSurface, as_one, moved
 from selftouch_drake.show.style import AMOUNT, styled
 from selftouch_drake.show.view import View
 
@@ -38,6 +38,10 @@ def coverage(
         sample: some of the touches, in the same frame.
     """
     skin = as_one(skins)
+    # Round their middle the skins are in the same place in both views.
+    low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
+    centred = np.hstack([np.eye(3), -(low + high)[:, None] / 2])
+    skin = skin.moved(centred)
     amount = np.concatenate(list(density))
     front = View()
     back = View(-front.elevation, front.azimuth + 180.0)
@@ -48,7 +52,7 @@ def coverage(
     grid = figure.add_gridspec(1, 3)
     title = f"{sample.num_drawn:,} of {sample.num_touches:,} touches"
     ax = add_scene(figure, grid[0], title)
-    x, y, nearness = front.project(sample.places).T
+    x, y, nearness = front.project(moved(sample.places, centred)).T
     order = np.argsort(nearness)
     ax.scatter(
         x[order], y[order], c=nearness[order], s=2.5, cmap="Blues", linewidths=0,

@@ -96,7 +96,10 @@ def plan_path(material: Material) -> Figure:
     """One plan over the skins (paper, figure 4)."""
     motion = material.motion(*material.shown_pair)
     paths, known = (
-        [path.moved(material.home[path.skin]) for path in touch_paths(material.shape, material.touches_at, q)]
+        [
+            path.moved(material.home[path.skin])
+            for path in touch_paths(material.shape, material.touches_at, q)
+        ]
         for q in (motion.q, motion.waypoints_q)
     )
     if not paths:

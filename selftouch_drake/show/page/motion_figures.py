@@ -88,7 +88,7 @@ def contact_and_tracking(execution: Execution, names: Sequence[str], turns: np.n
     colors = _colors(len(names))
     lines = []
     for ax, (those, unit) in zip(moving, kinds, strict=True):
-        for joint in np.flatnonzero(those):
+        for joint in np.flatnonzero(those).tolist():
             (line,) = ax.plot(
                 time_s, motion.q[:, joint], linewidth=1.2, color=colors[joint], label=names[joint]
             )
@@ -142,7 +142,7 @@ def learning_curve(naive: np.ndarray, remembering: np.ndarray, num_tries: np.nda
 
 def _columns(names: Sequence[str]) -> int:
     """As many as fit below a figure."""
-    return max(1, min(len(names), 110 // (8 + max(map(len, names)))))
+    return max(1, min(len(names), 130 // (8 + max(map(len, names)))))
 
 
 def _colors(count: int) -> list:

@@ -85,8 +85,8 @@ def _draw_paths(
     known: Sequence[SkinPath],
     num_rows: int,
 ) -> None:
-    dots = [evenly_spaced(s, _DOT_SPACING) for path in paths for s in path.stretches()]
-    dots, crosses = _joined(dots), _joined([path.points for path in known])
+    dots = _joined([evenly_spaced(s, _DOT_SPACING) for path in paths for s in path.stretches()])
+    crosses = _joined([path.points for path in known])
     ends = [
         (end, color)
         for path in paths
@@ -120,7 +120,8 @@ def _marks(
     *,
     zorder: float,
 ) -> None:
-    ax.scatter(*view.project(dots)[:, :2].T, s=5, color=BLUE, linewidths=0, zorder=zorder)
+    x, y = view.project(dots)[:, :2].T
+    ax.scatter(x, y, s=5, color=BLUE, linewidths=0, zorder=zorder)
     x, y = view.project(known)[:, :2].T
     ax.scatter(x, y, s=30, color=VERMILION, marker="x", linewidths=1.5, zorder=zorder + 0.1)
     for end, color in ends:

@@ -52,9 +52,7 @@ class Recording:
     missing: str = ""
 
 
-def report_page(
-    material: Material, pictures: Mapping[str, Picture], recording: Recording
-) -> str:
+def report_page(material: Material, pictures: Mapping[str, Picture], recording: Recording) -> str:
     """The report of a run as HTML that holds all it shows and asks nothing of a network.
 
     What was not made yet is named, with the command that makes it.

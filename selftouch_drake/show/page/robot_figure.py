@@ -7,9 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from scipy.spatial import cKDTree
 
-from selftouch_drake.show.page.scene import add_scene, draw, scale_bar, unhidden, visible
+from selftouch_drake.show.page.scene import add_scene, draw, fit_height, scale_bar, unhidden, visible
 from selftouch_drake.show.page.solids import balls, rod, shell, surface
 from selftouch_drake.show.robot_shape import DrawnRobot
 from selftouch_drake.show.skins import SkinSurface, as_one, moved
@@ -28,10 +27,15 @@ from selftouch_drake.show.view import View
 # Sizes as shares of the whole picture's: joints, several joints in one point, rods, and the longest
 # edge of what is sorted by depth.
 _JOINT, _JOINTS, _ROD, _EDGE = 0.036, 0.028, 0.02, 0.025
+# Degrees above the horizon, and round the vertical: never along an axis, where boxes look flat.
+_ELEVATION = 18.0
+_AZIMUTHS = [quarter + angle for quarter in (-90, 0, 90, 180) for angle in (22, 34, 45, 56, 68)]
 # How far from its centre the housing of a joint ends, as such a share.
 _HOUSING = 0.06
 # A ball that touches is drawn at least so large, as a share of the whole picture.
 _BALL = 0.016
+# m, of a large robot marks are no larger than of one of this size.
+_LARGEST = 1.1
 
 
 @styled
@@ -43,9 +47,10 @@ def agent(skins: Sequence[SkinSurface], robot: DrawnRobot) -> Figure:
         robot: in the same posture.
     """
     skin = as_one(skins)
-    size = _size(skin, robot)
-    view = _view(robot)
+    size = min(_size(skin, robot), _LARGEST)
     links = [(link.vertices, link.faces) for link in robot.links]
+    everything = [*links, (skin.vertices, skin.faces)]
+    view = _view(robot, everything, size)
     figure = Figure(figsize=(5.6, 5.0), layout="constrained")
     ax = add_scene(figure, figure.add_gridspec(1, 1)[0])
     draw(
@@ -61,13 +66,14 @@ def agent(skins: Sequence[SkinSurface], robot: DrawnRobot) -> Figure:
     seen = visible(skin.receptors, skin.vertices, skin.faces, view, others=links)
     radius = 0.012 * float(np.median([each.extent for each in skins]))
     draw(ax, view, balls(skin.receptors[seen], radius, INK), zorder=2)
-    everything = [*links, (skin.vertices, skin.faces)]
     marks = _draw_joints(ax, view, robot, everything, size)
-    _draw_balls(ax, view, skin, robot, links, size)
+    _draw_balls(ax, view, robot, everything, size)
     scale_bar(ax)
     if len(robot.balls) or any(link.touches for link in robot.links):
         marks.append((VERMILION, "what touches"))
     marks.append((INK, f"receptors ({len(skin.receptors)})"))
+    if np.ptp(ax.get_ylim()) < 0.8 * np.ptp(ax.get_xlim()):
+        fit_height(figure, margin=0.6)
     handles = [ax.scatter([], [], s=30, color=color, label=label) for color, label in marks]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(marks), columnspacing=1.2)
     return figure
@@ -82,7 +88,9 @@ def clearest(joints: np.ndarray, skins: Sequence[SkinSurface], skin_poses: np.nd
         skin_poses: `(N, skins, 3, 4)`.
     """
     middles = [skin.vertices.mean(axis=0) for skin in skins]
-    centres = np.array([[moved(m, X) for m, X in zip(middles, Xs, strict=True)] for Xs in skin_poses])
+    centres = np.array(
+        [[moved(m, X) for m, X in zip(middles, Xs, strict=True)] for Xs in skin_poses]
+    )
     distance = np.linalg.norm(joints[:, :, None] - centres[:, None], axis=3)
     # What a joint keeps from a skin in every posture says nothing.
     varies = np.ptp(distance, axis=0) > 1e-6
@@ -91,15 +99,27 @@ def clearest(joints: np.ndarray, skins: Sequence[SkinSurface], skin_poses: np.nd
     return int(distance[:, varies].min(axis=1).argmax())
 
 
-def _view(robot: DrawnRobot) -> View:
-    """From beside the vertical plane in which the robot reaches from its first joint."""
-    base = robot.joints[0]
-    ends = robot.joints if not len(robot.balls) else np.concatenate([robot.joints, robot.balls])
-    reach = ends - base
-    # Level directions alone count.
-    level = reach[np.linalg.norm(reach[:, :2], axis=1).argmax()]
-    view = View.facing(level + 1e-9, elevation=16.0)
-    return View(view.elevation, view.azimuth - 40.0)
+def _view(
+    robot: DrawnRobot, everything: Sequence[tuple[np.ndarray, np.ndarray]], size: float
+) -> View:
+    """The side from which most joints and balls are seen, and apart from one another."""
+    joints = np.unique(robot.joints.round(6), axis=0)
+    places = np.concatenate([joints, robot.balls])
+    lift = np.concatenate([np.full(len(joints), _HOUSING * size), 1.5 * _ball_radii(robot, size)])
+    # What touches matters most.
+    weight = np.repeat([1.0, 2.0], [len(joints), len(robot.balls)])
+
+    def score(view: View) -> float:
+        picture = view.project(places)[:, :2]
+        apart = np.linalg.norm(picture[:, None] - picture, axis=2) + np.diag([np.inf] * len(places))
+        seen = unhidden(places + lift[:, None] * view.towards, everything, view)
+        return float((weight * np.minimum(apart.min(axis=1), 0.2 * size))[seen].sum())
+
+    return max((View(_ELEVATION, azimuth) for azimuth in _AZIMUTHS), key=score)
+
+
+def _ball_radii(robot: DrawnRobot, size: float) -> np.ndarray:
+    return np.maximum(robot.radii, _BALL * size)
 
 
 def _size(skin: SkinSurface, robot: DrawnRobot) -> float:
@@ -136,19 +156,13 @@ def _draw_joints(
 def _draw_balls(
     ax: Axes,
     view: View,
-    skin: SkinSurface,
     robot: DrawnRobot,
-    links: Sequence[tuple[np.ndarray, np.ndarray]],
+    everything: Sequence[tuple[np.ndarray, np.ndarray]],
     size: float,
 ) -> None:
     """Draws the balls that touch over everything, those that nothing hides."""
     if not len(robot.balls):
         return
-    radii = np.maximum(robot.radii, _BALL * size)
-    # Where it presses, a ball is deep in the skin: the skin's surface there counts.
-    near = cKDTree(skin.vertices).query(robot.balls)[0] < 3 * radii
-    everything = [*links, (skin.vertices, skin.faces)]
+    radii = _ball_radii(robot, size)
     seen = unhidden(robot.balls + 1.5 * radii[:, None] * view.towards, everything, view)
-    on_skin = visible(robot.balls, skin.vertices, skin.faces, view, others=links)
-    seen = np.where(near, seen | on_skin, seen)
     draw(ax, view, balls(robot.balls[seen], radii[seen], VERMILION, detail=3), zorder=4)

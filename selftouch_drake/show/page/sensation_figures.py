@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import trimesh
@@ -102,9 +102,13 @@ def _unlike(
         here = np.flatnonzero(skin == number)
         rows = target_sensations[here]
         if len(here):
-            order = farthest_points(lambda k, x=rows: np.linalg.norm(x - x[k], axis=1), wanted)
+            order = farthest_points(_distances(rows), wanted)
             rounds += [(turn, number, int(here[k])) for turn, k in enumerate(order)]
     return [(kernel, number) for _, number, kernel in sorted(rounds)[:wanted]]
+
+
+def _distances(rows: np.ndarray) -> Callable[[int], np.ndarray]:
+    return lambda row: np.linalg.norm(rows - rows[row], axis=1)
 
 
 def _draw_sensation(ax: Axes, skin: SkinSurface, felt: np.ndarray, norm: Normalize) -> None:
