@@ -150,8 +150,25 @@ def test_infant_is_the_same_on_both_sides():
     np.testing.assert_allclose(at_mirrored[:, ::-1], at_q * [1, -1, 1], atol=1e-12)
 
 
+def test_rigid_parts_of_the_infant_are_kept_apart():
+    pairs = built("infant").robot.rigid_pairs
+    names = {tuple(link.name() for link in pair.links) for pair in pairs}
+    assert {("torso", "left_upper_arm"), ("head", "right_hand")} <= names
+
+
 def test_icub():
     pytest.importorskip("icub_models")
     robot = built(ICUB).robot
     assert robot.num_joints == 20
-    assert len(robot.skins) == 7
+    assert len(robot.skins) == 5
+    # Links that overlap round a compound joint do not collide, and a hand does not touch its arm.
+    pairs = {tuple(link.name() for link in pair.links) for pair in robot.rigid_pairs}
+    assert ("head", "r_hand") in pairs
+    assert not pairs & {("chest", "head"), ("chest", "r_shoulder_3"), ("r_forearm", "r_hand")}
+    names = [skin.model.name for skin in robot.skins]
+    assert {names[skin] for toucher, skin in robot.touching_pairs if toucher == 1} == {
+        "head",
+        "left_forearm",
+        "left_thigh",
+        "right_thigh",
+    }

@@ -31,3 +31,11 @@ def test_stranger_feels_its_hands(humanoid):
     assert possible.sum() > 20
     felt = touches.sensation[touches.row[possible]]
     assert (felt.sum(axis=1) > 0).all()
+
+
+def test_links_of_one_body_s_joints_and_the_floor_are_no_obstacles(humanoid):
+    pairs = {tuple(link.name() for link in pair.links) for pair in humanoid.robot.rigid_pairs}
+    assert ("torso", "left_lower_arm") in pairs
+    # Three joints lie between pelvis and thigh, with massless links between them.
+    assert ("pelvis", "left_thigh") not in pairs
+    assert not any("world" in pair for pair in pairs)
