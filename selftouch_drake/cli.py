@@ -1,4 +1,8 @@
-"""The command line: `selftouch run` does everything, and each stage is a verb of its own."""
+"""The command line: `selftouch run` does everything, and each stage is a verb of its own.
+
+What is slow to import, Drake before all, is imported where it is needed, and after what can be
+refused without it.
+"""
 
 from __future__ import annotations
 
@@ -126,13 +130,14 @@ def run(
     EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`) or a YAML file.
     Stages that are done are not done again: a run that was stopped goes on where it was.
     """
-    from selftouch_drake.run import stages
-    from selftouch_drake.show import write_figures, write_report
-
     directory, world = _begin(experiment, out, overrides)
+
+    from selftouch_drake.run import stages
+    from selftouch_drake.run.showing import write_figures, write_report
+
     if not stages.has_babbled(directory):
         _babble(directory, world, workers, scheduler)
-        for picture in write_figures(directory):
+        for picture in write_figures(directory, world=world):
             click.echo(f"first picture: {picture}")
     if not stages.has_learned(directory):
         with _progress("learn") as progress:
@@ -141,7 +146,7 @@ def run(
         with _progress("plan, execute, evaluate") as progress:
             stages.evaluate(directory, world, progress)
     with _progress("report") as progress:
-        report = write_report(directory, progress)
+        report = write_report(directory, progress, world=world)
     _print_headline(directory)
     click.echo(f"report: {report}")
 
@@ -165,9 +170,10 @@ def babble(
 @RUN
 def learn(run: Path) -> None:
     """Build the quotient representation from the experience of RUN."""
+    directory = _open(run)
+
     from selftouch_drake.run import stages
 
-    directory = _open(run)
     with _progress("learn") as progress:
         stages.learn(directory, progress)
     click.echo(f"representation: {directory.representation}")
@@ -187,12 +193,13 @@ def plan(
     through: list[int] | None,
 ) -> None:
     """Plan a smooth motion from sensation to sensation."""
+    directory = _open(run)
+    targets = _targets(start, q_start, goal, through)
+
     import numpy as np
 
     from selftouch_drake.run import stages
 
-    directory = _open(run)
-    targets = _targets(start, q_start, goal, through)
     world = stages.make_world(directory)
     if q_start is None:
         motion = stages.plan(directory, world, *targets)
@@ -220,13 +227,14 @@ def execute(
     max_tries: int | None,
 ) -> None:
     """Execute a plan in the dynamic world, and keep what was felt."""
-    from selftouch_drake.agent.rehearsal import best
-    from selftouch_drake.run import stages
-
     directory = _open(run)
     targets = _targets(start, [] if free else None, goal, through)
     if max_tries is not None and (free or through):
         raise click.UsageError("--rehearse takes --from and --to")
+
+    from selftouch_drake.agent.rehearsal import best
+    from selftouch_drake.run import stages
+
     world = stages.make_world(directory)
     if max_tries is None:
         kept = stages.execute(directory, world, *targets)
@@ -250,11 +258,12 @@ def record(
     It lies beside the plan, and needs no network. `selftouch report` records one plan for its
     own page.
     """
-    from selftouch_drake.show import write_playback
-
     directory = _open(run)
     targets = _targets(start, [] if free else None, goal, through)
-    path = write_playback(directory, *targets, path=directory.plan(*targets).with_suffix(".html"))
+
+    from selftouch_drake.run.showing import write_recording
+
+    path = write_recording(directory, *targets, path=directory.plan(*targets).with_suffix(".html"))
     click.echo(f"recording: {path}")
 
 
@@ -262,9 +271,10 @@ def record(
 @RUN
 def evaluate(run: Path) -> None:
     """Score RUN against the truth: its shape, and random plans."""
+    directory = _open(run)
+
     from selftouch_drake.run import stages
 
-    directory = _open(run)
     with _progress("evaluate") as progress:
         stages.evaluate(directory, stages.make_world(directory), progress)
     _print_headline(directory)
@@ -275,9 +285,10 @@ def evaluate(run: Path) -> None:
 @click.option("--vector", is_flag=True, help="Write the figures as PDF as well, for papers.")
 def report(run: Path, vector: bool) -> None:
     """Draw figures and a recording of RUN, and write its report."""
-    from selftouch_drake.show import write_report
-
     directory = _open(run)
+
+    from selftouch_drake.run.showing import write_report
+
     with _progress("report") as progress:
         path = write_report(directory, progress, vector=vector)
     click.echo(f"report: {path}")
@@ -293,9 +304,11 @@ def play(run: Path, port: int | None) -> None:
 
     A page in the browser has sliders and buttons; it ends with its button or with Ctrl-C.
     """
-    from selftouch_drake.show import play as show
+    directory = _open(run, writing=False)
 
-    show(_open(run, writing=False), port=port, announce=click.echo)
+    from selftouch_drake.run.showing import play as show
+
+    show(directory, port=port, announce=click.echo)
 
 
 @cli.command()
@@ -341,7 +354,7 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
 @SET
 @click.option("--show", is_flag=True, help="Show it in a browser, with sliders for its joints.")
 def robot(experiment: str, overrides: str, show: bool) -> None:
-    """Say what a robot is: its joints, its skins, and what touches what."""
+    """Print joints, skins, and what touches what."""
     from selftouch_drake.robot.describe import describe
 
     _, world = _load(experiment, overrides)
@@ -511,7 +524,7 @@ def _print_headline(directory) -> None:
 
     from selftouch_drake.run.figures import headline
 
-    table = Table("figure", "value", title=directory.experiment.name, title_justify="left")
+    table = Table("metric", "value", title=directory.experiment.name, title_justify="left")
     for name, value in headline(directory.metrics()):
         table.add_row(name, value)
     Console().print(table)

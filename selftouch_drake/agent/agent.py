@@ -29,6 +29,7 @@ from selftouch_drake.agent.representation import (
 )
 from selftouch_drake.agent.shape import Body, recover
 
+
 # No slots: the planner is built when it is first asked for, and kept.
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Agent:

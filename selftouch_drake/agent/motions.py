@@ -209,7 +209,8 @@ class Execution:
     def contact(self) -> float:
         """Share of the time in which touch was expected that something was felt; 1 if none was."""
         expected = self.motion.touching
-        return float(self.felt.any(axis=1)[expected].mean()) if expected.any() else 1.0
+        felt = np.any(self.felt, axis=1)[expected]
+        return float(np.mean(felt)) if expected.any() else 1.0
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """All fields, and those of the motion, by name."""

@@ -15,9 +15,13 @@ from selftouch_drake.evaluation.kernels import KernelTruth
 from selftouch_drake.experience import Contacts
 from selftouch_drake.geometry import ReceptiveFields, betti_of_patch, submesh, touched_patch
 
-#: Two patches on different skins are one part if one toucher presses both at once in at least this
-#: share of the touches of the one that is touched less.
-_LEAST_SHARED = 0.02
+#: Two patches on different skins are one part if there is a place on one of them, as large as a
+#: kernel, where at least this share of the touches press the other at the same time. Where a
+#: fingertip is caught between two skins that move against each other, it is a few in a hundred
+#: touches, and nowhere many.
+_LEAST_SHARED = 0.3
+# Touches that a place needs for its share to mean anything.
+_LEAST_TOUCHES = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,7 +111,7 @@ def true_parts(
     Returns:
         The parts, the one with the most kernels first.
     """
-    masks, patch_of = [], np.full(counts.ends[-1], -1)
+    patch_of = np.full(counts.ends[-1], -1)
     num_patches = 0
     for skin, field in enumerate(fields):
         num_kernels = max(int(np.sum(truth.skin == skin)), 1)
@@ -115,14 +119,14 @@ def true_parts(
         area = _area(field)[touched].sum()
         radius = max(np.sqrt(area / num_kernels), 1.5 * _edge(field))
         mask = touched_patch(field.vertices, field.faces, counts.counts[skin], radius=radius)
-        masks.append(mask)
         inside = field.faces[mask[field.faces].all(axis=1)]
         label = _components(inside, len(field.vertices))
         used = np.unique(inside)
         number, of_vertex = np.unique(label[used], return_inverse=True)
         patch_of[counts.ends[skin] + used] = num_patches + of_vertex
         num_patches += len(number)
-    group = _joined_patches(patch_of, counts, num_patches)
+    place_of = _nearest_kernel(fields, counts, truth)
+    group = _joined_patches(patch_of, counts, num_patches, place_of)
     at = counts.vertices(truth.skin, truth.positions)
     # A kernel at the ragged rim belongs to the patch that is nearest.
     patch = _nearest_patch(at, patch_of, fields, counts)
@@ -145,23 +149,43 @@ def true_parts(
     return sorted(parts, key=lambda part: -len(part.kernels))
 
 
-def _joined_patches(patch_of: np.ndarray, counts: TouchCounts, num_patches: int) -> np.ndarray:
-    """`(patches,)` the number of the part that each patch belongs to."""
-    pairs = patch_of[counts.together]
-    pairs = pairs[(pairs >= 0).all(axis=1)]
-    touches = np.bincount(
-        patch_of[patch_of >= 0],
-        np.concatenate(counts.counts)[patch_of >= 0],
-        minlength=num_patches,
-    )
+def _joined_patches(
+    patch_of: np.ndarray, counts: TouchCounts, num_patches: int, place_of: np.ndarray
+) -> np.ndarray:
+    """`(patches,)` the number of the part that each patch belongs to.
+
+    Args:
+        patch_of: `(V,)` the patch of each vertex, -1 for none.
+        counts: of the touches.
+        num_patches: how many there are.
+        place_of: `(V,)` the kernel that is nearest to each vertex.
+    """
+    pairs = np.concatenate([counts.together, counts.together[:, ::-1]])
+    pairs = pairs[(patch_of[pairs] >= 0).all(axis=1)]
+    touches = np.bincount(place_of, np.concatenate(counts.counts))
     together = coo_array(
-        (np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(num_patches, num_patches)
+        (np.ones(len(pairs)), (place_of[pairs[:, 0]], patch_of[pairs[:, 1]])),
+        shape=(len(touches), num_patches),
     ).toarray()
-    together = together + together.T
-    rarer = np.minimum(touches[:, None], touches[None])
-    joined = (together >= _LEAST_SHARED * np.maximum(rarer, 1)) & (together > 0)
-    _, group = connected_components(joined, directed=False)
-    return group
+    enough = (touches >= _LEAST_TOUCHES)[:, None]
+    place, patch = np.nonzero(enough & (together >= _LEAST_SHARED * touches[:, None]))
+    own = np.zeros(len(touches), dtype=int)
+    own[place_of[patch_of >= 0]] = patch_of[patch_of >= 0]
+    joined = coo_array((np.ones(len(place)), (own[place], patch)), shape=(num_patches, num_patches))
+    return connected_components(joined, directed=False)[1]
+
+
+def _nearest_kernel(
+    fields: Sequence[ReceptiveFields], counts: TouchCounts, truth: KernelTruth
+) -> np.ndarray:
+    """`(V,)` for each vertex the kernel that is nearest on its skin; K if there is none."""
+    nearest = np.full(counts.ends[-1], len(truth.skin))
+    for skin, field in enumerate(fields):
+        kernels = np.flatnonzero(truth.skin == skin)
+        if len(kernels):
+            own = slice(counts.ends[skin], counts.ends[skin + 1])
+            nearest[own] = kernels[cKDTree(truth.positions[kernels]).query(field.vertices)[1]]
+    return nearest
 
 
 def _nearest_patch(

@@ -14,7 +14,7 @@ from selftouch_drake.experience.store import (
     Shard,
     StoreError,
     WalkCounts,
-    read_num_steps,
+    read_counts,
     shard_name,
     write_shard,
 )
@@ -31,7 +31,7 @@ __all__ = [
     "collect",
     "collect_walk",
     "random_walk",
-    "read_num_steps",
+    "read_counts",
     "require_complete",
     "shard_name",
     "walk_sizes",

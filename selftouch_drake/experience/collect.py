@@ -17,7 +17,7 @@ from selftouch_drake.experience.store import (
     Shard,
     StoreError,
     WalkCounts,
-    read_num_steps,
+    read_counts,
     shard_name,
     write_shard,
 )
@@ -128,7 +128,7 @@ def collect(
     text, path = dump_experiment(experiment), str(folder.resolve())
     try:
         for walk, num_rows in enumerate(walk_sizes(experiment)):
-            known = read_num_steps(folder, walk, num_rows=num_rows, fingerprint=fingerprint)
+            known = read_counts(folder, walk, num_rows=num_rows, fingerprint=fingerprint)
             if known is None or not (folder / "truth" / shard_name(walk)).exists():
                 job = executor.submit(_collect_and_store, text, path, walk, num_rows, fingerprint)
                 futures[job] = num_rows
@@ -160,7 +160,7 @@ def require_complete(
     sizes = walk_sizes(experiment)
     shards = folder / ("truth" if truth else "experience")
     for walk, num_rows in enumerate(sizes):
-        known = read_num_steps(
+        known = read_counts(
             folder, walk, num_rows=num_rows, fingerprint=fingerprint, folder=shards.name
         )
         if known is None:

@@ -153,7 +153,7 @@ def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
             )
 
 
-def read_num_steps(
+def read_counts(
     run: Path, walk: int, *, num_rows: int, fingerprint: str, folder: str = "experience"
 ) -> WalkCounts | None:
     """The steps of a walk that is already stored in `folder`, or None if it is not.

@@ -30,6 +30,50 @@ class Touches:
     toucher: np.ndarray
     p_LC: np.ndarray
 
+    @staticmethod
+    def of(
+        sensation: np.ndarray,
+        row: np.ndarray,
+        skin: np.ndarray,
+        toucher: np.ndarray,
+        total: np.ndarray,
+    ) -> Touches:
+        """Puts contacts in order; those of one toucher with one skin at one instant become one.
+
+        Args:
+            sensation: `(N, S)` N.
+            row: `(C,)` the instant of each contact.
+            skin: `(C,)` number of the skin that is pressed.
+            toucher: `(C,)` number of what presses it.
+            total: `(C, 4)` N and N m: force, and the sum of force times place in the frame of the
+                pressed skin's link. Contacts without force are left out.
+        """
+        order = np.lexsort([toucher, skin, row])
+        key = np.stack([row, skin, toucher], axis=1)[order]
+        first = np.flatnonzero(np.any(np.diff(key, axis=0, prepend=-1) != 0, axis=1))
+        if len(first):
+            total = np.add.reduceat(total[order], first, axis=0)
+        pressed = total[:, 0] > 0
+        row, skin, toucher = key[first[pressed]].T
+        p_LC = total[pressed, 1:] / total[pressed, :1]
+        return Touches(sensation=sensation, row=row, skin=skin, toucher=toucher, p_LC=p_LC)
+
+    def and_also(self, other: Touches) -> Touches:
+        """What is felt at the same instants with other contacts besides, of other touchers."""
+        order = np.lexsort(
+            [
+                np.concatenate([getattr(self, name), getattr(other, name)])
+                for name in ("toucher", "skin", "row")
+            ]
+        )
+        return Touches(
+            sensation=self.sensation + other.sensation,
+            **{
+                name: np.concatenate([getattr(self, name), getattr(other, name)])[order]
+                for name in ("row", "skin", "toucher", "p_LC")
+            },
+        )
+
 
 @dataclass(slots=True)
 class PressedFaces:
@@ -129,31 +173,28 @@ class SensorModel:
             X_WL: `(N, skins, 3, 4)` poses of the links that wear the skins.
         """
         sensation = np.zeros((len(X_WL), self.num_receptors))
-        if not faces.num_faces:
-            empty = np.zeros(0, dtype=int)
-            return Touches(
-                sensation=sensation, row=empty, skin=empty, toucher=empty, p_LC=np.zeros((0, 3))
-            )
         row, skin, toucher, num_faces = (
-            np.array(column) for column in (faces.row, faces.skin, faces.toucher, faces.num_faces)
+            np.array(column, dtype=int)
+            for column in (faces.row, faces.skin, faces.toucher, faces.num_faces)
         )
         force = np.array(faces.force)
         p_LQ = _in_frames(np.array(faces.p_WQ), np.repeat(X_WL[row, skin], num_faces, axis=0))
-        ends = np.concatenate([[0], np.cumsum(num_faces)])
         for k, fields in enumerate(self._fields):
             here = np.flatnonzero(skin == k)
             if len(here):
-                felt = self._felt(fields, here, num_faces, ends, force, p_LQ)
+                felt = self._felt(fields, here, num_faces, force, p_LQ)
                 columns = slice(self._ends[k], self._ends[k + 1])
                 np.add.at(sensation[:, columns], row[here], felt)
-        return Touches(sensation=sensation, **_centres(row, skin, toucher, ends, force, p_LQ))
+        total = np.zeros((len(row), 4))
+        contact = np.repeat(np.arange(len(row)), num_faces)
+        np.add.at(total, contact, np.column_stack([force, force[:, None] * p_LQ]))
+        return Touches.of(sensation, row, skin, toucher, total)
 
     @staticmethod
     def _felt(
         fields: ReceptiveFields,
         contacts: np.ndarray,
         num_faces: np.ndarray,
-        ends: np.ndarray,
         force: np.ndarray,
         p_LQ: np.ndarray,
     ) -> np.ndarray:
@@ -176,29 +217,3 @@ class SensorModel:
 def _in_frames(p_WQ: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
     """`(N, 3)` points of the world, each in a frame of its own `(N, 3, 4)`."""
     return np.einsum("ni,nij->nj", p_WQ.reshape(-1, 3) - X_WL[:, :, 3], X_WL[:, :, :3])
-
-
-def _centres(
-    row: np.ndarray,
-    skin: np.ndarray,
-    toucher: np.ndarray,
-    ends: np.ndarray,
-    force: np.ndarray,
-    p_LQ: np.ndarray,
-) -> dict[str, np.ndarray]:
-    """The contacts, those of one toucher with one skin at one instant joined in one."""
-    total = np.add.reduceat(force, ends[:-1])
-    moment = np.add.reduceat(force[:, None] * p_LQ, ends[:-1], axis=0)
-    key = np.stack([row, skin, toucher], axis=1)
-    known, contact = np.unique(key, axis=0, return_inverse=True)
-    contact = contact.ravel()
-    force_sum = np.bincount(contact, total)
-    moment_sum = np.stack([np.bincount(contact, axis) for axis in moment.T], axis=1)
-    pressed = force_sum > 0
-    known, moment_sum, force_sum = known[pressed], moment_sum[pressed], force_sum[pressed]
-    return {
-        "row": known[:, 0],
-        "skin": known[:, 1],
-        "toucher": known[:, 2],
-        "p_LC": moment_sum / force_sum[:, None],
-    }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 from pydrake.geometry import HydroelasticContactRepresentation, QueryObject
@@ -11,6 +12,7 @@ from pydrake.geometry import HydroelasticContactRepresentation, QueryObject
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.collisions import CollisionCheck
 from selftouch_drake.robot.contact import PressedFaces, Touches
+from selftouch_drake.robot.hydroelastic import RigidTouchers
 from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.screen import TouchScreen
 from selftouch_drake.robot.skins import SkinModel
@@ -18,7 +20,10 @@ from selftouch_drake.robot.station import MakeKinematicStation, sensor_model
 
 
 class ContactProbe:
-    """Evaluates Drake's hydroelastic contact at given configurations, as the skins read it.
+    """Evaluates hydroelastic contact at given configurations, as the skins read it.
+
+    Rigid touchers are pressed by `hydroelastic`, in the time that Drake needs for one of ten; skins
+    that press each other, by Drake.
 
     Args:
         experiment: the experiment whose robot is probed.
@@ -45,19 +50,33 @@ class ContactProbe:
 
     def touches(self, q: np.ndarray) -> Touches:
         """What is felt at `q` `(N, J)`, and the contacts behind it."""
-        candidates = np.flatnonzero(self._screen.may_touch(q))
-        faces = PressedFaces()
-        for number, row in enumerate(candidates):
-            surfaces = self.query(q[row]).ComputeContactSurfaces(
-                HydroelasticContactRepresentation.kPolygon
-            )
-            self._sensor.gather(faces, number, surfaces)
-        touches = self._sensor.touches(faces, self.robot.skin_positions(q[candidates]))
+        near = self._screen.near(q)
+        candidates = np.flatnonzero(near.any(axis=1))
+        near, q_near = near[candidates], q[candidates]
+        X_WL = self.robot.kinematics.poses(q_near)
+        touches = self._rigid_touchers.touches(X_WL, near)
+        if not self._rigid_touchers.is_rigid.all():
+            touches = touches.and_also(self._of_soft_touchers(q_near, X_WL, near))
         sensation = np.zeros((len(q), self._sensor.num_receptors))
         sensation[candidates] = touches.sensation
         if self._imperfections is not None:
             sensation = self._imperfections(sensation, q)
         return dataclasses.replace(touches, sensation=sensation, row=candidates[touches.row])
+
+    def _of_soft_touchers(self, q: np.ndarray, X_WL: np.ndarray, near: np.ndarray) -> Touches:
+        """What skins feel of each other: Drake's answer, where pairs of them are near."""
+        faces, skins = PressedFaces(), frozenset(s.geometry_id for s in self.robot.skins)
+        for row in np.flatnonzero(near[:, ~self._rigid_touchers.is_rigid].any(axis=1)):
+            surfaces = self.query(q[row]).ComputeContactSurfaces(
+                HydroelasticContactRepresentation.kPolygon
+            )
+            soft = [s for s in surfaces if s.id_M() in skins and s.id_N() in skins]
+            self._sensor.gather(faces, int(row), soft)
+        return self._sensor.touches(faces, X_WL[:, : len(self.robot.skins)])
+
+    @cached_property
+    def _rigid_touchers(self) -> RigidTouchers:
+        return RigidTouchers(self.robot)
 
     def collision_depth(self, q: np.ndarray) -> np.ndarray:
         """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.

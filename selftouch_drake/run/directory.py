@@ -311,8 +311,7 @@ def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, An
     def all_of(experiment: Experiment) -> dict[str, Any]:
         # The order of skins is that of the readings in a sensation.
         order = {
-            "the order skins": [*experiment.skins],
-            "the order touching": [*experiment.touching],
+            f"the order of {key}": list(getattr(experiment, key)) for key in ("skins", "touching")
         }
         return leaves(yaml.safe_load(dump_experiment(experiment))) | order
 

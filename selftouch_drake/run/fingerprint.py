@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from selftouch_drake.experiment import Experiment
+from selftouch_drake.experiment import Experiment, ExperimentError, shown
 from selftouch_drake.files import content_digest
 
 # What of `execution` decides how the joints follow the walk.
@@ -33,15 +33,21 @@ def model_digests(
         announce: called with one line if meshes were converted for Drake.
 
     Raises:
+        ExperimentError: the mesh file of a skin is not there.
         ModelError: a file is not found, or cannot be read.
-        OSError: the mesh file of a skin cannot be read.
     """
     from selftouch_drake.robot.models import load_model
 
     robot = experiment.robot
     model = load_model(robot.directives, robot.packages, announce)
-    files = [*model.files, *_skin_meshes(experiment).values()]
-    return {str(file): content_digest(file) for file in files}
+    meshes = _skin_meshes(experiment)
+    for name, file in meshes.items():
+        if not file.is_file():
+            raise ExperimentError(
+                f"skins.{name}.surface.mesh is {shown(str(file))}; there is no such file: mend the "
+                "path"
+            )
+    return {str(file): content_digest(file) for file in [*model.files, *meshes.values()]}
 
 
 def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:

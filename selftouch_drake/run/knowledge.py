@@ -7,7 +7,6 @@ experience or version are refused, and the text says what to do.
 from __future__ import annotations
 
 import functools
-import itertools
 from collections.abc import Mapping
 from contextlib import ExitStack
 
@@ -66,11 +65,10 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     if not file.exists():
         raise RunError(f"{run.path} has learned nothing yet; {remedy}")
     arrays = load_arrays(file)
-    run.require_stamp(file, arrays)
     try:
         representation = QuotientRepresentation.from_arrays(arrays)
     except ValueError as error:
-        raise RunError(f"{file} is no representation: {error} Or {remedy}") from None
+        raise RunError(f"{file} is no representation: {_reason(error)}; {remedy}") from None
     found = representation.target_sensations.shape
     wanted = (run.experiment.representation.num_targets, run.experiment.num_receptors)
     if found != wanted:
@@ -78,6 +76,7 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
             f"{file} has {found[0]} targets over {found[1]} receptors, the experiment {wanted[0]} "
             f"over {wanted[1]}; {remedy}"
         )
+    run.require_stamp(file, arrays)
     return representation
 
 
@@ -132,7 +131,7 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
             for number in range(int(arrays["num_parts"]))
         )
     except (KeyError, ValueError, IndexError, TypeError) as error:
-        raise RunError(f"{run.topology} is no topology ({error}); {remedy}") from None
+        raise RunError(f"{run.topology} is no topology: {_reason(error)}; {remedy}") from None
     metric = run.experiment.representation.metric
     return Body(metric=metric, parts=parts, num_kernels=num_kernels)
 
@@ -156,7 +155,7 @@ def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> Re
     except ValueError as error:
         if str(file) in str(error):
             raise
-        raise RunError(f"{file} is no memory of rehearsals: {error}; delete it") from None
+        raise RunError(f"{file} is no memory of rehearsals: {_reason(error)}; delete it") from None
 
 
 def save_memory(run: RunDirectory, memory: RehearsalMemory) -> None:
@@ -218,11 +217,17 @@ def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
     try:
         plan = kind.from_arrays(arrays)
     except ValueError as error:
-        raise RunError(f"{file} is no plan: {error}; make it again {remedy}") from None
+        raise RunError(f"{file} is no plan: {_reason(error)}; make it again {remedy}") from None
     motion = plan.motion if kind is Execution else plan
     if motion.predicted.shape[1] != run.experiment.num_receptors:
         raise RunError(f"{file} is no plan of this skin; make it again {remedy}")
     return plan
+
+
+def _reason(error: Exception) -> str:
+    """What is wrong with the content of a file: on one line, and short whatever it holds."""
+    text = " ".join(str(error).split()).rstrip(".")
+    return text if len(text) <= 200 else f"{text[:200]}..."
 
 
 def _described(start: int | str, *goals: int | str) -> tuple[str, str]:
@@ -249,6 +254,7 @@ def _topology_arrays(body: Body) -> dict[str, np.ndarray]:
     arrays = {"num_parts": np.array(len(body.parts))}
     for number, part in enumerate(body.parts):
         name = functools.partial(_named, number)
+        arrays[name("metric")] = np.array(part.metric)
         arrays[name("kernels")] = part.kernels
         arrays[name("pieces")] = part.pieces
         arrays[name("stress")] = np.array(part.embedding.stress)
@@ -288,6 +294,7 @@ def _part_from(
             diagram=(h0, h1, h2),
         )
     return RecoveredPart(
+        metric=str(array("metric")),
         kernels=kernels,
         distances=distances[np.ix_(kernels, kernels)],
         embedding=Embedding(
@@ -299,8 +306,3 @@ def _part_from(
         topology=found,
         dimension=float(array("dimension")) if has("dimension") else None,
     )
-
-
-def step_pairs(nodes: np.ndarray) -> list[tuple[int, int]]:
-    """The steps of a route, from one node to the next."""
-    return list(itertools.pairwise(nodes.tolist()))

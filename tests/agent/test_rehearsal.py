@@ -167,9 +167,7 @@ def test_a_memory_is_the_same_after_a_night_as_arrays():
 
 def test_a_memory_of_another_representation_is_refused():
     other = RehearsalMemory.blank(representation(links=((0, 1), (1, 2), (1, 3))))
-    with pytest.raises(
-        ForeignMemoryError, match=r"^the rehearsals are of another representation$"
-    ):
+    with pytest.raises(ForeignMemoryError, match=r"^the rehearsals are of another representation$"):
         RehearsalMemory.from_arrays(other.to_arrays(), CHAIN)
 
 
@@ -178,7 +176,11 @@ def test_a_memory_of_another_representation_is_refused():
     [
         ("num_tries", np.array(1.5), "num_tries is 1.5, not a whole number, 0 or more"),
         ("num_tries", np.array(-1), "num_tries is -1, not a whole number, 0 or more"),
-        ("link_penalty", np.array([1.0, 0.5, 1.0]), "link_penalty holds what is no factor, 1 or mo"),
+        (
+            "link_penalty",
+            np.array([1.0, 0.5, 1.0]),
+            "link_penalty holds what is no factor, 1",
+        ),
         ("link_penalty", np.array([1.0, np.nan, 1]), "link_penalty holds what is no factor, 1 or"),
     ],
 )

@@ -18,8 +18,8 @@ def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
     Squares would let one long step pass here and there, and lose contact on it.
 
     Args:
-        layers: W arrays `(n_w, J)` rad, the scaled candidates of each kernel along the route; a layer of
-            one candidate is fixed.
+        layers: W arrays `(n_w, J)` rad, the scaled candidates of each kernel along the route; a
+            layer of one candidate is fixed.
 
     Returns:
         `(W, J)` rad, the chosen configurations.

@@ -75,6 +75,7 @@ class Planner:
         self._graph = RouteGraph.of(representation, self.links)
         self._leap_penalty = leap_penalty(representation, self.links)
         self._kernel_x = representation.kernel_x
+        self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
         self._link_row = {(int(i), int(j)): row for row, (i, j) in enumerate(self.links)}
 
     def plan(
@@ -154,9 +155,7 @@ class Planner:
     ) -> Plan:
         """The plan through `(W, J)` scaled configurations of `nodes`."""
         representation = self.representation
-        if limits is None:
-            limits = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
-        lower, upper = (representation.scaled(limit) for limit in limits)
+        lower, upper = (representation.scaled(limit) for limit in limits or self._range)
         path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, lower=lower, upper=upper)
         path.c = representation.unscaled(path.c)
         waypoints_q = representation.unscaled(waypoints_x)

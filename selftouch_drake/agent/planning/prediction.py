@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array, issparse
+from scipy.sparse import csr_array
 
 from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps, touching
 from selftouch_drake.agent.planning.smoothing import DEGREE, smooth_curve
@@ -172,4 +172,4 @@ def _unit(sensation: np.ndarray) -> np.ndarray:
 
 
 def _dense(rows: csr_array | np.ndarray) -> np.ndarray:
-    return rows.toarray() if issparse(rows) else np.asarray(rows)
+    return rows if isinstance(rows, np.ndarray) else rows.toarray()

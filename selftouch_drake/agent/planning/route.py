@@ -39,7 +39,7 @@ class RouteGraph:
     """Linked kernels and their firm configurations, laid out for search.
 
     Attributes:
-        firm_x: `(J, F)` float32 rad, firm configurations (scaled), grouped by kernel, one row a joint.
+        firm_x: `(J, F)` float32 rad, firm configurations, scaled, by kernel, one row per joint.
         firm_offsets: `(K + 1,)` kernel k owns columns `firm_offsets[k]:firm_offsets[k + 1]`.
         link_offsets: `(K + 1,)` ways `link_offsets[k]:link_offsets[k + 1]` leave kernel k.
         link_kernel: `(2L,)` the kernel each way leads to.

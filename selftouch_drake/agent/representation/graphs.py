@@ -37,6 +37,10 @@ LINK_SPACINGS = 1.5
 # With few targets the spacing is so wide that it says nothing: sensations that have nothing in
 # common are sqrt(2) apart. Linked are those that have more in common than not.
 _MOST_APART = 1.0
+# Target sensations whose cosine is less have nothing in common: no neighbours on a body. With
+# two arms at one body and 60 kernels on a forearm (12 joints), a sixth of the edges joined such
+# kernels, and the shape was off by 16 %, without them by 5 %. With six joints there are hardly any.
+_LEAST_ALIKE = 0.05
 # The spacing of targets is their distance to this many-th neighbour, as on a surface.
 _SPACING_NEIGHBOUR = 6
 
@@ -52,6 +56,8 @@ def surface_neighbours(
     Nearness is the set distance times the root of the distance between target sensations. An arm
     can come near another place of the body without passing between: such pairs feel unlike, and
     with the sensations no edge left the surface in three bodies (17 of 5000 on the torus without).
+    Kernels that feel nothing alike come last: the more joints there are, the less the set distance
+    says of them.
 
     Args:
         set_distance: `(K, K)` rad, between kernel sets.
@@ -63,8 +69,16 @@ def surface_neighbours(
         `(E, 2)` pairs i < j of one part, sorted, and `(K, K)` the nearness, infinite between parts.
     """
     near = set_distance * np.sqrt(cdist(target_sensations, target_sensations))
+    # Kept in order behind all others: if nothing else does, they join what falls apart.
+    near += np.where(unlike(target_sensations), near.max(), 0.0)
     near[part[:, None] != part] = np.inf
     return neighbour_edges(near, num_mutual), near
+
+
+def unlike(target_sensations: np.ndarray) -> np.ndarray:
+    """`(K, K)` bool, pairs of `(K, S)` target sensations that have nothing in common."""
+    alike = target_sensations @ target_sensations.T
+    return alike < _LEAST_ALIKE
 
 
 def surface_edges(
@@ -78,9 +92,7 @@ def surface_edges(
     Warns:
         DisconnectedWarning: a part fell apart.
     """
-    return connected_edges(
-        *surface_neighbours(set_distance, target_sensations, part, num_mutual)
-    )
+    return connected_edges(*surface_neighbours(set_distance, target_sensations, part, num_mutual))
 
 
 def step_links(representation: QuotientRepresentation) -> np.ndarray:

@@ -16,8 +16,8 @@ from selftouch_drake.agent.representation.set_distances import linked_nearest
 #: paper's arm in radians, so that lengths in "rad" mean what they mean for an arm.
 _SPREAD = 1.6
 
-#: Least influence of a joint, as a share of the largest (both squared): a joint that changes nothing
-#: felt still has to be moved there.
+#: Least influence of a joint, as a share of the largest (both squared): a joint that changes
+#: nothing that is felt still takes time to move.
 _LEAST_INFLUENCE = 0.02
 
 
@@ -57,7 +57,5 @@ def _near_pairs(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Each row of one half with the nearest of the other half, there and back."""
     half = len(z) // 2
     order = np.concatenate([np.arange(0, 2 * half, 2), np.arange(1, 2 * half, 2)])
-    nearest = linked_nearest(
-        z[order], np.array([0, half, 2 * half]), np.array([[0, 1], [1, 0]])
-    )
+    nearest = linked_nearest(z[order], np.array([0, half, 2 * half]), np.array([[0, 1], [1, 0]]))
     return order, order[nearest.row]

@@ -23,6 +23,7 @@ from selftouch_drake.agent.representation.neighbours import (
 from selftouch_drake.agent.representation.quantise import (
     BLOCK,
     assign,
+    rare_cells,
     strength,
     target_sensations,
 )
@@ -36,12 +37,16 @@ from selftouch_drake.agent.representation.set_distances import (
 from selftouch_drake.agent.representation.touches import (
     by_chance,
     kernel_parts,
+    nearby,
     overlapping,
     set_aside,
 )
 
 #: Rows that target sensations are learned from: 40 a target, when there are 1000.
 MAX_ROWS = 40_000
+
+#: Targets are chosen anew so often at most, without the touches that hardly any other is like.
+_MOST_ROUNDS = 6
 
 #: Called with the fraction done and what is being done.
 Progress = Callable[[float, str], None]
@@ -153,6 +158,7 @@ class QuotientLearner(BaseEstimator):
         sample = some.sample().columns
         overlap = overlapping(sample["sensation"])
         chance = by_chance(sample["sensation"], overlap)
+        overlap = nearby(sample["sensation"], overlap)
         kept = ~set_aside(sample["sensation"], overlap, chance)
         if not kept.any():
             raise ValueError(
@@ -161,11 +167,7 @@ class QuotientLearner(BaseEstimator):
             )
         sensation, q = sample["sensation"][kept], sample["q"][kept]
         scale = joint_scale(q, sensation)
-        targets = target_sensations(
-            sensation,
-            self.num_targets,
-            progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
-        )
+        targets = self._targets(sensation, overlap, chance, progress)
         kernels = KernelReservoir(self.num_targets, self.max_kernel_size, seed=int(sample_seed))
         num_set_aside = 0
         for sensation, q in _in_blocks(batches()):
@@ -196,6 +198,31 @@ class QuotientLearner(BaseEstimator):
             num_set_aside=num_set_aside,
         )
         return self
+
+    def _targets(
+        self, sensation: np.ndarray, overlap: np.ndarray, chance: bool, progress: Progress
+    ) -> np.ndarray:
+        """`(K, S)` target sensations.
+
+        If two places are touched at once by chance, some of these touches are so near each other
+        that they are not told apart. They are few, and feel like nothing else: the farthest points
+        would be theirs. So targets that hardly any touch belongs to are given up, and their touches
+        with them.
+        """
+        for _ in range(_MOST_ROUNDS):
+            targets = target_sensations(
+                sensation,
+                self.num_targets,
+                progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
+            )
+            if not chance:
+                break
+            label, _ = assign(sensation, targets)
+            rare = rare_cells(label, kernel_parts(targets, overlap))
+            if not rare.any():
+                break
+            sensation = sensation[~rare[label]]
+        return targets
 
     def _learn_graph(
         self,
@@ -357,9 +384,13 @@ def _firm_steps(
     ways = np.concatenate([edges, edges[:, ::-1]])
     nearest = linked_nearest(kernel_x[firm], firm_offsets, ways)
     step = np.sqrt(nearest.squared)
-    there, back = np.split(np.add.reduceat(step, nearest.offsets[:-1]), 2) if len(edges) else (
-        np.empty(0),
-        np.empty(0),
+    there, back = (
+        np.split(np.add.reduceat(step, nearest.offsets[:-1]), 2)
+        if len(edges)
+        else (
+            np.empty(0),
+            np.empty(0),
+        )
     )
     sizes = np.diff(firm_offsets)
     i, j = edges.T

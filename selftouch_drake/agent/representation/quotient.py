@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -30,7 +31,8 @@ class QuotientRepresentation:
         kernel_strength: `(R,)` N, L2 norm of the sensation felt there; firm touches are strong.
         kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
         joint_scale: `(J,)` positive factors that make the joints comparable.
-        overlap: `(S, S)` bool, symmetric: receptors that feel the same touches.
+        overlap: `(S, S)` bool, symmetric: receptors that feel one touch together; see
+            `touches.nearby`.
         part: `(K,)` the part of the body that each kernel lies on; 0 has the most kernels.
         set_distance: `(K, K)` rad, symmetric quantile distance between kernel sets.
         edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted; both are of
@@ -41,7 +43,7 @@ class QuotientRepresentation:
             and unit of that part; NaN until `Body.embed` fills it, and in parts not recovered.
         num_touches: rows of the experience.
         num_set_aside: rows of the experience that touched several places at once and were left
-            out; see `touches.apart`.
+            out; see `touches.set_aside`.
 
     Raises:
         ValueError: shapes disagree, numbers are of the wrong kind, or a kernel is empty.
@@ -191,13 +193,13 @@ class QuotientRepresentation:
         names = [field.name for field in fields(cls)]
         if missing := [name for name in names if name not in arrays]:
             raise ValueError(f"{', '.join(missing)} is missing.")
-        counts = {}
+        checked: dict[str, Any] = {name: np.asarray(arrays[name]) for name in _ARRAYS}
         for name in _COUNTS:
             count = np.asarray(arrays[name])
             if count.shape != () or count.dtype.kind not in "iu" or count < 0:
                 raise ValueError(f"{name} is {count.tolist()}, not a whole number, 0 or more.")
-            counts[name] = int(count)
-        return cls(**{name: np.asarray(arrays[name]) for name in _ARRAYS}, **counts)
+            checked[name] = int(count)
+        return cls(**checked)
 
 
 _COUNTS = ("num_touches", "num_set_aside")

@@ -13,11 +13,15 @@ from scipy.sparse.csgraph import connected_components
 from selftouch_drake.agent.representation.quantise import strength
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
-#: Receptors count as overlapping if they feel together in this share of the touches of the rarer of
-#: the two. Measured on a sphere with 100 receptors, fingers a quarter turn apart: at 0.4 no touch
-#: of one finger was parted, and 73 % of those of two were; at 0.2 it was 28 %, as receptors between
-#: two fingers join them; at 0.5 some touches of one finger fell apart.
+#: Receptors overlap if they feel together in this share of the touches of the rarer of the two.
+#: Measured on a sphere with 100 receptors, fingers a quarter turn apart: at 0.4 no touch of one
+#: finger was parted, and 73 % of those of two were; at 0.2 it was 28 %, as receptors between two
+#: fingers join them; at 0.5 some touches of one finger fell apart.
 _LEAST_SHARED = 0.4
+
+#: Receptors of one part that feel together in this share may feel one touch, though they lie on
+#: either side of it. By chance, receptors far apart share 0.003 of their touches.
+_LEAST_NEAR = 0.1
 
 #: A receptor that felt fewer touches says nothing of its own: it goes with the receptor that it
 #: felt most touches with. Else two of them that meet by chance would join two skins.
@@ -25,7 +29,7 @@ _LEAST_FELT = 20
 
 #: Up to this share of touches, those of two places at once are chance. The random walks of the
 #: paper's arm touch in at most 8 % of their steps: two such arms touch together in at most 4 % of
-#: all touches. Two fingers of one hand, a quarter turn apart on a sphere, do in 7.6 %.
+#: all touches. Two fingers of one hand, a quarter turn apart on a sphere, do in 7.3 %.
 _MOST_BY_CHANCE = 0.05
 
 
@@ -39,33 +43,58 @@ def overlapping(sensation: np.ndarray, least_shared: float = _LEAST_SHARED) -> n
     Returns:
         `(S, S)` bool, symmetric, true on the diagonal.
     """
-    felt = (np.asarray(sensation) > 0).astype(np.float32)
-    together = felt.T @ felt
-    alone = np.diag(together)
-    rarer = np.minimum(alone[:, None], alone[None])
-    shared = together / np.maximum(rarer, 1.0)
-    known = alone >= _LEAST_FELT
+    shared, rarer, felt = _shared(sensation)
+    known = felt >= _LEAST_FELT
     overlap = (shared >= least_shared) & np.logical_and.outer(known, known)
-    np.fill_diagonal(overlap, True)
-    np.fill_diagonal(together, 0.0)
-    led = ~known & together[:, known].any(axis=1)
-    for seldom in np.flatnonzero(led):
-        partner = np.flatnonzero(known)[together[seldom, known].argmax()]
-        overlap[seldom, partner] = overlap[partner, seldom] = True
+    # A receptor that overlaps with none, or of which too little is known, goes with its best
+    # partner: alone it would be a part of the body.
+    best = np.where(known, shared, 0.0)
+    partner, most = best.argmax(axis=1), best.max(axis=1)
+    led = ~overlap.any(axis=1) & (most >= np.where(known, _LEAST_NEAR, np.finfo(float).tiny))
+    overlap[np.flatnonzero(led), partner[led]] = True
     # Receptors of which nothing is known may be of one part: nothing speaks against it.
-    overlap |= (together > 0) & np.logical_and.outer(~known & ~led, ~known & ~led)
+    unknown = ~known & ~led
+    overlap |= (shared > 0) & np.logical_and.outer(unknown, unknown)
+    overlap |= overlap.T | np.eye(len(overlap), dtype=bool)
     # Within a part a share that may be large enough counts: a touch must not fall apart because few
     # touches were counted.
-    part = receptor_parts(overlap)
     maybe = shared + 1.0 / np.sqrt(np.maximum(rarer, 1.0)) >= least_shared
-    return overlap | (maybe & (together > 0) & (part[:, None] == part))
+    return overlap | (maybe & (shared > 0) & _of_one_part(overlap))
+
+
+def nearby(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
+    """Finds the receptors of one part that may feel one touch, overlapping or a little apart.
+
+    Args:
+        sensation: `(n, S)` N, as in `overlapping`.
+        overlap: `(S, S)` bool, of `overlapping`.
+
+    Returns:
+        `(S, S)` bool; true where `overlap` is.
+    """
+    return overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & _of_one_part(overlap))
+
+
+def _shared(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Share of the touches of the rarer that two receptors feel, null on the diagonal; counts."""
+    touched = (np.asarray(sensation) > 0).astype(np.float32)
+    together = touched.T @ touched
+    felt = np.diag(together).copy()
+    np.fill_diagonal(together, 0.0)
+    rarer = np.minimum(felt[:, None], felt)
+    return together / np.maximum(rarer, 1.0), rarer, felt
+
+
+def _of_one_part(overlap: np.ndarray) -> np.ndarray:
+    part = receptor_parts(overlap)
+    return part[:, None] == part
 
 
 def receptor_parts(overlap: np.ndarray) -> np.ndarray:
     """`(S,)` the part of the body that each receptor is on: overlaps join the receptors of a part.
 
     Args:
-        overlap: `(S, S)` bool, of `overlapping`.
+        overlap: `(S, S)` bool, of `overlapping` or `nearby`.
     """
     return connected_components(overlap, directed=False)[1]
 
@@ -75,7 +104,7 @@ def kernel_parts(target_sensations: np.ndarray, overlap: np.ndarray) -> np.ndarr
 
     Args:
         target_sensations: `(K, S)`; that of the strongest receptor decides.
-        overlap: `(S, S)` bool, of `overlapping`.
+        overlap: `(S, S)` bool, of `overlapping` or `nearby`.
     """
     of_receptor = receptor_parts(overlap)[target_sensations.argmax(axis=1)]
     _, first, part, size = np.unique(
@@ -103,7 +132,7 @@ def apart(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
 
 
 def of_several_parts(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """`(n,)` bool, sensations that touch several parts of the body at once; arguments as `apart`."""
+    """`(n,)` bool, sensations that touch several parts of the body; arguments as `apart`."""
     part = receptor_parts(overlap)
     felt = np.asarray(sensation) > 0
     strongest = part[np.asarray(sensation).argmax(axis=1)]
@@ -127,7 +156,7 @@ def by_chance(sensation: np.ndarray, overlap: np.ndarray) -> bool:
     return bool(0.0 < share < _MOST_BY_CHANCE)
 
 
-def set_aside(sensation: np.ndarray, overlap: np.ndarray, chance: bool) -> np.ndarray:
+def set_aside(sensation: np.ndarray, near: np.ndarray, chance: bool) -> np.ndarray:
     """`(n,)` bool, sensations that nothing is learned from.
 
     Those of several parts of the body are, always: they have no place on one part. Those of
@@ -135,10 +164,10 @@ def set_aside(sensation: np.ndarray, overlap: np.ndarray, chance: bool) -> np.nd
 
     Args:
         sensation: `(n, S)` N.
-        overlap: `(S, S)` bool, of `overlapping`.
+        near: `(S, S)` bool, of `nearby`: a touch where receptors are sparse is not set aside.
         chance: what `by_chance` said of a sample.
     """
-    return apart(sensation, overlap) if chance else of_several_parts(sensation, overlap)
+    return apart(sensation, near) if chance else of_several_parts(sensation, near)
 
 
 def felt_kernels(representation: QuotientRepresentation, sensation: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -14,7 +15,14 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.dimension import LEAST_KERNELS, intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import Embedding, warn_of_misfit
 from selftouch_drake.agent.shape.homology import Topology, flat, topology
-from selftouch_drake.agent.shape.metrics import METRICS
+from selftouch_drake.agent.shape.metrics import METRICS, share_unlike
+
+#: A metric is not trusted if more of its steps than this join kernels that feel nothing in common.
+_MOST_UNLIKE = 0.05
+
+
+class DistrustWarning(UserWarning):
+    """A metric was not trusted on a part of the body, and another took its place."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -22,6 +30,7 @@ class RecoveredPart:
     """One part of the body by one metric: n kernels.
 
     Attributes:
+        metric: the name of the metric that it was recovered by.
         kernels: `(n,)` the kernels on it, rising.
         distances: `(n, n)` along the part, in the metric's unit.
         embedding: the kernels laid out in space, in a pose and unit of this part.
@@ -31,6 +40,7 @@ class RecoveredPart:
             kernels.
     """
 
+    metric: str
     kernels: np.ndarray
     distances: np.ndarray
     embedding: Embedding
@@ -54,7 +64,7 @@ class Body:
     """The body by one metric: K kernels.
 
     Attributes:
-        metric: its name in `METRICS`.
+        metric: its name in `METRICS`; on a part where it cannot be trusted, another took its place.
         parts: the parts of the body, the largest first, fragments left out.
         num_kernels: K.
     """
@@ -113,6 +123,9 @@ def recover(
 
     Raises:
         ValueError: the metric is unknown, or the representation is too small for it.
+
+    Warns:
+        DistrustWarning: the metric is not to be trusted on a part.
     """
     if metric not in METRICS:
         raise ValueError(f"metric {metric!r} is unknown: choose one of {', '.join(METRICS)}.")
@@ -139,6 +152,16 @@ def _recovered(
 ) -> RecoveredPart:
     """A part, of the representation of its `kernels` alone."""
     graph = METRICS[metric].graph(representation, seed, lambda fraction: progress(0.9 * fraction))
+    instead = METRICS[metric].instead
+    if instead is not None and (share := share_unlike(representation, graph)) > _MOST_UNLIKE:
+        warnings.warn(
+            f"the {metric} metric is not to be trusted on a part of {len(kernels)} kernels: "
+            f"{share:.0%} of its neighbours feel nothing in common; its shape is measured by the "
+            f"{instead} metric",
+            DistrustWarning,
+            stacklevel=3,
+        )
+        return _recovered(representation, kernels, instead, seed, progress)
     num_kernels = len(kernels)
     kernel = np.arange(num_kernels) if graph.kernel is None else graph.kernel
     distances = geodesics(graph.edges, graph.length, len(kernel))
@@ -151,6 +174,7 @@ def _recovered(
     between = mean @ (mean @ distances).T
     np.fill_diagonal(between, 0.0)
     return RecoveredPart(
+        metric=metric,
         kernels=kernels,
         distances=between,
         embedding=dataclasses.replace(layout, positions=mean @ layout.positions),

@@ -34,7 +34,9 @@ def intrinsic_dimension(distances: np.ndarray) -> float:
     """
     num_kernels = len(distances)
     if num_kernels < LEAST_KERNELS:
-        raise ValueError(f"num_targets={num_kernels}: dimension needs at least {LEAST_KERNELS} kernels.")
+        raise ValueError(
+            f"num_targets={num_kernels}: dimension needs at least {LEAST_KERNELS} kernels."
+        )
     pairs = np.sort(distances[~np.eye(num_kernels, dtype=bool)])
     smallest, largest = _SHARES
     share = np.geomspace(max(smallest, _LEAST_NEIGHBOURS / num_kernels), largest, 20)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from selftouch_drake.agent.representation.graphs import unlike
 from selftouch_drake.agent.representation.neighbours import (
     complete_edges,
     connected_edges,
@@ -61,14 +62,28 @@ class Metric:
     """A way to measure a part of the body.
 
     Attributes:
-        graph: builds the graph from a representation, a seed and what to call with the fraction done.
+        graph: builds the graph from a representation, a seed and what to call with the fraction
+            done.
         layout: lays out N nodes from the graph and `(N, N)` shortest paths on it.
         naive: whether it knows only motor configurations and sensations.
+        instead: the metric that takes its place on a part where it cannot be trusted.
     """
 
     graph: Callable[[QuotientRepresentation, int, Progress], BodyGraph]
     layout: Callable[[BodyGraph, np.ndarray], Embedding]
     naive: bool = True
+    instead: str | None = None
+
+
+def share_unlike(representation: QuotientRepresentation, graph: BodyGraph) -> float:
+    """Share of the steps of a graph whose ends feel nothing in common.
+
+    Neighbours on a body share receptors. Measured, it is below 0.01 where a learned map came out
+    right (six joints), and 0.6 to 0.8 where it did not (twelve joints, two arms).
+    """
+    kernel = np.arange(representation.num_targets) if graph.kernel is None else graph.kernel
+    i, j = kernel[graph.edges].T
+    return float(unlike(representation.target_sensations)[i, j].mean())
 
 
 def literal(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
@@ -145,7 +160,7 @@ def _unbent(num_passes: int) -> Callable[[BodyGraph, np.ndarray], Embedding]:
 METRICS: dict[str, Metric] = {
     "literal": Metric(literal, _classical),
     "motor": Metric(motor, _stress),
-    "learned": Metric(learned, _unbent(1)),
+    "learned": Metric(learned, _unbent(1), instead="sensorimotor"),
     "sensorimotor": Metric(sensorimotor, _unbent(3)),
     "revolute_reference": Metric(revolute_reference, _unbent(3), naive=False),
 }

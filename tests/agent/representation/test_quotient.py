@@ -80,7 +80,7 @@ def test_values_that_disagree_are_refused(representation, change, message):
 
 
 def test_edges_between_parts_are_refused(representation):
-    i, j = representation.edges[0]
+    _, j = representation.edges[0]
     part = np.zeros(120, dtype=int)
     part[j] = 1
     with pytest.raises(ValueError, match="of different parts"):

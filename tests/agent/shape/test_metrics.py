@@ -79,7 +79,9 @@ def test_learned_knows_no_sensation(touched, bodies):
     blind = dataclasses.replace(
         representation, target_sensations=np.ones_like(representation.target_sensations)
     )
-    np.testing.assert_array_equal(recover(blind, "learned", holes=False).distances, bodies["learned"].distances)
+    np.testing.assert_array_equal(
+        recover(blind, "learned", holes=False).distances, bodies["learned"].distances
+    )
 
 
 def test_sensations_keep_edges_on_the_surface(touched):

@@ -8,14 +8,27 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.rehearsal import RehearsalMemory
+from selftouch_drake.agent.motions import NO_KERNEL
+from selftouch_drake.agent.rehearsal import RehearsalMemory, best
 from selftouch_drake.cli import main
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.motions import PLAN_ARRAYS, load_memory
-from selftouch_drake.run.trials import score_motions
+from selftouch_drake.run.figures import FIGURES
+from selftouch_drake.run.knowledge import (
+    load_agent,
+    load_execution,
+    load_memory,
+    load_motion,
+    load_representation,
+    save_memory,
+    stored_pairs,
+    was_executed,
+)
+from selftouch_drake.run.trial_figures import trial_figures, trial_table
+from selftouch_drake.run.trials import random_pairs, try_pairs
 
 SMALL = {
     "babbling": {"num_samples": 3000, "walk_size": 1500},
@@ -23,14 +36,14 @@ SMALL = {
     "execution": {"max_tries": 3},
     "evaluation": {"num_pairs": 2},
 }
-LIMITS = "q_start[1] is -1.5 rad: give one within the joint's limits, -1 to 2.6 rad"
+LIMITS = "q_start[1] is -1.5: give one within the limits of the joint, -1 to 2.6"
 
 
 @pytest.fixture(scope="module")
 def learned(tmp_path_factory):
     experiment = load_experiment("cube", SMALL)
     run = RunDirectory.create(tmp_path_factory.mktemp("runs") / "cube", experiment)
-    world = stages.World(experiment)
+    world = World(experiment)
     with ThreadPoolExecutor(1) as executor:
         stages.babble(run, world, executor)
     stages.learn(run)
@@ -56,89 +69,119 @@ def told(capsys, *arguments):
     return end.value.code, said.out, said.err
 
 
+def representation_of(run):
+    return load_representation(run)
+
+
 def test_a_tour_is_planned_and_executed_as_one_motion(run, world):
-    plan = stages.Pilot(run).plan(3, 20, 41)
-    assert plan["nodes"][0] == 3
-    assert plan["nodes"][-1] == 41
-    assert 20 in plan["nodes"]
-    motion = stages.execute(run, world, 3, 20, 41)
-    assert set(PLAN_ARRAYS) | {"felt", "q_measured"} <= motion.keys()
-    assert np.array_equal(load_arrays(run.path / "plans" / "3-20-41.npz")["felt"], motion["felt"])
-    assert np.array_equal(stages.Pilot(run).plan(3, 20, 41)["q"], plan["q"])
+    motion = stages.plan(run, world, 3, 20, 41)
+    assert motion.nodes[0] == 3
+    assert motion.goal == 41
+    assert 20 in motion.nodes
+    assert not was_executed(run, 3, 20, 41)
+    done = stages.execute(run, world, 3, 20, 41)
+    assert was_executed(run, 3, 20, 41)
+    stored = load_execution(run, 3, 20, 41)
+    np.testing.assert_array_equal(stored.felt, done.execution.felt)
+    np.testing.assert_array_equal(stored.motion.q, motion.q)
+    again = stages.plan(run, world, 3, 20, 41)
+    np.testing.assert_array_equal(again.q, motion.q)
 
 
-def test_an_arm_in_the_air_goes_to_touch(run, world):
+def test_plans_keep_the_limits_of_each_joint(run):
+    world = World(run.experiment)
+    slow = np.array([1.0, 0.2, 1.0, 1.0, 1.0, 1.0])
+    vars(world)["limits"] = dataclasses.replace(world.limits, velocity=slow)
+    motion = stages.plan(run, world, 3, 41)
+    assert np.abs(motion.v).max(axis=0)[1] <= 0.2
+    assert np.abs(motion.v).max() > 0.2
+
+
+def test_a_robot_in_the_air_goes_to_touch(run, world):
     q_start = np.array([0.1, -0.5, 0.3, 0.0, 0.0, 0.0])
-    plan = stages.Pilot(run).plan_from(world, q_start, 20)
-    assert plan["nodes"][0] == -1
-    assert np.allclose(plan["q"][0], q_start)
-    felt = stages.execute(run, world, "free", 20)["felt"]
-    assert not felt[0].any()
-    assert felt.any()
+    motion = stages.plan_from(run, world, q_start, 20)
+    assert motion.nodes[0] == NO_KERNEL
+    assert motion.in_air[0]
+    np.testing.assert_allclose(motion.q[0], q_start)
+    done = stages.execute(run, world, "free", 20)
+    assert not done.execution.felt[0].any()
+    assert done.execution.felt.any()
+    # The way through the air is no contact that was lost.
+    air = ~motion.touching
+    assert air[0]
+    assert not done.execution.felt[air].any(axis=1).all()
+    touched = done.execution.felt[~air].any(axis=1)
+    assert done.contact == pytest.approx(touched.mean())
 
 
-def test_an_arm_that_touches_starts_from_what_it_feels(run, world):
-    pilot = stages.Pilot(run)
-    known = pilot.representation
+def test_a_robot_that_touches_starts_from_what_it_feels(run, world):
+    known = representation_of(run)
     q_start = known.kernel_q[known.members(7)][0].astype(float)
-    assert pilot.plan_from(world, q_start, 20)["nodes"][0] == 7
+    assert stages.plan_from(run, world, q_start, 20).nodes[0] == 7
 
 
-def test_a_start_outside_the_limits_is_refused_before_it_is_felt(run, world):
+def test_a_start_outside_the_limits_is_refused(run, world):
     with pytest.raises(ValueError, match=f"^{re.escape(LIMITS)}$"):
-        stages.Pilot(run).plan_from(world, np.array([0.1, -1.5, 0.3, 0.0, 0.0, 0.0]), 20)
+        stages.plan_from(run, world, np.array([0.1, -1.5, 0.3, 0.0, 0.0, 0.0]), 20)
 
 
 def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):
     tries = stages.rehearse(run, world, 3, 20, max_tries=3)
     assert 1 <= len(tries) <= 3
-    representation = stages.load_representation(run)
-    memory = load_memory(run, representation)
+    memory = load_memory(run, representation_of(run))
     assert memory.num_tries == len(tries)
     for one in tries:
         assert np.all(memory.link_penalty[one.lost_links] > 1.0)
-    kept = stages.judged(load_arrays(run.plan(3, 20)), 20, representation)
+    kept = load_agent(run, predicts=False).judge(load_execution(run, 3, 20))
+    assert (kept.reached, kept.contact) == (best(tries).reached, best(tries).contact)
     assert (kept.reached, kept.contact) >= (tries[0].reached, tries[0].contact)
 
 
-def test_later_plans_keep_off_what_rehearsals_lost(run):
-    representation = stages.load_representation(run)
-    before = stages.Pilot(run).plan(3, 20)
-    RehearsalMemory.blank(representation).after(before["links"]).save(run.rehearsal)
-    after = stages.Pilot(run).plan(3, 20)
-    assert not np.array_equal(after["nodes"], before["nodes"])
+def test_later_plans_keep_off_what_rehearsals_lost(run, world):
+    before = stages.plan(run, world, 3, 20)
+    save_memory(run, RehearsalMemory.blank(representation_of(run)).after(before.links))
+    after = stages.plan(run, world, 3, 20)
+    assert not np.array_equal(after.nodes, before.nodes)
 
 
 def test_to_learn_again_is_to_forget_rehearsals(run):
-    RehearsalMemory.blank(stages.load_representation(run)).save(run.rehearsal)
+    save_memory(run, RehearsalMemory.blank(representation_of(run)))
     stages.learn(run)
     assert not run.rehearsal.exists()
 
 
 def test_a_memory_that_does_not_belong_is_refused(run):
-    RehearsalMemory.blank(stages.load_representation(run)).save(run.rehearsal)
+    save_memory(run, RehearsalMemory.blank(representation_of(run)))
     arrays = load_arrays(run.rehearsal)
     save_arrays(run.rehearsal, arrays | {"belongs_to": np.array("another")})
-    with pytest.raises(ValueError, match="remembers rehearsals of another representation"):
-        stages.Pilot(run)
+    with pytest.raises(RunError) as error:
+        load_agent(run)
+    assert str(error.value) == (
+        f"{run.rehearsal} remembers rehearsals with another representation; delete it, and "
+        "rehearse again"
+    )
+    save_arrays(run.rehearsal, arrays | {"num_tries": np.array(-1)})
+    with pytest.raises(RunError, match="is no memory of rehearsals: num_tries is -1"):
+        load_agent(run)
 
 
 def test_a_representation_that_does_not_belong_is_refused(run):
     text = (run.path / "experiment.yaml").read_text()
     (run.path / "experiment.yaml").write_text(text.replace("num_targets: 60", "num_targets: 70"))
     with pytest.raises(RunError) as error:
-        stages.Pilot(RunDirectory.open(run.path))
+        load_agent(RunDirectory.open(run.path))
     assert str(error.value) == (
         f"{run.representation} has 60 targets over 100 receptors, the experiment 70 over 100; "
         f"run `selftouch learn {run.path}`"
     )
 
 
-def test_a_representation_of_another_experience_is_refused(run):
-    known = stages.load_representation(run)
-    dataclasses.replace(known, kernel_q=known.kernel_q + np.float32(0.01)).save(run.representation)
+def test_a_representation_without_the_stamp_of_its_experience_is_refused(run):
+    arrays = load_arrays(run.representation)
+    del arrays["made_for"]
+    save_arrays(run.representation, arrays)
     with pytest.raises(RunError) as error:
-        stages.Pilot(run)
+        load_agent(run)
     assert str(error.value) == (
         f"{run.representation} is of another experiment or version; "
         f"run `selftouch learn {run.path}`"
@@ -146,28 +189,50 @@ def test_a_representation_of_another_experience_is_refused(run):
 
 
 def test_a_plan_to_where_one_is_stays_and_is_reached(run, world):
-    plan = stages.Pilot(run).plan(7, 7)
-    assert plan["nodes"].tolist() == [7]
-    assert np.allclose(plan["q"], plan["q"][0])
-    kept = stages.judged(stages.execute(run, world, 7, 7), 7, stages.load_representation(run))
-    assert kept.perfect
+    motion = stages.plan(run, world, 7, 7)
+    assert motion.nodes.tolist() == [7]
+    assert np.allclose(motion.q, motion.q[0])
+    assert stages.execute(run, world, 7, 7).perfect
 
 
-def test_an_arm_that_does_not_follow_is_told_honestly(run):
+def test_a_robot_that_does_not_follow_is_shown_as_it_is(run):
     limp = {"stiffness": 1.0, "damping": 1.0}
-    world = stages.World(load_experiment("cube", SMALL | {"execution": limp}))
-    stages.Pilot(run).plan(3, 20)
-    motion = stages.execute(run, world, 3, 20)
-    kept = stages.judged(motion, 20, stages.load_representation(run))
+    world = World(load_experiment("cube", SMALL | {"execution": limp}))
+    stages.plan(run, world, 3, 20)
+    kept = stages.execute(run, world, 3, 20)
     assert not kept.perfect
-    assert stages.tracking_rms(motion) > 0.05
+    error = kept.execution.q_measured - kept.execution.motion.q
+    assert np.sqrt(np.square(error).mean()) > 0.05
 
 
-def test_trials_tell_of_first_tries_and_of_rehearsals(run, world):
+def test_stored_pairs_are_those_of_two_targets(run, world):
+    stages.plan(run, world, 12, 3)
+    stages.plan(run, world, 3, 20)
+    stages.plan(run, world, 3, 20, 41)
+    assert stored_pairs(run) == [(3, 20), (12, 3)]
+    np.testing.assert_array_equal(load_motion(run, 12, 3).nodes[[0, -1]], [12, 3])
+
+
+def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
+    """As they always were: numbers of pairs, drawn from the seed."""
+    run.experiment.evaluation.num_pairs = 30
+    representation = representation_of(run)
+    random = np.random.default_rng(run.experiment.random_stream("pairs"))
+    codes = random.choice(60 * 59, size=30, replace=False)
+    expected = [(int(c // 59), int(c % 59 + (c % 59 >= c // 59))) for c in codes]
+    assert random_pairs(run.experiment, representation) == expected
+    run.experiment.evaluation.num_pairs = 10_000
+    everything = random_pairs(run.experiment, representation)
+    assert len(set(everything)) == len(everything) == 60 * 59
+
+
+def test_trials_score_first_tries_and_rehearsals(run, world):
+    agent = load_agent(run)
     # What was rehearsed before does not count: the figures are the same every time.
-    blank = RehearsalMemory.blank(stages.load_representation(run))
-    blank.after(np.arange(20)).save(run.rehearsal)
-    figures = score_motions(run, world, stages.silent)
+    agent = agent.recalling(agent.memory.after(np.arange(20)))
+    trials = try_pairs(run, world, agent, stages.silent)
+    figures = trial_figures(trials, world.robot.turns)
+    assert set(figures) <= {figure.key for figure in FIGURES}
     assert figures["execution_num_pairs"] == 2
     assert figures["rehearsal_contact_mean"] >= figures["execution_contact_mean"]
     assert figures["rehearsal_contact_worst"] >= figures["execution_contact_worst"]
@@ -175,18 +240,45 @@ def test_trials_tell_of_first_tries_and_of_rehearsals(run, world):
     assert 1.0 <= figures["rehearsal_tries_mean"] <= 3.0
     assert figures["execution_fingertip_jerk_reduction"] > 5.0
     assert figures["execution_time_off_skin_s"] >= figures["rehearsal_time_off_skin_s"] >= 0.0
+    assert figures["planning_impossible_postures"] == 0
+    assert figures["execution_impossible_postures"] == 0
+    assert 0 < figures["execution_tracking_rms_rad"] < 0.01
+    assert "execution_tracking_rms_m" not in figures
     for kind in ("position", "velocity", "acceleration", "torque"):
         assert 0.0 < figures[f"execution_{kind}_of_limit"] <= 1.0
-    table = load_arrays(run.trials)
+    table = trial_table(trials)
     assert table["pairs"].shape == (2, 2)
     assert table["contact_naive"].mean() == pytest.approx(figures["execution_contact_mean"])
     assert table["contact_kept"].mean() == pytest.approx(figures["rehearsal_contact_mean"])
     assert table["contact_remembering"][0] == table["contact_naive"][0]
     # What stays in the run is what the figures are about.
-    shares = [
-        load_arrays(path)["felt"].any(axis=1).mean() for path in (run.path / "plans").glob("*.npz")
-    ]
+    shares = [load_execution(run, *pair).contact for pair in stored_pairs(run)]
     assert np.mean(shares) == pytest.approx(figures["execution_contact_mean"])
+    # The sliding joints of another robot have a figure of their own.
+    sliding = np.array([True] * 4 + [False] * 2)
+    mixed = trial_figures(trials, sliding)
+    parts = (
+        4 * mixed["execution_tracking_rms_rad"] ** 2 + 2 * mixed["execution_tracking_rms_m"] ** 2
+    )
+    assert np.sqrt(parts / 6) == pytest.approx(figures["execution_tracking_rms_rad"])
+
+
+def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, monkeypatch):
+    steps = []
+
+    def depth(q):
+        steps.append(len(q))
+        return np.where(np.arange(len(q)) < 5, 0.01, 0.0)
+
+    monkeypatch.setattr(world.probe, "collision_depth", depth)
+    run.experiment.evaluation.num_pairs = 1
+    trials = try_pairs(run, world, load_agent(run), stages.silent)
+    figures = trial_figures(trials, world.robot.turns)
+    assert figures["planning_impossible_postures"] == 5
+    assert figures["execution_impossible_postures"] == 5
+    # Plans are sampled at 100 Hz, the plant steps at 200 Hz.
+    planned, executed = steps
+    assert executed == pytest.approx(2 * planned, abs=2)
 
 
 def test_the_command_line_plans_tours_and_free_starts(run, capsys):
@@ -234,12 +326,12 @@ ENDS = (
         ("plan --from-q 0,0,0,0,0,0 --to 60", "--to is 60; this run has target sensations 0 to 59"),
         (
             "plan --from-q 0,0 --to 1",
-            "q_start has shape (2,): this representation needs (6,), one angle a joint",
+            "q_start has shape (2,): this representation needs (6,), one number per joint",
         ),
         ("plan --from-q 0,-1.5,0,0,0,0 --to 1", LIMITS),
         (
             "plan --from-q 0,nan,0,0,0,0 --to 1",
-            "q_start is [0.0, nan, 0.0, 0.0, 0.0, 0.0]: give finite joint angles in rad",
+            "q_start is [0.0, nan, 0.0, 0.0, 0.0, 0.0]: give finite numbers",
         ),
         (
             "execute --from 1 --to 2",
