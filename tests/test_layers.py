@@ -1,7 +1,11 @@
-"""Imports point down only, from the command line to the files."""
+"""Imports point down only, from the command line to the files, and to packages that are declared."""
 
 import ast
+import re
+import sys
+import tomllib
 from collections.abc import Iterator
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
@@ -97,3 +101,27 @@ def test_an_import_that_points_up_is_found(module, text):
 )
 def test_an_import_that_points_down_is_let_through(module, text):
     assert upward_imports(PACKAGE / module, text) == []
+
+
+def test_what_is_imported_from_elsewhere_is_declared():
+    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["project"]
+    groups = project["optional-dependencies"]
+    # What a user may leave out is imported where it is used, and its absence is handled there.
+    wanted = [*project["dependencies"], *groups["collada"], *groups["dask"], *groups["homology"]]
+    declared = {re.match(r"[\w-]+", entry)[0].lower() for entry in wanted}
+    distributions = packages_distributions()
+    found = {
+        name.partition(".")[0]
+        for path in modules()
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        for name in (
+            [alias.name for alias in node.names]
+            if isinstance(node, ast.Import)
+            else [node.module or ""]
+            if isinstance(node, ast.ImportFrom) and not node.level
+            else []
+        )
+    }
+    others = found - {*sys.stdlib_module_names, "selftouch_drake"}
+    owners = {name: {d.lower() for d in distributions.get(name, [name])} for name in others}
+    assert {name for name, owner in owners.items() if not owner & declared} == set()

@@ -144,48 +144,53 @@ def _axis(joint: Joint) -> np.ndarray:
     return joint.translation_axis()
 
 
-@numba.njit(cache=True, error_model="numpy")
-def compose(A, B, out):
-    """Writes the product of two `(3, 4)` transforms into `out`, which is neither of them."""
+_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+
+@_compiled
+def _all_poses(q, parent, X_PF, axis_F, turns, owner, X_JL, X_WL):
+    # The world, then what each joint moves.
+    X = np.zeros((len(parent) + 1, 3, 4))
+    for i in range(3):
+        X[0, i, i] = 1.0
+    X_WF, X_FJ = np.empty((1, 3, 4)), np.zeros((1, 3, 4))
+    for row in range(len(q)):
+        for joint in range(len(parent)):
+            _compose(X, parent[joint] + 1, X_PF, joint, X_WF, 0)
+            _move(q[row, joint], axis_F, joint, turns[joint], X_FJ)
+            _compose(X_WF, 0, X_FJ, 0, X, joint + 1)
+        for frame in range(len(owner)):
+            _compose(X, owner[frame] + 1, X_JL, frame, X_WL[row], frame)
+
+
+@_compiled
+def _compose(A, a, B, b, out, o):
+    """Writes the product of two transforms, A[a] and B[b], into out[o], which is neither."""
     for i in range(3):
         for j in range(4):
-            total = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
-            out[i, j] = total + A[i, 3] if j == 3 else total
+            total = A[a, i, 0] * B[b, 0, j] + A[a, i, 1] * B[b, 1, j] + A[a, i, 2] * B[b, 2, j]
+            out[o, i, j] = total + A[a, i, 3] if j == 3 else total
 
 
-@numba.njit(cache=True, error_model="numpy")
-def joint_poses(q, parent, X_PF, axis_F, turns, X_WJ, X_WF, X_FJ):
-    """Writes `(J, 3, 4)` poses of what each joint moves at one `q` `(J,)`; the rest is scratch."""
-    for joint in range(len(parent)):
-        if parent[joint] < 0:
-            X_WF[:] = X_PF[joint]
-        else:
-            compose(X_WJ[parent[joint]], X_PF[joint], X_WF)
-        x, y, z = axis_F[joint, 0], axis_F[joint, 1], axis_F[joint, 2]
-        if turns[joint]:
-            c, s = np.cos(q[joint]), np.sin(q[joint])
-            t = 1.0 - c
-            X_FJ[0, 0], X_FJ[0, 1], X_FJ[0, 2] = t * x * x + c, t * x * y - s * z, t * x * z + s * y
-            X_FJ[1, 0], X_FJ[1, 1], X_FJ[1, 2] = t * x * y + s * z, t * y * y + c, t * y * z - s * x
-            X_FJ[2, 0], X_FJ[2, 1], X_FJ[2, 2] = t * x * z - s * y, t * y * z + s * x, t * z * z + c
-            X_FJ[0, 3] = X_FJ[1, 3] = X_FJ[2, 3] = 0.0
-        else:
-            for i in range(3):
-                for j in range(3):
-                    X_FJ[i, j] = 1.0 if i == j else 0.0
-            X_FJ[0, 3], X_FJ[1, 3], X_FJ[2, 3] = q[joint] * x, q[joint] * y, q[joint] * z
-        compose(X_WF, X_FJ, X_WJ[joint])
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _all_poses(q, parent, X_PF, axis_F, turns, owner, X_JL, X_WL):
-    num_joints = len(parent)
-    X_WJ = np.empty((num_joints, 3, 4))
-    X_WF, X_FJ = np.empty((3, 4)), np.empty((3, 4))
-    for row in range(len(q)):
-        joint_poses(q[row], parent, X_PF, axis_F, turns, X_WJ, X_WF, X_FJ)
-        for frame in range(len(owner)):
-            if owner[frame] < 0:
-                X_WL[row, frame] = X_JL[frame]
-            else:
-                compose(X_WJ[owner[frame]], X_JL[frame], X_WL[row, frame])
+@_compiled
+def _move(q, axis_F, joint, turns, X_FJ):
+    """Writes what a joint does at `q` into X_FJ[0]."""
+    x, y, z = axis_F[joint, 0], axis_F[joint, 1], axis_F[joint, 2]
+    c, s, shift = (np.cos(q), np.sin(q), 0.0) if turns else (1.0, 0.0, q)
+    t = 1.0 - c
+    X_FJ[0, 0, 0], X_FJ[0, 0, 1], X_FJ[0, 0, 2] = (
+        t * x * x + c,
+        t * x * y - s * z,
+        t * x * z + s * y,
+    )
+    X_FJ[0, 1, 0], X_FJ[0, 1, 1], X_FJ[0, 1, 2] = (
+        t * x * y + s * z,
+        t * y * y + c,
+        t * y * z - s * x,
+    )
+    X_FJ[0, 2, 0], X_FJ[0, 2, 1], X_FJ[0, 2, 2] = (
+        t * x * z - s * y,
+        t * y * z + s * x,
+        t * z * z + c,
+    )
+    X_FJ[0, 0, 3], X_FJ[0, 1, 3], X_FJ[0, 2, 3] = shift * x, shift * y, shift * z

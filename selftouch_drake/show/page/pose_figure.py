@@ -9,16 +9,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from selftouch_drake.show.scene import (
-    View,
-    add_scene,
-    balls,
-    draw,
-    outline,
-    scale_bar,
-    surface,
-)
+from selftouch_drake.show.page.scene import add_scene, draw, outline, scale_bar
+from selftouch_drake.show.page.solids import balls, surface
 from selftouch_drake.show.style import BLUE, GREEN, INK, MUTED, PALE, SKIN, SKY, VERMILION, styled
+from selftouch_drake.show.view import View
 
 # Poses that are drawn between the known ones.
 _NUM_POSES = 90
@@ -121,7 +115,7 @@ def _poses(
         draw(ax, view, balls(pose, 0.03 * size, color, detail=3), zorder=4)
         ax.plot(*view.project(pose)[:, :2].T, color=color, linewidth=2.0, zorder=3.9)
     ax.autoscale_view()
-    scale_bar(ax, 0.1, "10 cm")
+    scale_bar(ax)
 
 
 def _depth(

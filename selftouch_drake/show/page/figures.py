@@ -8,52 +8,48 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.spatial.distance import cdist
 
-from selftouch_drake.evaluation import touch_density
 from selftouch_drake.files import written_whole
-from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.show import (
-    experience_figures,
+from selftouch_drake.show.material import Material, MissingError
+from selftouch_drake.show.page import (
+    coverage_figure,
     graph_figures,
     motion_figures,
+    path_figure,
+    robot_figure,
     sensation_figures,
     shape_figures,
 )
-from selftouch_drake.show.material import Material, MissingError
+from selftouch_drake.show.paths import touch_paths
+from selftouch_drake.show.skins import SkinSurface, all_moved
 from selftouch_drake.show.style import DPI
 
 # Touches that are drawn one by one, about: as many as one can tell apart.
 _NUM_DOTS = 6000
+# Postures among which the one is chosen that the agent is drawn in.
+_NUM_POSTURES = 400
 
 
 def agent(material: Material) -> Figure:
-    """The agent as it touches itself, its arm well clear of the body."""
-    skin, known = material.skin, material.representation
-    q = known.kernel_q[:: max(len(known.kernel_q) // 400, 1)].astype(float)
-    joints = material.joints(q)
-    clear = int(np.linalg.norm(joints[:, 1:], axis=2).min(axis=1).argmax())
-    return experience_figures.agent(
-        skin.vertices, skin.faces, skin.p_BS, joints[clear], material.fingertips(q)[clear]
-    )
+    """The agent as it touches itself, its joints well clear of its skins."""
+    known, robot = material.representation, material.robot
+    q = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
+    poses = robot.skin_positions(q)
+    clear = robot_figure.clearest(material.shape.joints(q), material.skins, poses)
+    skins = all_moved(material.skins, poses[clear])
+    return robot_figure.agent(skins, material.shape.at(q[clear]))
 
 
 def coverage(material: Material) -> Figure:
-    """Where babbling touched the body; with two fingers, where the first one was."""
-    skin = material.skin
-    first = (p_WF[:, :3] for p_WF in material.truth.batches("p_WF"))
-    density = touch_density(skin.vertices, skin.faces, first)
-    number = material.truth.num_rows
-    some = material.truth.take("p_WF", np.arange(0, number, max(number // _NUM_DOTS, 1)))
-    return experience_figures.coverage(skin.vertices, skin.faces, density, some[:, :3], number)
+    """Where babbling touched the skins."""
+    density, sample = material.touch_density, material.touch_sample(_NUM_DOTS)
+    return coverage_figure.coverage(_skins(material), density, sample)
 
 
 def sensations(material: Material) -> Figure:
-    """A few target sensations on the skin."""
-    skin = material.skin
-    return sensation_figures.sensations(
-        skin.vertices, skin.faces, skin.p_BS, material.representation.target_sensations
-    )
+    """A few target sensations on the skins."""
+    targets = material.representation.target_sensations
+    return sensation_figures.sensations(_skins(material), targets)
 
 
 def kernels(material: Material) -> Figure:
@@ -68,63 +64,58 @@ def distance_matrix(material: Material) -> Figure:
     """Distances between kernel sets, against the truth where it is there."""
     known = material.representation
     try:
-        positions = material.kernel_positions
+        true = material.true_distances
     except MissingError:
         return graph_figures.distance_matrix(known.set_distance)
-    return graph_figures.distance_matrix(known.set_distance, cdist(positions, positions))
+    return graph_figures.distance_matrix(known.set_distance, true)
 
 
 def quotient_graph(material: Material) -> Figure:
     """The quotient graph in the embedding."""
-    known = material.representation
-    return graph_figures.quotient_graph(material.embedding, known.edges, known.edge_cost)
+    known, parts = material.representation, [part.kernels for part in material.body.parts]
+    return graph_figures.quotient_graph(known.embedding, known.edges, known.edge_cost, parts)
 
 
 def body_shape(material: Material) -> Figure:
     """The body and the body that the agent recovered (paper, figure 3)."""
-    skin = material.skin
-    recovered, faces = material.recovered
-    return shape_figures.body_shape(
-        skin.vertices,
-        skin.faces,
-        skin.p_BS,
-        recovered,
-        faces,
-        num_kernels=len(material.embedding),
-        rms_fraction=material.metrics.get("shape_rms_fraction"),
-    )
+    error = material.metrics.get("shape_rms_fraction")
+    return shape_figures.body_shape(_skins(material), material.recovered, rms_fraction=error)
 
 
 def persistence(material: Material) -> Figure:
-    """Components, loops and voids of the recovered body."""
+    """Components, loops and voids of each part of the recovered body."""
+    found = [part.topology for part in material.body.parts if part.topology is not None]
+    if not found:
+        raise MissingError("no part of the recovered body is a surface; babble longer")
     return shape_figures.persistence(
-        material.diagrams, betti=material.metrics.get("topology_betti")
+        [topology.diagram for topology in found], betti=[topology.betti for topology in found]
     )
 
 
 def plan_path(material: Material) -> Figure:
-    """One plan round the body (paper, figure 4)."""
-    skin, plan = material.skin, material.plan(*material.shown_pair)
-    return motion_figures.plan_path(
-        skin.vertices,
-        skin.faces,
-        material.fingertips(plan["q"]),
-        material.fingertips(plan["waypoints_q"]),
+    """One plan over the skins (paper, figure 4)."""
+    motion = material.motion(*material.shown_pair)
+    paths, known = (
+        [
+            path.moved(material.home[path.skin])
+            for path in touch_paths(material.shape, material.touches_at, q)
+        ]
+        for q in (motion.q, motion.waypoints_q)
     )
+    if not paths:
+        raise MissingError("the plan that is shown touches nothing; plan and evaluate again")
+    return path_figure.plan_path(_skins(material), paths, known, len(motion.q))
 
 
 def felt_and_predicted(material: Material) -> Figure:
     """What was felt along that plan, and what had been predicted."""
-    plan = material.executed(*material.shown_pair)
-    return motion_figures.felt_and_predicted(plan["time_s"], plan["predicted"], plan["felt"])
+    return motion_figures.felt_and_predicted(material.execution(*material.shown_pair))
 
 
 def contact_and_tracking(material: Material) -> Figure:
     """Force and tracking along that plan."""
-    plan = material.executed(*material.shown_pair)
-    return motion_figures.contact_and_tracking(
-        plan["time_s"], plan["q"], plan["q_measured"], plan["felt"]
-    )
+    robot, execution = material.robot, material.execution(*material.shown_pair)
+    return motion_figures.contact_and_tracking(execution, robot.joint_names, robot.turns)
 
 
 # In the order of the paper. The name is that of the file.
@@ -143,36 +134,33 @@ FIGURES: dict[str, Callable[[Material], Figure]] = {
 }
 
 
-def write_figures(
-    run: RunDirectory,
+def draw_figures(
+    material: Material,
+    folder: Path,
+    progress: Callable[[float, str], None] = lambda fraction, doing: None,
     *,
     vector: bool = False,
-    progress: Callable[[float, str], None] = lambda fraction, doing: None,
     skipped: Callable[[str, str], None] = lambda name, reason: None,
 ) -> list[Path]:
-    """Draws the figures whose data exist into the run's `figures` folder.
+    """Draws the figures whose data exist.
 
     Args:
-        run: the run, with any of its stages done.
+        material: of a run with any of its stages done.
+        folder: where they go.
+        progress: called with the fraction done and what is being drawn.
         vector: whether to write each as PDF as well, for papers: words, lines and marks as such,
             shaded bodies as pictures.
-        progress: told the fraction done and what is being drawn.
-        skipped: told the name of each figure that cannot be drawn, and the reason.
+        skipped: called with the name of each figure that cannot be drawn, and the reason.
 
     Returns:
         The PNG files written, in the order of `FIGURES`. A figure that cannot be drawn any more is
         removed, so that none shows what is no longer true.
-
-    Raises:
-        ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
-    material = Material(run)
-    material.require_sound()
-    run.figures.mkdir(exist_ok=True)
+    folder.mkdir(exist_ok=True)
     written = []
     for number, (name, draw) in enumerate(FIGURES.items()):
         progress(number / len(FIGURES), name.replace("_", " "))
-        path, for_papers = (run.figures / f"{name}.{kind}" for kind in ("png", "pdf"))
+        path, for_papers = (folder / f"{name}.{kind}" for kind in ("png", "pdf"))
         # A PDF of before is not asked for now, and may no longer be true.
         for_papers.unlink(missing_ok=True)
         try:
@@ -186,6 +174,11 @@ def write_figures(
             _write(figure, for_papers, dpi=2 * DPI, metadata={"CreationDate": None})
         written.append(path)
     return written
+
+
+def _skins(material: Material) -> list[SkinSurface]:
+    """The skins where they are drawn."""
+    return all_moved(material.skins, material.home)
 
 
 def _write(figure: Figure, path: Path, *, dpi: int, metadata: dict[str, None]) -> None:

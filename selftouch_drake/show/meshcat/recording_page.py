@@ -1,46 +1,40 @@
-"""The recording of an executed plan: a page to keep."""
+"""The recording of an executed plan as a page to keep, which needs no network."""
 
 from __future__ import annotations
 
 import gc
 import html
-from pathlib import Path
 
 import numpy as np
 
-from selftouch_drake.files import write_text_whole
-from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.show.material import Material
-from selftouch_drake.show.recording import record
-from selftouch_drake.show.server import open_meshcat
+from selftouch_drake.show.material import Material, Targets
+from selftouch_drake.show.meshcat.recording import record
+from selftouch_drake.show.meshcat.server import open_meshcat
 from selftouch_drake.show.style import PRESSURE
 
 
-def write_playback(run: RunDirectory, *targets: int | str, path: Path | None = None) -> Path:
-    """Records an executed plan into a page that needs no network.
+def recording_page(material: Material, targets: Targets) -> str:
+    """The page, as HTML.
 
     Args:
-        run: the run.
+        material: of the run.
         targets: target sensations from the first to the last that the plan leads through; the first
-            is `"free"` if it begins in the air.
-        path: the page; the run's `playback.html` by default.
+            is `"free"` if it begins in any configuration.
 
     Raises:
         MissingError: the plan was not executed.
     """
-    path = run.playback if path is None else path
-    page = _recorded_page(Material(run), targets)
+    page = _recorded(material, targets)
     # Drake's diagrams are in reference cycles, and this one held the Meshcat server and its port.
     gc.collect()
-    write_text_whole(path, page)
-    return path
+    return page
 
 
-def _recorded_page(material: Material, targets: tuple[int | str, ...]) -> str:
-    material.executed(*targets)
+def _recorded(material: Material, targets: Targets) -> str:
+    material.execution(*targets)
     meshcat = open_meshcat()
     full = record(meshcat, material, [targets])
-    title = f"{material.run.experiment.name}: sensation {' to '.join(map(str, targets))}"
+    title = f"{material.experiment.name}: sensation {' to '.join(map(str, targets))}"
     return _with_legend(meshcat.StaticHtml(), title, full)
 
 
@@ -54,11 +48,11 @@ def _with_legend(page: str, title: str, full: float) -> str:
   <div style="position: fixed; left: 1rem; top: 1rem; max-width: 22rem; color: #22262b;
               font: 14px/1.4 system-ui, sans-serif; pointer-events: none">
     <strong>{html.escape(title)}</strong><br>
-    The agent touches itself. Blue is its plan, from green to blue; orange is the way its finger
-    went; red is where it feels itself.
+    The agent touches itself. Blue is its plan, from green to blue; orange is the path that it
+    took; red on the recovered body is where it feels itself.
     <div style="height: 10px; margin-top: 6px; border: 1px solid #888;
                 background: linear-gradient(to right, {stops})"></div>
-    <span style="float: left">0</span><span style="float: right">{full:.1f} N a receptor</span>
+    <span style="float: left">0</span><span style="float: right">{full:.1f} N per receptor</span>
   </div>
 """
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>", 1)

@@ -7,126 +7,25 @@ Here points are projected first, and whatever may hide each other is drawn as on
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import trimesh
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from scipy.spatial import cKDTree
 
+from selftouch_drake.show.page.solids import EDGE, Solid
 from selftouch_drake.show.style import INK, MUTED
+from selftouch_drake.show.view import View
 
 # Share of the light that comes from everywhere.
 _AMBIENT = 0.5
-# Cosine of the angle between faces beyond which they meet in an edge, not in a smooth bend.
-_EDGE = 0.85
 # Points tested at once for what hides them: bounds memory, not results.
 _CHUNK = 64
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """A camera far away, in degrees above the horizon and round the vertical."""
-
-    elevation: float = 28.0
-    azimuth: float = -58.0
-
-    @property
-    def axes(self) -> np.ndarray:
-        """`(3, 3)` unit vectors: to the right of the picture, up in it, and towards the camera."""
-        elevation, azimuth = np.radians([self.elevation, self.azimuth])
-        right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-        level = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        towards = np.cos(elevation) * level + np.sin(elevation) * np.array([0.0, 0.0, 1.0])
-        return np.stack([right, np.cross(towards, right), towards])
-
-    @property
-    def towards(self) -> np.ndarray:
-        """`(3,)` unit vector towards the camera."""
-        return self.axes[2]
-
-    @property
-    def light(self) -> np.ndarray:
-        """`(3,)` unit vector to the lamp, above and to the left of the camera."""
-        lamp = np.array([-0.55, 0.75, 1.0]) @ self.axes
-        return lamp / np.linalg.norm(lamp)
-
-    def project(self, points: np.ndarray) -> np.ndarray:
-        """`(..., 3)` points in the picture: right, up, and nearness to the camera."""
-        return points @ self.axes.T
-
-    @staticmethod
-    def facing(direction: np.ndarray, elevation: float = 28.0) -> View:
-        """The view from the side that `direction` `(3,)` points to, a little from its left."""
-        azimuth = np.degrees(np.arctan2(direction[1], direction[0]))
-        return View(elevation, float(azimuth) - 20.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Solid:
-    """Triangles with colours.
-
-    Attributes:
-        triangles: `(N, 3, 3)` corners.
-        normals: `(N, 3)` unit vectors, outward.
-        rgb: `(N, 3)` before light falls on it.
-    """
-
-    triangles: np.ndarray
-    normals: np.ndarray
-    rgb: np.ndarray
-
-
-def surface(
-    vertices: np.ndarray, faces: np.ndarray, color: str | np.ndarray, *, cuts: int = 0
-) -> Solid:
-    """A triangle surface.
-
-    Args:
-        vertices: `(V, 3)`.
-        faces: `(F, 3)` indices, outward by the right hand.
-        color: one for all, or `(V, 3)` RGB.
-        cuts: how often each triangle is cut into four, with normals and colours between those of
-            its corners: a coarse surface looks smooth and stays where it is.
-    """
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    rgb = np.broadcast_to(to_rgb(color) if isinstance(color, str) else color, np.shape(vertices))
-    flat, smooth = mesh.face_normals[:, None], mesh.vertex_normals[mesh.faces]
-    is_edge = (flat * smooth).sum(axis=2, keepdims=True) < _EDGE
-    corners = np.concatenate(
-        [mesh.triangles, np.where(is_edge, flat, smooth), rgb[mesh.faces]], axis=2
-    )
-    for _ in range(cuts):
-        corners = _cut(corners)
-    triangles, normals, rgb = np.split(corners, 3, axis=2)
-    normals = normals.mean(axis=1)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return Solid(triangles, normals, rgb.mean(axis=1))
-
-
-def balls(centres: np.ndarray, radius: float, color: str | np.ndarray, *, detail: int = 2) -> Solid:
-    """Spheres of one radius round `centres` `(N, 3)`, in one colour or in `(N, 3)` RGB."""
-    ball = trimesh.creation.icosphere(subdivisions=detail, radius=radius)
-    corners = np.asarray(ball.triangles)
-    rgb = np.broadcast_to(to_rgb(color) if isinstance(color, str) else color, centres.shape)
-    return Solid(
-        (centres[:, None, None] + corners).reshape(-1, 3, 3),
-        np.tile(np.asarray(ball.face_normals), (len(centres), 1)),
-        np.repeat(rgb, len(corners), axis=0),
-    )
-
-
-def rod(start: np.ndarray, end: np.ndarray, radius: float, color: str) -> Solid:
-    """A round rod between two points `(3,)`, cut short enough to be sorted by depth."""
-    mesh = trimesh.creation.cylinder(radius, segment=np.stack([start, end]), sections=24)
-    vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, max_edge=radius)
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    rgb = np.broadcast_to(to_rgb(color), (len(faces), 3))
-    return Solid(np.asarray(mesh.triangles), np.asarray(mesh.face_normals), rgb)
+# m, of a bar that shows the scale.
+_BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 
 
 def add_scene(figure: Figure, where: SubplotSpec, title: str = "") -> Axes:
@@ -165,7 +64,7 @@ def draw(
     colors = _lit(rgb[facing], normals[facing], view, ambient)[order]
     # Edges in the colour of their face close the hairlines between neighbours.
     collection = PolyCollection(
-        list(picture[order, :, :2]),
+        picture[order, :, :2],  # type: ignore[arg-type]  # an array is many times faster
         facecolors=colors,
         edgecolors=colors,
         linewidths=0.3,
@@ -180,8 +79,16 @@ def draw(
     ax.autoscale_view()
 
 
-def visible(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, view: View) -> np.ndarray:
-    """Which points lie on the visible side of a closed surface.
+def visible(
+    points: np.ndarray,
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    view: View,
+    *,
+    sheet: np.ndarray | bool = False,
+    others: Sequence[tuple[np.ndarray, np.ndarray]] = (),
+) -> np.ndarray:
+    """Which points lie on the visible side of a surface.
 
     A point in the wall counts as the point of the surface nearest to it.
 
@@ -190,6 +97,8 @@ def visible(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, view: V
         vertices: `(V, 3)` of the surface.
         faces: `(F, 3)` indices, outward by the right hand.
         view: the camera.
+        sheet: `(V,)` or one for all, whether the surface is seen from both sides there.
+        others: vertices and faces of more surfaces that may hide points.
 
     Returns:
         `(N,)` whether nothing hides the point.
@@ -197,21 +106,36 @@ def visible(points: np.ndarray, vertices: np.ndarray, faces: np.ndarray, view: V
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     _, nearest = cKDTree(vertices).query(points)
     asked, back = np.unique(nearest, return_inverse=True)
+    normals = mesh.vertex_normals[asked]
+    seen_from_behind = np.broadcast_to(sheet, len(vertices))[asked] & (normals @ view.towards < 0)
+    normals = np.where(seen_from_behind[:, None], -normals, normals)
     lift = 1e-3 * np.ptp(vertices, axis=0).max()
-    p = view.project(mesh.vertices[asked] + lift * mesh.vertex_normals[asked])
-    a, b, c = view.project(mesh.triangles).transpose(1, 2, 0)
+    triangles = [mesh.triangles, *(np.asarray(v)[f] for v, f in others)]
+    return ~_hidden(mesh.vertices[asked] + lift * normals, np.concatenate(triangles), view)[back]
+
+
+def unhidden(
+    points: np.ndarray, surfaces: Sequence[tuple[np.ndarray, np.ndarray]], view: View
+) -> np.ndarray:
+    """`(N,)` which points `(N, 3)` no triangle of some surfaces hides, wherever they are."""
+    return ~_hidden(points, np.concatenate([np.asarray(v)[f] for v, f in surfaces]), view)
+
+
+def _hidden(points: np.ndarray, triangles: np.ndarray, view: View) -> np.ndarray:
+    p = view.project(points)
+    a, b, c = view.project(triangles).transpose(1, 2, 0)
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     flat = np.abs(area) < 1e-12
     area = np.where(flat, np.inf, area)
-    hidden = np.zeros(len(asked), dtype=bool)
-    for first in range(0, len(asked), _CHUNK):
+    hidden = np.zeros(len(points), dtype=bool)
+    for first in range(0, len(points), _CHUNK):
         x, y, depth = p[first : first + _CHUNK, :, None].transpose(1, 0, 2)
         u = ((x - a[0]) * (c[1] - a[1]) - (y - a[1]) * (c[0] - a[0])) / area
         v = ((b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])) / area
         above = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]) > depth
         inside = (u >= 0) & (v >= 0) & (u + v <= 1) & ~flat
         hidden[first : first + _CHUNK] = (inside & above).any(axis=1)
-    return ~hidden[back]
+    return hidden
 
 
 def outline(
@@ -220,7 +144,7 @@ def outline(
     """Draws the silhouette and the sharp edges of a closed surface, those behind it below all."""
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     towards = mesh.face_normals[mesh.face_adjacency] @ view.towards > 0
-    sharp = np.cos(mesh.face_adjacency_angles) < 2 * _EDGE**2 - 1
+    sharp = np.cos(mesh.face_adjacency_angles) < 2 * EDGE**2 - 1
     front = (towards[:, 0] != towards[:, 1]) | (sharp & towards.any(axis=1))
     edges = mesh.vertices[mesh.face_adjacency_edges]
     # A silhouette that the body itself hides is not drawn.
@@ -247,20 +171,14 @@ def fit_height(figure: Figure, *, margin: float = 0.55) -> None:
     figure.set_size_inches(width, width / len(figure.axes) * aspect + margin)
 
 
-def scale_bar(ax: Axes, length: float, label: str) -> None:
-    """Draws a bar of `length`, in the unit of the scene, in the lower left of the axes."""
+def scale_bar(ax: Axes) -> None:
+    """Draws a bar of a round length in the lower left of the axes of a scene in metres."""
     (left, right), (bottom, top) = ax.get_xlim(), ax.get_ylim()
+    length = max((x for x in _BARS if x <= (right - left) / 5), default=_BARS[0])
     x, y = left + 0.01 * (right - left), bottom + 0.01 * (top - bottom)
     ax.plot([x, x + length], [y, y], color=INK, linewidth=1.6, solid_capstyle="butt", zorder=9)
+    label = f"{100 * length:.0f} cm" if length < 1 else f"{length:.0f} m"
     ax.annotate(label, (x + length / 2, y), (0, 3), textcoords="offset points", ha="center")
-
-
-def _cut(corners: np.ndarray) -> np.ndarray:
-    """Cuts `(F, 3, C)` triangles into four each, what they carry halfway between corners."""
-    a, b, c = corners.transpose(1, 0, 2)
-    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    return np.concatenate([np.stack(part, axis=1) for part in parts])
 
 
 def _lit(rgb: np.ndarray, normals: np.ndarray, view: View, ambient: float) -> np.ndarray:

@@ -1,7 +1,7 @@
-"""Words in Meshcat, which has none: letters as flat meshes, and the legend of the colours.
+"""Text in Meshcat, which has none: letters as flat meshes, and the legend of the colours.
 
-Meshes and not pictures, as a page asks for pictures after it was told of them, and a slow one asks
-for those that are gone.
+Meshes and not pictures: a page requests a picture only after it has heard of it, and a slow page
+requests pictures that are gone by then.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from matplotlib.textpath import TextPath
 from pydrake.geometry import Meshcat, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
-from selftouch_drake.show.scene import View
 from selftouch_drake.show.style import PRESSURE
+from selftouch_drake.show.view import View
 
 # Size at which outlines are taken from the font: fine enough that bends look round.
 _FONT_SIZE = 60.0
 _LINE_SPACING = 1.5
 
 
-def put_words(
+def put_text(
     meshcat: Meshcat,
     path: str,
     text: str,
@@ -79,10 +79,10 @@ def put_legend(
     meshcat.SetTriangleColorMesh(f"{path}/bar", _flat(points), faces.T, colors.T)
     meshcat.SetTransform(f"{path}/bar", _facing(view, centre))
     size = 1.3 * height
-    for place, text in ((-0.5, "0"), (0.0, "N a receptor"), (0.5, f"{full:.1f}")):
+    for place, text in ((-0.5, "0"), (0.0, "N per receptor"), (0.5, f"{full:.1f}")):
         where = centre + place * width * view.axes[0] - 0.9 * height * view.axes[1]
         name = f"{path}/{text.replace(' ', '_')}"
-        put_words(meshcat, name, text, where, view, size=size, color=color)
+        put_text(meshcat, name, text, where, view, size=size, color=color)
 
 
 def letters(text: str) -> tuple[np.ndarray, np.ndarray]:
@@ -101,7 +101,7 @@ def letters(text: str) -> tuple[np.ndarray, np.ndarray]:
         middle = (x.min() + x.max()) / 2
         down = (0.35 + _LINE_SPACING * number) * _FONT_SIZE
         outlines += [contour - [middle, down] for contour in contours]
-    # Which contours are holes is the font's affair.
+    # The font alone knows which contours are holes.
     rings = manifold3d.CrossSection(outlines, manifold3d.FillRule.EvenOdd).to_polygons()
     if not rings:
         return np.zeros((0, 2)), np.zeros((0, 3), dtype=int)
