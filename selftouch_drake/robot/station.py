@@ -98,7 +98,7 @@ def MakeDynamicStation(
 
     Each actuator is a PD controller inside the plant; gravity is compensated from a model of the
     robot, as the controllers of real robots do. Rigid parts of the robot push each other away,
-    unless a soft skin is between them.
+    unless the outer layer of one is a soft skin.
     """
     builder = DiagramBuilder()
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
@@ -162,14 +162,18 @@ def _add_readout(
 
 
 def _let_rigid_parts_meet(robot: Robot, scene_graph: SceneGraph) -> None:
-    """Lifts the filter between rigid parts, but where a toucher would reach through a skin."""
+    """Lifts the filter between rigid parts.
+
+    But not where the outer layer of one is a skin that the other presses: that layer is soft.
+    """
     soft = {
-        frozenset((int(robot.touchers[t].link.index()), int(robot.skins[s].link.index())))
+        frozenset((robot.touchers[t].link.index(), robot.skins[s].link.index()))
         for t, s in robot.touching_pairs
+        if robot.skins[s].model.is_own_geometry
     }
     filters = scene_graph.collision_filter_manager()
     for pair in robot.rigid_pairs:
-        if frozenset(int(link.index()) for link in pair.links) not in soft:
+        if frozenset(link.index() for link in pair.links) not in soft:
             a, b = (GeometrySet(list(ids)) for ids in pair.geometry_ids)
             filters.Apply(CollisionFilterDeclaration().AllowBetween(a, b))
 

@@ -9,7 +9,7 @@ from selftouch_drake.experience import random_walk
 from selftouch_drake.experiment import experiment_from_fields, load_experiment
 from selftouch_drake.robot import MakeKinematicStation, World
 
-SHIPPED = ("cube", "torus_two_fingers", "turning_body", "gantry", "two_arms")
+SHIPPED = ("cube", "torus_two_fingers", "turning_body", "gantry", "two_arms", "infant")
 
 
 @functools.cache
