@@ -52,7 +52,8 @@ from selftouch_drake.run.knowledge import (
     save_memory,
     save_plan,
 )
-from selftouch_drake.sweep import SweepError, load_sweep, read_table
+from selftouch_drake.sweep import SweepError, load_sweep
+from selftouch_drake.sweep.table import read_table
 
 NUM_INPUTS = int(os.environ.get("SELFTOUCH_FUZZ", "20"))
 TRIED = Counter()

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from laid_out import execution_of
-from pydrake.geometry import Meshcat
+from pydrake.geometry import Meshcat, MeshcatAnimation
 
 from selftouch_drake.run.material import Material
 from selftouch_drake.run.showing import write_recording
@@ -41,18 +41,26 @@ def test_the_recording_moves_the_robot_and_colours_the_receptors(page):
     assert len(page) < 5e6
 
 
-def test_skins_follow_their_links(two_skins):
+def test_skins_follow_their_links(two_skins, monkeypatch):
+    # Drake's older recordings cannot be asked for what they hold.
+    places = {}
+    original = MeshcatAnimation.SetTransform
+
+    def remembered(recording, frame, path, X_ParentPath):
+        places[frame, path] = X_ParentPath.translation()
+        original(recording, frame, path, X_ParentPath)
+
+    monkeypatch.setattr(MeshcatAnimation, "SetTransform", remembered)
     material = Material(two_skins)
     meshcat = Meshcat()
     record(meshcat, material, [material.shown_pair])
-    recording = meshcat.get_mutable_recording()
     rows = frame_rows(execution_of("two_skins").motion.time_s)
     q = execution_of("two_skins").q_measured[rows]
     true = material.robot.skin_positions(q)[:, 1, :, 3]
     for root in ("/skins", "/expected"):
-        found = [recording.get_key_frame(f, f"{root}/forearm", "position") for f in (0, 20)]
+        found = [places[frame, f"{root}/forearm"] for frame in (0, 20)]
         assert np.array(found) == pytest.approx(true[[0, 20]])
-        assert recording.get_key_frame(0, f"{root}/body", "position") is None, "it stands still"
+        assert (0, f"{root}/body") not in places, "it stands still"
     assert np.abs(true[20] - true[0]).max() > 0.01
 
 

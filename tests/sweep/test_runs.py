@@ -9,16 +9,10 @@ import pytest
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.knowledge import load_representation
-from selftouch_drake.sweep import (
-    SweepDirectory,
-    draw_figures,
-    gather,
-    load_sweep,
-    read_table,
-    run_sweep,
-)
-from selftouch_drake.sweep.runs import run_name
-from selftouch_drake.sweep.table import figure_names, varied_fields
+from selftouch_drake.sweep import load_sweep
+from selftouch_drake.sweep.figures import draw_figures
+from selftouch_drake.sweep.runs import SweepDirectory, run_name, run_sweep
+from selftouch_drake.sweep.table import figure_names, gather, read_table, varied_fields
 
 SWEEP = """
 experiments: [sphere]

@@ -23,6 +23,8 @@ from selftouch_drake.show.style import INK
 END = "end"
 # s, from one look at the sliders to the next.
 _FRAME_S = 1 / 30
+# Rad or m, between two places of a slider.
+_SLIDER_STEP = 0.001
 # N, the reading that is shown in the strongest colour: a firm touch.
 _FULL = 2.0
 
@@ -49,7 +51,7 @@ class RobotPage:
         self._q = robot.plant.GetPositions(robot.plant.CreateDefaultContext())
         lower, upper = robot.babbled_range
         for name, low, high, value in zip(robot.joint_names, lower, upper, self._q, strict=True):
-            meshcat.AddSlider(name, low, high, (high - low) / 200, value)
+            meshcat.AddSlider(name, low, high, _SLIDER_STEP, value)
         meshcat.AddButton(END, "Escape")
         home = as_one(all_moved(skins, robot.skin_positions(self._q[None])[0]))
         low, high = home.vertices.min(axis=0), home.vertices.max(axis=0)
@@ -67,6 +69,8 @@ class RobotPage:
     def step(self) -> None:
         """Takes the posture of the sliders, if they have moved."""
         q = np.array([self.meshcat.GetSliderValue(name) for name in self._robot.joint_names])
+        # A slider rounds to whole steps, and may end beyond its range.
+        q = q.clip(*self._robot.babbled_range)
         if not np.array_equal(q, self._q):
             self.show(q)
 
