@@ -166,7 +166,7 @@ def _nearer(squares, a, b):
 
 
 @_compiled
-def add_load(shares, tet, place, force, load, loaded, num_loaded):
+def add_load(shares, tet, place, force, parts, load, loaded, num_loaded):
     """Spreads a force over the corners of the nearest face.
 
     Args:
@@ -174,6 +174,7 @@ def add_load(shares, tet, place, force, load, loaded, num_loaded):
         tet: the tetrahedron that the place is in.
         place: `(3,)` m.
         force: N.
+        parts: `(3,)` scratch.
         load: `(V,)` N, of each corner, to which is added.
         loaded: takes the corners that bore nothing before.
         num_loaded: how many it holds.
@@ -188,11 +189,12 @@ def add_load(shares, tet, place, force, load, loaded, num_loaded):
         away = (centroid[c, 0] - x) ** 2 + (centroid[c, 1] - y) ** 2 + (centroid[c, 2] - z) ** 2
         if away < best:
             best, f = away, c
-    a = max(w[f, 0, 0] * x + w[f, 0, 1] * y + w[f, 0, 2] * z + w[f, 0, 3], 0.0)
-    b = max(w[f, 1, 0] * x + w[f, 1, 1] * y + w[f, 1, 2] * z + w[f, 1, 3], 0.0)
-    c = max(w[f, 2, 0] * x + w[f, 2, 1] * y + w[f, 2, 2] * z + w[f, 2, 3], 0.0)
     for i in range(3):
-        part = force * (a if i == 0 else b if i == 1 else c) / (a + b + c)
+        u = w[f, i, 0] * x + w[f, i, 1] * y + w[f, i, 2] * z + w[f, i, 3]
+        parts[i] = u if u > 0 else 0.0
+    whole = parts[0] + parts[1] + parts[2]
+    for i in range(3):
+        part = force * parts[i] / whole
         corner = shares.faces[f, i]
         if part == 0.0:
             continue
