@@ -358,6 +358,8 @@ def figure(arguments: argparse.Namespace) -> None:
     """Bars of the space by motor kernel sets, and of its covers, to both coefficients."""
     bars = np.load(arguments.data.with_suffix(".bars.npz"))
     names = {1: "Chords, ends alike", 2: "Its double cover:\nends told apart", 4: "Cover of four"}
+    if "motor_4_mod_3" not in bars:
+        raise SystemExit("these touches show no loop of order four; collect more with --rows")
     unit = np.median(bars["motor_1_mod_3"][:, 1])
     drawing = Figure(figsize=(9.0, 3.0), layout="constrained")
     axes = drawing.subplots(1, 3, sharex=True)

@@ -524,7 +524,7 @@ def _print_headline(directory) -> None:
 
     from selftouch_drake.run.figures import headline
 
-    table = Table("figure", "value", title=directory.experiment.name, title_justify="left")
+    table = Table("metric", "value", title=directory.experiment.name, title_justify="left")
     for name, value in headline(directory.metrics()):
         table.add_row(name, value)
     Console().print(table)

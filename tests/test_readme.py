@@ -19,13 +19,6 @@ SMALL = {
     "representation": {"num_targets": 60, "metric": "sensorimotor"},
     "evaluation": {"num_pairs": 1, "shape_metrics": []},
 }
-HEAD = """<?xml version="1.0"?>
-<sdf version="1.7">
-  <model name="head">
-    <link name="head"/>
-  </model>
-</sdf>
-"""
 # Length and radius of each link, m, and the axis of the joint that carries the next one.
 LINKS = {
     "base": (0.15, 0.06, "z"),
@@ -94,10 +87,11 @@ def my_arm(geometry: Callable[[str, float, float], str]) -> str:
 
 @pytest.fixture(params=["primitives", "stl"])
 def folder(request, tmp_path):
-    """A folder with what the README says is there, and the two files that it shows."""
+    """A folder with the arm that the README speaks of, and the files that it shows."""
     geometry = primitive if request.param == "primitives" else stl_in(tmp_path)
     (tmp_path / "my_arm.urdf").write_text(my_arm(geometry), encoding="utf-8")
-    (tmp_path / "my_head.sdf").write_text(HEAD, encoding="utf-8")
+    (head,) = blocks("xml")
+    (tmp_path / "my_head.sdf").write_text(head, encoding="utf-8")
     for text in blocks("yaml"):
         name = re.match(r"# (\S+\.yaml)", text)
         assert name is not None, "the first line of a file says its name"

@@ -1,6 +1,6 @@
 """Skins of links: closed surfaces, the wall below them, and receptors spread over them."""
 
-from selftouch_drake.geometry.closing import closed_surface
+from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
 from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.geometry.geodesics import surface_distances, surface_paths
 from selftouch_drake.geometry.hollow import (
@@ -13,7 +13,6 @@ from selftouch_drake.geometry.hollow import (
 from selftouch_drake.geometry.patches import betti_of_patch, submesh, touched_patch
 from selftouch_drake.geometry.receptors import ReceptiveFields, place_receptors, receptive_fields
 from selftouch_drake.geometry.surfaces import (
-    SimplifiedWarning,
     capsule,
     cube,
     cylinder,

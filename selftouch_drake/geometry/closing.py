@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-import manifold3d
 import numpy as np
 import trimesh
 from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import ConvexHull, QhullError
 
-from selftouch_drake.geometry.samples import sample_triangles
+from selftouch_drake.geometry.hollow import hollow_skin
+from selftouch_drake.geometry.solid import rounded_solid, triangulated
 
-# All in resolutions. The grid is finer than the triangles, so that its steps do not show. The ball
-# that closes gaps is larger than a cell's diagonal, so that no wall leaks. The ball that rounds
-# edges leaves nothing thinner than what triangles can show.
-_CELL = 0.25
-_GAP_RADIUS = 0.45
-_EDGE_RADIUS = 0.5
+# In resolutions: cells of the grid, whose steps must not show; the ball that closes gaps; and the
+# one that rounds edges, so that triangles can follow them.
+_CELL = 1 / 3
+_GAP_RADIUS = 0.7
+_EDGE_RADIUS = 0.7
 
-# Edge of the tetrahedral grid that makes triangles with edges of one resolution on average.
-_LEVEL_SET_EDGE = 1.17
+# In thicknesses of the skin: under a surface rounded so far, inner walls do not meet.
+_ROOM = 1.25
+
+# Where that was not enough for a skin, as triangles follow the surface in steps.
+_WIDER = (1.3, 1.6)
 
 # A part that hangs in the air is debris of a drawing if its share of the volume is less than this.
 _DEBRIS = 0.01
@@ -32,40 +34,76 @@ _DEBRIS = 0.01
 # An open piece is a sheet if its lids enclose less than this share of its convex hull.
 _SHEET = 0.1
 
-# Cells of the grid: some 600 MB.
-_MOST_CELLS = 2e7
+# Share of the volume that must be left for a surface to count as that of the link.
+_MOSTLY_KEPT = 0.9
+
+
+class SimplifiedWarning(UserWarning):
+    """A surface has less detail than the mesh it was made from."""
 
 
 def closed_surface(
-    pieces: Sequence[trimesh.Trimesh], *, resolution: float = 0.02
+    pieces: Sequence[trimesh.Trimesh], *, resolution: float = 0.02, thickness: float = 0.0
 ) -> trimesh.Trimesh:
     """Makes one closed, evenly triangulated surface round pieces that overlap or touch.
 
-    The surface is that of all pieces together as seen from outside: cavities are filled. Gaps that
-    a ball of 0.45 resolutions does not get into are closed, and edges are rounded by a ball of half
-    a resolution, so that what is thinner than the resolution is left out. A piece that is open gets
+    The surface is that of all pieces together as seen from outside: cavities are filled. Balls of
+    0.7 resolutions roll over it. The one outside closes gaps that it does not get into; the one
+    inside rounds edges, and leaves out what is thinner than itself. For a thick skin the ball
+    inside is larger, 1.25 thicknesses or more, so that the skin fits. A piece that is open gets
     lids over its rims; if they enclose next to nothing, its convex hull takes its place.
 
     Args:
         pieces: In the link's frame, m: primitives or meshes, of any size of triangles, nested or
             overlapping.
         resolution: m, edge length of the triangles, on average.
+        thickness: m, of the skin that is to fit under the surface; 0 if none is.
 
     Raises:
         ValueError: If the pieces have no triangles, do not touch each other, are thinner than the
-            resolution everywhere, or the resolution is too fine for their size.
+            ball everywhere, or the resolution is too fine for their size.
+
+    Warns:
+        SimplifiedWarning: If the ball left out more than a tenth of the volume.
     """
     if not (math.isfinite(resolution) and resolution > 0):
         raise ValueError(f"surface.resolution is {resolution}; give a positive length in metres")
     triangles = [_closed_triangles(piece) for piece in pieces if len(piece.faces)]
     if not triangles:
         raise ValueError("surface is without any triangle; choose a shape, or another link")
-    solid = _outer_solid(np.concatenate(triangles), resolution)
+    surface, share = _rounded_surface(np.concatenate(triangles), resolution, thickness, 1.0)
+    for wider in _WIDER:
+        if thickness == 0 or _fits(surface, thickness):
+            break
+        try:
+            surface, share = _rounded_surface(
+                np.concatenate(triangles), resolution, thickness, wider
+            )
+        except ValueError:
+            break  # Rounder, it would fall apart.
+    if share < _MOSTLY_KEPT:
+        warnings.warn(
+            f"surface keeps {share:.0%} of the volume of the link's geometry: the rest is in parts "
+            f"too thin for triangles of {resolution:g} m and a skin of {thickness:g} m",
+            SimplifiedWarning,
+            stacklevel=2,
+        )
+    return surface
+
+
+def _rounded_surface(
+    triangles: np.ndarray, resolution: float, thickness: float, wider: float
+) -> tuple[trimesh.Trimesh, float]:
+    """Returns the surface round closed triangles `(F, 3, 3)`, and the share of volume it keeps."""
+    edge = wider * max(_EDGE_RADIUS * resolution, _ROOM * thickness)
+    gap = wider * _GAP_RADIUS * resolution
+    solid = rounded_solid(triangles, _CELL * resolution, gap=gap, edge=edge)
     label, num_parts = ndimage.label(solid.depth > 0)
     if num_parts == 0:
         raise ValueError(
-            f"surface.resolution is {resolution:g} m, and the link's geometry is thinner than that "
-            "everywhere; give a finer resolution"
+            f"surface is thinner than {2 * edge:.3g} m everywhere, which is what "
+            f"surface.resolution {resolution:g} m and a skin {thickness:g} m thick need; give a "
+            "finer resolution, or a thinner skin"
         )
     volume = np.bincount(label.ravel())[1:]
     large = 1 + np.flatnonzero(volume >= _DEBRIS * volume.sum())
@@ -73,40 +111,20 @@ def closed_surface(
         centres = ndimage.center_of_mass(label > 0, label, large[:2])
         near = " and ".join(_point(solid.origin + solid.cell * np.array(c)) for c in centres)
         raise ValueError(
-            f"surface has {len(large)} parts that do not touch each other, or only in places "
-            f"thinner than surface.resolution {resolution:g} m: near {near} m; give a finer "
-            "resolution, or a mesh file that joins them"
+            f"surface has {len(large)} parts that do not touch each other, or only where they are "
+            f"thinner than {2 * edge:.3g} m: near {near} m; give a mesh file that joins them, or a "
+            "finer resolution"
         )
     solid.depth[(label != large[0]) & (label > 0)] = -resolution
-    return _smoothed(_level_set(solid, _LEVEL_SET_EDGE * resolution), solid)
+    return triangulated(solid, resolution), solid.share
 
 
-@dataclass(frozen=True, slots=True)
-class _Solid:
-    """How deep the points of a grid are in a solid.
-
-    Attributes:
-        origin: `(3,)` m, the first point of the grid.
-        cell: m, between its points.
-        depth: `(X, Y, Z)` m, to the surface, negative outside; right near the surface only.
-    """
-
-    origin: np.ndarray
-    cell: float
-    depth: np.ndarray
-
-    def depth_at(self, p: np.ndarray) -> np.ndarray:
-        """`(N,)` m, at points `(N, 3)` m."""
-        at = (p - self.origin) / self.cell
-        return ndimage.map_coordinates(self.depth, at.T, order=1, mode="nearest")
-
-    def gradient_at(self, p: np.ndarray) -> np.ndarray:
-        """`(N, 3)` at points `(N, 3)` m."""
-        steps = self.cell * np.eye(3)
-        ahead, behind = (
-            np.stack([self.depth_at(p + sign * step) for step in steps], axis=1) for sign in (1, -1)
-        )
-        return (ahead - behind) / (2 * self.cell)
+def _fits(surface: trimesh.Trimesh, thickness: float) -> bool:
+    try:
+        hollow_skin(surface, thickness, None)
+    except ValueError:
+        return False
+    return True
 
 
 def _closed_triangles(piece: trimesh.Trimesh) -> np.ndarray:
@@ -135,83 +153,6 @@ def _closed_triangles(piece: trimesh.Trimesh) -> np.ndarray:
         return closed  # It is flat, and encloses nothing in any case.
     enclosed = np.linalg.det(closed - piece.vertices.mean(axis=0)).sum() / 6
     return closed if abs(enclosed) > _SHEET * hull.volume else hull.points[hull.simplices]
-
-
-def _outer_solid(triangles: np.ndarray, resolution: float) -> _Solid:
-    """Fills what triangles enclose, closes its gaps, and rounds its edges."""
-    cell, gap, edge = (ratio * resolution for ratio in (_CELL, _GAP_RADIUS, _EDGE_RADIUS))
-    points, _ = sample_triangles(triangles, cell / 2)
-    margin = gap + 3 * cell
-    origin = points.min(axis=0) - margin
-    shape = np.ceil((points.max(axis=0) + margin - origin) / cell).astype(int) + 1
-    if shape.prod(dtype=float) > _MOST_CELLS:
-        least = resolution * (shape.prod(dtype=float) / _MOST_CELLS) ** (1 / 3)
-        raise ValueError(
-            f"surface.resolution is {resolution:g} m, too fine for geometry "
-            f"{np.ptp(points, axis=0).max():g} m across; give at least {least:.2g} m, and all "
-            "lengths in metres"
-        )
-
-    def distance(points: np.ndarray, reach: float) -> np.ndarray:
-        """Exact up to `reach`: only there is the distance to the nearest cell a guess too poor."""
-        empty = np.ones(shape, dtype=bool)
-        empty[tuple(np.round((points - origin) / cell).astype(int).T)] = False
-        # A point is at most half a diagonal of a cell from the grid's point.
-        near = ndimage.distance_transform_edt(empty) <= reach / cell + 0.87
-        centres = origin + cell * np.argwhere(near)
-        found, _ = cKDTree(points).query(centres, distance_upper_bound=reach)
-        field = np.full(shape, reach)
-        field[near] = np.minimum(found, reach)
-        return field
-
-    def front(inside: np.ndarray, field: np.ndarray, level: float) -> np.ndarray:
-        """Where `field` crosses `level`, on the lines from points inside to points outside."""
-        found = []
-        for axis in range(3):
-            here, there = (np.delete(np.arange(shape[axis]), end) for end in (-1, 0))
-            one, two = (np.take(field, index, axis=axis) - level for index in (here, there))
-            changes = np.take(inside, here, axis=axis) != np.take(inside, there, axis=axis)
-            at = np.argwhere(changes).astype(float)
-            at[:, axis] += one[changes] / (one[changes] - two[changes])
-            found.append(at)
-        return origin + cell * np.concatenate(found)
-
-    # Each step is the offset of a front: a ball rolls over the pieces from outside ...
-    away = distance(points, gap + 2 * cell)
-    label, _ = ndimage.label(away > gap)
-    outside = label == label[0, 0, 0]
-    reach = gap + edge + 2 * cell
-    from_ball = distance(front(outside, away, gap), reach)
-    # ... and another one inside what the first one leaves.
-    depth = np.where(outside, -from_ball, from_ball) - gap
-    core = depth > edge
-    if not core.any():
-        return _Solid(origin, cell, np.full(shape, -edge))
-    from_core = distance(front(core, depth, edge), edge + 1.5 * resolution)
-    return _Solid(origin, cell, edge + np.where(core, from_core, -from_core))
-
-
-def _level_set(solid: _Solid, edge: float) -> trimesh.Trimesh:
-    """Cuts the surface of a solid into triangles with edges of up to about `edge` m."""
-    # manifold3d asks for one depth at a time: the first round gathers where, the second answers.
-    asked: list[tuple[float, float, float]] = []
-
-    def gather(x: float, y: float, z: float) -> float:
-        asked.append((x, y, z))
-        return -1.0
-
-    bounds = np.concatenate([solid.origin, solid.origin + solid.cell * np.array(solid.depth.shape)])
-    manifold3d.Manifold.level_set(gather, bounds, edge)
-    depths = dict(zip(asked, solid.depth_at(np.array(asked)).tolist(), strict=True))
-    mesh = manifold3d.Manifold.level_set(lambda x, y, z: depths[x, y, z], bounds, edge).to_mesh64()
-    return trimesh.Trimesh(
-        mesh.vert_properties[:, :3].copy(), mesh.tri_verts.astype(np.int64), process=False
-    )
-
-
-def _smoothed(surface: trimesh.Trimesh, solid: _Solid) -> trimesh.Trimesh:
-    """Evens out the triangles, while the vertices stay on the surface of the solid."""
-    return surface
 
 
 def _point(p: np.ndarray) -> str:

@@ -26,6 +26,10 @@ THINNEST_WALL = 0.9
 # How far from an edge, in thicknesses, vertices slide to make room for its mitre.
 _SLIDE_RANGE = 2
 
+# Rounds of mending a wall, and the share of the thickness that is aimed at where it is thin.
+_MENDINGS = 20
+_MENDED_WALL = 0.95
+
 # Points that stand for a surface: no finer than this, in m, and no more than about so many.
 _FINEST_SAMPLES = 1e-3
 _MOST_SAMPLES = 400_000
@@ -77,20 +81,13 @@ def hollow_skin(
     vertices = np.array(surface.vertices)
     faces = np.array(surface.faces)
     tetrahedra = _fill_prisms(faces, len(vertices))
-    # On a long limb, the smoothest steps slide far along it, and into its round ends.
-    for slide_range in (np.inf, _SLIDE_RANGE * thickness):
-        inner_vertices = vertices + thickness * _inward_steps(surface, slide_range)
-        tet_vertices = np.concatenate([vertices, (vertices + inner_vertices) / 2, inner_vertices])
-        inner = trimesh.Trimesh(inner_vertices, faces, process=False)
-        volumes = tet_volumes(tet_vertices, tetrahedra)
-        crushed = _crushed_wall(surface, inner, thickness, volumes)
-        if crushed is None:
-            break
+    inner_vertices, crushed = _inner_wall(surface, thickness, tetrahedra)
     if crushed is not None:
         raise ValueError(
             f"thickness is {thickness:g} m, thicker than the surface allows near "
             f"{_point(crushed)} m; make the skin thinner or the surface larger"
         )
+    inner = trimesh.Trimesh(inner_vertices, faces, process=False)
     if entering_radius is not None:
         narrow = _narrow_place(inner, entering_radius)
         if narrow is not None:
@@ -104,7 +101,7 @@ def hollow_skin(
         faces=faces,
         inner_vertices=inner_vertices,
         thickness=thickness,
-        tet_vertices=tet_vertices,
+        tet_vertices=_three_layers(vertices, inner_vertices),
         tetrahedra=tetrahedra,
     )
 
@@ -136,6 +133,62 @@ def vtk_text(skin: HollowSkin) -> str:
         *["10"] * num_tets,
     ]
     return "\n".join(lines) + "\n"
+
+
+def _inner_wall(
+    surface: trimesh.Trimesh, thickness: float, tetrahedra: np.ndarray
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Moves a surface inwards, in one way after another, until its wall is sound.
+
+    Returns:
+        `(V, 3)` m, the inner vertices; and an outer point where the wall of the last attempt folds,
+        thins or crosses itself, or None.
+    """
+    vertices, faces = surface.vertices, surface.faces
+    # The cloud is never nearer than the surface, and farther by less than 1 % of the thickness.
+    cloud, _ = sample_triangles(surface.triangles, max(thickness / 8, _finest(surface)))
+    outer = cKDTree(cloud)
+
+    def folded(inner: np.ndarray) -> np.ndarray:
+        volumes = tet_volumes(_three_layers(vertices, inner), tetrahedra)
+        return volumes.reshape(-1, 6).min(axis=1) <= 0
+
+    def crushed(inner: np.ndarray) -> np.ndarray | None:
+        if (folds := folded(inner)).any():
+            return surface.triangles_center[folds.argmax()]
+        distance, _ = outer.query(inner)
+        if distance.min() < THINNEST_WALL * thickness:
+            return vertices[distance.argmin()]
+        return first_self_intersection(inner, faces)
+
+    # The smoothest steps come first. On a long limb, they slide far along it, and into its ends.
+    for slide_range in (np.inf, _SLIDE_RANGE * thickness):
+        inner = vertices + thickness * _inward_steps(surface, slide_range)
+        if (point := crushed(inner)) is None:
+            return inner, None
+    # Then a few vertices of a rugged surface are mended: they step as their neighbours do where the
+    # wall folds or crosses itself, and deeper where it is thin.
+    steps = inner - vertices
+    neighbours = _neighbours(surface)
+    for attempt in range(_MENDINGS):
+        bad = np.zeros(len(vertices), dtype=bool)
+        bad[faces[folded(vertices + steps)]] = True
+        if (
+            not bad.any()
+            and (crossing := first_self_intersection(vertices + steps, faces)) is not None
+        ):
+            near = np.linalg.norm(vertices + steps - crossing, axis=1)
+            bad = near <= max(thickness, near.min())
+        for _ in range(1 + attempt // 4):
+            bad |= neighbours @ bad > 0
+        steps[bad] = (neighbours[bad] @ steps) / neighbours[bad].sum(axis=1)[:, None]
+        distance, nearest = outer.query(vertices + steps)
+        missing = np.maximum(_MENDED_WALL * thickness - distance, 0)
+        away = (vertices + steps - cloud[nearest]) / np.maximum(distance, 1e-12)[:, None]
+        steps += missing[:, None] * away
+        if (point := crushed(vertices + steps)) is None:
+            break
+    return vertices + steps, point
 
 
 def _inward_steps(surface: trimesh.Trimesh, slide_range: float) -> np.ndarray:
@@ -188,6 +241,18 @@ def _laplacian(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
     return scipy.sparse.diags_array(adjacency.sum(axis=1)) - adjacency
 
 
+def _neighbours(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
+    """Returns `(V, V)` ones where an edge joins two vertices."""
+    ends = np.concatenate([surface.edges_unique, surface.edges_unique[:, ::-1]]).T
+    shape = (len(surface.vertices), len(surface.vertices))
+    return scipy.sparse.csr_array((np.ones(len(ends[0])), tuple(ends)), shape=shape)
+
+
+def _three_layers(vertices: np.ndarray, inner_vertices: np.ndarray) -> np.ndarray:
+    """Returns `(3 V, 3)` m: the outer vertices, those at mid-depth, the inner ones."""
+    return np.concatenate([vertices, (vertices + inner_vertices) / 2, inner_vertices])
+
+
 def _fill_prisms(faces: np.ndarray, num_vertices: int) -> np.ndarray:
     """Returns `(6 F, 4)` tetrahedra between three layers of `num_vertices` vertices each.
 
@@ -210,21 +275,6 @@ def _fill_prisms(faces: np.ndarray, num_vertices: int) -> np.ndarray:
             corners[even] = corners[even][:, [1, 0, 2, 3]]
             layers.append(corners)
     return np.stack(layers, axis=1).reshape(-1, 4)
-
-
-def _crushed_wall(
-    surface: trimesh.Trimesh, inner: trimesh.Trimesh, thickness: float, volumes: np.ndarray
-) -> np.ndarray | None:
-    """Returns an outer point where the wall folds, thins or crosses itself, or None."""
-    folded = volumes <= 0
-    if folded.any():
-        return surface.triangles_center[folded.argmax() // 6]
-    # The cloud is never nearer than the surface, and farther by less than 1 % of the thickness.
-    cloud, _ = sample_triangles(surface.triangles, max(thickness / 8, _finest(surface)))
-    distance, _ = cKDTree(cloud).query(inner.vertices)
-    if distance.min() < THINNEST_WALL * thickness:
-        return surface.vertices[distance.argmin()]
-    return first_self_intersection(inner.vertices, inner.faces)
 
 
 def _narrow_place(inner: trimesh.Trimesh, radius: float) -> np.ndarray | None:

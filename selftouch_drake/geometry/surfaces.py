@@ -14,7 +14,7 @@ import manifold3d
 import numpy as np
 import trimesh
 
-from selftouch_drake.geometry.closing import closed_surface
+from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
 from selftouch_drake.geometry.intersections import first_self_intersection
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl")
@@ -179,10 +179,6 @@ def _half_sphere(pieces: int) -> tuple[np.ndarray, np.ndarray]:
     new = np.empty(len(directions), dtype=int)
     new[order] = np.arange(len(order))
     return directions[order], new[faces]
-
-
-class SimplifiedWarning(UserWarning):
-    """A mesh was finer than its resolution, and was simplified."""
 
 
 def mesh_file(

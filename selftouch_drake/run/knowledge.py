@@ -68,7 +68,7 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     try:
         representation = QuotientRepresentation.from_arrays(arrays)
     except ValueError as error:
-        raise RunError(f"{file} is no representation: {error} Or {remedy}") from None
+        raise RunError(f"{file} is no representation: {_reason(error)}; {remedy}") from None
     found = representation.target_sensations.shape
     wanted = (run.experiment.representation.num_targets, run.experiment.num_receptors)
     if found != wanted:
@@ -131,7 +131,7 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
             for number in range(int(arrays["num_parts"]))
         )
     except (KeyError, ValueError, IndexError, TypeError) as error:
-        raise RunError(f"{run.topology} is no topology ({error}); {remedy}") from None
+        raise RunError(f"{run.topology} is no topology: {_reason(error)}; {remedy}") from None
     metric = run.experiment.representation.metric
     return Body(metric=metric, parts=parts, num_kernels=num_kernels)
 
@@ -155,7 +155,7 @@ def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> Re
     except ValueError as error:
         if str(file) in str(error):
             raise
-        raise RunError(f"{file} is no memory of rehearsals: {error}; delete it") from None
+        raise RunError(f"{file} is no memory of rehearsals: {_reason(error)}; delete it") from None
 
 
 def save_memory(run: RunDirectory, memory: RehearsalMemory) -> None:
@@ -217,11 +217,17 @@ def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
     try:
         plan = kind.from_arrays(arrays)
     except ValueError as error:
-        raise RunError(f"{file} is no plan: {error}; make it again {remedy}") from None
+        raise RunError(f"{file} is no plan: {_reason(error)}; make it again {remedy}") from None
     motion = plan.motion if kind is Execution else plan
     if motion.predicted.shape[1] != run.experiment.num_receptors:
         raise RunError(f"{file} is no plan of this skin; make it again {remedy}")
     return plan
+
+
+def _reason(error: Exception) -> str:
+    """What is wrong with the content of a file: on one line, and short whatever it holds."""
+    text = " ".join(str(error).split()).rstrip(".")
+    return text if len(text) <= 200 else f"{text[:200]}..."
 
 
 def _described(start: int | str, *goals: int | str) -> tuple[str, str]:

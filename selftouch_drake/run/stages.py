@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import shutil
 import time
-import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 
@@ -19,7 +18,6 @@ from selftouch_drake.agent.rehearsal import Try, best
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.shape import recover
 from selftouch_drake.experience import ExperienceReader, collect, require_complete
-from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
@@ -33,50 +31,35 @@ from selftouch_drake.run.knowledge import (
     save_memory,
     save_plan,
 )
-from selftouch_drake.run.scores import found_figures, score_body, trial_figures, trial_table
+from selftouch_drake.run.scores import found_figures, score_body
+from selftouch_drake.run.touches import force_figures, touch_counts, warn_of_untouched
+from selftouch_drake.run.trial_figures import trial_figures, trial_table
 from selftouch_drake.run.trials import try_pairs
+from selftouch_drake.run.worlds import build_world, make_world
 
-# mN; what presses harder counts as so much where the median is found.
-_MOST_FORCE_MN = 1_000_000
+__all__ = [
+    "Progress",
+    "babble",
+    "build_world",
+    "evaluate",
+    "execute",
+    "has_babbled",
+    "has_evaluated",
+    "has_learned",
+    "learn",
+    "make_world",
+    "plan",
+    "plan_from",
+    "rehearse",
+    "silent",
+]
 
 #: Called with the fraction of the stage that is done and what it is doing.
 Progress = Callable[[float, str], None]
 
 
-class NeverTouchedWarning(UserWarning):
-    """A skin was never touched, or something that touches never touched."""
-
-
 def silent(fraction: float, doing: str) -> None:
     """Reports progress to nobody."""
-
-
-def build_world(experiment: Experiment) -> World:
-    """The world of an experiment, with its robot built.
-
-    Raises:
-        ExperimentError: Drake refuses it; the text is Drake's own.
-        ValueError: the experiment names what the robot does not have, or a skin cannot be made.
-    """
-    world = World(experiment)
-    try:
-        _ = world.robot
-    # Some of Drake's checks log what is wrong and then raise SystemExit.
-    except (RuntimeError, SystemExit) as error:
-        reason = " ".join(str(error).split())[:500]
-        raise ExperimentError(f"robot.directives gives what Drake refuses: {reason}") from error
-    return world
-
-
-def make_world(run: RunDirectory) -> World:
-    """The world of a run.
-
-    Raises:
-        RunError: a model was edited since the run was begun.
-        ValueError: as `build_world`.
-    """
-    run.require_models()
-    return build_world(run.experiment)
 
 
 def babble(
@@ -110,8 +93,8 @@ def babble(
         progress=count,
     )
     wall = time.perf_counter() - began
-    median, largest = _force_figures(run)
-    by_skin, by_toucher = _touch_counts(run)
+    median, largest = force_figures(run)
+    by_skin, by_toucher = touch_counts(run, world.robot)
     run.add_metrics(
         {
             "babbling_num_samples": wanted,
@@ -124,45 +107,7 @@ def babble(
             "babbling_wall_s": wall_before + wall,
         }
     )
-    never = [f"skins.{name} was never touched" for name, number in by_skin.items() if not number]
-    never += [f"touching.{name} never touched" for name, number in by_toucher.items() if not number]
-    if never:
-        warnings.warn(
-            f"{', '.join(never)} in {wanted:,} touches; see what can reach what with `selftouch "
-            f"robot {run.path / 'experiment.yaml'} --show`",
-            NeverTouchedWarning,
-            stacklevel=2,
-        )
-
-
-def _force_figures(run: RunDirectory) -> tuple[float, float]:
-    """Median, to a millinewton, and largest force of the touches, in memory that does not grow."""
-    counts, largest = np.zeros(_MOST_FORCE_MN + 1, dtype=np.int64), 0.0
-    for felt in ExperienceReader(run.experience).batches("sensation"):
-        force = felt.sum(axis=1)
-        largest = max(largest, float(force.max()))
-        bins = np.rint(1e3 * force).astype(np.int64).clip(0, _MOST_FORCE_MN)
-        counts += np.bincount(bins, minlength=len(counts))
-    return int(np.searchsorted(np.cumsum(counts), counts.sum() / 2)) / 1e3, largest
-
-
-def _touch_counts(run: RunDirectory) -> tuple[dict[str, int], dict[str, int]]:
-    """Touches of each skin, and by each toucher; one on two skins counts for both."""
-    skins, touchers = list(run.experiment.skins), list(run.experiment.touching)
-    of_skin, by_toucher = np.zeros(len(skins), int), np.zeros(len(touchers) + len(skins), int)
-    for contacts in ExperienceReader(run.truth).contacts():
-        for found, counts in ((contacts.skin, of_skin), (contacts.toucher, by_toucher)):
-            pairs = np.unique(contacts.row * len(counts) + found)
-            counts += np.bincount(pairs % len(counts), minlength=len(counts))
-    # A link that touches with its own skin counts as that skin.
-    for number, toucher in enumerate(run.experiment.touching.values()):
-        for skin, worn in enumerate(run.experiment.skins.values()):
-            if toucher.link is not None and toucher.link == worn.link:
-                by_toucher[number] += by_toucher[len(touchers) + skin]
-    return (
-        dict(zip(skins, of_skin.tolist(), strict=True)),
-        dict(zip(touchers, by_toucher[: len(touchers)].tolist(), strict=True)),
-    )
+    warn_of_untouched(run, by_skin, by_toucher)
 
 
 def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentation:

@@ -155,8 +155,8 @@ def try_pairs(
                     ),
                     execution.q_measured,
                 ),
-                off_skin_s=balls and balls.off_skin_s(world, execution),
-                off_skin_kept_s=balls and balls.off_skin_s(world, kept.execution),
+                off_skin_s=_off_skin_s(balls, world, execution),
+                off_skin_kept_s=_off_skin_s(balls, world, kept.execution),
             )
         )
     return trials
@@ -209,6 +209,10 @@ class _Balls:
         )
         off = off_skin(p_LT, self.radius, self.walls) & motion.touching
         return float(np.sum(off[:-1] * np.diff(motion.time_s)))
+
+
+def _off_skin_s(balls: _Balls | None, world: World, execution: Execution) -> float | None:
+    return None if balls is None else balls.off_skin_s(world, execution)
 
 
 def _judgement(one: Try) -> tuple[float, bool]:

@@ -53,8 +53,12 @@ def test_skins_and_touchers_of_shipped_robots_are_where_drake_puts_them(world):
     robot = world.robot
     q = robots.anywhere(robot, 100, seed=0)
     links = [skin.link.body_frame() for skin in robot.skins]
-    assert_as_in_drake(robot, links + [t.frame for t in robot.touchers], robot.kinematics.poses(q), q)
-    np.testing.assert_array_equal(robot.skin_positions(q), robot.kinematics.poses(q)[:, : len(links)])
+    assert_as_in_drake(
+        robot, links + [t.frame for t in robot.touchers], robot.kinematics.poses(q), q
+    )
+    np.testing.assert_array_equal(
+        robot.skin_positions(q), robot.kinematics.poses(q)[:, : len(links)]
+    )
     np.testing.assert_array_equal(
         robot.toucher_positions(q), robot.kinematics.positions(q)[:, len(links) :]
     )

@@ -27,7 +27,7 @@ from selftouch_drake.run.knowledge import (
     stored_pairs,
     was_executed,
 )
-from selftouch_drake.run.scores import trial_figures, trial_table
+from selftouch_drake.run.trial_figures import trial_figures, trial_table
 from selftouch_drake.run.trials import random_pairs, try_pairs
 
 SMALL = {
