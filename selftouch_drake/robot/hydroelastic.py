@@ -115,7 +115,8 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
     load = np.zeros(len(shares.weight_ends) - 1)
     loaded = np.empty(len(load), dtype=np.int64)
     for r in range(len(rows)):
-        row, num_loaded = rows[r], 0
+        # Literals would make numba compile what they are passed to twice; so in `cut`.
+        row, num_loaded = rows[r], np.int64(0)
         relative_pose(X_WL, row, skin_frame, mesh_frame, X)
         for i in range(4):
             total[r, i] = 0.0
@@ -148,7 +149,9 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
                     total[r, 0] += force
                     for i in range(3):
                         total[r, 1 + i] += force * place[i]
-                    num_loaded = add_load(shares, tet, place, force, parts, load, loaded, num_loaded)
+                    num_loaded = add_load(
+                        shares, tet, place, force, parts, load, loaded, num_loaded
+                    )
         feel_loads(shares, load, loaded, num_loaded, sensation, row)
 
 
@@ -242,7 +245,7 @@ def cut(above, a, b, c, polygons, piece):
             return False
     polygons[0, 0, 0] = polygons[0, 0, 1] = polygons[0, 1, 1] = polygons[0, 2, 0] = 0.0
     polygons[0, 1, 0] = polygons[0, 2, 1] = 1.0
-    num, side = 3, 0
+    num, side = np.int64(3), np.int64(0)
     for k in range(4):
         if above[k, a] < 0 or above[k, b] < 0 or above[k, c] < 0:
             along_u, along_v = above[k, b] - above[k, a], above[k, c] - above[k, a]

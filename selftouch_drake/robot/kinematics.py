@@ -154,11 +154,13 @@ def _all_poses(q, parent, X_PF, axis_F, turns, owner, X_JL, X_WL):
     for i in range(3):
         X[0, i, i] = 1.0
     X_WF, X_FJ = np.empty((1, 3, 4)), np.zeros((1, 3, 4))
+    # For a literal numba would compile `_compose` again.
+    only = np.int64(0)
     for row in range(len(q)):
         for joint in range(len(parent)):
-            _compose(X, parent[joint] + 1, X_PF, joint, X_WF, 0)
+            _compose(X, parent[joint] + 1, X_PF, joint, X_WF, only)
             _move(q[row, joint], axis_F, joint, turns[joint], X_FJ)
-            _compose(X_WF, 0, X_FJ, 0, X, joint + 1)
+            _compose(X_WF, only, X_FJ, only, X, joint + 1)
         for frame in range(len(owner)):
             _compose(X, owner[frame] + 1, X_JL, frame, X_WL[row], frame)
 

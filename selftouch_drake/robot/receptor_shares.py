@@ -79,7 +79,8 @@ def _barycentric(corners: np.ndarray, centroid: np.ndarray) -> np.ndarray:
 def _nearest_faces(corners, centroid):
     # Three tetrahedra, half a prism of a wall, share one search through all faces.
     ends = np.zeros(len(corners) + 1, dtype=np.int64)
-    faces, total = np.empty(32 * len(corners), dtype=np.int64), 0
+    # A total that starts as a literal would make numba compile `_list_nearest` twice.
+    faces, total = np.empty(32 * len(corners), dtype=np.int64), np.int64(0)
     far, near = np.empty(len(centroid)), np.empty(len(centroid), dtype=np.int64)
     squares = np.empty((len(centroid), 5))
     for first in range(0, len(corners), 3):
@@ -128,7 +129,7 @@ def _list_nearest(corners, tet, centroid, near, num, squares, faces, total):
 
     A face is left out if another one is nearer to all four corners: so it is to all points.
     """
-    best = 0
+    best = np.int64(0)
     for n in range(num):
         squares[n, 4] = 0.0
         for k in range(4):

@@ -116,7 +116,7 @@ def test_a_triangle_is_cut_as_by_hand():
     flat = np.array([[0, 0, 0.5], [1, 0, 0.5], [0, 1, 0.5]])
     np.testing.assert_allclose(pieces(flat, tet), [[1 / 8, 1 / 6, 1 / 6]], atol=1e-15)
     np.testing.assert_allclose(pieces(flat[[0, 2, 1]], tet), [[1 / 8, 1 / 6, 1 / 6]], atol=1e-15)
-    np.testing.assert_array_equal(pieces(flat + [0, 0, 1], tet), [[0, 0, 0]])
+    np.testing.assert_array_equal(pieces(np.add(flat, [0, 0, 1]), tet), [[0, 0, 0]])
     inside = 0.1 + 0.1 * flat
     np.testing.assert_allclose(pieces(inside, tet), [[1 / 2, 1 / 3, 1 / 3]], atol=1e-15)
 
@@ -206,3 +206,13 @@ def test_patches_hold_every_face_once():
     assert np.sort(mesh.areas) == pytest.approx(np.sort(2 * ball.area_faces))
     assert (np.einsum("fi,fi->f", mesh.normals, corners.mean(axis=1)) > 0.9).all()
     assert mesh.areas.sum() == pytest.approx(2 * ball.area)
+
+
+def test_what_is_felt_is_what_touches_has_in_those_rows(world):
+    q = robots.configurations(world)
+    rows, felt = world.probe.felt(q)
+    touches = world.probe.touches(q)
+    np.testing.assert_array_equal(rows, np.flatnonzero(touches.sensation.any(axis=1)))
+    np.testing.assert_array_equal(felt.sensation, touches.sensation[rows])
+    np.testing.assert_array_equal(rows[felt.row], touches.row)
+    np.testing.assert_array_equal(felt.p_LC, touches.p_LC)
