@@ -185,7 +185,7 @@ def _place(mesh, patch, X, p, box):
 
 @_compiled
 def _turn(mesh, first, last, X, p, planes):
-    """Places the planes of a patch's faces: unit normals, and minus their distance to the origin."""
+    """Places the planes of a patch's faces: unit normals, and how far behind the origin is."""
     for f in range(last - first):
         corner, planes[f, 3] = mesh.faces[first + f, 0], 0.0
         for i in range(3):
