@@ -11,9 +11,9 @@ Drake alone knows dynamics, and a skin that presses a skin: there both sides are
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from selftouch_drake.robot.compiled import compiled, inner
 from selftouch_drake.robot.contact import Touches
 from selftouch_drake.robot.receptor_shares import Shares, add_load, feel_loads, receptor_shares
 from selftouch_drake.robot.robot import Robot
@@ -21,8 +21,6 @@ from selftouch_drake.robot.soft_skin import SoftSkin, soft_skin, tets_near
 from selftouch_drake.robot.touchers import PATCH, RigidMesh, rigid_mesh, touching_triangles
 
 _LEAST_COSINE = np.cos(5 * np.pi / 8)
-
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 
 class RigidTouchers:
@@ -90,7 +88,7 @@ def _mesh(robot: Robot, number: int) -> RigidMesh:
     return rigid_mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
-@_compiled
+@compiled
 def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total):
     """Presses a rigid mesh on a skin in several rows of poses.
 
@@ -155,7 +153,7 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
         feel_loads(shares, load, loaded, num_loaded, sensation, row)
 
 
-@_compiled
+@inner
 def relative_pose(X_WL, row, a, b, X_AB):
     """Writes the pose of one frame in another at one row of `(N, L, 3, 4)` into `(3, 4)`."""
     for i in range(3):
@@ -166,7 +164,7 @@ def relative_pose(X_WL, row, a, b, X_AB):
                 X_AB[i, j] += X_WL[row, a, k, i] * away
 
 
-@_compiled
+@inner
 def _place(mesh, patch, X, p, box):
     """Places the corners of a patch, with their bounding box; returns how many there are."""
     start = mesh.point_ends[patch]
@@ -183,7 +181,7 @@ def _place(mesh, patch, X, p, box):
     return num
 
 
-@_compiled
+@inner
 def _turn(mesh, first, last, X, p, planes):
     """Places the planes of a patch's faces: unit normals, and how far behind the origin is."""
     for f in range(last - first):
@@ -195,7 +193,7 @@ def _turn(mesh, first, last, X, p, planes):
             planes[f, 3] -= planes[f, i] * p[corner, i]
 
 
-@_compiled
+@inner
 def _meets_plane(corners, g, tet, planes, f):
     """Whether a tetrahedron is on both sides of a face's plane, and its pressure counts there."""
     x, y, z, d = planes[f, 0], planes[f, 1], planes[f, 2], planes[f, 3]
@@ -209,7 +207,7 @@ def _meets_plane(corners, g, tet, planes, f):
     return below and above
 
 
-@_compiled
+@inner
 def _reach_into(planes, tet, p, num_points, above):
     """Whether no side of a tetrahedron has all points outside; heights over them go to `above`."""
     for k in range(4):
@@ -223,7 +221,7 @@ def _reach_into(planes, tet, p, num_points, above):
     return True
 
 
-@_compiled
+@compiled
 def cut(above, a, b, c, polygons, piece):
     """Cuts a triangle by the four planes of a tetrahedron.
 
@@ -266,7 +264,7 @@ def cut(above, a, b, c, polygons, piece):
     return area > 0
 
 
-@_compiled
+@inner
 def _clip(polygons, side, num, height, along_u, along_v):
     """Keeps, on the other side of `polygons`, what of a polygon is not below a plane."""
     kept = 0

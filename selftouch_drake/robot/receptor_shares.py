@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from selftouch_drake.geometry import HollowSkin, ReceptiveFields
-
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+from selftouch_drake.robot.compiled import compiled, inner
 
 
 class Shares(NamedTuple):
@@ -75,7 +73,7 @@ def _barycentric(corners: np.ndarray, centroid: np.ndarray) -> np.ndarray:
     return np.concatenate([gradients, offsets[:, :, None]], axis=2)
 
 
-@_compiled
+@compiled
 def _nearest_faces(corners, centroid):
     # Three tetrahedra, half a prism of a wall, share one search through all faces.
     ends = np.zeros(len(corners) + 1, dtype=np.int64)
@@ -97,7 +95,7 @@ def _nearest_faces(corners, centroid):
     return ends, faces[:total]
 
 
-@_compiled
+@inner
 def _faces_near(corners, first, last, centroid, far, near):
     """Lists faces in reach: at least all that may be nearest to a point of some tetrahedra."""
     x = y = z = radius = 0.0
@@ -123,7 +121,7 @@ def _faces_near(corners, first, last, centroid, far, near):
     return num
 
 
-@_compiled
+@inner
 def _list_nearest(corners, tet, centroid, near, num, squares, faces, total):
     """Appends to `faces` those that may be nearest to a point of one tetrahedron.
 
@@ -158,7 +156,7 @@ def _list_nearest(corners, tet, centroid, near, num, squares, faces, total):
     return kept
 
 
-@_compiled
+@inner
 def _nearer(squares, a, b):
     nearer = True
     for k in range(4):
@@ -166,7 +164,7 @@ def _nearer(squares, a, b):
     return nearer
 
 
-@_compiled
+@compiled
 def add_load(shares, tet, place, force, parts, load, loaded, num_loaded):
     """Spreads a force over the corners of the nearest face.
 
@@ -206,7 +204,7 @@ def add_load(shares, tet, place, force, parts, load, loaded, num_loaded):
     return num_loaded
 
 
-@_compiled
+@compiled
 def feel_loads(shares, load, loaded, num_loaded, felt, row):
     """Adds what receptors feel of the corners' loads to a row of `felt`, N; takes the loads off."""
     for k in range(num_loaded):

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import HollowSkin
-
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+from selftouch_drake.robot.compiled import compiled, inner
 
 
 class SoftSkin(NamedTuple):
@@ -116,17 +114,14 @@ def _cells_of_tets(
     return np.ravel_multi_index(tuple(at[meets].T), tuple(shape)), tet[meets]
 
 
-# Compiled code is plain loops: numba compiles whole-array expressions for seconds.
-
-
-@_compiled
+@inner
 def _span(low, high, origin, cell, num):
     """The first and the one-past-last cell, along one axis, between two coordinates."""
     first = max(0, int(np.floor((low - origin) / cell)))
     return first, min(num, int(np.floor((high - origin) / cell)) + 1)
 
 
-@_compiled
+@compiled
 def tets_near(skin, box, look, seen, tets):
     """Lists, each once, the tetrahedra whose boxes meet a box; returns how many there are."""
     num, grid, shape, ends, boxes = 0, skin.grid, skin.shape, skin.cell_ends, skin.box
