@@ -6,15 +6,18 @@ is passed: compiled code is plain loops, and what counts starts as an `np.int64`
 
 from __future__ import annotations
 
+from typing import Any
+
 import numba
 
-# Called from Python.
-compiled = numba.njit(cache=True, nogil=True, error_model="numpy", no_cfunc_wrapper=True)
-# Called from compiled code alone: compiled in less time.
-inner = numba.njit(
-    cache=True,
-    nogil=True,
-    error_model="numpy",
-    no_cfunc_wrapper=True,
-    no_cpython_wrapper=True,
-)
+# numba's own types do not know the last two.
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+}
+# For what is called from Python.
+compiled = numba.njit(**_OPTIONS)
+# For what compiled code alone calls: it compiles in less time.
+inner = numba.njit(**_OPTIONS, no_cpython_wrapper=True)

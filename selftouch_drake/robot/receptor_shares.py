@@ -127,7 +127,7 @@ def _list_nearest(corners, tet, centroid, near, num, squares, faces, total):
 
     A face is left out if another one is nearer to all four corners: so it is to all points.
     """
-    best = np.int64(0)
+    best: int | np.int64 = np.int64(0)
     for n in range(num):
         squares[n, 4] = 0.0
         for k in range(4):
