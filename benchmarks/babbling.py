@@ -1,40 +1,54 @@
 """What a stored touch costs, beside what a user would write instead. Run: `make bench`.
 
-Four ways through the same random walk, on one core, in turn, medians of several turns:
+Three ways through the same random walks at the sphere, on one core, in turn, medians of several
+turns:
 
 - `loop`: a bare Python loop of SetPositions and ComputeContactSurfaces, that stores nothing;
 - `selftouch`: the whole of it: walk, screen, contact, receptors, Parquet;
-- `selftouch x2`: the same walks in two processes;
 - `mujoco`: the same arm and a solid sphere in MuJoCo, point contact, the same receptive fields in
   numpy, stored in memory only.
+
+Then the same walks in one process and in two, what a step costs that touches nothing, for one arm
+and for an infant, and the first minute: the first touches of a process with and without numba's
+cache.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import statistics
+import subprocess
+import sys
 import tempfile
 import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 from pydrake.geometry import HydroelasticContactRepresentation
 
-from selftouch_drake.experience import RandomWalk, collect, collect_walk, write_shard
-from selftouch_drake.experience.sources import KinematicSource
+from selftouch_drake.experience import (
+    RandomWalk,
+    collect,
+    collect_walk,
+    random_walk,
+    write_shard,
+)
+from selftouch_drake.experience.sources import BATCH, KinematicSource
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.geometry import FINGERTIP_RADIUS, P_B_SHOULDER, build_body
-from selftouch_drake.robot import MakeDynamicStation
-from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.robot import MakeDynamicStation, World
+from selftouch_drake.robot.screen import TouchScreen
 from selftouch_drake.run.executors import local_executor
 
 
 class Loop:
     """SetPositions and ComputeContactSurfaces, as one would write it first."""
 
-    def __init__(self, experiment):
-        station = MakeDynamicStation(experiment, *build_body(experiment))
-        self.plant, self.diagram = station.agent.plant, station.diagram
+    def __init__(self, world: World):
+        station = MakeDynamicStation(world.experiment, world.skins)
+        self.plant, self.diagram = station.robot.plant, station.diagram
         self.context = self.diagram.CreateDefaultContext()
 
     def run(self, walk: RandomWalk, num_touches: int) -> None:
@@ -52,9 +66,9 @@ class Loop:
 class Selftouch:
     """What `selftouch babble` does for one walk, writing included."""
 
-    def __init__(self, experiment, folder: Path):
-        self.experiment, self.folder = experiment, folder
-        self.source = KinematicSource(experiment, *build_body(experiment))
+    def __init__(self, world: World, folder: Path):
+        self.experiment, self.folder = world.experiment, folder
+        self.source = KinematicSource(world)
 
     def run(self, walk_number: int, num_touches: int) -> None:
         shard = collect_walk(self.source, self.experiment, walk_number, num_touches)
@@ -64,12 +78,13 @@ class Selftouch:
 class Mujoco:
     """The same kinematics and receptive fields on MuJoCo's collision with a solid sphere."""
 
-    def __init__(self, experiment):
+    def __init__(self, world: World):
         import mujoco
 
         self.mujoco = mujoco
-        skin, self.fields = build_body(experiment)
-        self.deepest = skin.thickness + 2 * FINGERTIP_RADIUS
+        (skin,), experiment = world.skins, world.experiment
+        (tip,) = experiment.touching.values()
+        self.fields, self.deepest = skin.fields, skin.wall.thickness + 2 * tip.radius
         joints = (("0 0 1", 0.0), ("0 1 0", 0.0), ("0 1 0", 0.4))
         joints += (("1 0 0", 0.4), ("0 1 0", 0.0), ("0 0 1", 0.0))
         opened = "".join(
@@ -79,9 +94,9 @@ class Mujoco:
         )
         model = mujoco.MjModel.from_xml_string(
             f"""<mujoco><worldbody>
-            <geom name="skin" type="sphere" size="{experiment.body.radius}"/>
-            <body pos="{" ".join(map(str, P_B_SHOULDER))}">{opened}
-            <geom name="tip" type="sphere" size="{FINGERTIP_RADIUS}" pos="0.12 0 0"/>
+            <geom name="skin" type="sphere" size="{experiment.skins["body"].surface.radius}"/>
+            <body pos="0 0 0.4">{opened}
+            <geom name="tip" type="sphere" size="{tip.radius}" pos="0.12 0 0"/>
             {"</body>" * len(joints)}</body></worldbody></mujoco>"""
         )
         self.model, self.data = model, mujoco.MjData(model)
@@ -91,7 +106,7 @@ class Mujoco:
         stored = 0
         while stored < num_touches:
             q, points, depths = [], [], []
-            for step in walk.steps(4096):
+            for step in walk.steps(BATCH):
                 data.qpos[:] = step
                 mujoco.mj_kinematics(model, data)
                 mujoco.mj_collision(model, data)
@@ -107,54 +122,106 @@ class Mujoco:
                 stored += len(sensation.toarray().astype(np.float32))
 
 
-def measure(num_touches: int, turns: int) -> list[tuple[str, float]]:
-    """Stored touches a second of each way: medians over turns that go round."""
-    experiment = load_experiment("sphere")
-    limits = {"step_size": 0.15, "persistence": 0.9}
+def in_turn(ways: dict[str, Callable[[int], object]], turns: int) -> dict[str, float]:
+    """Seconds of each way: medians over turns that go round, the first left out."""
+    seconds: dict[str, list[float]] = {name: [] for name in ways}
+    for turn in range(turns + 1):
+        for name, way in ways.items():
+            began = time.perf_counter()
+            way(turn)
+            if turn:
+                seconds[name].append(time.perf_counter() - began)
+    return {name: statistics.median(times) for name, times in seconds.items()}
 
+
+def measure(num_touches: int, turns: int) -> dict[str, float]:
+    """Stored touches a second of each way."""
+    world = World(load_experiment("sphere"))
     with tempfile.TemporaryDirectory() as folder:
-        selftouch, loop = Selftouch(experiment, Path(folder)), Loop(experiment)
-        agent = selftouch.source.agent
+        selftouch, loop = Selftouch(world, Path(folder)), Loop(world)
 
         def walk(turn: int) -> RandomWalk:
-            seed = experiment.random_stream("walk", turn)
-            return RandomWalk(lower=agent.lower, upper=agent.upper, seed=seed, **limits)
+            return random_walk(world.experiment, world.robot, turn)
 
         ways = {
             "loop": lambda turn: loop.run(walk(turn), num_touches),
             "selftouch": lambda turn: selftouch.run(turn, num_touches),
         }
         try:
-            mujoco = Mujoco(experiment)
+            mujoco = Mujoco(world)
             ways["mujoco"] = lambda turn: mujoco.run(walk(turn), num_touches)
         except ImportError:
             print("mujoco is not installed: `pip install mujoco` to compare with it")
-        seconds: dict[str, list[float]] = {name: [] for name in ways}
-        for turn in range(turns):
-            for name, way in ways.items():
-                began = time.perf_counter()
-                way(turn)
-                seconds[name].append(time.perf_counter() - began)
-    return [(name, num_touches / statistics.median(times)) for name, times in seconds.items()]
+        return {name: num_touches / seconds for name, seconds in in_turn(ways, turns).items()}
 
 
 def measure_processes(num_touches: int, turns: int) -> dict[int, float]:
     """Stored touches a second of one and of two processes that are already warm."""
-    seconds: dict[int, list[float]] = {1: [], 2: []}
-    executors = {workers: local_executor(workers) for workers in seconds}
+    executors = {workers: local_executor(workers) for workers in (1, 2)}
     overrides = {"babbling": {"num_samples": num_touches, "walk_size": num_touches // 20}}
     experiment = load_experiment("sphere", overrides)
-    for turn in range(turns + 1):
-        for workers, executor in executors.items():
-            with tempfile.TemporaryDirectory() as folder:
-                run = RunDirectory.create(Path(folder) / "run", experiment)
-                began = time.perf_counter()
-                collect(run, executor=executor)
-                if turn:  # the first turn builds the world in the workers
-                    seconds[workers].append(time.perf_counter() - began)
+
+    def collected(workers: int) -> None:
+        with tempfile.TemporaryDirectory() as folder:
+            collect(experiment, Path(folder), fingerprint="benchmark", executor=executors[workers])
+
+    # The first turn builds the world in the workers.
+    ways = {str(workers): lambda _, w=workers: collected(w) for workers in executors}
+    seconds = in_turn(ways, turns)
     for executor in executors.values():
         executor.shutdown()
-    return {workers: num_touches / statistics.median(times) for workers, times in seconds.items()}
+    return {int(workers): num_touches / seconds[workers] for workers in seconds}
+
+
+def measure_steps(turns: int) -> dict[str, float]:
+    """Steps a second that touch nothing, and are rejected: the walk's part, and the screen's."""
+    ways: dict[str, Callable[[int], object]] = {}
+    num_steps = 10 * BATCH
+    for name in ("sphere", "infant"):
+        world = World(load_experiment(name))
+        walk = random_walk(world.experiment, world.robot, 0)
+        q = walk.steps(2 * num_steps).astype(np.float32)
+        away = q[~TouchScreen(world.robot).near(q).any(axis=1)]
+        away = np.resize(away, (num_steps, q.shape[1]))
+        ways[f"{name}, walk"] = lambda _, w=walk: [w.steps(BATCH) for _ in range(10)]
+        ways[f"{name}, screen"] = lambda _, p=world.probe, a=away: [
+            p.felt(a[k * BATCH : (k + 1) * BATCH]) for k in range(10)
+        ]
+    return {name: num_steps / seconds for name, seconds in in_turn(ways, turns).items()}
+
+
+_FIRST_TOUCHES = """
+import time
+from selftouch_drake.experience import collect_walk
+from selftouch_drake.experience.sources import KinematicSource
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.robot import World
+experiment = load_experiment("sphere")
+source = KinematicSource(World(experiment))
+began = time.perf_counter()
+collect_walk(source, experiment, 0, 100)
+print(time.perf_counter() - began)
+"""
+
+
+def measure_start() -> dict[str, float]:
+    """s until a process has its first hundred touches, its world built: cold, and cached."""
+
+    def first_touches(cache: str) -> float:
+        ran = subprocess.run(
+            [sys.executable, "-c", _FIRST_TOUCHES],
+            env={**os.environ, "NUMBA_CACHE_DIR": cache},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return float(ran.stdout)
+
+    with tempfile.TemporaryDirectory() as one, tempfile.TemporaryDirectory() as two:
+        found = {"nothing compiled": first_touches(one), "compiled before": first_touches(one)}
+        with ThreadPoolExecutor(2) as threads:
+            found["nothing compiled, two processes"] = max(threads.map(first_touches, [two, two]))
+    return found
 
 
 def main() -> None:
@@ -163,14 +230,19 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=5)
     arguments = parser.parse_args()
     rates = measure(arguments.touches, arguments.turns)
-    base = dict(rates)["loop"]
-    print(f"{'one core':<16}{'touches/s':>12}{'over loop':>12}")
-    for name, rate in rates:
-        print(f"{name:<16}{rate:>12,.0f}{rate / base:>12.2f}")
+    print(f"{'one core':<32}{'touches/s':>12}{'over loop':>12}")
+    for name, rate in rates.items():
+        print(f"{name:<32}{rate:>12,.0f}{rate / rates['loop']:>12.2f}")
     by_workers = measure_processes(10 * arguments.touches, max(arguments.turns // 2, 1))
-    print(f"\n{'processes':<16}{'touches/s':>12}{'speed-up':>12}")
+    print(f"\n{'processes':<32}{'touches/s':>12}{'speed-up':>12}")
     for workers, rate in by_workers.items():
-        print(f"{workers:<16}{rate:>12,.0f}{rate / by_workers[1]:>12.2f}")
+        print(f"{workers:<32}{rate:>12,.0f}{rate / by_workers[1]:>12.2f}")
+    print(f"\n{'steps that touch nothing':<32}{'steps/s':>12}")
+    for name, rate in measure_steps(arguments.turns).items():
+        print(f"{name:<32}{rate:>12,.0f}")
+    print(f"\n{'first hundred touches':<32}{'s':>12}")
+    for name, seconds in measure_start().items():
+        print(f"{name:<32}{seconds:>12.1f}")
 
 
 if __name__ == "__main__":

@@ -58,6 +58,19 @@ class Touches:
         p_LC = total[pressed, 1:] / total[pressed, :1]
         return Touches(sensation=sensation, row=row, skin=skin, toucher=toucher, p_LC=p_LC)
 
+    def of_rows(self, rows: np.ndarray) -> Touches:
+        """What is felt at some of the instants, given in rising order."""
+        number = np.full(len(self.sensation), -1)
+        number[rows] = np.arange(len(rows))
+        kept = number[self.row] >= 0
+        return Touches(
+            sensation=self.sensation[rows],
+            row=number[self.row[kept]],
+            skin=self.skin[kept],
+            toucher=self.toucher[kept],
+            p_LC=self.p_LC[kept],
+        )
+
     def and_also(self, other: Touches) -> Touches:
         """What is felt at the same instants with other contacts besides, of other touchers."""
         order = np.lexsort(

@@ -11,9 +11,9 @@ Drake alone knows dynamics, and a skin that presses a skin: there both sides are
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from selftouch_drake.robot.compiled import compiled, inner
 from selftouch_drake.robot.contact import Touches
 from selftouch_drake.robot.receptor_shares import Shares, add_load, feel_loads, receptor_shares
 from selftouch_drake.robot.robot import Robot
@@ -21,8 +21,6 @@ from selftouch_drake.robot.soft_skin import SoftSkin, soft_skin, tets_near
 from selftouch_drake.robot.touchers import PATCH, RigidMesh, rigid_mesh, touching_triangles
 
 _LEAST_COSINE = np.cos(5 * np.pi / 8)
-
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
 
 
 class RigidTouchers:
@@ -90,7 +88,7 @@ def _mesh(robot: Robot, number: int) -> RigidMesh:
     return rigid_mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
-@_compiled
+@compiled
 def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total):
     """Presses a rigid mesh on a skin in several rows of poses.
 
@@ -107,15 +105,16 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
             times place in the frame of the skin's link.
     """
     g, X = skin.pressure, np.empty((3, 4))
-    p, normals = np.empty((3 * PATCH, 3)), np.empty((PATCH, 3))
+    p, planes = np.empty((3 * PATCH, 3)), np.empty((PATCH, 4))
     above, polygons, piece = np.empty((4, 3 * PATCH)), np.empty((2, 8, 2)), np.empty(3)
-    box, place = np.empty(6), np.empty(3)
+    box, place, parts = np.empty(6), np.empty(3), np.empty(3)
     # `seen` holds the last look at each tetrahedron, so that each is listed once.
     tets, seen, look = np.empty(len(g), dtype=np.int64), np.zeros(len(g), dtype=np.int64), 0
     load = np.zeros(len(shares.weight_ends) - 1)
     loaded = np.empty(len(load), dtype=np.int64)
     for r in range(len(rows)):
-        row, num_loaded = rows[r], 0
+        # Literals would make numba compile what they are passed to twice; so in `cut`.
+        row, num_loaded = rows[r], np.int64(0)
         relative_pose(X_WL, row, skin_frame, mesh_frame, X)
         for i in range(4):
             total[r, i] = 0.0
@@ -125,17 +124,16 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
             num_tets = tets_near(skin, box, look, seen, tets)
             first, last = mesh.face_ends[patch], mesh.face_ends[patch + 1]
             if num_tets:
-                _turn(mesh.normals, first, last, X, normals)
+                _turn(mesh, first, last, X, p, planes)
             for entry in range(num_tets):
-                tet = tets[entry]
-                if not _reach_into(skin.planes, tet, p, num_points, above):
-                    continue
+                tet, measured = tets[entry], False
                 for face in range(first, last):
-                    along = 0.0
-                    for i in range(3):
-                        along += normals[face - first, i] * g[tet, i]
-                    if not along > _LEAST_COSINE * g[tet, 4]:
+                    if not _meets_plane(skin.corners, g, tet, planes, face - first):
                         continue
+                    if not measured:
+                        if not _reach_into(skin.planes, tet, p, num_points, above):
+                            break
+                        measured = True
                     a, b, c = mesh.faces[face, 0], mesh.faces[face, 1], mesh.faces[face, 2]
                     if not cut(above, a, b, c, polygons, piece):
                         continue
@@ -149,11 +147,13 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
                     total[r, 0] += force
                     for i in range(3):
                         total[r, 1 + i] += force * place[i]
-                    num_loaded = add_load(shares, tet, place, force, load, loaded, num_loaded)
+                    num_loaded = add_load(
+                        shares, tet, place, force, parts, load, loaded, num_loaded
+                    )
         feel_loads(shares, load, loaded, num_loaded, sensation, row)
 
 
-@_compiled
+@inner
 def relative_pose(X_WL, row, a, b, X_AB):
     """Writes the pose of one frame in another at one row of `(N, L, 3, 4)` into `(3, 4)`."""
     for i in range(3):
@@ -164,7 +164,7 @@ def relative_pose(X_WL, row, a, b, X_AB):
                 X_AB[i, j] += X_WL[row, a, k, i] * away
 
 
-@_compiled
+@inner
 def _place(mesh, patch, X, p, box):
     """Places the corners of a patch, with their bounding box; returns how many there are."""
     start = mesh.point_ends[patch]
@@ -175,34 +175,53 @@ def _place(mesh, patch, X, p, box):
         for v in range(num):
             q = start + v
             p[v, i] = a * mesh.points[q, 0] + b * mesh.points[q, 1] + c * mesh.points[q, 2] + d
-            low, high = min(low, p[v, i]), max(high, p[v, i])
+            low = p[v, i] if p[v, i] < low else low
+            high = p[v, i] if p[v, i] > high else high
         box[i], box[3 + i] = low, high
     return num
 
 
-@_compiled
-def _turn(normals, first, last, X, turned):
-    for i in range(3):
-        a, b, c = X[i, 0], X[i, 1], X[i, 2]
-        for f in range(first, last):
-            turned[f - first, i] = a * normals[f, 0] + b * normals[f, 1] + c * normals[f, 2]
+@inner
+def _turn(mesh, first, last, X, p, planes):
+    """Places the planes of a patch's faces: unit normals, and how far behind the origin is."""
+    for f in range(last - first):
+        corner, planes[f, 3] = mesh.faces[first + f, 0], 0.0
+        for i in range(3):
+            planes[f, i] = 0.0
+            for k in range(3):
+                planes[f, i] += X[i, k] * mesh.normals[first + f, k]
+            planes[f, 3] -= planes[f, i] * p[corner, i]
 
 
-@_compiled
+@inner
+def _meets_plane(corners, g, tet, planes, f):
+    """Whether a tetrahedron is on both sides of a face's plane, and its pressure counts there."""
+    x, y, z, d = planes[f, 0], planes[f, 1], planes[f, 2], planes[f, 3]
+    if not x * g[tet, 0] + y * g[tet, 1] + z * g[tet, 2] > _LEAST_COSINE * g[tet, 4]:
+        return False
+    below = above = False
+    for k in range(4):
+        height = x * corners[tet, k, 0] + y * corners[tet, k, 1] + z * corners[tet, k, 2] + d
+        below |= height < 0
+        above |= height > 0
+    return below and above
+
+
+@inner
 def _reach_into(planes, tet, p, num_points, above):
     """Whether no side of a tetrahedron has all points outside; heights over them go to `above`."""
     for k in range(4):
         a, b, c, d = planes[tet, k, 0], planes[tet, k, 1], planes[tet, k, 2], planes[tet, k, 3]
-        highest = 0.0
+        inside = False
         for v in range(num_points):
             above[k, v] = a * p[v, 0] + b * p[v, 1] + c * p[v, 2] + d
-            highest = max(highest, above[k, v])
-        if highest <= 0:
+            inside |= above[k, v] > 0
+        if not inside:
             return False
     return True
 
 
-@_compiled
+@compiled
 def cut(above, a, b, c, polygons, piece):
     """Cuts a triangle by the four planes of a tetrahedron.
 
@@ -224,7 +243,7 @@ def cut(above, a, b, c, polygons, piece):
             return False
     polygons[0, 0, 0] = polygons[0, 0, 1] = polygons[0, 1, 1] = polygons[0, 2, 0] = 0.0
     polygons[0, 1, 0] = polygons[0, 2, 1] = 1.0
-    num, side = 3, 0
+    num, side = np.int64(3), np.int64(0)
     for k in range(4):
         if above[k, a] < 0 or above[k, b] < 0 or above[k, c] < 0:
             along_u, along_v = above[k, b] - above[k, a], above[k, c] - above[k, a]
@@ -245,7 +264,7 @@ def cut(above, a, b, c, polygons, piece):
     return area > 0
 
 
-@_compiled
+@inner
 def _clip(polygons, side, num, height, along_u, along_v):
     """Keeps, on the other side of `polygons`, what of a polygon is not below a plane."""
     kept = 0

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import Frame, Joint, RevoluteJoint, RigidBody
+
+from selftouch_drake.robot.compiled import compiled, inner
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,26 +145,25 @@ def _axis(joint: Joint) -> np.ndarray:
     return joint.translation_axis()
 
 
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
-
-
-@_compiled
+@compiled
 def _all_poses(q, parent, X_PF, axis_F, turns, owner, X_JL, X_WL):
     # The world, then what each joint moves.
     X = np.zeros((len(parent) + 1, 3, 4))
     for i in range(3):
         X[0, i, i] = 1.0
     X_WF, X_FJ = np.empty((1, 3, 4)), np.zeros((1, 3, 4))
+    # For a literal numba would compile `_compose` again.
+    only = np.int64(0)
     for row in range(len(q)):
         for joint in range(len(parent)):
-            _compose(X, parent[joint] + 1, X_PF, joint, X_WF, 0)
+            _compose(X, parent[joint] + 1, X_PF, joint, X_WF, only)
             _move(q[row, joint], axis_F, joint, turns[joint], X_FJ)
-            _compose(X_WF, 0, X_FJ, 0, X, joint + 1)
+            _compose(X_WF, only, X_FJ, only, X, joint + 1)
         for frame in range(len(owner)):
             _compose(X, owner[frame] + 1, X_JL, frame, X_WL[row], frame)
 
 
-@_compiled
+@inner
 def _compose(A, a, B, b, out, o):
     """Writes the product of two transforms, A[a] and B[b], into out[o], which is neither."""
     for i in range(3):
@@ -172,7 +172,7 @@ def _compose(A, a, B, b, out, o):
             out[o, i, j] = total + A[a, i, 3] if j == 3 else total
 
 
-@_compiled
+@inner
 def _move(q, axis_F, joint, turns, X_FJ):
     """Writes what a joint does at `q` into X_FJ[0]."""
     x, y, z = axis_F[joint, 0], axis_F[joint, 1], axis_F[joint, 2]

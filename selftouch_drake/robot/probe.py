@@ -50,18 +50,36 @@ class ContactProbe:
 
     def touches(self, q: np.ndarray) -> Touches:
         """What is felt at `q` `(N, J)`, and the contacts behind it."""
-        near = self._screen.near(q)
-        candidates = np.flatnonzero(near.any(axis=1))
-        near, q_near = near[candidates], q[candidates]
-        X_WL = self.robot.kinematics.poses(q_near)
-        touches = self._rigid_touchers.touches(X_WL, near)
-        if not self._rigid_touchers.is_rigid.all():
-            touches = touches.and_also(self._of_soft_touchers(q_near, X_WL, near))
+        rows, touches = self._of_perfect_skins(q)
         sensation = np.zeros((len(q), self._sensor.num_receptors))
-        sensation[candidates] = touches.sensation
+        sensation[rows] = touches.sensation
         if self._imperfections is not None:
             sensation = self._imperfections(sensation, q)
-        return dataclasses.replace(touches, sensation=sensation, row=candidates[touches.row])
+        return dataclasses.replace(touches, sensation=sensation, row=rows[touches.row])
+
+    def felt(self, q: np.ndarray) -> tuple[np.ndarray, Touches]:
+        """The rows of `q` `(N, J)` in which anything is felt, and what is felt in those.
+
+        Where touches are rare this takes a fraction of the time of `touches`, which has a row of
+        readings for each configuration.
+        """
+        if self._imperfections is None:
+            rows, touches = self._of_perfect_skins(q)
+        else:
+            rows, touches = np.arange(len(q)), self.touches(q)
+        felt = np.flatnonzero(touches.sensation.any(axis=1))
+        return rows[felt], touches.of_rows(felt)
+
+    def _of_perfect_skins(self, q: np.ndarray) -> tuple[np.ndarray, Touches]:
+        """The rows of `q` in which something is near a skin, and what perfect skins feel there."""
+        near = self._screen.near(q)
+        rows = np.flatnonzero(near.any(axis=1))
+        near, q = near[rows], q[rows]
+        X_WL = self.robot.kinematics.poses(q)
+        touches = self._rigid_touchers.touches(X_WL, near)
+        if not self._rigid_touchers.is_rigid.all():
+            touches = touches.and_also(self._of_soft_touchers(q, X_WL, near))
+        return rows, touches
 
     def _of_soft_touchers(self, q: np.ndarray, X_WL: np.ndarray, near: np.ndarray) -> Touches:
         """What skins feel of each other: Drake's answer, where pairs of them are near."""

@@ -8,12 +8,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 
 from selftouch_drake.geometry import HollowSkin, ReceptiveFields
-
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+from selftouch_drake.robot.compiled import compiled, inner
 
 
 class Shares(NamedTuple):
@@ -75,11 +73,12 @@ def _barycentric(corners: np.ndarray, centroid: np.ndarray) -> np.ndarray:
     return np.concatenate([gradients, offsets[:, :, None]], axis=2)
 
 
-@_compiled
+@compiled
 def _nearest_faces(corners, centroid):
     # Three tetrahedra, half a prism of a wall, share one search through all faces.
     ends = np.zeros(len(corners) + 1, dtype=np.int64)
-    faces, total = np.empty(32 * len(corners), dtype=np.int64), 0
+    # A total that starts as a literal would make numba compile `_list_nearest` twice.
+    faces, total = np.empty(32 * len(corners), dtype=np.int64), np.int64(0)
     far, near = np.empty(len(centroid)), np.empty(len(centroid), dtype=np.int64)
     squares = np.empty((len(centroid), 5))
     for first in range(0, len(corners), 3):
@@ -96,7 +95,7 @@ def _nearest_faces(corners, centroid):
     return ends, faces[:total]
 
 
-@_compiled
+@inner
 def _faces_near(corners, first, last, centroid, far, near):
     """Lists faces in reach: at least all that may be nearest to a point of some tetrahedra."""
     x = y = z = radius = 0.0
@@ -122,13 +121,13 @@ def _faces_near(corners, first, last, centroid, far, near):
     return num
 
 
-@_compiled
+@inner
 def _list_nearest(corners, tet, centroid, near, num, squares, faces, total):
     """Appends to `faces` those that may be nearest to a point of one tetrahedron.
 
     A face is left out if another one is nearer to all four corners: so it is to all points.
     """
-    best = 0
+    best: int | np.int64 = np.int64(0)
     for n in range(num):
         squares[n, 4] = 0.0
         for k in range(4):
@@ -157,7 +156,7 @@ def _list_nearest(corners, tet, centroid, near, num, squares, faces, total):
     return kept
 
 
-@_compiled
+@inner
 def _nearer(squares, a, b):
     nearer = True
     for k in range(4):
@@ -165,8 +164,8 @@ def _nearer(squares, a, b):
     return nearer
 
 
-@_compiled
-def add_load(shares, tet, place, force, load, loaded, num_loaded):
+@compiled
+def add_load(shares, tet, place, force, parts, load, loaded, num_loaded):
     """Spreads a force over the corners of the nearest face.
 
     Args:
@@ -174,6 +173,7 @@ def add_load(shares, tet, place, force, load, loaded, num_loaded):
         tet: the tetrahedron that the place is in.
         place: `(3,)` m.
         force: N.
+        parts: `(3,)` scratch.
         load: `(V,)` N, of each corner, to which is added.
         loaded: takes the corners that bore nothing before.
         num_loaded: how many it holds.
@@ -188,11 +188,12 @@ def add_load(shares, tet, place, force, load, loaded, num_loaded):
         away = (centroid[c, 0] - x) ** 2 + (centroid[c, 1] - y) ** 2 + (centroid[c, 2] - z) ** 2
         if away < best:
             best, f = away, c
-    a = max(w[f, 0, 0] * x + w[f, 0, 1] * y + w[f, 0, 2] * z + w[f, 0, 3], 0.0)
-    b = max(w[f, 1, 0] * x + w[f, 1, 1] * y + w[f, 1, 2] * z + w[f, 1, 3], 0.0)
-    c = max(w[f, 2, 0] * x + w[f, 2, 1] * y + w[f, 2, 2] * z + w[f, 2, 3], 0.0)
     for i in range(3):
-        part = force * (a if i == 0 else b if i == 1 else c) / (a + b + c)
+        u = w[f, i, 0] * x + w[f, i, 1] * y + w[f, i, 2] * z + w[f, i, 3]
+        parts[i] = u if u > 0 else 0.0
+    whole = parts[0] + parts[1] + parts[2]
+    for i in range(3):
+        part = force * parts[i] / whole
         corner = shares.faces[f, i]
         if part == 0.0:
             continue
@@ -203,7 +204,7 @@ def add_load(shares, tet, place, force, load, loaded, num_loaded):
     return num_loaded
 
 
-@_compiled
+@compiled
 def feel_loads(shares, load, loaded, num_loaded, felt, row):
     """Adds what receptors feel of the corners' loads to a row of `felt`, N; takes the loads off."""
     for k in range(num_loaded):

@@ -4,35 +4,32 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import HollowSkin
-
-# m, edge of a cell of the grid.
-_CELL = 0.012
-
-_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+from selftouch_drake.robot.compiled import compiled, inner
 
 
 class SoftSkin(NamedTuple):
     """T tetrahedra in the frame of the link that wears the skin.
 
     Attributes:
+        corners: `(T, 4, 3)` m.
         planes: `(T, 4, 4)` barycentric coordinates, linear in a point: 1/m, and at the origin.
         pressure: `(T, 5)` its gradient, Pa/m, its value at the origin, Pa, and the gradient's norm.
         box: `(T, 6)` m, lowest and highest coordinates.
-        origin: `(3,)` m, corner of the grid's first cell.
+        grid: `(4,)` m, corner of the first cell, and edge of a cell.
         shape: `(3,)` numbers of cells.
         cell_ends: `(cells + 1,)` where the tetrahedra of each cell start and end in `cell_tets`.
         cell_tets: the tetrahedra that meet each cell.
     """
 
+    corners: np.ndarray
     planes: np.ndarray
     pressure: np.ndarray
     box: np.ndarray
-    origin: np.ndarray
+    grid: np.ndarray
     shape: np.ndarray
     cell_ends: np.ndarray
     cell_tets: np.ndarray
@@ -48,22 +45,19 @@ def soft_skin(wall: HollowSkin, modulus: float) -> SoftSkin:
     pressure = np.einsum("tk,tki->ti", at_corners, planes)
     steepness = np.linalg.norm(pressure[:, :3], axis=1)
     box = np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1)
-    origin = box[:, :3].min(axis=0)
-    shape = np.ceil((box[:, 3:].max(axis=0) - origin) / _CELL).astype(np.int64)
-    ends = np.zeros(shape.prod() + 1, dtype=np.int64)
-    _sort_into_cells(planes, box, origin, shape, ends, np.empty(0, dtype=np.int64))
-    ends = np.cumsum(ends)
-    tets = np.empty(ends[-1], dtype=np.int64)
-    _sort_into_cells(planes, box, origin, shape, ends, tets)
+    # Cells as large as tetrahedra hold few, and few hold each.
+    grid = np.append(box[:, :3].min(axis=0), (box[:, 3:] - box[:, :3]).mean())
+    shape = np.ceil((box[:, 3:].max(axis=0) - grid[:3]) / grid[3]).astype(np.int64)
+    cell, tet = _cells_of_tets(planes, box, grid, shape)
     return SoftSkin(
+        corners=corners,
         planes=planes,
         pressure=np.concatenate([pressure, steepness[:, None]], axis=1),
         box=box,
-        origin=origin,
+        grid=grid,
         shape=shape,
-        # Filling a cell moved its start to its end.
-        cell_ends=np.concatenate([[0], ends[:-1]]),
-        cell_tets=tets,
+        cell_ends=np.concatenate([[0], np.cumsum(np.bincount(cell, minlength=shape.prod()))]),
+        cell_tets=tet[np.argsort(cell, kind="stable")],
     )
 
 
@@ -99,56 +93,41 @@ def distance_to_triangles(p: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.minimum.reduceat(distance, np.cumsum([0, *counts[:-1]]))
 
 
-# Compiled code is plain loops: numba compiles whole-array expressions for seconds.
+def _cells_of_tets(
+    planes: np.ndarray, box: np.ndarray, grid: np.ndarray, shape: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of a cell and a tetrahedron that meets it; arguments as of `SoftSkin`."""
+    low, high = (np.floor((c - grid[:3]) / grid[3]).astype(int) for c in np.split(box, 2, axis=1))
+    low, high = np.maximum(low, 0), np.minimum(high, shape - 1)
+    size = high - low + 1
+    tet = np.repeat(np.arange(len(box)), size.prod(axis=1))
+    number = np.arange(len(tet)) - np.repeat(np.cumsum(size.prod(axis=1)), size.prod(axis=1))
+    number += size.prod(axis=1)[tet]
+    x, number = np.divmod(number, size[tet, 1] * size[tet, 2])
+    at = low[tet] + np.stack([x, *np.divmod(number, size[tet, 2])], axis=1)
+    # Highest barycentric coordinates in each cell, taken a little larger, so that rounding hides
+    # no tetrahedron.
+    half = 0.500001 * grid[3] * np.abs(planes[:, :, :3]).sum(axis=2)
+    centre = grid[:3] + (at + 0.5) * grid[3]
+    highest = np.einsum("nki,ni->nk", planes[tet, :, :3], centre) + planes[tet, :, 3] + half[tet]
+    meets = (highest >= 0).all(axis=1)
+    return np.ravel_multi_index(tuple(at[meets].T), tuple(shape)), tet[meets]
 
 
-@_compiled
-def span(low, high, origin, num):
+@inner
+def _span(low, high, origin, cell, num):
     """The first and the one-past-last cell, along one axis, between two coordinates."""
-    first = max(0, int(np.floor((low - origin) / _CELL)))
-    return first, min(num, int(np.floor((high - origin) / _CELL)) + 1)
+    first = max(0, int(np.floor((low - origin) / cell)))
+    return first, min(num, int(np.floor((high - origin) / cell)) + 1)
 
 
-@_compiled
-def _sort_into_cells(planes, box, origin, shape, ends, tets):
-    """Counts the tetrahedra that meet each cell into `ends`; with room in `tets`, lists them."""
-    for t in range(len(box)):
-        first_i, last_i = span(box[t, 0], box[t, 3], origin[0], shape[0])
-        first_j, last_j = span(box[t, 1], box[t, 4], origin[1], shape[1])
-        first_k, last_k = span(box[t, 2], box[t, 5], origin[2], shape[2])
-        for i in range(first_i, last_i):
-            for j in range(first_j, last_j):
-                for k in range(first_k, last_k):
-                    if _meets_cell(planes, t, origin, i, j, k):
-                        cell = (i * shape[1] + j) * shape[2] + k
-                        if len(tets):
-                            tets[ends[cell]] = t
-                            ends[cell] += 1
-                        else:
-                            ends[cell + 1] += 1
-
-
-@_compiled
-def _meets_cell(planes, t, origin, i, j, k):
-    # A little larger, so that rounding hides no tetrahedron.
-    half = 0.500001 * _CELL
-    x = origin[0] + (i + 0.5) * _CELL
-    y = origin[1] + (j + 0.5) * _CELL
-    z = origin[2] + (k + 0.5) * _CELL
-    for s in range(4):
-        a, b, c, d = planes[t, s, 0], planes[t, s, 1], planes[t, s, 2], planes[t, s, 3]
-        if a * x + b * y + c * z + d + half * (abs(a) + abs(b) + abs(c)) < 0:
-            return False
-    return True
-
-
-@_compiled
+@compiled
 def tets_near(skin, box, look, seen, tets):
     """Lists, each once, the tetrahedra whose boxes meet a box; returns how many there are."""
-    num, shape, ends, boxes = 0, skin.shape, skin.cell_ends, skin.box
-    first_i, last_i = span(box[0], box[3], skin.origin[0], shape[0])
-    first_j, last_j = span(box[1], box[4], skin.origin[1], shape[1])
-    first_k, last_k = span(box[2], box[5], skin.origin[2], shape[2])
+    num, grid, shape, ends, boxes = 0, skin.grid, skin.shape, skin.cell_ends, skin.box
+    first_i, last_i = _span(box[0], box[3], grid[0], grid[3], shape[0])
+    first_j, last_j = _span(box[1], box[4], grid[1], grid[3], shape[1])
+    first_k, last_k = _span(box[2], box[5], grid[2], grid[3], shape[2])
     if first_k >= last_k:
         return 0
     for i in range(first_i, last_i):

@@ -1,0 +1,23 @@
+"""How inner loops are compiled: cached, without the interpreter's lock, and without fast maths.
+
+Numba compiles whole-array expressions for seconds, and a function again for each literal that it
+is passed: compiled code is plain loops, and what counts starts as an `np.int64`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+
+# numba's own types do not know the last two.
+_OPTIONS: dict[str, Any] = {
+    "cache": True,
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cfunc_wrapper": True,
+}
+# For what is called from Python.
+compiled = numba.njit(**_OPTIONS)
+# For what compiled code alone calls: it compiles in less time.
+inner = numba.njit(**_OPTIONS, no_cpython_wrapper=True)
