@@ -20,12 +20,14 @@ from pathlib import Path
 import numpy as np
 
 # Imported once, here.
-from selftouch_drake import show, stages  # noqa: F401
+from selftouch_drake import show  # noqa: F401
 from selftouch_drake.cli import cli, exit_status
+from selftouch_drake.run import stages  # noqa: F401
 from selftouch_drake.sweep import read_table
 
 SMALL = (
-    "{body: {resolution: 0.04}, babbling: {num_samples: 900, walk_size: 300}, "
+    "{skins: {body: {surface: {shape: cube, side: 0.44, resolution: 0.04}}}, "
+    "babbling: {num_samples: 900, walk_size: 300}, "
     "representation: {num_targets: 50, metric: sensorimotor}, execution: {max_tries: 2}, "
     "evaluation: {num_pairs: 1, shape_metrics: []}}"
 )
@@ -146,8 +148,8 @@ class Stage:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kills", type=int, default=50)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kills", type=int, default=50, help="over all stages")
+    parser.add_argument("--seed", type=int, default=0, help="of the moments")
     arguments = parser.parse_args()
     random = np.random.default_rng(arguments.seed)
     began = time.perf_counter()

@@ -2,7 +2,7 @@
 
 Run: `python benchmarks/learning.py RUN`, on a run that has learned 1000 targets from a million
 touches. It reads the run and leaves it as it is. Times are of the processor, not of the clock, so
-that a machine with other work gives nearly the same; the clock is told beside them.
+that a machine with other work gives nearly the same; the clock stands beside them.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from selftouch_drake.agent.representation.set_distances import _nearest_squared
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.knowledge import load_representation
 
 # Where one thing grows, the others stay at these.
 NUM_ROWS, NUM_TARGETS, KERNEL_SIZE = 300_000, 300, 300
@@ -44,7 +45,7 @@ def measure_peers(representation: QuotientRepresentation, num_sets: int, turns: 
     The ways take turns; each has float32 or float64 as it likes best, trees included.
     """
     chosen = np.random.default_rng(0).choice(representation.num_targets, num_sets, replace=False)
-    sets = [representation.kernel_q[representation.members(k)] for k in chosen]
+    sets = [representation.kernel_x[representation.members(k)] for k in chosen]
     doubles = [np.asarray(members, dtype=float) for members in sets]
     members, offsets = np.concatenate(sets), np.cumsum([0, *map(len, sets)])
     nearest_squared = _nearest_squared(members.shape[1])
@@ -179,7 +180,7 @@ def main() -> None:
         return
 
     num_rows = ExperienceReader(arguments.run / "experience").num_rows
-    learned = stages.load_representation(RunDirectory.open(arguments.run))
+    learned = load_representation(RunDirectory.open(arguments.run))
     print(
         f"{'nearest, one core':<20}{'ns/pair':>10}{'times':>8}{'1e12, 2 cores':>16}{'differs':>12}"
     )

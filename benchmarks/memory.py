@@ -33,7 +33,7 @@ STAGES = ("babble, a worker", "babble, the main process", "learn", "evaluate", "
 
 
 def peak_memory_mb() -> float:
-    """Of this process alone: what `getrusage` tells begins with the memory of its parent."""
+    """Of this process alone: what `getrusage` says begins with the memory of its parent."""
     status = Path("/proc/self/status").read_text()
     return int(status.partition("VmHWM:")[2].split()[0]) / 1024
 
@@ -53,17 +53,18 @@ def repeated(source: Path, times: int, num_targets: int, path: Path) -> None:
     felt, true = ExperienceReader(whole.experience), ExperienceReader(whole.truth)
     num_shards = len(walk_sizes(experiment)) - NUM_BABBLED
     again = itertools.chain.from_iterable(
-        zip(felt.batches("q"), felt.batches("sensation"), true.batches("p_WF"), strict=True)
+        zip(felt.batches("q"), felt.batches("sensation"), true.contacts(), strict=True)
         for _ in itertools.count()
     )
-    for walk, (q, sensation, p_WF) in zip(range(num_shards), again, strict=False):
+    for walk, (q, sensation, contacts) in zip(range(num_shards), again, strict=False):
         shard = Shard(
             walk=walk,
             num_steps=30 * len(q),
+            num_impossible=0,
             step=30 * np.arange(len(q)),
             q=q,
             sensation=sensation,
-            p_WF=p_WF,
+            contacts=contacts,
         )
         write_shard(path, shard, fingerprint=run.fingerprint())
 
@@ -73,13 +74,13 @@ def do(stage: str, path: Path) -> dict[str, float]:
     run = RunDirectory.open(path)
     if stage == "babble":
         with local_executor(1) as executor:
-            stages.babble(run, stages.World(run.experiment), executor)
+            stages.babble(run, stages.make_world(run), executor)
             worker = executor.submit(peak_memory_mb).result()
         return {STAGES[0]: worker, STAGES[1]: peak_memory_mb()}
     if stage == "learn":
         stages.learn(run)
     elif stage == "evaluate":
-        stages.evaluate(run, stages.World(run.experiment))
+        stages.evaluate(run, stages.make_world(run))
     else:
         write_report(run)
     return {stage: peak_memory_mb()}
@@ -87,9 +88,9 @@ def do(stage: str, path: Path) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("run", type=Path, help="that has babbled; what is more is made of it")
-    parser.add_argument("--times", type=int, default=10)
-    parser.add_argument("--targets", type=int, default=300)
+    parser.add_argument("run", type=Path, help="that has babbled; both runs are made of it")
+    parser.add_argument("--times", type=int, default=10, help="as many touches in the larger")
+    parser.add_argument("--targets", type=int, default=300, help="target sensations of both")
     parser.add_argument("--data", type=Path, default=Path("docs/data/memory.csv"))
     parser.add_argument("--plot", type=Path, default=Path("docs/images/memory.png"))
     parser.add_argument("--stage", help=argparse.SUPPRESS)

@@ -10,28 +10,30 @@ import argparse
 import dataclasses
 from pathlib import Path
 
+from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.motions import World
-from selftouch_drake.run.trials import score_motions
-from selftouch_drake.show import readings
+from selftouch_drake.run.figures import readings
+from selftouch_drake.run.knowledge import load_agent
+from selftouch_drake.run.scores import trial_figures
+from selftouch_drake.run.trials import try_pairs
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("runs", type=Path, nargs="+", help="runs that have learned")
-    parser.add_argument("--pairs", type=int, default=200)
+    parser.add_argument("--pairs", type=int, default=200, help="of start and goal, in each run")
     arguments = parser.parse_args()
     columns = {}
     for path in arguments.runs:
         run = RunDirectory.open(path)
-        experiment = dataclasses.replace(
-            run.experiment, evaluation=dataclasses.replace(run.experiment.evaluation)
-        )
-        experiment.evaluation.num_pairs = arguments.pairs
-        run = RunDirectory(run.path, experiment)
-        figures = score_motions(run, World(experiment), lambda fraction, doing: None)
+        evaluation = dataclasses.replace(run.experiment.evaluation, num_pairs=arguments.pairs)
+        agent, world = load_agent(run), stages.make_world(run)
+        # The same run, but for the number of pairs; their first tries are kept among its plans.
+        asked = dataclasses.replace(run.experiment, evaluation=evaluation)
+        trials = try_pairs(RunDirectory(path, asked), world, agent, stages.silent)
+        figures = trial_figures(trials, world.robot.turns)
         columns[path.name] = {
-            reading.key: reading.value for stage in readings(figures).values() for reading in stage
+            reading.key: reading.value for some in readings(figures).values() for reading in some
         }
     keys = list(dict.fromkeys(key for column in columns.values() for key in column))
     print(f"| figure | {' | '.join(columns)} |")

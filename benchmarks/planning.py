@@ -1,11 +1,13 @@
 """Planning beside its peers, on the same pairs of a run that has learned. Run it as a script.
 
-- selftouch: the quotient graph, which knows neither arm nor body.
+- selftouch: the quotient graph, which knows neither the robot nor its body.
 - OMPL: RRT-Connect in a projected state space, given the true kinematics and the true surface.
 - samples: shortest path over the nearest neighbours of all stored motor configurations.
 
 All start in the same configuration and may end in the same ones; all paths are smoothed, timed and
-executed alike. The table stands in docs/planning.md. `pip install 'selftouch-drake[bench]'` first.
+executed alike. The run must be of a robot with one skin that is a sphere, a cube or a torus about
+the origin of its link; the skin may move. The table stands in docs/planning.md.
+`pip install 'selftouch-drake[bench]'` first.
 """
 
 from __future__ import annotations
@@ -28,10 +30,14 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.planning import Planner, smooth_path
 from selftouch_drake.agent.planning.route import goal_members
-from selftouch_drake.experiment import Experiment
+from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
+from selftouch_drake.experiment import Surface
+from selftouch_drake.robot import World
+from selftouch_drake.robot.kinematics import compose, joint_poses
 from selftouch_drake.robot.timing import TimedPath, time_path
+from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.motions import World, load_representation
+from selftouch_drake.run.knowledge import load_representation
 from selftouch_drake.run.trials import random_pairs
 
 # Goal configurations offered to a peer; more slow OMPL's nearest-neighbour search of its goal tree.
@@ -47,7 +53,7 @@ SHAPES = {"sphere": 0, "cube": 1, "torus": 2}
 
 @dataclass(frozen=True)
 class Question:
-    """What every planner is asked: `(J,)` rad where the arm is, and `(n, J)` where it may end."""
+    """What every planner is asked: `(J,)` where the joints are, and `(n, J)` where they may end."""
 
     start: int
     goal: int
@@ -78,49 +84,52 @@ def surface_distance(p, shape, size):
 
 
 @njit(cache=True)
-def on_surface(q, axis_W, p_WJ, p_WF, shape, size):
-    """Signed distance of the nearest fingertip to the surface, and its slope in the joints."""
-    num_joints, num_fingers = len(axis_W), len(p_WF)
-    rotation = np.eye(3)
-    shift = np.zeros(3)
-    axes = np.empty((num_joints, 3))
-    origins = np.empty((num_joints, 3))
-    for j in range(num_joints):
-        axis = axis_W[j]
-        axes[j] = rotation @ axis
-        origins[j] = rotation @ p_WJ[j] + shift
-        x, y, z = axis
-        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        turn = np.eye(3) + np.sin(q[j]) * cross + (1 - np.cos(q[j])) * (cross @ cross)
-        shift = shift + rotation @ (p_WJ[j] - turn @ p_WJ[j])
-        rotation = rotation @ turn
+def on_surface(q, parent, X_PF, axis_F, turns, owner, X_JL, shape, size):
+    """Signed distance of the nearest toucher to the surface, and its slope in the joints.
+
+    The first frame is that of the skin's link, the others are those of the touchers.
+    """
+    num_joints = len(parent)
+    X_WJ = np.empty((num_joints, 3, 4))
+    X_WF, X_FJ = np.empty((3, 4)), np.empty((3, 4))
+    joint_poses(q, parent, X_PF, axis_F, turns, X_WJ, X_WF, X_FJ)
+    X_WL = np.empty((len(owner), 3, 4))
+    for frame in range(len(owner)):
+        if owner[frame] < 0:
+            X_WL[frame] = X_JL[frame]
+        else:
+            compose(X_WJ[owner[frame]], X_JL[frame], X_WL[frame])
     best, slope = np.inf, np.zeros(num_joints)
-    for finger in range(num_fingers):
-        p = rotation @ p_WF[finger] + shift
-        distance, gradient = surface_distance(p, shape, size)
-        if np.abs(distance) < np.abs(best):
-            best = distance
-            for j in range(num_joints):
-                slope[j] = np.dot(np.cross(axes[j], p - origins[j]), gradient)
+    for toucher in range(1, len(owner)):
+        p_WT = X_WL[toucher, :, 3].copy()
+        R_WS = X_WL[0, :, :3].copy()
+        distance, gradient_S = surface_distance(R_WS.T @ (p_WT - X_WL[0, :, 3]), shape, size)
+        if np.abs(distance) >= np.abs(best):
+            continue
+        best = distance
+        gradient_W = R_WS @ gradient_S
+        slope[:] = 0.0
+        # What moves the toucher moves it over the skin; what moves the skin moves it away.
+        for frame, sign in ((toucher, 1.0), (0, -1.0)):
+            joint = owner[frame]
+            while joint >= 0:
+                axis_W = X_WJ[joint, :, :3].copy() @ axis_F[joint]
+                motion = np.cross(axis_W, p_WT - X_WJ[joint, :, 3]) if turns[joint] else axis_W
+                slope[joint] += sign * np.dot(motion, gradient_W)
+                joint = parent[joint]
     return best, slope
 
 
 class OnSurface(ob.Constraint):
-    """A fingertip at mid-depth of the skin."""
+    """A toucher at mid-depth of the skin."""
 
-    def __init__(self, world: World, experiment: Experiment):
-        super().__init__(world.probe.agent.plant.num_positions(), 1, 1e-3)
-        known, body = world.probe.kinematics, experiment.body
-        depth = experiment.skin.thickness / 2
-        if body.shape not in SHAPES:
-            raise SystemExit(f"the true surface of a {body.shape} is not known here")
-        size = {
-            "sphere": lambda: [body.radius - depth],
-            "cube": lambda: [body.side / 2 - depth],
-            "torus": lambda: [body.major_radius, body.minor_radius - depth],
-        }[body.shape]()
+    def __init__(self, world: World):
+        super().__init__(world.robot.num_joints, 1, 1e-3)
+        (skin,) = world.experiment.skins.values()
+        depth, known = skin.thickness / 2, world.robot.kinematics
         self.arguments = (
-            known.axis_W, known.p_WJ, known.p_WF, SHAPES[body.shape], np.array(size)
+            known.parent, known.X_PF, known.axis_F, known.turns, known.owner, known.X_JL,
+            SHAPES[skin.surface.shape], dimensions(skin.surface, depth),
         )  # fmt: skip
 
     def function(self, x, out):
@@ -140,13 +149,33 @@ class OnSurface(ob.Constraint):
         return q
 
 
-def ompl_planner(world: World, experiment: Experiment) -> Callable[[Question], np.ndarray | None]:
+def dimensions(surface: Surface, depth: float) -> np.ndarray:
+    """What `surface_distance` needs of a shape, `depth` m below its surface."""
+    if surface.shape == "sphere":
+        return np.array([surface.radius - depth])
+    if surface.shape == "cube":
+        return np.array([surface.side / 2 - depth])
+    return np.array([surface.major_radius, surface.minor_radius - depth])
+
+
+def require_known(world: World) -> None:
+    """Refuses a robot whose true surface is not known here."""
+    skins = list(world.experiment.skins.values())
+    known = len(skins) == 1 and skins[0].surface.shape in SHAPES
+    if not known or any(skins[0].surface.translation + skins[0].surface.rpy_deg):
+        raise SystemExit(
+            f"{world.experiment.name} has not one skin that is a sphere, a cube or a torus about "
+            "the origin of its link; give the run of another experiment"
+        )
+
+
+def ompl_planner(world: World) -> Callable[[Question], np.ndarray | None]:
     """RRT-Connect on the manifold of touching configurations, with OMPL's simplification."""
-    agent = world.probe.agent
-    constraint = OnSurface(world, experiment)
-    ambient = ob.RealVectorStateSpace(len(agent.lower))
-    bounds = ob.RealVectorBounds(len(agent.lower))
-    for joint, (low, high) in enumerate(zip(agent.lower, agent.upper, strict=True)):
+    lower, upper = world.robot.babbled_range
+    constraint = OnSurface(world)
+    ambient = ob.RealVectorStateSpace(len(lower))
+    bounds = ob.RealVectorBounds(len(lower))
+    for joint, (low, high) in enumerate(zip(lower, upper, strict=True)):
         bounds.setLow(joint, float(low))
         bounds.setHigh(joint, float(high))
     ambient.setBounds(bounds)
@@ -184,17 +213,21 @@ def ompl_planner(world: World, experiment: Experiment) -> Callable[[Question], n
     return plan
 
 
-def sample_planner(kernel_q: np.ndarray) -> Callable[[Question], np.ndarray | None]:
-    """Dijkstra's shortest path over the nearest neighbours of all stored configurations."""
-    tree = cKDTree(kernel_q)
-    distance, near = tree.query(kernel_q, SAMPLE_NEIGHBOURS + 1)
+def sample_planner(
+    representation: QuotientRepresentation, num_samples: int
+) -> Callable[[Question], np.ndarray | None]:
+    """Dijkstra's shortest path over the nearest neighbours of many stored configurations."""
+    rows = np.random.default_rng(0).permutation(representation.num_rows)[:num_samples]
+    kernel_q = representation.kernel_q[rows]
+    tree = cKDTree(representation.scaled(kernel_q))
+    distance, near = tree.query(tree.data, SAMPLE_NEIGHBOURS + 1)
     row = np.repeat(np.arange(len(kernel_q)), SAMPLE_NEIGHBOURS)
     links = (distance[:, 1:].ravel(), (row, near[:, 1:].ravel()))
     graph = coo_array(links, shape=(len(kernel_q),) * 2).tocsr()
 
     def plan(question: Question) -> np.ndarray | None:
-        _, start = tree.query(question.q_start)
-        _, goals = tree.query(question.goal_q)
+        _, start = tree.query(representation.scaled(question.q_start))
+        _, goals = tree.query(representation.scaled(question.goal_q))
         cost, parent = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
         node = goals[np.argmin(cost[goals])]
         if not np.isfinite(cost[node]):
@@ -207,10 +240,12 @@ def sample_planner(kernel_q: np.ndarray) -> Callable[[Question], np.ndarray | No
     return plan
 
 
-def questions(run: RunDirectory, representation, num_pairs: int) -> list[Question]:
+def questions(
+    run: RunDirectory, representation: QuotientRepresentation, num_pairs: int
+) -> list[Question]:
     """The first pairs that `selftouch evaluate` tries, with the same start configurations."""
     asked = []
-    for start, goal in random_pairs(run)[:num_pairs]:
+    for start, goal in random_pairs(run.experiment, representation)[:num_pairs]:
         members = representation.kernel_q[representation.members(start)]
         stream = run.experiment.random_stream("start", start, goal)
         rng = np.random.default_rng(stream)
@@ -221,14 +256,14 @@ def questions(run: RunDirectory, representation, num_pairs: int) -> list[Questio
     return asked
 
 
-def jerk(path: BSpline) -> float:
+def jerk(path: BSpline, scale: np.ndarray) -> float:
     """Root mean square of the third derivative, in 1/rad^2: third differences every 0.02 rad."""
     length = path.t[-1]
-    q = path(np.linspace(0.0, length, max(5, int(length / JERK_SPACING))))
-    return float(np.sqrt(np.mean(np.square(np.diff(q, 3, axis=0))))) / JERK_SPACING**3
+    x = path(np.linspace(0.0, length, max(5, int(length / JERK_SPACING)))) * scale
+    return float(np.sqrt(np.mean(np.square(np.diff(x, 3, axis=0))))) / JERK_SPACING**3
 
 
-def measure(name, plan, asked, world: World, experiment: Experiment, targets) -> str:
+def measure(name, plan, asked, world: World, representation: QuotientRepresentation) -> str:
     """Asks one planner everything, executes its answers, and returns its line of the table."""
     rows = []
     for question in asked:
@@ -237,13 +272,13 @@ def measure(name, plan, asked, world: World, experiment: Experiment, targets) ->
         if path is None:
             rows.append([time.process_time() - began, 0.0, 0.0, np.nan, np.nan, np.nan])
             continue
-        timed = timed_path(path, experiment)
+        timed = timed_path(path, world)
         spent = time.process_time() - began
-        felt = world.dynamic.execute(timed.time_s, timed.q, timed.v).felt
-        touching = felt.any(axis=1)
-        reached = touching[-1] and np.argmax(targets @ felt[-1]) == question.goal
-        length = np.linalg.norm(np.diff(timed.q, axis=0), axis=1).sum()
-        rows.append([spent, touching.mean(), reached, length, timed.time_s[-1], jerk(path)])
+        felt = world.simulation.execute(timed.time_s, timed.q, timed.v).felt
+        reached = question.goal in felt_kernels(representation, felt[-1])
+        length = np.linalg.norm(np.diff(representation.scaled(timed.q), axis=0), axis=1).sum()
+        rough = jerk(path, representation.joint_scale)
+        rows.append([spent, felt.any(axis=1).mean(), reached, length, timed.time_s[-1], rough])
     spent, contact, reached, length, duration, rough = np.array(rows).T
     return (
         f"| {name} | {1e3 * np.median(spent):,.0f} / {1e3 * np.quantile(spent, 0.95):,.0f} "
@@ -253,40 +288,43 @@ def measure(name, plan, asked, world: World, experiment: Experiment, targets) ->
     )
 
 
-def timed_path(path: BSpline, experiment: Experiment) -> TimedPath:
+def timed_path(path: BSpline, world: World) -> TimedPath:
     """The path timed as `selftouch plan` does it."""
-    limits, num_joints = experiment.execution, path.c.shape[1]
-    return time_path(
-        path,
-        velocity_limit=np.full(num_joints, limits.max_velocity),
-        acceleration_limit=np.full(num_joints, limits.max_acceleration),
-    )
+    limits = world.limits
+    return time_path(path, velocity_limit=limits.velocity, acceleration_limit=limits.acceleration)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("run", type=Path, help="a run that has learned")
-    parser.add_argument("--pairs", type=int, default=40)
+    parser.add_argument("--pairs", type=int, default=40, help="of start and goal")
     parser.add_argument("--samples", type=int, default=200_000, help="in the graph of samples")
     arguments = parser.parse_args()
     ou.setLogLevel(ou.LogLevel.LOG_ERROR)
     ou.RNG.setSeed(1)
 
     run = RunDirectory.open(arguments.run)
-    experiment, world = run.experiment, World(run.experiment)
+    experiment, world = run.experiment, stages.make_world(run)
+    require_known(world)
     representation = load_representation(run)
-    agent, knot_spacing = world.probe.agent, experiment.planning.knot_spacing
+    limits = world.robot.lower, world.robot.upper
+    lower, upper = (representation.scaled(limit) for limit in limits)
+    knot_spacing = experiment.planning.knot_spacing
     planner = Planner(representation, knot_spacing=knot_spacing)
-    rows = np.random.default_rng(0).permutation(len(representation.kernel_q))[: arguments.samples]
 
     def smoothed(plan):
         def answer(question: Question) -> BSpline | None:
             waypoints = plan(question)
             if waypoints is None:
                 return None
-            return smooth_path(
-                waypoints, knot_spacing=knot_spacing, lower=agent.lower, upper=agent.upper
+            path = smooth_path(
+                representation.scaled(waypoints),
+                knot_spacing=knot_spacing,
+                lower=lower,
+                upper=upper,
             )
+            path.c = representation.unscaled(path.c)
+            return path
 
         return answer
 
@@ -296,8 +334,8 @@ def main() -> None:
     asked = questions(run, representation, arguments.pairs)
     methods = {
         "selftouch": quotient,
-        "OMPL, true model": smoothed(ompl_planner(world, experiment)),
-        "samples": smoothed(sample_planner(representation.kernel_q[rows])),
+        "OMPL, true model": smoothed(ompl_planner(world)),
+        "samples": smoothed(sample_planner(representation, arguments.samples)),
     }
     print(f"{experiment.name}, {len(asked)} pairs\n")
     print("| planner | CPU ms, median / 95 % | solved | contact, mean / worst | reached ", end="")
@@ -305,10 +343,7 @@ def main() -> None:
     print("|---" * 8 + "|")
     for name, plan in methods.items():
         plan(asked[0])  # compiles what is compiled
-        print(
-            measure(name, plan, asked, world, experiment, representation.target_sensations),
-            flush=True,
-        )
+        print(measure(name, plan, asked, world, representation), flush=True)
 
 
 if __name__ == "__main__":

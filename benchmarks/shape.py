@@ -11,10 +11,13 @@ that a long table can be stopped and resumed. What was learned is kept in `--cac
 CPU time, so that other work does not change them. At the end all rows of the file are printed as a
 table: medians and worst over the seeds of runs and networks.
 
+Of a body in several parts the error is that of the worst skin, the numbers of holes are those of
+each part, the other figures those of the worst part, and the dimension is that of the largest.
+
 Skins are worn out after the fact, in the stored sensations; rows left null are dropped:
 
 - `whole`: as it is;
-- `lopsided`: on one half of the body every third receptor is missing, drawn at random;
+- `lopsided`: on one half of each skin every third receptor is missing, drawn at random;
 - `noisy`: every reading is wrong by 5 % (normal), and 5 % of the receptors are dead;
 - `worn`: all of this;
 - `patchy`: the same, and on that half two of three receptors are missing.
@@ -36,15 +39,10 @@ import numpy as np
 
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
-from selftouch_drake.agent.shape import METRICS, intrinsic_dimension, recover, topology
-from selftouch_drake.evaluation import (
-    kernel_positions,
-    kernel_spread,
-    neighbour_agreement,
-    shape_rms_fraction,
-)
-from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.files import load_arrays
+from selftouch_drake.agent.shape import METRICS, Body, intrinsic_dimension, recover, topology
+from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
+from selftouch_drake.experience import Contacts, ExperienceReader
+from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.directory import RunDirectory
 
 #: Share of the receptors of one half that are missing, and whether readings are noisy.
@@ -82,10 +80,10 @@ class Experience:
         self.run = run
         self.q = ExperienceReader(run.experience).read("q")
         self.sensation = ExperienceReader(run.experience).read("sensation")
-        self.p_WF = ExperienceReader(run.truth).read("p_WF")
+        self.contacts = Contacts.joined(list(ExperienceReader(run.truth).contacts()))
 
-    def felt(self, case: Case) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Sensations, motor configurations and true positions, of rows that are not null."""
+    def felt(self, case: Case) -> tuple[np.ndarray, np.ndarray, Contacts]:
+        """Sensations, motor configurations and true contacts, of rows that are not null."""
         rows = slice(case.samples)
         sensation = self.sensation[rows]
         share, noisy = SKINS[case.skin]
@@ -97,22 +95,25 @@ class Experience:
             sensation = np.maximum(sensation * (1.0 + np.float32(0.05) * error), 0.0)
             dead = rng.choice(sensation.shape[1], round(0.05 * sensation.shape[1]), replace=False)
             sensation[:, dead] = 0.0
-        touching = sensation.any(axis=1)
-        return sensation[touching], self.q[rows][touching], self.p_WF[rows][touching]
+        touching = np.flatnonzero(sensation.any(axis=1))
+        return sensation[touching], self.q[touching], self.contacts.take(touching)
 
     def _missing(self, share: float, rng: np.random.Generator) -> np.ndarray:
-        """Which receptors are missing: a share of those on one half of the body."""
-        side = load_arrays(self.run.skin)["p_BS"][:, 0]
-        half = np.flatnonzero(side > np.median(side))
-        missing = np.zeros(len(side), dtype=bool)
-        missing[rng.choice(half, int(share * len(half)), replace=False)] = True
+        """Which receptors are missing: a share of those on one half of each skin."""
+        arrays = load_arrays(self.run.skin)
+        missing = np.zeros(self.run.experiment.num_receptors, dtype=bool)
+        for number, name in enumerate(self.run.experiment.skins):
+            side = arrays[f"{name}_p_LS"][:, 0]
+            here = np.flatnonzero(arrays["receptor_skin"] == number)
+            half = here[side > np.median(side)]
+            missing[rng.choice(half, int(share * len(half)), replace=False)] = True
         return missing
 
 
 def learned_representation(
     case: Case, sensation: np.ndarray, q: np.ndarray, cache: Path
 ) -> tuple[QuotientRepresentation, float]:
-    """Learns, or takes what was learned before, and tells the CPU seconds it took."""
+    """Learns, or takes what was learned before; returns also the CPU seconds it took."""
     path, clock = cache / f"{case.name}.npz", cache / f"{case.name}.txt"
     if not clock.exists():
         began = time.process_time()
@@ -121,24 +122,21 @@ def learned_representation(
         ).fit(sensation, q)
         seconds = time.process_time() - began
         cache.mkdir(parents=True, exist_ok=True)
-        learner.representation_.save(path)
+        save_arrays(path, learner.representation_.to_arrays())
         clock.write_text(f"{seconds:.1f}")
-    return QuotientRepresentation.load(path), float(clock.read_text())
+    return QuotientRepresentation.from_arrays(load_arrays(path)), float(clock.read_text())
 
 
-def score(representation: QuotientRepresentation, metric: str, seed: int) -> dict[str, object]:
-    """Recovers the body; the truth is not needed yet."""
-    began = time.process_time()
-    body = recover(representation, metric, seed=seed)
-    seconds = time.process_time() - began
-    found = topology(body.places)
+def score(body: Body, seconds: float) -> dict[str, object]:
+    """What the agent found by itself, without the truth."""
+    found = [topology(part.places) for part in body.parts]
+    (largest, *_), layouts = body.parts, [part.embedding for part in body.parts]
     return {
-        "positions": body.embedding.positions,
-        "betti": " ".join(map(str, found.betti)),
-        "margin": round(found.margin, 2),
-        "dimension": round(intrinsic_dimension(body.distances), 2),
-        "fourth_eigenvalue": round(float(body.embedding.spectrum[3]), 4),
-        "stress": round(body.embedding.stress, 5),
+        "betti": ", ".join(" ".join(map(str, one.betti)) for one in found),
+        "margin": round(min(one.margin for one in found), 2),
+        "dimension": round(intrinsic_dimension(largest.distances), 2),
+        "fourth_eigenvalue": round(max(layout.fourth_eigenvalue for layout in layouts), 4),
+        "stress": round(max(layout.stress for layout in layouts), 5),
         "metric_cpu_s": round(seconds, 1),
     }
 
@@ -147,26 +145,26 @@ def rows(
     experience: Experience, case: Case, metrics: list[tuple[str, int]], cache: Path
 ) -> Iterator[dict[str, object]]:
     """The rows of one case, a metric and network seed each."""
-    sensation, q, p_WF = experience.felt(case)
+    sensation, q, contacts = experience.felt(case)
     representation, seconds = learned_representation(case, sensation, q, cache)
-    kernel_p_WF = p_WF[representation.kernel_row]
-    positions = kernel_positions(representation, kernel_p_WF)
-    spread = kernel_spread(representation, kernel_p_WF)
+    truth = kernel_truth(representation, contacts.take(representation.kernel_row))
     common = {
         "rows": len(q),
-        "spread_median_m": round(float(np.median(spread)), 4),
-        "spread_worst_m": round(float(spread.max()), 4),
-        "agreement": round(neighbour_agreement(representation.set_distance, positions), 4),
+        "spread_median_m": round(float(np.median(truth.spread)), 4),
+        "spread_worst_m": round(float(truth.spread.max()), 4),
+        "agreement": round(neighbour_agreement(representation.set_distance, truth.positions), 4),
         "learn_cpu_s": seconds,
     }
     for metric, network_seed in metrics:
-        figures = score(representation, metric, network_seed)
-        error = shape_rms_fraction(figures.pop("positions"), positions)
+        began = time.process_time()
+        body = recover(representation, metric, seed=network_seed, holes=False)
+        figures = score(body, time.process_time() - began)
+        errors = shape_errors(body.positions, representation.part, truth)
         yield {
             **dataclasses.asdict(case),
             "metric": metric,
             "network_seed": network_seed,
-            "error": round(error, 4),
+            "error": round(max(errors.values()), 4),
             **figures,
             **common,
         }
@@ -176,8 +174,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("runs", nargs="*", type=Path)
-    parser.add_argument("--out", type=Path, default=Path("shape.csv"))
+    parser.add_argument("runs", nargs="*", type=Path, help="that have babbled")
+    parser.add_argument("--out", type=Path, default=Path("shape.csv"), help="where rows are added")
     parser.add_argument("--cache", type=Path, default=Path("shape-cache"))
     parser.add_argument("--metrics", nargs="+", choices=METRICS, default=list(METRICS))
     parser.add_argument("--skins", nargs="+", choices=SKINS, default=["whole"])
@@ -201,7 +199,7 @@ def main() -> None:
                 skin=skin,
                 samples=samples,
                 targets=targets,
-                receptors=run.experiment.skin.num_receptors,
+                receptors=run.experiment.num_receptors,
                 queries=arguments.queries,
             )
             wanted = [

@@ -23,6 +23,11 @@ LINES = {
 }
 
 
+def receptors_of(row: dict) -> int:
+    """The receptors of a run; tables of the first version have them under another name."""
+    return row.get("skins.body.num_receptors") or row["skin.num_receptors"]
+
+
 @styled
 def ablation(rows: list[dict]) -> Figure:
     """A panel a body; colours are metrics, marks are touches, lines are targets."""
@@ -37,7 +42,7 @@ def ablation(rows: list[dict]) -> Figure:
                     size = row["babbling.num_samples"], row["representation.num_targets"]
                     error = row.get(f"shape_rms_fraction_by_metric.{metric}")
                     if (row["experiment"], *size) == (body, touches, targets) and error is not None:
-                        errors.setdefault(row["skin.num_receptors"], []).append(error)
+                        errors.setdefault(receptors_of(row), []).append(error)
                 receptors = sorted(errors)
                 median = [100 * np.median(errors[number]) for number in receptors]
                 ax.plot(receptors, median, line, color=color, markersize=4.0)
@@ -57,8 +62,8 @@ def ablation(rows: list[dict]) -> Figure:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("table", type=Path)
-    parser.add_argument("picture", type=Path)
+    parser.add_argument("table", type=Path, help="table.parquet of the sweep")
+    parser.add_argument("picture", type=Path, help="where it is written: .png, .pdf or .svg")
     arguments = parser.parse_args()
     ablation(read_table(arguments.table).to_pylist()).savefig(arguments.picture)
 

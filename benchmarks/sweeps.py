@@ -3,8 +3,8 @@
 By hand they are `selftouch run`, one command after the other, each with a process a core while it
 babbles; it draws a report besides, which a sweep does not. So the same is done once more with the
 verbs that a sweep does: `babble`, `learn` and `evaluate`. The sweep comes first and last. By hand
-each run begins with nothing, whatever was run before; so some of them, drawn at random, tell what
-all would take.
+each run begins with nothing, whatever was run before. So only some of them, drawn at random, are
+made, and the time of all is estimated from these.
 """
 
 from __future__ import annotations
@@ -56,19 +56,19 @@ def by_hand(
 
 
 def num_files(sweep: Sweep, folder: Path, name: str) -> int:
-    """How many files of that name there are in truth: what is shared counts once."""
+    """How many files of that name there are on disk: what is shared counts once."""
     runs = [SweepDirectory(folder).run(experiment) for experiment in sweep.experiments]
     return len({(run.path / name).stat().st_ino for run in runs})
 
 
-def told(what: str, seconds: np.ndarray) -> None:
+def print_line(what: str, seconds: np.ndarray) -> None:
     print(f"{what:<36}{seconds[0]:7.0f} s{seconds[1]:7.0f} s of processors", flush=True)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--sweep", default="quick")
-    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--sweep", default="quick", help="name of a shipped one, or a file")
+    parser.add_argument("--workers", type=int, default=2, help="runs at a time")
     parser.add_argument("--by-hand", type=int, default=24, help="runs that are made by hand")
     arguments = parser.parse_args()
     sweep = load_sweep(arguments.sweep)
@@ -83,13 +83,13 @@ def main() -> None:
         for part in ("hand", "verbs"):
             (folder / part).mkdir()
         first = as_sweep(arguments.sweep, folder / "first", arguments.workers)
-        told("sweep", first)
+        print_line("sweep", first)
         hand = times * by_hand(some, folder / "hand", arguments.workers, report=True)
-        told("run, one by one", hand)
+        print_line("run, one by one", hand)
         verbs = times * by_hand(some, folder / "verbs", arguments.workers, report=False)
-        told("babble, learn, evaluate, one by one", verbs)
+        print_line("babble, learn, evaluate, one by one", verbs)
         last = as_sweep(arguments.sweep, folder / "last", arguments.workers)
-        told("sweep again", last)
+        print_line("sweep again", last)
         assert read_table(folder / "last" / "table.parquet")["error"].null_count == len(
             sweep.experiments
         )

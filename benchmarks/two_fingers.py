@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import csv
+import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -41,11 +42,10 @@ from selftouch_drake.agent.representation.touches import (
 )
 from selftouch_drake.agent.shape import Turns, intrinsic_dimension, landmarks, turns
 from selftouch_drake.agent.shape.metrics import motor
-from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.experience.walk import RandomWalk
+from selftouch_drake.experience import Contacts, ExperienceReader, random_walk
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.geometry import build_body
-from selftouch_drake.robot.probe import ContactProbe, TouchScreen
+from selftouch_drake.robot import World
+from selftouch_drake.robot.screen import TouchScreen
 
 DOCS = Path(__file__).parent.parent / "docs"
 
@@ -153,28 +153,24 @@ def collect(seed: int, num_rows: int) -> dict[str, np.ndarray]:
     out, and they are nine touches in ten.
     """
     experiment = load_experiment("sphere_two_wide_fingers", {"seed": seed})
-    skin, fields = build_body(experiment)
-    probe, screen = ContactProbe(experiment, skin, fields), TouchScreen(skin)
-    babbling = experiment.babbling
+    world = World(experiment)
+    screens = [
+        TouchScreen(World(dataclasses.replace(experiment, touching={name: finger})).robot)
+        for name, finger in experiment.touching.items()
+    ]
     kept: dict[bool, list] = {False: [], True: []}
     num_kept = num_steps = number = 0
     while num_kept < num_rows:
-        walk = RandomWalk(
-            lower=probe.agent.lower,
-            upper=probe.agent.upper,
-            step_size=babbling.step_size,
-            persistence=babbling.persistence,
-            seed=experiment.random_stream("walk", number),
-        )
+        walk = random_walk(experiment, world.robot, number)
         number += 1
         for _ in range(50):
             q = walk.steps(8192).astype(np.float32)
             num_steps += len(q)
-            p_WF = probe.kinematics.positions(q.astype(float))
-            near = np.stack([screen.may_touch(p_WF[:, [f]]) for f in (0, 1)])
+            p_WF = world.robot.toucher_positions(q)
+            near = np.stack([screen.may_touch(q) for screen in screens])
             both = len(kept[False]) >= 20
             maybe = near.all(axis=0) if both else near.any(axis=0)
-            sensation = probe.sensations(q[maybe])
+            sensation = world.probe.sensations(q[maybe])
             touching = sensation.any(axis=1)
             kept[both].append(
                 (q[maybe][touching], sensation[touching].astype(np.float32), p_WF[maybe][touching])
@@ -220,7 +216,7 @@ def touches(arguments: argparse.Namespace) -> None:
     q, even, p_WF = data["q"][two], equal_touches(parts[two]), data["p"][two].astype(float)
     all_true, true = num_touching(data["ap"]), num_touching(data["p"])
     share = float((all_true == 2).mean())
-    print(f"touches of both fingers: {share:.1%} of all; told by the agent: ", end="")
+    print(f"touches of both fingers: {share:.1%} of all; found by the agent: ", end="")
     print(f"{(one_number[all_true == 2] == 2).mean():.1%}, ", end="")
     print(f"touches of one taken for two: {(one_number[all_true == 1] > 1).mean():.2%}")
     angle = [np.degrees(np.arccos(np.clip(cosine(p), -1, 1))) for p in p_WF[::100]]
@@ -362,6 +358,8 @@ def figure(arguments: argparse.Namespace) -> None:
     """Bars of the space by motor kernel sets, and of its covers, to both coefficients."""
     bars = np.load(arguments.data.with_suffix(".bars.npz"))
     names = {1: "Chords, ends alike", 2: "Its double cover:\nends told apart", 4: "Cover of four"}
+    if "motor_4_mod_3" not in bars:
+        raise SystemExit("these touches show no loop of order four; collect more with --rows")
     unit = np.median(bars["motor_1_mod_3"][:, 1])
     drawing = Figure(figsize=(9.0, 3.0), layout="constrained")
     axes = drawing.subplots(1, 3, sharex=True)
@@ -379,16 +377,10 @@ def figure(arguments: argparse.Namespace) -> None:
     drawing.savefig(DOCS / "images" / "two_fingers.png", dpi=150)
 
 
-DEPTH = {
-    "sphere": lambda p: 0.25 - np.linalg.norm(p, axis=-1),
-    "torus": lambda p: 0.09 - np.hypot(np.hypot(p[..., 0], p[..., 1]) - 0.22, p[..., 2]),
-    "cube": lambda p: (
-        -(
-            np.linalg.norm(np.maximum(np.abs(p) - 0.22, 0), axis=-1)
-            + np.minimum((np.abs(p) - 0.22).max(axis=-1), 0)
-        )
-    ),
-}
+def num_touchers(contacts: Contacts) -> np.ndarray:
+    """`(N,)` how many touchers press at each touch: the truth."""
+    pairs = np.unique(np.stack([contacts.row, contacts.toucher], axis=1), axis=0)
+    return np.bincount(pairs[:, 0], minlength=contacts.num_rows)
 
 
 def runs(arguments: argparse.Namespace) -> None:
@@ -398,17 +390,14 @@ def runs(arguments: argparse.Namespace) -> None:
         kept = slice(arguments.rows)
         experience, truth = ExperienceReader(run / "experience"), ExperienceReader(run / "truth")
         q, sensation = (experience.read(column)[kept] for column in ("q", "sensation"))
-        p_WF = truth.read("p_WF")[kept].reshape(len(q), 2, 3).astype(float)
-        body = load_experiment(run / "experiment.yaml").body.shape
-        depth = DEPTH[body](p_WF)
-        both = ((depth > -0.01) & (depth < 0.04)).all(axis=1)
+        both = num_touchers(Contacts.joined(list(truth.contacts())))[kept] > 1
         learned = QuotientLearner(arguments.targets, 400).fit(sensation, q).representation_
         graph = motor(learned, 0, lambda fraction: None)
         distances = geodesics(graph.edges, graph.length, learned.num_targets)
         share = np.add.reduceat(both[learned.kernel_row], learned.kernel_offsets[:-1])
         share = share / np.diff(learned.kernel_offsets)
         line = {
-            "body": body,
+            "body": load_experiment(run / "experiment.yaml").name.partition("_")[0],
             "rows": len(q),
             "targets": arguments.targets,
             "rows_of_two": round(float(both.mean()), 3),

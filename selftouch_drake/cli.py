@@ -1,4 +1,8 @@
-"""The command line: `selftouch run` does everything, and each stage is a verb of its own."""
+"""The command line: `selftouch run` does everything, and each stage is a verb of its own.
+
+What is slow to import, Drake before all, is imported where it is needed, and after what can be
+refused without it.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +68,7 @@ FROM_Q = click.option(
     "q_start",
     type=Numbers(float),
     metavar="Q1,Q2,...",
-    help="Joint angles to start at, in rad, touching or not, instead of --from.",
+    help="Joint positions to start at, in rad or m, touching or not, instead of --from.",
 )
 
 
@@ -96,13 +100,13 @@ class Teaching(click.Group):
 def cli(ctx: click.Context) -> None:
     """An agent finds out, by touching itself, that it has a body.
 
-    It babbles with its arm, keeps what it felt where, and builds from that alone a graph of its
-    own sensations: the shape of its body, and a map on which to plan from any sensation to any
-    other.
+    It moves at random, keeps what it felt where, and builds from that alone a graph of its own
+    sensations: the shape of its body, and a map on which to plan from any sensation to any other.
 
     \b
     selftouch run cube                        everything, into runs/cube
     selftouch run torus --out runs/my_torus   another body
+    selftouch robot two_arms                  what moves, what feels, what touches what
     selftouch run cube --set '{seed: 1, babbling: {num_samples: 20000}}'
     selftouch plan runs/cube --from 3 --to 250
     selftouch execute runs/cube --from 3 --to 250
@@ -126,13 +130,14 @@ def run(
     EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`) or a YAML file.
     Stages that are done are not done again: a run that was stopped goes on where it was.
     """
-    from selftouch_drake.run import stages
-    from selftouch_drake.show import write_figures, write_report
-
     directory, world = _begin(experiment, out, overrides)
+
+    from selftouch_drake.run import stages
+    from selftouch_drake.run.showing import write_figures, write_report
+
     if not stages.has_babbled(directory):
         _babble(directory, world, workers, scheduler)
-        for picture in write_figures(directory):
+        for picture in write_figures(directory, world=world):
             click.echo(f"first picture: {picture}")
     if not stages.has_learned(directory):
         with _progress("learn") as progress:
@@ -141,7 +146,7 @@ def run(
         with _progress("plan, execute, evaluate") as progress:
             stages.evaluate(directory, world, progress)
     with _progress("report") as progress:
-        report = write_report(directory, progress)
+        report = write_report(directory, progress, world=world)
     _print_headline(directory)
     click.echo(f"report: {report}")
 
@@ -165,9 +170,10 @@ def babble(
 @RUN
 def learn(run: Path) -> None:
     """Build the quotient representation from the experience of RUN."""
+    directory = _open(run)
+
     from selftouch_drake.run import stages
 
-    directory = _open(run)
     with _progress("learn") as progress:
         stages.learn(directory, progress)
     click.echo(f"representation: {directory.representation}")
@@ -187,20 +193,19 @@ def plan(
     through: list[int] | None,
 ) -> None:
     """Plan a smooth motion from sensation to sensation."""
+    directory = _open(run)
+    targets = _targets(start, q_start, goal, through)
+
     import numpy as np
 
     from selftouch_drake.run import stages
 
-    directory = _open(run)
-    targets = _targets(start, q_start, goal, through)
-    pilot = stages.Pilot(directory)
+    world = stages.make_world(directory)
     if q_start is None:
-        motion = pilot.plan(*targets)
+        motion = stages.plan(directory, world, *targets)
     else:
-        world = stages.World(directory.experiment)
-        motion = pilot.plan_from(world, np.array(q_start), targets[-1])
-    route = " ".join("off" if node < 0 else str(node) for node in motion["nodes"])
-    click.echo(f"route: {route}\nduration: {motion['time_s'][-1]:.2f} s")
+        motion = stages.plan_from(directory, world, np.array(q_start), targets[-1])
+    click.echo(f"route: {_route(motion)}\nduration: {motion.time_s[-1]:.2f} s")
     click.echo(f"plan: {directory.plan(*targets)}")
 
 
@@ -222,22 +227,22 @@ def execute(
     max_tries: int | None,
 ) -> None:
     """Execute a plan in the dynamic world, and keep what was felt."""
+    directory = _open(run)
+    targets = _targets(start, [] if free else None, goal, through)
+    if max_tries is not None and (free or through):
+        raise click.UsageError("--rehearse takes --from and --to")
+
     from selftouch_drake.agent.rehearsal import best
     from selftouch_drake.run import stages
 
-    directory = _open(run)
-    targets = _targets(start, [] if free else None, goal, through)
-    world = stages.World(directory.experiment)
+    world = stages.make_world(directory)
     if max_tries is None:
-        motion = stages.execute(directory, world, *targets)
-        kept = stages.judged(motion, targets[-1], stages.load_representation(directory))
-    elif free or through:
-        raise click.UsageError("--rehearse takes --from and --to")
+        kept = stages.execute(directory, world, *targets)
     else:
         tries = stages.rehearse(directory, world, targets[0], targets[1], max_tries)
         kept = best(tries)
         click.echo("tries: " + ", ".join(f"{one.contact:.1%}" for one in tries))
-    click.echo(f"tracking: {1e3 * stages.tracking_rms(kept.motion):.1f} mrad")
+    click.echo(f"tracking: {_tracking(kept.execution, world.robot.turns)}")
     click.echo(f"in contact: {kept.contact:.1%} of the time")
     click.echo(f"sensation {targets[-1]}: {'reached' if kept.reached else 'missed'}")
     click.echo(f"plan: {directory.plan(*targets)}")
@@ -253,11 +258,12 @@ def record(
     It lies beside the plan, and needs no network. `selftouch report` records one plan for its
     own page.
     """
-    from selftouch_drake.show import write_playback
-
     directory = _open(run)
     targets = _targets(start, [] if free else None, goal, through)
-    path = write_playback(directory, *targets, path=directory.plan(*targets).with_suffix(".html"))
+
+    from selftouch_drake.run.showing import write_recording
+
+    path = write_recording(directory, *targets, path=directory.plan(*targets).with_suffix(".html"))
     click.echo(f"recording: {path}")
 
 
@@ -265,11 +271,12 @@ def record(
 @RUN
 def evaluate(run: Path) -> None:
     """Score RUN against the truth: its shape, and random plans."""
+    directory = _open(run)
+
     from selftouch_drake.run import stages
 
-    directory = _open(run)
     with _progress("evaluate") as progress:
-        stages.evaluate(directory, stages.World(directory.experiment), progress)
+        stages.evaluate(directory, stages.make_world(directory), progress)
     _print_headline(directory)
 
 
@@ -278,9 +285,10 @@ def evaluate(run: Path) -> None:
 @click.option("--vector", is_flag=True, help="Write the figures as PDF as well, for papers.")
 def report(run: Path, vector: bool) -> None:
     """Draw figures and a recording of RUN, and write its report."""
-    from selftouch_drake.show import write_report
-
     directory = _open(run)
+
+    from selftouch_drake.run.showing import write_report
+
     with _progress("report") as progress:
         path = write_report(directory, progress, vector=vector)
     click.echo(f"report: {path}")
@@ -296,9 +304,11 @@ def play(run: Path, port: int | None) -> None:
 
     A page in the browser has sliders and buttons; it ends with its button or with Ctrl-C.
     """
-    from selftouch_drake.show import play as show
+    directory = _open(run, writing=False)
 
-    show(_open(run, writing=False), port=port, announce=click.echo)
+    from selftouch_drake.run.showing import play as show
+
+    show(directory, port=port, announce=click.echo)
 
 
 @cli.command()
@@ -316,11 +326,14 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
     """Run many experiments that differ; gather their figures.
 
     SWEEP is the name of a shipped sweep (see `selftouch experiments`) or a YAML file, as in
-    `{experiments: [cube], seeds: [0, 1, 2], grid: {skin.num_receptors: [50, 100]}}`.
+    `{experiments: [cube], seeds: [0, 1, 2], grid: {skins.body.num_receptors: [50, 100]}}`.
     Babbling and learning that runs have in common are done once.
     """
     from selftouch_drake.run.executors import dask_executor, local_executor
-    from selftouch_drake.sweep import SweepDirectory, draw_figures, gather, load_sweep, run_sweep
+    from selftouch_drake.sweep.design import load_sweep
+    from selftouch_drake.sweep.figures import draw_figures
+    from selftouch_drake.sweep.runs import SweepDirectory, run_sweep
+    from selftouch_drake.sweep.table import gather
 
     loaded = load_sweep(sweep)
     directory = SweepDirectory.create(out or Path("runs") / "sweeps" / loaded.name, loaded)
@@ -337,12 +350,37 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
 
 
 @cli.command()
-def experiments() -> None:
-    """List the shipped experiments and sweeps."""
-    from selftouch_drake.experiment import shipped_experiments
-    from selftouch_drake.sweep import shipped_sweeps
+@EXPERIMENT
+@SET
+@click.option("--show", is_flag=True, help="Show it in a browser, with sliders for its joints.")
+def robot(experiment: str, overrides: str, show: bool) -> None:
+    """Print joints, skins, and what touches what."""
+    from selftouch_drake.robot.describe import describe
 
-    click.echo("\n".join([*shipped_experiments(), *(f"sweep: {s}" for s in shipped_sweeps())]))
+    _, world = _load(experiment, overrides)
+    click.echo(describe(world))
+    if show:
+        from selftouch_drake.show import show_robot
+
+        show_robot(world, announce=click.echo)
+
+
+@cli.command()
+@click.option("--show", metavar="NAME", help="Print the file of one, to begin your own with.")
+def experiments(show: str | None) -> None:
+    """List the shipped experiments and sweeps."""
+    from selftouch_drake.experiment import closest, shipped_experiments
+    from selftouch_drake.resources import EXPERIMENTS
+    from selftouch_drake.sweep.design import shipped_sweeps
+
+    names = shipped_experiments()
+    if show is None:
+        click.echo("\n".join([*names, *(f"sweep: {sweep}" for sweep in shipped_sweeps())]))
+    elif show in names:
+        click.echo((EXPERIMENTS / f"{show}.yaml").read_text(encoding="utf-8"), nl=False)
+    else:
+        hint = closest(show, names) or f"shipped are {', '.join(names)}"
+        raise click.UsageError(f"--show is {show!r}; no such experiment is shipped: {hint}")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -398,15 +436,43 @@ def _targets(
     return through
 
 
-def _begin(experiment: str, out: Path | None, overrides: str):
+def _route(motion) -> str:
+    """The kernels on the way; `off` is where nothing is felt."""
+    words = ["off" if motion.nodes[0] < 0 else str(motion.nodes[0])]
+    for node, in_air in zip(motion.nodes[1:], motion.in_air, strict=True):
+        if in_air and words[-1] != "off":
+            words.append("| lifts off |")
+        words.append(str(node))
+    return " ".join(words)
+
+
+def _tracking(execution, turns) -> str:
+    import numpy as np
+
+    squares = np.square(execution.q_measured - execution.motion.q)
+    return ", ".join(
+        f"{1e3 * np.sqrt(squares[:, joints].mean()):.1f} {unit}"
+        for joints, unit in ((turns, "mrad"), (~turns, "mm"))
+        if joints.any()
+    )
+
+
+def _load(experiment: str, overrides: str):
+    """An experiment and its world; what cannot be built is refused before anything is written."""
     from selftouch_drake.experiment import load_experiment, parse_overrides
-    from selftouch_drake.run.directory import RunDirectory
-    from selftouch_drake.run.stages import World
+    from selftouch_drake.run.fingerprint import model_digests
+    from selftouch_drake.run.stages import build_world
 
     loaded = load_experiment(experiment, parse_overrides(overrides))
-    world = World(loaded)
-    # A body that cannot be made is refused before anything is written.
-    _ = world.body
+    # For what it says of meshes that it converts.
+    model_digests(loaded, announce=lambda line: click.echo(f"selftouch: {line}", err=True))
+    return loaded, build_world(loaded)
+
+
+def _begin(experiment: str, out: Path | None, overrides: str):
+    from selftouch_drake.run.directory import RunDirectory
+
+    loaded, world = _load(experiment, overrides)
     directory = RunDirectory.create(out or Path("runs") / loaded.name, loaded)
     click.get_current_context().with_resource(directory.writing())
     return directory, world
@@ -433,7 +499,7 @@ def _babble(directory, world, workers: int | None, scheduler: str | None) -> Non
 
 @contextmanager
 def _progress(stage: str) -> Iterator[Callable[[float, str], None]]:
-    """A progress bar on stderr that tells the fraction done and what is being done."""
+    """A progress bar on stderr, with the fraction done and what is being done."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -456,9 +522,9 @@ def _print_headline(directory) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from selftouch_drake.show import headline
+    from selftouch_drake.run.figures import headline
 
-    table = Table("figure", "value", title=directory.experiment.name, title_justify="left")
+    table = Table("metric", "value", title=directory.experiment.name, title_justify="left")
     for name, value in headline(directory.metrics()):
         table.add_row(name, value)
     Console().print(table)

@@ -1,7 +1,7 @@
 """The experiment: everything that decides what a run does, as one dataclass tree.
 
-Every field has a valid default; `load_experiment` fills a tree from a shipped experiment or a YAML
-file, checks it, and says in one line which field is wrong and what to do about it.
+Every field has a valid default but the robot's; `load_experiment` fills a tree from a shipped
+experiment or a YAML file, checks it, and says in one line which field is wrong and what to do.
 """
 
 import contextlib
@@ -9,28 +9,31 @@ import dataclasses
 import difflib
 import math
 import reprlib
+import sys
 import typing
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from pydrake.common.yaml import yaml_dump_typed, yaml_load_typed
 
 from selftouch_drake.resources import EXPERIMENTS
 
-# The dimensions that each shape needs, in metres.
+# The dimensions that each shape needs, in metres. `collision` and `visual` are the geometry that
+# the robot's model gives the link.
 SHAPES = {
     "sphere": ("radius",),
     "cube": ("side",),
     "torus": ("major_radius", "minor_radius"),
     "ellipsoid": ("semi_axes",),
     "cylinder": ("radius", "height"),
+    "capsule": ("radius", "length"),
     "mesh": ("mesh",),
+    "collision": (),
+    "visual": (),
 }
-END_EFFECTORS = {"one_finger": 1, "two_fingers": 2, "two_wide_fingers": 2}
 BABBLING_MODES = ("kinematic", "dynamic")
 METRICS = ("learned", "sensorimotor", "motor", "literal", "revolute_reference")
 # Purposes of randomness; a new one goes to the end, so that the others stay as they are.
@@ -42,20 +45,42 @@ class ExperimentError(ValueError):
 
 
 @dataclass(kw_only=True, slots=True)
-class Body:
-    """The hollow body, a closed surface centred between the walls it is made of."""
+class Robot:
+    """The robot, as Drake loads it."""
 
-    # One of SHAPES. Only the dimensions of that shape are given.
-    shape: str = "sphere"
-    # Metres, to the outer face of the skin.
+    # Drake model directives; the models inside are URDF, SDFormat or MJCF. A package:// URI, or a
+    # path that starts at the experiment's file.
+    directives: str = ""
+    # Roots of package:// URIs by name. `{prefix}` stands for Python's own prefix, where wheels put
+    # shared data.
+    packages: dict[str, str] = field(default_factory=dict)
+    # Names of the joints that move, null for all that can; the others stay at their default.
+    joints: list[str] | None = None
+    # Metres by which rigid parts may run into each other before a posture counts as impossible.
+    collision_depth: float = 0.005
+
+
+@dataclass(kw_only=True, slots=True)
+class Surface:
+    """A closed surface in the frame of the link that wears it."""
+
+    # One of SHAPES. Only the dimensions of that shape are given, in metres.
+    shape: str = ""
     radius: float | None = None
     side: float | None = None
     major_radius: float | None = None
     minor_radius: float | None = None
     height: float | None = None
+    # Of a capsule: between the centres of its two caps.
+    length: float | None = None
     semi_axes: list[float] | None = None
-    # A closed surface in metres (.obj, .stl, .ply); a relative path starts at the experiment file.
+    # A closed surface (.obj, .stl, .ply); a relative path starts at the experiment's file.
     mesh: str | None = None
+    # Metres per unit of the mesh file.
+    scale: float = 1.0
+    # Pose in the link's frame: metres, and degrees of roll, pitch and yaw.
+    translation: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    rpy_deg: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     # Metres, edge length of the skin's triangles: finer is rounder, and slower to touch.
     resolution: float = 0.03
 
@@ -75,7 +100,7 @@ class Imperfections:
     additive_noise: float = 0.0
     # N, the largest reading that a receptor gives; null if there is none.
     saturation: float | None = None
-    # N, the step of the readings, as of a converter to numbers; 0 if there is none.
+    # N, the step of the readings, as of an analogue-to-digital converter; 0 if there is none.
     quantisation: float = 0.0
     # Share of receptors that never read anything; the seed decides which.
     dead: float = 0.0
@@ -88,16 +113,19 @@ class Imperfections:
 
 @dataclass(kw_only=True, slots=True)
 class Skin:
-    """The soft tactile skin that makes up the body's wall."""
+    """A soft tactile skin on one link, moving or not."""
 
-    # Metres, from the outer face to the cavity.
+    # The link that wears it: Drake's scoped name, or the bare one where it is unique.
+    link: str = ""
+    surface: Surface = field(default_factory=Surface)
+    # Metres, from the outer face inwards.
     thickness: float = 0.03
-    # Tactile sensors, 20 to 200 as in the paper.
+    # Receptors; the paper has 20 to 200 on one body.
     num_receptors: int = 100
     # Pa. Soft skin keeps contact forces at a few newtons; 1e6 gives hundreds.
     hydroelastic_modulus: float = 3.0e4
     # 0 is an even layout; at u, receptors are 1 / (1 - u) times as far apart on one side of the
-    # body as on the other. The seed decides which side.
+    # skin as on the other. The seed decides which side.
     unevenness: float = 0.0
     # Radius of the receptive fields, as a multiple of the least with which three overlap
     # everywhere.
@@ -106,12 +134,23 @@ class Skin:
 
 
 @dataclass(kw_only=True, slots=True)
+class Toucher:
+    """Something that presses skins: a ball at a frame, or a link's own geometry."""
+
+    # A rigid ball about this frame's origin, `radius` metres wide.
+    frame: str | None = None
+    radius: float | None = None
+    # A link: its skin if it wears one, else its own collision geometry, rigid.
+    link: str | None = None
+
+
+@dataclass(kw_only=True, slots=True)
 class Joints:
     """How well the agent knows its motor configuration; by default exactly."""
 
-    # Rad, standard deviation of the error of each angle that the agent remembers of its babbling.
+    # Rad or m, standard deviation of the error of each joint that the agent remembers.
     noise: float = 0.0
-    # Rad, standard deviation of a constant offset of each joint that comes before plans are
+    # Rad or m, standard deviation of a constant offset of each joint that comes before plans are
     # executed, as when an encoder slips. One from the beginning would change nothing: true angles
     # are never known.
     offset: float = 0.0
@@ -126,11 +165,12 @@ class Babbling:
     mode: str = "kinematic"
     # Touching motor configurations to keep; the paper's limit is one million.
     num_samples: int = 100_000
-    # Rad a step, standard deviation of the walk's joint velocity.
+    # Rad a step, standard deviation of the walk's velocity of a joint that turns. A joint that
+    # slides moves the same share of its range as one that turns does of a full turn.
     step_size: float = 0.15
     # Share of the velocity kept from step to step: 0 is Brownian, near 1 is ballistic.
     persistence: float = 0.9
-    # Seconds a step, in dynamic mode: the time that the arm has for it.
+    # Seconds a step, in dynamic mode: the time that the robot has for it.
     step_duration: float = 0.1
     # Kept configurations in one walk, which is one shard of the store.
     walk_size: int = 10_000
@@ -152,7 +192,7 @@ class Representation:
 class Planning:
     """From a route on the quotient graph to a smooth path in motor space."""
 
-    # Rad of path length between the knots of the smoothing spline.
+    # Path length between the knots of the smoothing spline: rad of an arm of revolute joints.
     knot_spacing: float = 0.135
 
 
@@ -162,10 +202,11 @@ class Execution:
 
     # Seconds, the plant's discrete step.
     time_step: float = 0.005
-    # N·m/rad and N·m·s/rad of the joint controllers.
+    # Gains of the joint controllers: N·m/rad and N·m·s/rad, or N/m and N·s/m.
     stiffness: float = 2000.0
     damping: float = 100.0
-    # Rad/s and rad/s², limits of the timed plans, every joint.
+    # Limits of the timed plans, of every joint that the model does not limit further: rad/s and
+    # rad/s², or m/s and m/s².
     max_velocity: float = 1.0
     max_acceleration: float = 5.0
     # Tries of a rehearsal: after six, those pairs that still lose contact seldom get better.
@@ -178,22 +219,24 @@ class Evaluation:
 
     # Random pairs of start and goal sensation that are planned and executed.
     num_pairs: int = 20
-    # Metrics whose shape error is told beside that of representation.metric; null is all that are
-    # naive. The learned one takes some ten seconds.
+    # Metrics whose shape error is reported beside that of representation.metric; null is all that
+    # are naive. The learned one takes some ten seconds.
     shape_metrics: list[str] | None = None
 
 
 @dataclass(kw_only=True, slots=True)
 class Experiment:
-    """One experiment: an agent, its babbling, what it learns and how it is scored."""
+    """One experiment: a robot, its skins, what touches them, what is learned and how it is scored.
 
-    name: str = "sphere"
+    A robot is data: there is no default one.
+    """
+
+    name: str = ""
     # The one source of randomness; the same seed gives the same bytes.
     seed: int = 0
-    body: Body = field(default_factory=lambda: Body(shape="sphere", radius=0.25))
-    skin: Skin = field(default_factory=Skin)
-    # One of END_EFFECTORS; the tips of two fingers are 6 cm apart, of two wide ones 34 cm.
-    end_effector: str = "one_finger"
+    robot: Robot = field(default_factory=Robot)
+    skins: dict[str, Skin] = field(default_factory=dict)
+    touching: dict[str, Toucher] = field(default_factory=dict)
     joints: Joints = field(default_factory=Joints)
     babbling: Babbling = field(default_factory=Babbling)
     representation: Representation = field(default_factory=Representation)
@@ -202,9 +245,9 @@ class Experiment:
     evaluation: Evaluation = field(default_factory=Evaluation)
 
     @property
-    def num_fingers(self) -> int:
-        """One or two."""
-        return END_EFFECTORS[self.end_effector]
+    def num_receptors(self) -> int:
+        """S, of all skins together."""
+        return sum(skin.num_receptors for skin in self.skins.values())
 
     def random_stream(self, purpose: str, *index: int) -> np.random.SeedSequence:
         """An independent stream of randomness for one of `STREAMS`, numbered by `index`."""
@@ -221,8 +264,8 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
 
     Args:
         source: the name of a shipped experiment or the path of a YAML file.
-        overrides: a nested mapping laid over the file, as in `{"skin": {"num_receptors": 50}}`; a
-            relative `mesh` in it starts at the working directory.
+        overrides: a nested mapping laid over the file, as in `{"seed": 1}`; a `surface` is replaced
+            whole. A relative path in it starts at the working directory.
 
     Raises:
         ExperimentError: naming the field, its value and the remedy.
@@ -231,11 +274,11 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
     fields = parse_fields(path.read_bytes(), what=f"experiment {path}")
     try:
         fields = merged(
-            _mesh_from(path.parent, fields), _mesh_from(Path.cwd(), dict(overrides or {}))
+            _absolute_paths(path.parent, fields), _absolute_paths(Path.cwd(), dict(overrides or {}))
         )
     except RecursionError:
         raise ExperimentError(f"experiment {path} contains itself; leave out the alias") from None
-    return experiment_from_fields(fields)
+    return experiment_from_fields({"name": path.stem, **fields})
 
 
 def parse_overrides(text: str) -> dict[str, Any]:
@@ -245,28 +288,26 @@ def parse_overrides(text: str) -> dict[str, Any]:
 
 def experiment_from_fields(fields: Mapping[str, Any]) -> Experiment:
     """Makes a checked experiment of a nested mapping; absent fields keep their defaults."""
-    checked = _checked_fields(fields, Experiment, prefix="")
-    experiment = yaml_load_typed(
-        schema=Experiment, data=yaml.safe_dump(checked), defaults=_bare_defaults(checked)
-    )
+    experiment = _made(fields, Experiment, prefix="")
     _check_values(experiment)
     return experiment
 
 
 def dump_experiment(experiment: Experiment) -> str:
     """The resolved experiment as YAML text, every field spelled out."""
-    return yaml_dump_typed(experiment, schema=Experiment)
+    return yaml.safe_dump(
+        dataclasses.asdict(experiment), sort_keys=False, allow_unicode=True, width=100
+    )
 
 
 def _find(source: str | Path) -> Path:
     for path in (EXPERIMENTS / f"{source}.yaml", Path(source)):
         # A name that is too long for a file is an error elsewhere, and no file here.
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, ValueError):
             if path.is_file():
                 return path
     names = shipped_experiments()
-    close = difflib.get_close_matches(str(source), names, n=1)
-    hint = f"did you mean {close[0]}?" if close else f"shipped are {', '.join(names)}"
+    hint = closest(str(source), names) or f"shipped are {', '.join(names)}"
     raise ExperimentError(f"experiment {shown(str(source))} is neither shipped nor a file; {hint}")
 
 
@@ -274,10 +315,10 @@ def parse_fields(text: str | bytes, *, what: str) -> dict[str, Any]:
     """Reads a YAML mapping; `what` names it in errors.
 
     Raises:
-        ExperimentError: it is not YAML, or no mapping.
+        ExperimentError: it is not YAML, or no mapping, or names a key twice.
     """
     try:
-        fields = yaml.safe_load(text)
+        fields = yaml.load(text, Loader=_UniqueKeys)
     except RecursionError:
         raise ExperimentError(f"{what} is nested too deeply; give a mapping of fields") from None
     # PyYAML lets the errors of its constructors through: dates, numbers and tags that are none.
@@ -293,50 +334,121 @@ def parse_fields(text: str | bytes, *, what: str) -> dict[str, Any]:
     return fields
 
 
-def _mesh_from(folder: Path, fields: dict[str, Any]) -> dict[str, Any]:
-    """The fields with a relative path of a mesh made to start at `folder`."""
-    body = fields.get("body")
-    if not isinstance(body, dict):
-        return fields
-    mesh = body.get("mesh")
-    if not isinstance(mesh, str) or not mesh.isprintable() or Path(mesh).is_absolute():
-        return fields
-    return {**fields, "body": {**body, "mesh": str((folder / mesh).resolve())}}
+class _UniqueKeys(yaml.SafeLoader):
+    """Refuses a key that is given twice, of which PyYAML keeps the last."""
+
+    def construct_mapping(self, node, deep=False):
+        seen = set()
+        for key_node, _ in node.value:
+            if key_node.tag == "tag:yaml.org,2002:merge":
+                continue
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, str) and key in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f"{shown(key)} is given twice; give it once", key_node.start_mark
+                )
+            seen.add(key if isinstance(key, str) else None)
+        return super().construct_mapping(node, deep)
+
+
+def _absolute_paths(folder: Path, fields: dict[str, Any]) -> dict[str, Any]:
+    """The fields with relative paths made to start at `folder`."""
+
+    def absolute(path: Any) -> Any:
+        if not isinstance(path, str) or not path or not path.isprintable():
+            return path
+        if "://" in path or path.startswith("{prefix}") or Path(path).is_absolute():
+            return path
+        return str((folder / path).resolve())
+
+    fields = dict(fields)
+    robot = fields.get("robot")
+    if isinstance(robot, dict):
+        robot = dict(robot)
+        if "directives" in robot:
+            robot["directives"] = absolute(robot["directives"])
+        if isinstance(robot.get("packages"), dict):
+            robot["packages"] = {k: absolute(v) for k, v in robot["packages"].items()}
+        fields["robot"] = robot
+    skins = fields.get("skins")
+    if isinstance(skins, dict):
+        fields["skins"] = {name: _skin_from(skin, absolute) for name, skin in skins.items()}
+    return fields
+
+
+def _skin_from(skin: Any, absolute: Callable[[Any], Any]) -> Any:
+    if not isinstance(skin, dict) or not isinstance(skin.get("surface"), dict):
+        return skin
+    surface = skin["surface"]
+    if "mesh" not in surface:
+        return skin
+    return {**skin, "surface": {**surface, "mesh": absolute(surface["mesh"])}}
 
 
 def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """The fields of `over` laid over those of `base`, mapping by mapping."""
+    """The fields of `over` laid over those of `base`, mapping by mapping.
+
+    A `surface` is replaced whole, so that another shape needs no nulls.
+    """
     result = dict(base)
     for key, value in over.items():
-        both = isinstance(value, dict) and isinstance(result.get(key), dict)
+        both = isinstance(value, dict) and isinstance(result.get(key), dict) and key != "surface"
         result[key] = merged(result[key], value) if both else value
     return result
 
 
-def _checked_fields(fields: Any, schema: type, *, prefix: str) -> dict[str, Any]:
-    """Names unknown keys and wrong types by their full path, which the YAML loader does not."""
+def _made(fields: Any, schema: type, *, prefix: str) -> Any:
+    """A dataclass of `schema`; names unknown keys and wrong types by their full path."""
+    if schema is Surface:
+        fields = _spelled_out(fields)
     if not isinstance(fields, Mapping):
-        raise ExperimentError(f"{prefix[:-1]} is {shown(fields)}; give a mapping of its fields")
+        raise ExperimentError(
+            f"{prefix[:-1]} is {shown(fields)}, not a mapping; give a mapping of its fields"
+        )
     types = typing.get_type_hints(schema)
-    checked = {}
+    values = {}
     for key, value in fields.items():
         if key not in types:
             text = shown(key).strip("'")
-            close = difflib.get_close_matches(text, types, n=1)
-            hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(types)}"
-            raise ExperimentError(f"unknown key {prefix}{text}; {hint}")
-        if dataclasses.is_dataclass(types[key]):
-            checked[key] = _checked_fields(
-                value, typing.cast(type, types[key]), prefix=f"{prefix}{key}."
+            hint = (
+                _first_version(prefix + text)
+                or closest(text, types)
+                or f"known are {', '.join(types)}"
             )
-        else:
-            checked[key] = _checked_value(value, types[key], name=f"{prefix}{key}")
-    return checked
+            raise ExperimentError(f"unknown key {prefix}{text}; {hint}")
+        values[key] = _checked_value(value, types[key], name=f"{prefix}{key}")
+    return schema(**values)
+
+
+def _spelled_out(surface: Any) -> Any:
+    """`collision` and `{mesh: file}` are short for a mapping with a shape."""
+    if isinstance(surface, str):
+        return {"shape": surface}
+    if isinstance(surface, Mapping) and "shape" not in surface and "mesh" in surface:
+        return {"shape": "mesh", **surface}
+    return surface
+
+
+def _first_version(key: str) -> str:
+    """What to do about a key of the first version's experiments."""
+    if key in ("body", "skin", "end_effector"):
+        return (
+            "experiments of the first version have it; describe robot, skins and touching instead, "
+            "as `selftouch experiments --show cube` does"
+        )
+    return ""
+
+
+def closest(text: str, choices: typing.Iterable[str]) -> str:
+    """`did you mean ...?` for the choice that is most like a text; empty if none is."""
+    found = difflib.get_close_matches(text, list(choices), n=1)
+    return f"did you mean {found[0]}?" if found else ""
 
 
 def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
-    optional = type(None) in typing.get_args(kind)
-    if optional:
+    if dataclasses.is_dataclass(kind):
+        return _made(value, typing.cast(type, kind), prefix=f"{name}.")
+    if type(None) in typing.get_args(kind):
         if value is None:
             return None
         kind = next(arg for arg in typing.get_args(kind) if arg is not type(None))
@@ -356,8 +468,24 @@ def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
     if typing.get_origin(kind) is list and isinstance(value, list):
         (item,) = typing.get_args(kind)
         return [_checked_value(entry, item, name=f"{name}[{i}]") for i, entry in enumerate(value)]
-    wanted = {float: "a finite number", int: "a whole number", str: "a text"}.get(kind, "a list")
+    if typing.get_origin(kind) is dict and isinstance(value, Mapping):
+        _, item = typing.get_args(kind)
+        return {
+            _checked_name(key, name): _checked_value(entry, item, name=f"{name}.{key}")
+            for key, entry in value.items()
+        }
+    wanted = {float: "a finite number", int: "a whole number", str: "a text"}.get(kind)
+    wanted = wanted or ("a mapping by name" if typing.get_origin(kind) is dict else "a list")
     raise ExperimentError(f"{name} is {shown(value)}; give {wanted}")
+
+
+def _checked_name(key: Any, name: str) -> str:
+    """Names become keys of files and words of commands."""
+    if isinstance(key, str) and key and len(key) < 100 and key.replace("-", "_").isidentifier():
+        return key
+    raise ExperimentError(
+        f"{name} has the name {shown(key)}; give one of letters, digits and underscores"
+    )
 
 
 def shown(value: object) -> str:
@@ -372,118 +500,149 @@ def shown(value: object) -> str:
         return "a number of thousands of digits"
 
 
-def _bare_defaults(fields: Mapping[str, Any]) -> Experiment:
-    """Defaults without the default body's radius when the file describes a body of its own."""
-    return Experiment(body=Body(shape="sphere")) if "body" in fields else Experiment()
+def expanded(path: str) -> Path:
+    """A path with `{prefix}` replaced by Python's own prefix."""
+    return Path(path.replace("{prefix}", sys.prefix))
 
 
-def _check_values(experiment: Experiment) -> None:
-    def require(valid: bool, name: str, value: object, remedy: str) -> None:
-        if not valid:
-            raise ExperimentError(f"{name} is {shown(value)}; {remedy}")
+def _require(valid: bool, name: str, value: object, remedy: str) -> None:
+    if not valid:
+        raise ExperimentError(f"{name} is {shown(value)}; {remedy}")
 
-    def one_of(name: str, value: str, choices: typing.Iterable[str]) -> None:
-        require(value in choices, name, value, f"choose one of {', '.join(choices)}")
 
-    e = experiment
-    require(e.name != "" and e.name.isprintable(), "name", e.name, "give a printable name")
-    require(0 <= e.seed < 2**63, "seed", e.seed, "give a number from 0 to 2^63 - 1")
-    _check_body(e.body, require, one_of)
-    one_of("end_effector", e.end_effector, END_EFFECTORS)
-    positive = {
-        "skin.thickness": e.skin.thickness,
-        "skin.hydroelastic_modulus": e.skin.hydroelastic_modulus,
-        "babbling.step_size": e.babbling.step_size,
-        "babbling.step_duration": e.babbling.step_duration,
-        "planning.knot_spacing": e.planning.knot_spacing,
-        "execution.time_step": e.execution.time_step,
-        "execution.stiffness": e.execution.stiffness,
-        "execution.damping": e.execution.damping,
-        "execution.max_velocity": e.execution.max_velocity,
-        "execution.max_acceleration": e.execution.max_acceleration,
-    }
-    for name, value in positive.items():
-        require(value > 0, name, value, "give a number above 0")
-    require(
-        20 <= e.skin.num_receptors <= 200,
-        "skin.num_receptors",
-        e.skin.num_receptors,
-        "give 20 to 200",
+def _one_of(name: str, value: str, choices: typing.Iterable[str]) -> None:
+    remedy = closest(str(value), choices) or f"choose one of {', '.join(choices)}"
+    _require(value in choices, name, value, remedy)
+
+
+def _check_values(e: Experiment) -> None:
+    _require(e.name != "" and e.name.isprintable(), "name", e.name, "give a printable name")
+    _require(0 <= e.seed < 2**63, "seed", e.seed, "give a number from 0 to 2^63 - 1")
+    robot = e.robot
+    _require(
+        robot.directives != "" and robot.directives.isprintable(),
+        "robot.directives",
+        robot.directives,
+        "give the path of Drake model directives (.dmd.yaml)",
     )
-    _check_imperfections(e, require)
-    one_of("babbling.mode", e.babbling.mode, BABBLING_MODES)
-    require(
-        0 <= e.babbling.persistence < 1,
-        "babbling.persistence",
-        e.babbling.persistence,
-        "give a share from 0 to below 1",
-    )
-    for name, value, least in (
-        ("babbling.num_samples", e.babbling.num_samples, 1),
-        ("babbling.walk_size", e.babbling.walk_size, 1),
-        ("representation.num_targets", e.representation.num_targets, 50),
-        ("representation.max_kernel_size", e.representation.max_kernel_size, 2),
-        ("execution.max_tries", e.execution.max_tries, 1),
-        ("evaluation.num_pairs", e.evaluation.num_pairs, 0),
-    ):
-        require(value >= least, name, value, f"give at least {least}")
-    for name, value, most in (
-        ("babbling.num_samples", e.babbling.num_samples, 1_000_000_000),
-        ("babbling.walk_size", e.babbling.walk_size, 100_000),
-    ):
-        require(value <= most, name, value, f"give at most {most}")
-    require(
+    twice = [name for name in robot.joints or [] if (robot.joints or []).count(name) > 1]
+    _require(not twice, "robot.joints", robot.joints, f"name {twice[:1]} once")
+    _require(robot.joints != [], "robot.joints", [], "name a joint that moves, or give null")
+    _require(bool(e.skins), "skins", {}, "give at least one skin")
+    _require(bool(e.touching), "touching", {}, "give at least one ball or link that touches")
+    for name, skin in e.skins.items():
+        _check_skin(f"skins.{name}", skin)
+    for name, toucher in e.touching.items():
+        _check_toucher(f"touching.{name}", toucher)
+    for name, value, least, most, words in _ranges(e):
+        if value is not None:
+            _require(least <= value <= most, name, value, f"give {words}")
+    _one_of("babbling.mode", e.babbling.mode, BABBLING_MODES)
+    _require(
         e.representation.num_targets <= e.babbling.num_samples,
         "representation.num_targets",
         e.representation.num_targets,
         f"give at most babbling.num_samples, {e.babbling.num_samples}",
     )
-    one_of("representation.metric", e.representation.metric, METRICS)
+    _one_of("representation.metric", e.representation.metric, METRICS)
     for number, metric in enumerate(e.evaluation.shape_metrics or []):
-        one_of(f"evaluation.shape_metrics[{number}]", metric, METRICS)
+        _one_of(f"evaluation.shape_metrics[{number}]", metric, METRICS)
 
 
-def _check_imperfections(experiment: Experiment, require: typing.Callable) -> None:
-    skin, flaws, joints = experiment.skin, experiment.skin.imperfections, experiment.joints
+_TINY = sys.float_info.min
+
+
+def _ranges(e: Experiment) -> Iterator[tuple[str, float | None, float, float, str]]:
+    """Name, value, least and most of every number that has a range, and the range in words."""
+
+    def above_zero(name: str, value: float) -> tuple[str, float, float, float, str]:
+        return name, value, _TINY, math.inf, "a number above 0"
+
+    yield above_zero("babbling.step_size", e.babbling.step_size)
+    yield above_zero("babbling.step_duration", e.babbling.step_duration)
+    yield above_zero("planning.knot_spacing", e.planning.knot_spacing)
+    yield above_zero("execution.time_step", e.execution.time_step)
+    yield above_zero("execution.stiffness", e.execution.stiffness)
+    yield above_zero("execution.damping", e.execution.damping)
+    yield above_zero("execution.max_velocity", e.execution.max_velocity)
+    yield above_zero("execution.max_acceleration", e.execution.max_acceleration)
     for name, value, least, most in (
-        ("skin.unevenness", skin.unevenness, 0, 0.9),
-        ("skin.field_width", skin.field_width, 1, 3),
-        ("skin.imperfections.cross_talk", flaws.cross_talk, 0, 0.9),
-        ("skin.imperfections.multiplicative_noise", flaws.multiplicative_noise, 0, 1),
-        ("skin.imperfections.additive_noise", flaws.additive_noise, 0, 10),
-        ("skin.imperfections.saturation", flaws.saturation, 0.001, 1000),
-        ("skin.imperfections.quantisation", flaws.quantisation, 0, 10),
-        ("skin.imperfections.dead", flaws.dead, 0, 0.9),
-        ("skin.imperfections.threshold", flaws.threshold, 0, 100),
-        ("skin.imperfections.delay", flaws.delay, 0, 1),
-        ("joints.noise", joints.noise, 0, 1),
-        ("joints.offset", joints.offset, 0, 1),
+        ("robot.collision_depth", e.robot.collision_depth, 0.0, 1.0),
+        ("joints.noise", e.joints.noise, 0.0, 1.0),
+        ("joints.offset", e.joints.offset, 0.0, 1.0),
+    ):
+        yield name, value, least, most, f"{least:g} to {most:g}"
+    below_one = math.nextafter(1.0, 0.0)
+    persistence = e.babbling.persistence
+    yield "babbling.persistence", persistence, 0.0, below_one, "a share from 0 to below 1"
+    for name, count, least, most in (
+        ("babbling.num_samples", e.babbling.num_samples, 1, 1_000_000_000),
+        ("babbling.walk_size", e.babbling.walk_size, 1, 100_000),
+        ("representation.num_targets", e.representation.num_targets, 50, math.inf),
+        ("representation.max_kernel_size", e.representation.max_kernel_size, 2, math.inf),
+        ("execution.max_tries", e.execution.max_tries, 1, math.inf),
+        ("evaluation.num_pairs", e.evaluation.num_pairs, 0, math.inf),
+    ):
+        words = f"at least {least}" if count < least else f"at most {most}"
+        yield name, count, least, most, words
+
+
+def _check_skin(name: str, skin: Skin) -> None:
+    _require(skin.link != "", f"{name}.link", skin.link, "give the link that wears the skin")
+    _check_surface(f"{name}.surface", skin.surface)
+    flaws = skin.imperfections
+    for field_name, value, least, most in (
+        ("thickness", skin.thickness, _TINY, math.inf),
+        ("hydroelastic_modulus", skin.hydroelastic_modulus, _TINY, math.inf),
+        ("num_receptors", skin.num_receptors, 4, 1000),
+        ("unevenness", skin.unevenness, 0, 0.9),
+        ("field_width", skin.field_width, 1, 3),
+        ("imperfections.cross_talk", flaws.cross_talk, 0, 0.9),
+        ("imperfections.multiplicative_noise", flaws.multiplicative_noise, 0, 1),
+        ("imperfections.additive_noise", flaws.additive_noise, 0, 10),
+        ("imperfections.saturation", flaws.saturation, 0.001, 1000),
+        ("imperfections.quantisation", flaws.quantisation, 0, 10),
+        ("imperfections.dead", flaws.dead, 0, 0.9),
+        ("imperfections.threshold", flaws.threshold, 0, 100),
+        ("imperfections.delay", flaws.delay, 0, 1),
     ):
         if value is not None:
-            require(least <= value <= most, name, value, f"give {least} to {most}")
+            words = "a number above 0" if least == _TINY else f"{least} to {most}"
+            _require(least <= value <= most, f"{name}.{field_name}", value, f"give {words}")
 
 
-def _check_body(body: Body, require: typing.Callable, one_of: typing.Callable) -> None:
-    one_of("body.shape", body.shape, SHAPES)
-    require(
-        0.002 <= body.resolution <= 0.1,
-        "body.resolution",
-        body.resolution,
-        "give 0.002 to 0.1 metres",
-    )
-    needed = SHAPES[body.shape]
-    for name in sorted({dimension for shape in SHAPES.values() for dimension in shape}):
-        value = getattr(body, name)
-        if name not in needed:
-            remedy = f"shape {body.shape} takes {', '.join(needed)}; leave it out, or make it null"
-            require(value is None, f"body.{name}", value, remedy)
+def _check_surface(name: str, surface: Surface) -> None:
+    _one_of(f"{name}.shape", surface.shape, SHAPES)
+    needed = SHAPES[surface.shape]
+    for dimension in sorted({entry for shape in SHAPES.values() for entry in shape}):
+        value = getattr(surface, dimension)
+        if dimension not in needed:
+            takes = f"takes {', '.join(needed)}" if needed else "takes no dimension"
+            remedy = f"shape {surface.shape} {takes}; leave it out"
+            _require(value is None, f"{name}.{dimension}", value, remedy)
             continue
-        require(value is not None, f"body.{name}", value, f"shape {body.shape} needs it")
-        if name == "semi_axes":
-            require(len(value) == 3, "body.semi_axes", value, "give three lengths in metres")
-        if name == "mesh":
+        _require(value is not None, f"{name}.{dimension}", value, f"shape {surface.shape} needs it")
+        if dimension == "mesh":
             valid = value != "" and value.isprintable()
-            require(valid, "body.mesh", value, "give the path of a mesh file")
+            _require(valid, f"{name}.mesh", value, "give the path of a mesh file")
+            continue
+        if dimension == "semi_axes":
+            _require(len(value) == 3, f"{name}.semi_axes", value, "give three lengths in metres")
         for length in value if isinstance(value, list) else [value]:
-            if isinstance(length, float):
-                require(length > 0, f"body.{name}", value, "give metres above 0")
+            _require(length > 0, f"{name}.{dimension}", value, "give metres above 0")
+    remedy = "give 0.002 to 0.1 metres"
+    _require(0.002 <= surface.resolution <= 0.1, f"{name}.resolution", surface.resolution, remedy)
+    _require(surface.scale > 0, f"{name}.scale", surface.scale, "give metres per unit, above 0")
+    for part in ("translation", "rpy_deg"):
+        value = getattr(surface, part)
+        _require(len(value) == 3, f"{name}.{part}", value, "give three numbers")
+
+
+def _check_toucher(name: str, toucher: Toucher) -> None:
+    both = "give frame and radius for a ball, or link for a link's own geometry"
+    kinds = (toucher.frame is not None) + (toucher.link is not None)
+    _require(kinds == 1, name, dataclasses.asdict(toucher), both)
+    ball = toucher.frame is not None
+    _require(ball == (toucher.radius is not None), f"{name}.radius", toucher.radius, both)
+    if toucher.radius is not None:
+        _require(toucher.radius > 0, f"{name}.radius", toucher.radius, "give metres above 0")

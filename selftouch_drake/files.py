@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import functools
+import hashlib
 import os
 import tokenize
 import zipfile
@@ -51,6 +53,18 @@ def write_text_whole(path: Path, text: str) -> None:
     """Writes `text` to `path`, whole or not at all."""
     with written_whole(path) as aside:
         aside.write_text(text, encoding="utf-8")
+
+
+def content_digest(path: Path) -> str:
+    """SHA-256 of what a file holds."""
+    stat = path.stat()
+    return _digest(path, stat.st_mtime_ns, stat.st_size)
+
+
+# By what changes with the content: a sweep asks for the same files hundreds of times.
+@functools.lru_cache(maxsize=4096)
+def _digest(path: Path, mtime_ns: int, size: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:

@@ -1,13 +1,11 @@
 import os
 import signal
-from dataclasses import dataclass
 
 import pytest
 from hypothesis import settings
 
-from selftouch_drake.experiment import Experiment, load_experiment
-from selftouch_drake.geometry import HollowSkin, ReceptiveFields, build_body
-from selftouch_drake.robot import ContactProbe
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.robot import World
 
 # The same examples every time; `make fuzz` looks for new ones.
 settings.register_profile("steady", derandomize="SELFTOUCH_FUZZ" not in os.environ)
@@ -19,32 +17,16 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-@dataclass(frozen=True)
-class SmallWorld:
-    """A shipped experiment, its body, and what its skin feels."""
-
-    experiment: Experiment
-    skin: HollowSkin
-    fields: ReceptiveFields
-    probe: ContactProbe
-
-
-def _build(name: str) -> SmallWorld:
-    experiment = load_experiment(name)
-    skin, fields = build_body(experiment)
-    return SmallWorld(experiment, skin, fields, ContactProbe(experiment, skin, fields))
-
-
 @pytest.fixture(scope="session")
 def cube_world():
     """One finger on a cube."""
-    return _build("cube")
+    return World(load_experiment("cube"))
 
 
 @pytest.fixture(scope="session")
 def torus_world():
     """Two fingers on a torus."""
-    return _build("torus_two_fingers")
+    return World(load_experiment("torus_two_fingers"))
 
 
 @pytest.fixture(scope="session", params=["cube_world", "torus_world"])

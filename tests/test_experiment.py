@@ -8,50 +8,69 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.experiment import (
-    END_EFFECTORS,
     METRICS,
     SHAPES,
     STREAMS,
-    Body,
     Experiment,
     ExperimentError,
     Skin,
+    Surface,
     dump_experiment,
     experiment_from_fields,
     load_experiment,
+    merged,
     parse_overrides,
     shipped_experiments,
 )
 
 TOP_FIELDS = (
-    "name, seed, body, skin, end_effector, joints, babbling, "
+    "name, seed, robot, skins, touching, joints, babbling, "
     "representation, planning, execution, evaluation"
 )
-BODY_FIELDS = "shape, radius, side, major_radius, minor_radius, height, semi_axes, mesh, resolution"
+SURFACE_FIELDS = (
+    "shape, radius, side, major_radius, minor_radius, height, length, semi_axes, mesh, scale, "
+    "translation, rpy_deg, resolution"
+)
 SHIPPED = ", ".join(shipped_experiments())
+BALL = {"shape": "sphere", "radius": 0.25}
+# The least that an experiment has to say.
+LEAST = {
+    "name": "least",
+    "robot": {"directives": "package://selftouch_drake/one_finger.dmd.yaml"},
+    "skins": {"body": {"link": "body", "surface": BALL}},
+    "touching": {"tip": {"frame": "fingertip_0", "radius": 0.01}},
+}
 
 
 @pytest.mark.parametrize("name", shipped_experiments())
 def test_shipped_experiments_load(name):
     experiment = load_experiment(name)
     assert experiment.name == name
-    assert experiment.num_fingers == (2 if "_two_" in name else 1)
+    assert experiment.num_receptors == sum(s.num_receptors for s in experiment.skins.values())
 
 
-def test_every_body_of_the_plan_is_shipped():
+def test_every_robot_of_the_plan_is_shipped():
+    hands = ("", "_two_fingers")
     assert set(shipped_experiments()) >= {
-        *(
-            f"{shape}{hand}"
-            for shape in ("sphere", "cube", "torus")
-            for hand in ("", "_two_fingers")
-        ),
-        "ellipsoid",
-        "cylinder",
+        *(f"{shape}{hand}" for shape in ("sphere", "cube", "torus") for hand in hands),
+        *("ellipsoid", "cylinder", "double_torus", "sphere_two_wide_fingers"),
+        *("turning_body", "gantry", "two_arms"),
     }
 
 
-def test_the_default_experiment_is_valid():
-    assert experiment_from_fields({}) == Experiment()
+def test_a_robot_has_no_default():
+    with pytest.raises(ExperimentError) as error:
+        experiment_from_fields({"name": "nothing"})
+    assert str(error.value) == (
+        "robot.directives is ''; give the path of Drake model directives (.dmd.yaml)"
+    )
+
+
+BALL_OR_LINK = "give frame and radius for a ball, or link for a link's own geometry"
+FIRST_VERSION = (
+    "experiments of the first version have it; describe robot, skins and touching instead, as "
+    "`selftouch experiments --show cube` does"
+)
 
 
 @pytest.mark.parametrize(
@@ -60,11 +79,17 @@ def test_the_default_experiment_is_valid():
         ("sed: 1", "unknown key sed; did you mean seed?"),
         ("colour: red", f"unknown key colour; known are {TOP_FIELDS}"),
         ("1: 2", f"unknown key 1; known are {TOP_FIELDS}"),
+        ("body: {shape: cube}", f"unknown key body; {FIRST_VERSION}"),
+        ("skin: {num_receptors: 50}", f"unknown key skin; {FIRST_VERSION}"),
+        ("end_effector: two_fingers", f"unknown key end_effector; {FIRST_VERSION}"),
         (
-            "skin: {num_receptor: 50}",
-            "unknown key skin.num_receptor; did you mean num_receptors?",
+            "skins: {body: {num_receptor: 50}}",
+            "unknown key skins.body.num_receptor; did you mean num_receptors?",
         ),
-        ("body: {colour: red}", f"unknown key body.colour; known are {BODY_FIELDS}"),
+        (
+            "skins: {body: {surface: {shape: cube, colour: red}}}",
+            f"unknown key skins.body.surface.colour; known are {SURFACE_FIELDS}",
+        ),
         ("seed: one", "seed is 'one'; give a whole number"),
         ("seed: 1.5", "seed is 1.5; give a whole number"),
         ("seed: true", "seed is True; give a whole number"),
@@ -78,66 +103,121 @@ def test_the_default_experiment_is_valid():
         ("name: 2026-01-31", "name is datetime.date(2026, 1, 31); give a text"),
         ('name: ""', "name is ''; give a printable name"),
         ('name: "two\\nlines"', "name is 'two\\nlines'; give a printable name"),
-        ("skin: 3", "skin is 3; give a mapping of its fields"),
-        ("body: null", "body is None; give a mapping of its fields"),
-        ("skin: {thickness: thick}", "skin.thickness is 'thick'; give a finite number"),
-        ("skin: {thickness: .nan}", "skin.thickness is nan; give a finite number"),
-        ("skin: {thickness: .inf}", "skin.thickness is inf; give a finite number"),
-        ("skin: {thickness: true}", "skin.thickness is True; give a finite number"),
-        ("skin: {thickness: 0}", "skin.thickness is 0.0; give a number above 0"),
-        ("skin: {num_receptors: 19}", "skin.num_receptors is 19; give 20 to 200"),
-        ("skin: {num_receptors: 201}", "skin.num_receptors is 201; give 20 to 200"),
+        ("skins: 3", "skins is 3; give a mapping by name"),
+        ("skins: {body: 3}", "skins.body is 3, not a mapping; give a mapping of its fields"),
+        ("skins: {2: {}}", "skins has the name 2; give one of letters, digits and underscores"),
         (
-            "body: {shape: pyramid}",
-            "body.shape is 'pyramid'; choose one of sphere, cube, torus, ellipsoid, cylinder, mesh",
-        ),
-        ("body: {shape: cube}", "body.side is None; shape cube needs it"),
-        (
-            "body: {shape: cube, side: 0.4, radius: 0.2}",
-            "body.radius is 0.2; shape cube takes side; leave it out, or make it null",
+            "skins: {a b: {}}",
+            "skins has the name 'a b'; give one of letters, digits and underscores",
         ),
         (
-            "body: {shape: torus, major_radius: 0.2}",
-            "body.minor_radius is None; shape torus needs it",
-        ),
-        ("body: {shape: sphere, radius: -1}", "body.radius is -1.0; give metres above 0"),
-        ("body: {shape: ellipsoid, semi_axes: 1}", "body.semi_axes is 1; give a list"),
-        (
-            "body: {shape: ellipsoid, semi_axes: [1, 2]}",
-            "body.semi_axes is [1.0, 2.0]; give three lengths in metres",
+            "skins: {extra: {surface: collision}}",
+            "skins.extra.link is ''; give the link that wears the skin",
         ),
         (
-            "body: {shape: ellipsoid, semi_axes: [1, 2, x]}",
-            "body.semi_axes[2] is 'x'; give a finite number",
+            "skins: {body: {thickness: thick}}",
+            "skins.body.thickness is 'thick'; give a finite number",
+        ),
+        ("skins: {body: {thickness: .nan}}", "skins.body.thickness is nan; give a finite number"),
+        ("skins: {body: {thickness: .inf}}", "skins.body.thickness is inf; give a finite number"),
+        ("skins: {body: {thickness: true}}", "skins.body.thickness is True; give a finite number"),
+        ("skins: {body: {thickness: 0}}", "skins.body.thickness is 0.0; give a number above 0"),
+        ("skins: {body: {num_receptors: 3}}", "skins.body.num_receptors is 3; give 4 to 1000"),
+        (
+            "skins: {body: {num_receptors: 1001}}",
+            "skins.body.num_receptors is 1001; give 4 to 1000",
         ),
         (
-            "body: {shape: ellipsoid, semi_axes: [1, 0, 2]}",
-            "body.semi_axes is [1.0, 0.0, 2.0]; give metres above 0",
-        ),
-        ("body: {shape: mesh}", "body.mesh is None; shape mesh needs it"),
-        ("body: {shape: mesh, mesh: ''}", "body.mesh is ''; give the path of a mesh file"),
-        (
-            "body: {radius: 0.2, resolution: 0.5}",
-            "body.resolution is 0.5; give 0.002 to 0.1 metres",
+            "skins: {body: {surface: {shape: pyramid}}}",
+            "skins.body.surface.shape is 'pyramid'; choose one of sphere, cube, torus, ellipsoid, "
+            "cylinder, capsule, mesh, collision, visual",
         ),
         (
-            "end_effector: three_fingers",
-            "end_effector is 'three_fingers'; choose one of one_finger, two_fingers, "
-            "two_wide_fingers",
-        ),
-        ("skin: {unevenness: 1}", "skin.unevenness is 1.0; give 0 to 0.9"),
-        ("skin: {field_width: 0.5}", "skin.field_width is 0.5; give 1 to 3"),
-        (
-            "skin: {imperfections: {dead: -0.1}}",
-            "skin.imperfections.dead is -0.1; give 0 to 0.9",
+            "skins: {body: {surface: colision}}",
+            "skins.body.surface.shape is 'colision'; did you mean collision?",
         ),
         (
-            "skin: {imperfections: {saturation: 0}}",
-            "skin.imperfections.saturation is 0.0; give 0.001 to 1000",
+            "skins: {body: {surface: {shape: cube}}}",
+            "skins.body.surface.side is None; shape cube needs it",
         ),
         (
-            "skin: {imperfections: {additive: 1}}",
-            "unknown key skin.imperfections.additive; did you mean additive_noise?",
+            "skins: {body: {surface: {shape: cube, side: 0.4, radius: 0.2}}}",
+            "skins.body.surface.radius is 0.2; shape cube takes side; leave it out",
+        ),
+        (
+            "skins: {body: {surface: {shape: collision, radius: 0.2}}}",
+            "skins.body.surface.radius is 0.2; shape collision takes no dimension; leave it out",
+        ),
+        (
+            "skins: {body: {surface: {shape: torus, major_radius: 0.2}}}",
+            "skins.body.surface.minor_radius is None; shape torus needs it",
+        ),
+        (
+            "skins: {body: {surface: {shape: sphere, radius: -1}}}",
+            "skins.body.surface.radius is -1.0; give metres above 0",
+        ),
+        (
+            "skins: {body: {surface: {shape: ellipsoid, semi_axes: 1}}}",
+            "skins.body.surface.semi_axes is 1; give a list",
+        ),
+        (
+            "skins: {body: {surface: {shape: ellipsoid, semi_axes: [1, 2]}}}",
+            "skins.body.surface.semi_axes is [1.0, 2.0]; give three lengths in metres",
+        ),
+        (
+            "skins: {body: {surface: {shape: ellipsoid, semi_axes: [1, 2, x]}}}",
+            "skins.body.surface.semi_axes[2] is 'x'; give a finite number",
+        ),
+        (
+            "skins: {body: {surface: {shape: ellipsoid, semi_axes: [1, 0, 2]}}}",
+            "skins.body.surface.semi_axes is [1.0, 0.0, 2.0]; give metres above 0",
+        ),
+        (
+            "skins: {body: {surface: {shape: mesh}}}",
+            "skins.body.surface.mesh is None; shape mesh needs it",
+        ),
+        (
+            "skins: {body: {surface: {mesh: ''}}}",
+            "skins.body.surface.mesh is ''; give the path of a mesh file",
+        ),
+        (
+            "skins: {body: {surface: {shape: sphere, radius: 0.2, resolution: 0.5}}}",
+            "skins.body.surface.resolution is 0.5; give 0.002 to 0.1 metres",
+        ),
+        (
+            "skins: {body: {surface: {shape: sphere, radius: 0.2, translation: [1]}}}",
+            "skins.body.surface.translation is [1.0]; give three numbers",
+        ),
+        (
+            "touching: {tip: {frame: null, radius: null}}",
+            "touching.tip is {'frame': None, 'link': None, 'radius': None}; " + BALL_OR_LINK,
+        ),
+        ("touching: {tip: {radius: null}}", f"touching.tip.radius is None; {BALL_OR_LINK}"),
+        ("touching: {tip: {radius: 0}}", "touching.tip.radius is 0.0; give metres above 0"),
+        (
+            "touching: {hand: {link: hand, radius: 0.1}}",
+            f"touching.hand.radius is 0.1; {BALL_OR_LINK}",
+        ),
+        ("robot: {joints: []}", "robot.joints is []; name a joint that moves, or give null"),
+        ("robot: {joints: [a, b, a]}", "robot.joints is ['a', 'b', 'a']; name ['a'] once"),
+        ("robot: {collision_depth: -1}", "robot.collision_depth is -1.0; give 0 to 1"),
+        (
+            "robot: {directives: ''}",
+            "robot.directives is ''; give the path of Drake model directives (.dmd.yaml)",
+        ),
+        ("skins: {body: {unevenness: 1}}", "skins.body.unevenness is 1.0; give 0 to 0.9"),
+        ("skins: {body: {field_width: 0.5}}", "skins.body.field_width is 0.5; give 1 to 3"),
+        (
+            "skins: {body: {imperfections: {dead: -0.1}}}",
+            "skins.body.imperfections.dead is -0.1; give 0 to 0.9",
+        ),
+        (
+            "skins: {body: {imperfections: {saturation: 0}}}",
+            "skins.body.imperfections.saturation is 0.0; give 0.001 to 1000",
+        ),
+        (
+            "skins: {body: {imperfections: {additive: 1}}}",
+            "unknown key skins.body.imperfections.additive; did you mean additive_noise?",
         ),
         ("joints: {noise: 2}", "joints.noise is 2.0; give 0 to 1"),
         ("babbling: {mode: loud}", "babbling.mode is 'loud'; choose one of kinematic, dynamic"),
@@ -153,22 +233,19 @@ def test_the_default_experiment_is_valid():
         ),
         (
             "representation: {metric: literall}",
-            "representation.metric is 'literall'; choose one of learned, sensorimotor, motor, "
-            "literal, revolute_reference",
+            "representation.metric is 'literall'; did you mean literal?",
         ),
     ],
 )
-def test_a_mistake_is_told_with_its_field_its_value_and_a_remedy(text, message):
+def test_a_mistake_is_named_by_field_value_and_remedy(text, message):
     with pytest.raises(ExperimentError) as error:
-        experiment_from_fields(parse_overrides(text))
+        experiment_from_fields(merged(LEAST, parse_overrides(text)))
     assert str(error.value) == message
 
 
 @pytest.mark.parametrize(
     "field",
     [
-        "skin.thickness",
-        "skin.hydroelastic_modulus",
         "babbling.step_size",
         "babbling.step_duration",
         "planning.knot_spacing",
@@ -182,7 +259,7 @@ def test_a_mistake_is_told_with_its_field_its_value_and_a_remedy(text, message):
 def test_what_has_to_be_positive_is_positive(field):
     section, key = field.split(".")
     with pytest.raises(ExperimentError) as error:
-        experiment_from_fields({section: {key: -0.5}})
+        experiment_from_fields(LEAST | {section: {key: -0.5}})
     assert str(error.value) == f"{field} is -0.5; give a number above 0"
 
 
@@ -218,7 +295,7 @@ def test_what_yaml_itself_stumbles_over_is_not_yaml(text):
 @pytest.mark.parametrize(
     ("name", "hint"),
     [
-        ("cub", "did you mean cube?"),
+        ("cubee", "did you mean cube?"),
         ("torus_two_finger", "did you mean torus_two_fingers?"),
         ("xyzzy", f"shipped are {SHIPPED}"),
         ("", f"shipped are {SHIPPED}"),
@@ -265,57 +342,85 @@ def test_a_file_is_told_by_its_path(tmp_path):
 
 def test_a_file_that_contains_itself_is_told(tmp_path):
     path = tmp_path / "mine.yaml"
-    path.write_text("&a {body: *a}")
+    path.write_text("&a {joints: *a}")
     with pytest.raises(ExperimentError) as error:
-        load_experiment(path, parse_overrides("&b {body: *b}"))
+        load_experiment(path, parse_overrides("&b {joints: *b}"))
     assert str(error.value) == f"experiment {path} contains itself; leave out the alias"
-    with pytest.raises(ExperimentError, match=r"^unknown key body\.body; "):
+    with pytest.raises(ExperimentError, match=r"^unknown key joints\.joints; "):
         load_experiment(path)
 
 
-def test_an_empty_file_is_the_default_experiment(tmp_path):
-    path = tmp_path / "empty.yaml"
-    path.write_text("# nothing\n")
-    assert load_experiment(path) == Experiment()
+def test_a_file_without_a_name_is_called_as_the_file(tmp_path):
+    path = tmp_path / "my_robot.yaml"
+    fields = {key: value for key, value in LEAST.items() if key != "name"}
+    path.write_text(yaml.safe_dump(fields))
+    assert load_experiment(path).name == "my_robot"
+    path.write_text(yaml.safe_dump(fields | {"name": "another"}))
+    assert load_experiment(path).name == "another"
 
 
 def test_overrides_are_laid_over_the_file_field_by_field():
-    overrides = parse_overrides("{skin: {num_receptors: 50}, body: {resolution: 0.03}}")
-    changed = load_experiment("cube", overrides)
+    changed = load_experiment("cube", parse_overrides("{skins: {body: {num_receptors: 50}}}"))
     expected = load_experiment("cube")
-    expected.skin.num_receptors = 50
-    expected.body.resolution = 0.03
+    expected.skins["body"].num_receptors = 50
     assert changed == expected
-    assert changed.body == Body(shape="cube", side=0.44, resolution=0.03)
+    assert changed.skins["body"].surface == Surface(shape="cube", side=0.44)
 
 
-def test_overrides_change_the_shape_if_the_old_dimension_is_taken_away():
-    overrides = parse_overrides("body: {shape: sphere, radius: 0.2, side: null}")
-    assert load_experiment("cube", overrides).body == Body(shape="sphere", radius=0.2)
+@pytest.mark.parametrize(
+    ("text", "surface"),
+    [
+        ("{shape: sphere, radius: 0.2}", Surface(shape="sphere", radius=0.2)),
+        ("collision", Surface(shape="collision")),
+        ("{mesh: /a.obj, scale: 0.001}", Surface(shape="mesh", mesh="/a.obj", scale=0.001)),
+    ],
+)
+def test_a_surface_is_replaced_whole(text, surface):
+    overrides = parse_overrides(f"skins: {{body: {{surface: {text}}}}}")
+    assert load_experiment("cube", overrides).skins["body"].surface == surface
 
 
-def test_a_mesh_path_starts_at_the_experiment_file(tmp_path, monkeypatch):
+def test_paths_start_at_the_experiment_file(tmp_path, monkeypatch):
     monkeypatch.chdir("/")
     (tmp_path / "sub").mkdir()
     path = tmp_path / "sub" / "mine.yaml"
-    path.write_text("body: {shape: mesh, mesh: ../duck.obj}")
-    assert load_experiment(path).body.mesh == str(tmp_path / "duck.obj")
-    path.write_text("body: {shape: mesh, mesh: /elsewhere/duck.obj}")
-    assert load_experiment(path).body.mesh == "/elsewhere/duck.obj"
+
+    def loaded(directives, packages, mesh):
+        robot = {"directives": directives, "packages": packages}
+        skins = {"body": {"link": "body", "surface": {"mesh": mesh}}}
+        path.write_text(yaml.safe_dump(LEAST | {"robot": robot, "skins": skins}))
+        e = load_experiment(path)
+        return e.robot.directives, e.robot.packages["mine"], e.skins["body"].surface.mesh
+
+    assert loaded("me.dmd.yaml", {"mine": ".."}, "../duck.obj") == (
+        str(tmp_path / "sub" / "me.dmd.yaml"),
+        str(tmp_path),
+        str(tmp_path / "duck.obj"),
+    )
+    there = ("package://mine/me.dmd.yaml", "{prefix}/share", "/elsewhere/duck.obj")
+    assert loaded(there[0], {"mine": there[1]}, there[2]) == there
 
 
-def test_a_mesh_path_of_the_command_line_starts_where_one_is(tmp_path, monkeypatch):
+def test_paths_of_the_command_line_start_where_one_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    overrides = parse_overrides("body: {mesh: duck.obj}")
-    assert load_experiment("double_torus", overrides).body.mesh == str(tmp_path / "duck.obj")
+    overrides = parse_overrides(
+        "{robot: {directives: me.dmd.yaml}, skins: {body: {surface: {mesh: duck.obj}}}}"
+    )
+    experiment = load_experiment("double_torus", overrides)
+    assert experiment.skins["body"].surface.mesh == str(tmp_path / "duck.obj")
+    assert experiment.robot.directives == str(tmp_path / "me.dmd.yaml")
 
 
 def test_numbers_may_be_written_as_people_do():
     fields = parse_overrides(
-        "skin: {hydroelastic_modulus: 3e4, thickness: 0.02, num_receptors: 0x20}"
+        "skins: {body: {hydroelastic_modulus: 3e4, thickness: 0.02, num_receptors: 0x20}}"
     )
-    assert experiment_from_fields(fields).skin == Skin(
-        hydroelastic_modulus=30_000.0, thickness=0.02, num_receptors=32
+    assert experiment_from_fields(merged(LEAST, fields)).skins["body"] == Skin(
+        link="body",
+        surface=Surface(**BALL),
+        hydroelastic_modulus=30_000.0,
+        thickness=0.02,
+        num_receptors=32,
     )
 
 
@@ -336,26 +441,44 @@ dimensions = {
     "semi_axes": st.lists(lengths, min_size=3, max_size=3),
     "mesh": st.just("/some where/ключ.obj"),
 }
-bodies = st.sampled_from(sorted(SHAPES)).flatmap(
+surfaces = st.sampled_from(sorted(SHAPES)).flatmap(
     lambda shape: st.fixed_dictionaries(
         {"shape": st.just(shape)} | {d: dimensions.get(d, lengths) for d in SHAPES[shape]},
         optional={"resolution": st.floats(0.002, 0.1)},
     )
 )
+names = st.from_regex(r"[a-z][a-z0-9_-]{0,8}", fullmatch=True)
+link_names = st.text("abc:_/ é", min_size=1, max_size=8)
+skins = st.fixed_dictionaries(
+    {"link": link_names, "surface": surfaces},
+    optional={"num_receptors": st.integers(4, 1000), "thickness": lengths},
+)
+touchers = st.fixed_dictionaries({"frame": link_names, "radius": lengths}) | st.fixed_dictionaries(
+    {"link": link_names}
+)
 valid_fields = st.fixed_dictionaries(
-    {},
-    optional={
+    {
         "name": st.text(min_size=1).filter(str.isprintable),
-        "seed": st.integers(0, 2**63 - 1),
-        "body": bodies,
-        "end_effector": st.sampled_from(sorted(END_EFFECTORS)),
-        "skin": st.fixed_dictionaries(
-            {}, optional={"num_receptors": st.integers(20, 200), "thickness": lengths}
+        "robot": st.fixed_dictionaries(
+            {"directives": st.just("package://selftouch_drake/one_finger.dmd.yaml")},
+            optional={"joints": st.lists(link_names, min_size=1, max_size=3, unique=True)},
         ),
+        "skins": st.dictionaries(names, skins, min_size=1, max_size=3),
+        "touching": st.dictionaries(names, touchers, min_size=1, max_size=3),
+    },
+    optional={
+        "seed": st.integers(0, 2**63 - 1),
         "representation": st.fixed_dictionaries({}, optional={"metric": st.sampled_from(METRICS)}),
         "execution": st.fixed_dictionaries({}, optional={"stiffness": lengths}),
     },
 )
+
+
+def holds(there, fields):
+    """Whether everything that was given is there."""
+    if not isinstance(fields, dict):
+        return there == fields
+    return all(holds(there[name], value) for name, value in fields.items())
 
 
 @settings(max_examples=100, deadline=None)
@@ -367,10 +490,7 @@ def test_what_is_dumped_loads_as_the_same_experiment(fields, tmp_path_factory):
     path.write_text(text, encoding="utf-8")
     assert load_experiment(path) == experiment
     assert dump_experiment(load_experiment(path)) == text
-    given_again = dataclasses.asdict(experiment)
-    for key, value in fields.items():
-        there = given_again[key]
-        assert there == value or all(there[name] == value[name] for name in value)
+    assert holds(dataclasses.asdict(experiment), fields)
 
 
 scalars = st.one_of(
@@ -387,7 +507,7 @@ scalars = st.one_of(
 known_keys = st.sampled_from(
     sorted(
         {f.name for f in dataclasses.fields(Experiment)}
-        | {f.name for f in dataclasses.fields(Body)}
+        | {f.name for f in dataclasses.fields(Surface)}
         | {f.name for f in dataclasses.fields(Skin)}
     )
 )
@@ -427,7 +547,8 @@ def test_one_wrong_value_loads_or_is_told(fields, section, key, value):
 
 tokens = st.sampled_from(
     [
-        *("body", "shape", "mesh", "skin", "thickness", "seed", "name", "sphere", "semi_axes"),
+        *("skins", "body", "surface", "shape", "mesh", "robot", "directives", "packages", "joints"),
+        *("touching", "frame", "link", "thickness", "seed", "name", "sphere", "semi_axes"),
         *(": ", ", ", "{", "}", "[", "]", "\n", "\n  ", "- ", "? ", "&a ", "*a", "<<", "# ", "| "),
         *("!!int ", "!!float ", "!!binary ", "!!set ", "!!omap ", "!!timestamp ", "!!bool ", "! "),
         *("'", '"', "\\x00", "\\ud800", "\0", "\ufeff", "\x85", "\t", "---", "...", "%YAML 1.1"),
@@ -460,7 +581,7 @@ def test_any_name_of_an_experiment_loads_or_is_told(name):
 
 
 def test_a_number_is_never_changed_on_its_way():
-    for value in (0.1, 1 / 3, math.pi, 5e-324, 1.7976931348623157e308):
-        experiment = experiment_from_fields({"execution": {"stiffness": value}})
+    for value in (0.1, 1 / 3, math.pi, 2.3e-308, 1.7976931348623157e308):
+        experiment = experiment_from_fields(LEAST | {"execution": {"stiffness": value}})
         assert experiment.execution.stiffness == value
         assert experiment_from_fields(yaml.safe_load(dump_experiment(experiment))) == experiment

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from filelock import FileLock
 
+from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience import ExperienceReader, StoreError, collect, require_complete
 from selftouch_drake.experiment import load_experiment, parse_overrides
@@ -25,6 +26,7 @@ from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import dask_executor, local_executor
+from selftouch_drake.run.knowledge import load_representation, save_memory
 
 SMALL = (
     "{babbling: {num_samples: 1200, walk_size: 300}, "
@@ -57,6 +59,11 @@ def shards(run: Path) -> dict[str, bytes]:
         for folder in ("experience", "truth")
         for path in sorted((run / folder).iterdir())
     }
+
+
+def collect_into(run, executor, **options):
+    fingerprint = run.fingerprint()
+    collect(run.experiment, run.path, fingerprint=fingerprint, executor=executor, **options)
 
 
 @pytest.fixture(scope="session")
@@ -148,8 +155,11 @@ def test_a_lost_shard_is_named_and_collected_again(verb, run, whole_run):
 def test_a_lost_shard_of_the_truth_is_collected_again(run, whole_run):
     lost = run / "truth" / "part-00001.parquet"
     lost.unlink()
+    opened = RunDirectory.open(run)
     with pytest.raises(StoreError, match=re.escape(f"{lost} is missing; collect it again with ")):
-        require_complete(RunDirectory.open(run), truth=True)
+        require_complete(
+            opened.experiment, opened.path, fingerprint=opened.fingerprint(), truth=True
+        )
     again = command("babble", run / "experiment.yaml", "--out", run)
     assert subprocess.run(again, capture_output=True).returncode == 0
     assert shards(run) == shards(whole_run)
@@ -162,9 +172,8 @@ def learned_run(whole_run, tmp_path_factory):
     shutil.copytree(whole_run, path)
     run = RunDirectory.open(path)
     stages.learn(run)
-    pilot = stages.Pilot(run)
-    pilot.plan(0, 1)
-    pilot.memory.save(run.rehearsal)
+    stages.plan(run, stages.make_world(run), 0, 1)
+    save_memory(run, RehearsalMemory.blank(load_representation(run)))
     return path
 
 
@@ -172,6 +181,8 @@ PAIR = ["--from", "0", "--to", "1"]
 # Every file that a verb reads, and that verb.
 READ = [
     ("experiment.yaml", ["learn"]),
+    ("models.json", ["learn"]),
+    ("models.json", ["execute", *PAIR]),
     ("metrics.json", ["learn"]),
     ("metrics.json", ["evaluate"]),
     ("metrics.json", ["report"]),
@@ -232,7 +243,9 @@ def test_a_damaged_or_foreign_file_is_named_and_left(
     assert content(run) == before
 
 
-@pytest.mark.parametrize(("name", "command"), [r for r in READ if r[0].endswith(("npz", "json"))])
+@pytest.mark.parametrize(
+    ("name", "command"), [r for r in READ if r[0].endswith(("npz", "metrics.json"))]
+)
 def test_a_whole_file_of_another_run_is_refused(name, command, learned_run, tmp_path, capsys):
     run = tmp_path / "run"
     shutil.copytree(learned_run, run)
@@ -240,15 +253,15 @@ def test_a_whole_file_of_another_run_is_refused(name, command, learned_run, tmp_
     if file.suffix == ".json":
         figures = json.loads(file.read_text())
         assert figures["made_for"].startswith("format ")
-        file.write_text(json.dumps(figures | {"made_for": "format 1, 0123456789abcdef"}))
+        file.write_text(json.dumps(figures | {"made_for": "format 2, 0123456789abcdef"}))
     else:
         arrays = load_arrays(file)
         (stamp,) = {"made_for", "belongs_to"} & arrays.keys()
-        save_arrays(file, arrays | {stamp: np.array("format 1, 0123456789abcdef")})
+        save_arrays(file, arrays | {stamp: np.array("format 2, 0123456789abcdef")})
     before = content(run)
     line = told(capsys, verb, run, *options)
     assert line.startswith(f"{file} is of another experiment or version; ") or (
-        line == f"{file} remembers rehearsals of another representation; delete it, and rehearse "
+        line == f"{file} remembers rehearsals with another representation; delete it, and rehearse "
         "again"
     )
     assert content(run) == before
@@ -418,7 +431,7 @@ def test_a_worker_that_is_killed_is_told(tmp_path):
         worker = executor.submit(os.getpid).result()
         executor.submit(os.kill, worker, signal.SIGKILL)
         with pytest.raises(ChildProcessError, match="go on from what is stored"):
-            collect(run, executor=executor)
+            collect_into(run, executor)
 
 
 def test_an_altered_shard_is_named(run):
@@ -459,7 +472,7 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(whole_run, tmp_
                 os.kill(victim.process.process.pid, signal.SIGKILL)
             stored.append(num_rows)
 
-        collect(run, executor=executor, progress=kill_one)
+        collect_into(run, executor, progress=kill_one)
     assert stored == [300] * NUM_SHARDS
     assert shards(run.path) == shards(whole_run)
 
@@ -487,5 +500,5 @@ def test_one_and_two_processes_share_a_pool(whole_run, tmp_path):
     experiment = load_experiment("cube", parse_overrides(SMALL))
     run = RunDirectory.create(tmp_path / "run", experiment)
     with local_executor(2) as executor:
-        collect(run, executor=executor)
+        collect_into(run, executor)
     assert shards(run.path) == shards(whole_run)

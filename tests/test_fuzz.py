@@ -5,6 +5,7 @@ A few dozen inputs each in the ordinary tests; `make fuzz` tries thousands and p
 
 import json
 import os
+import shutil
 import sys
 import time
 from collections import Counter
@@ -19,19 +20,21 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience import (
+    Contacts,
     ExperienceReader,
     Shard,
     StoreError,
-    read_num_steps,
+    WalkCounts,
+    read_counts,
     shard_name,
     write_shard,
 )
 from selftouch_drake.experiment import (
-    Experiment,
     ExperimentError,
     dump_experiment,
     experiment_from_fields,
@@ -41,7 +44,14 @@ from selftouch_drake.experiment import (
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.geometry import mesh_file
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.motions import PLAN_ARRAYS, load_plan
+from selftouch_drake.run.knowledge import (
+    load_body,
+    load_execution,
+    load_memory,
+    load_representation,
+    save_memory,
+    save_plan,
+)
 from selftouch_drake.sweep import SweepError, load_sweep, read_table
 
 NUM_INPUTS = int(os.environ.get("SELFTOUCH_FUZZ", "20"))
@@ -126,10 +136,16 @@ def run(tmp_path_factory):
     shard = Shard(
         walk=0,
         num_steps=1000,
+        num_impossible=7,
         step=np.arange(60),
         q=random.uniform(-1, 1, (60, 6)).astype(np.float32),
         sensation=random.uniform(0, 1, (60, 100)).astype(np.float32),
-        p_WF=random.uniform(-1, 1, (60, 3)),
+        contacts=Contacts(
+            offsets=np.arange(61),
+            skin=np.zeros(60, np.int8),
+            toucher=np.zeros(60, np.int8),
+            p_LC=random.uniform(-1, 1, (60, 3)).astype(np.float32),
+        ),
     )
     write_shard(path, shard, fingerprint=made.fingerprint())
     representation = QuotientRepresentation(
@@ -139,19 +155,46 @@ def run(tmp_path_factory):
         kernel_row=np.arange(60),
         kernel_strength=np.ones(60, np.float32),
         kernel_error=np.zeros(60, np.float32),
+        joint_scale=np.ones(6),
+        overlap=np.eye(100, dtype=bool),
+        part=np.zeros(50, int),
         set_distance=np.ones((50, 50), np.float32),
         edges=np.stack([np.arange(49), np.arange(1, 50)], axis=1),
         edge_cost=np.ones(49, np.float32),
         embedding=random.uniform(-1, 1, (50, 3)),
+        num_touches=60,
+        num_set_aside=0,
     )
-    representation.save(made.representation)
-    RehearsalMemory.blank(representation).save(made.rehearsal)
-    save_arrays(made.skin, {"p_BS": np.zeros((100, 3)), "vertices": np.zeros((4, 3))})
-    plan = dict.fromkeys(("time_s", "s", "predicted_spread"), np.arange(7.0))
-    plan |= dict.fromkeys(("q", "v", "q_measured"), random.uniform(-1, 1, (7, 6)))
-    plan |= dict.fromkeys(("predicted", "felt"), random.uniform(0, 1, (7, 100)))
-    plan |= {"nodes": np.array([3, 1, 4]), "links": np.array([2, 3]), "waypoint_s": np.arange(3.0)}
-    save_arrays(made.plan(3, 4), plan | {"waypoints_q": plan["q"][:3]} | made.stamp())
+    save_arrays(made.representation, representation.to_arrays() | made.stamp())
+    topology = {"num_parts": np.array(1), "kernels": np.arange(50), "pieces": np.zeros((0, 3))}
+    topology |= {"stress": np.array(0.1), "spectrum": np.linspace(1, 0, 50)}
+    topology |= {"betti": np.array([1, 0, 1]), "scales": np.array([3.0, 0.5, 0.2])}
+    topology |= {f"diagram_{dimension}": random.uniform(0, 1, (4, 2)) for dimension in range(3)}
+    save_arrays(made.topology, topology | made.stamp())
+    save_arrays(made.body_distances, {"distances": np.ones((50, 50), np.float32)} | made.stamp())
+    save_memory(made, RehearsalMemory.blank(representation))
+    save_arrays(made.skin, {"body_p_LS": np.zeros((100, 3)), "body_vertices": np.zeros((4, 3))})
+    motion = Motion(
+        nodes=np.array([3, 1, 4]),
+        links=np.array([2, 3]),
+        in_air=np.zeros(2, bool),
+        waypoints_q=random.uniform(-1, 1, (3, 6)),
+        waypoint_s=np.arange(3.0),
+        time_s=np.arange(7.0),
+        s=np.linspace(0, 2, 7),
+        q=random.uniform(-1, 1, (7, 6)),
+        v=random.uniform(-1, 1, (7, 6)),
+        predicted=random.uniform(0, 1, (7, 100)),
+        predicted_spread=np.ones(7),
+    )
+    execution = Execution(
+        motion=motion,
+        felt=random.uniform(0, 1, (7, 100)),
+        q_measured=random.uniform(-1, 1, (7, 6)),
+        v_measured=random.uniform(-1, 1, (7, 6)),
+        torque=random.uniform(-1, 1, (14, 6)),
+    )
+    save_plan(made, execution, 3, 4)
     made.add_metrics({"babbling_num_samples": 60, "topology_betti": [1, 0, 1], "x": {"y": 0.5}})
     return Made(made, shard, representation)
 
@@ -166,9 +209,19 @@ def put(path, content: bytes):
 
 tokens = st.sampled_from(
     [
-        *("body", "shape", "mesh", "skin", "seed", "name", "sphere", "semi_axes", "imperfections"),
+        *("skins", "body", "surface", "shape", "mesh", "robot", "packages", "touching", "frame"),
+        *("link", "seed", "name", "sphere", "semi_axes", "imperfections", "collision"),
         *("joints", "noise", "grid", "each", "cases", "seeds", "experiments", "set", "dead"),
-        *("skin.num_receptors", "a.b", "..", "cube", "/dev/zero", "../../etc/passwd", "nan", "1e9"),
+        *(
+            "skins.body.num_receptors",
+            "a.b",
+            "..",
+            "cube",
+            "/dev/zero",
+            "../../etc/passwd",
+            "nan",
+            "1e9",
+        ),
         *(": ", ", ", "{", "}", "[", "]", "\n", "\n  ", "- ", "? ", "&a ", "*a", "<<: *a", "# "),
         *("!!int ", "!!float ", "!!binary ", "!!set ", "!!python/object:os.system ", "!!bool "),
         *("'", '"', "\\x00", "\\ud800", "\0", "\ufeff", "\x85", "\t", "---", "...", "%YAML 1.1"),
@@ -176,13 +229,13 @@ tokens = st.sampled_from(
     ]
 )
 texts = st.lists(tokens, max_size=14).map("".join) | st.text(max_size=60)
-WHOLE = dump_experiment(Experiment()).encode()
+WHOLE = dump_experiment(load_experiment("two_arms")).encode()
 SWEEP = b"""experiments: [cube]
 seeds: [0, 1]
 set: {babbling: {num_samples: 1000}}
-grid: {skin.num_receptors: [50, 100], representation.num_targets: [60, 70]}
+grid: {skins.body.num_receptors: [50, 100], representation.num_targets: [60, 70]}
 each: {joints.noise: [0, 0.1]}
-cases: [{skin: {imperfections: {dead: 0.1}}}]
+cases: [{skins: {body: {imperfections: {dead: 0.1}}}}]
 """
 
 
@@ -232,18 +285,23 @@ def test_a_damaged_shard(edits, folder, run, tmp_path_factory):
     fingerprint = run.directory.fingerprint()
 
     def load():
-        steps = read_num_steps(there, 0, num_rows=60, fingerprint=fingerprint, folder=folder)
+        steps = read_counts(there, 0, num_rows=60, fingerprint=fingerprint, folder=folder)
         reader = ExperienceReader(there / folder)
         assert reader.num_rows == 60
-        return steps, {c: reader.read(c) for c in columns}
+        if folder == "truth":
+            return steps, vars_of(Contacts.joined(list(reader.contacts())))
+        return steps, {column: reader.read(column) for column in ("q", "sensation")}
 
-    columns = ["q", "sensation"] if folder == "experience" else ["p_WF"]
+    def vars_of(contacts):
+        return {name: getattr(contacts, name) for name in ("offsets", "skin", "toucher", "p_LC")}
+
     found = told(load, StoreError, path)
     if found is not None:
-        assert found[0] == 1000
-        for column in columns:
-            expected = getattr(run.shard, column).astype(np.float32)
-            np.testing.assert_array_equal(found[1][column], expected)
+        assert found[0] == WalkCounts(1000, 7)
+        expected = {"q": run.shard.q, "sensation": run.shard.sensation}
+        for name, array in found[1].items():
+            there = expected[name] if folder == "experience" else vars_of(run.shard.contacts)[name]
+            np.testing.assert_array_equal(array, there)
 
 
 kinds = st.sampled_from(
@@ -282,14 +340,22 @@ def test_a_foreign_shard(kind, num_rows, null, tmp_path_factory):
         assert (q == 1.5).all()
 
 
+@pytest.fixture
+def copy(run, tmp_path_factory):
+    """Another run of the same experiment, whose files may be damaged."""
+    path = tmp_path_factory.getbasetemp() / "copy"
+    if not path.exists():
+        shutil.copytree(run.directory.path, path)
+    return RunDirectory(path, run.directory.experiment)
+
+
 @fuzz
 @given(edits=edits)
-def test_a_damaged_representation(edits, run, tmp_path_factory):
-    whole = run.directory.representation.read_bytes()
-    path = put(tmp_path_factory.getbasetemp() / "any.npz", damaged(whole, edits))
-    found = told(lambda: QuotientRepresentation.load(path), ValueError, path)
+def test_a_damaged_representation(edits, run, copy):
+    path = put(copy.representation, damaged(run.directory.representation.read_bytes(), edits))
+    found = told(lambda: load_representation(copy), ValueError, path)
     if found is not None:
-        for name in ("target_sensations", "kernel_q", "kernel_offsets", "edges"):
+        for name in ("target_sensations", "kernel_q", "kernel_offsets", "edges", "part"):
             np.testing.assert_array_equal(getattr(found, name), getattr(run.representation, name))
 
 
@@ -309,24 +375,47 @@ arrays = st.sampled_from(
 )
 
 
-@fuzz
-@given(data=st.data())
-def test_foreign_arrays(data, run, tmp_path_factory):
-    path = tmp_path_factory.getbasetemp() / "foreign.npz"
-    with np.load(run.directory.representation) as archive:
-        content = dict(archive)
+def with_foreign(data, file):
+    """What a file holds, some of its arrays replaced."""
+    content = load_arrays(file)
     for name in data.draw(st.sets(st.sampled_from(sorted(content)), min_size=1, max_size=3)):
         content[name] = data.draw(arrays)
-    save_arrays(path, content)
-    told(lambda: QuotientRepresentation.load(path), ValueError, path)
+    return content
+
+
+@fuzz
+@given(data=st.data())
+def test_a_foreign_representation(data, run, copy):
+    save_arrays(copy.representation, with_foreign(data, run.directory.representation))
+    told(lambda: load_representation(copy), ValueError, copy.representation)
+
+
+@fuzz
+@given(edits=edits, name=st.sampled_from(["topology", "body_distances"]))
+def test_a_damaged_body(edits, name, run, copy):
+    whole = {n: getattr(run.directory, n).read_bytes() for n in ("topology", "body_distances")}
+    for other, content in whole.items():
+        put(getattr(copy, other), content)
+    path = put(getattr(copy, name), damaged(whole[name], edits))
+    found = told(lambda: load_body(copy, run.representation), ValueError, path)
+    if found is not None:
+        assert [len(part.kernels) for part in found.parts] == [50]
+
+
+@fuzz
+@given(data=st.data(), name=st.sampled_from(["topology", "body_distances"]))
+def test_a_foreign_body(data, name, run, copy):
+    for other in ("topology", "body_distances"):
+        put(getattr(copy, other), getattr(run.directory, other).read_bytes())
+    save_arrays(getattr(copy, name), with_foreign(data, getattr(run.directory, name)))
+    told(lambda: load_body(copy, run.representation), ValueError, getattr(copy, name))
 
 
 @fuzz
 @given(edits=edits)
-def test_a_damaged_memory(edits, run, tmp_path_factory):
-    whole = run.directory.rehearsal.read_bytes()
-    path = put(tmp_path_factory.getbasetemp() / "memory.npz", damaged(whole, edits))
-    found = told(lambda: RehearsalMemory.load(path, run.representation), ValueError, path)
+def test_a_damaged_memory(edits, run, copy):
+    path = put(copy.rehearsal, damaged(run.directory.rehearsal.read_bytes(), edits))
+    found = told(lambda: load_memory(copy, run.representation), ValueError, path)
     if found is not None:
         np.testing.assert_array_equal(found.link_penalty, 1.0)
         assert found.num_tries == 0
@@ -334,35 +423,27 @@ def test_a_damaged_memory(edits, run, tmp_path_factory):
 
 @fuzz
 @given(data=st.data())
-def test_a_foreign_memory(data, run, tmp_path_factory):
-    path = tmp_path_factory.getbasetemp() / "memory.npz"
-    content = load_arrays(run.directory.rehearsal)
-    for name in data.draw(st.sets(st.sampled_from(sorted(content)), min_size=1)):
-        content[name] = data.draw(arrays)
-    save_arrays(path, content)
-    told(lambda: RehearsalMemory.load(path, run.representation), ValueError, path)
+def test_a_foreign_memory(data, run, copy):
+    save_arrays(copy.rehearsal, with_foreign(data, run.directory.rehearsal))
+    told(lambda: load_memory(copy, run.representation), ValueError, copy.rehearsal)
 
 
 @fuzz
 @given(edits=edits)
-def test_a_damaged_plan(edits, run):
-    whole = run.directory.plan(3, 4).read_bytes()
-    path = put(run.directory.plan(0, 1), damaged(whole, edits))
-    found = told(lambda: load_plan(run.directory, 0, 1), ValueError, path)
+def test_a_damaged_plan(edits, run, copy):
+    path = put(copy.plan(3, 4), damaged(run.directory.plan(3, 4).read_bytes(), edits))
+    found = told(lambda: load_execution(copy, 3, 4), ValueError, path)
     if found is not None:
-        expected = load_plan(run.directory, 3, 4)
-        for name in PLAN_ARRAYS:
-            np.testing.assert_array_equal(found[name], expected[name])
+        expected = load_execution(run.directory, 3, 4).to_arrays()
+        for name, array in found.to_arrays().items():
+            np.testing.assert_array_equal(array, expected[name])
 
 
 @fuzz
 @given(data=st.data())
-def test_a_foreign_plan(data, run):
-    path, content = run.directory.plan(0, 2), load_plan(run.directory, 3, 4)
-    for name in data.draw(st.sets(st.sampled_from(sorted(content)), min_size=1, max_size=3)):
-        content[name] = data.draw(arrays)
-    save_arrays(path, content)
-    told(lambda: load_plan(run.directory, 0, 2), ValueError, path)
+def test_a_foreign_plan(data, run, copy):
+    save_arrays(copy.plan(3, 4), with_foreign(data, run.directory.plan(3, 4)))
+    told(lambda: load_execution(copy, 3, 4), ValueError, copy.plan(3, 4).name.split(".")[0])
 
 
 @fuzz
@@ -379,6 +460,8 @@ def test_any_figures(data, run, tmp_path_factory):
     whole = (run.directory.path / "metrics.json").read_bytes()
     content = data.draw(edits.map(lambda e: damaged(whole, e)) | st.binary(max_size=40))
     path = put(there / "metrics.json", content)
+    # Its models are known, and need not be read each time.
+    put(there / "models.json", (run.directory.path / "models.json").read_bytes())
     found = told(RunDirectory(there, run.directory.experiment).metrics, RunError, path)
     if found is not None:
         assert json.loads(json.dumps(found)) == found or "NaN" in json.dumps(found)
@@ -419,6 +502,7 @@ def test_a_damaged_mesh(suffix, data, tmp_path_factory):
 words = st.sampled_from(
     [
         *("run", "babble", "learn", "plan", "execute", "evaluate", "report", "sweep", "RUN"),
+        *("robot", "experiments", "--show"),
         *("--from", "--to", "--through", "--from-q", "--set", "--free", "--rehearse", "-h", "--"),
         *("3", "-1", "99999999999999999999", "1,2", "1,,2", "nan,inf", "0,0,0,0,0,0", "{", "é\0"),
         *("--out=/proc/nowhere", "--version", "--port=1", "--workers=0", "nothing"),
@@ -434,7 +518,7 @@ def test_any_command(arguments, run, tmp_path_factory, capsys):
     there.mkdir(exist_ok=True)
     here = Path.cwd()
     line = [str(there / "run") if word == "RUN" else word for word in arguments]
-    if line[:1] in (["run"], ["babble"], ["sweep"]):
+    if line[:1] in (["run"], ["babble"], ["sweep"], ["robot"]):
         line = [line[0], "no_such_experiment", *line[1:]]
     os.chdir(there)
     try:

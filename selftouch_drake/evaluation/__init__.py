@@ -1,48 +1,59 @@
 """Scores of the agent against the truth; the only package that reads both sides."""
 
 from selftouch_drake.evaluation.coverage import coverage, touch_density
+from selftouch_drake.evaluation.kernels import LEAST_SINGLE, KernelTruth, kernel_truth
 from selftouch_drake.evaluation.motion import (
     MotionScore,
     calibration,
     cosine_distance,
+    in_link_frames,
+    off_skin,
     progress_along,
     score_motion,
     spatial_jerk_reduction,
     summarise,
-    time_off_skin,
-    wall_points,
 )
+from selftouch_drake.evaluation.parts import TouchCounts, TruePart, count_touches, true_parts
 from selftouch_drake.evaluation.shape import (
     Distortion,
+    PartOnSkin,
     align,
     distance_distortion,
-    kernel_positions,
-    kernel_spread,
     neighbour_agreement,
+    parts_on_skins,
+    shape_errors,
     shape_rms_fraction,
     trustworthiness,
 )
-from selftouch_drake.evaluation.surface import surface_distances
+from selftouch_drake.geometry import surface_distances
 
 __all__ = [
+    "LEAST_SINGLE",
     "Distortion",
+    "KernelTruth",
     "MotionScore",
+    "PartOnSkin",
+    "TouchCounts",
+    "TruePart",
     "align",
     "calibration",
     "cosine_distance",
+    "count_touches",
     "coverage",
     "distance_distortion",
-    "kernel_positions",
-    "kernel_spread",
+    "in_link_frames",
+    "kernel_truth",
     "neighbour_agreement",
+    "off_skin",
+    "parts_on_skins",
     "progress_along",
     "score_motion",
+    "shape_errors",
     "shape_rms_fraction",
     "spatial_jerk_reduction",
     "summarise",
     "surface_distances",
-    "time_off_skin",
     "touch_density",
+    "true_parts",
     "trustworthiness",
-    "wall_points",
 ]

@@ -1,8 +1,8 @@
-"""How well babbling covers the skin."""
+"""How well babbling covers the skins."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 import trimesh
@@ -15,26 +15,19 @@ PRINT_AREA = np.pi
 _BLUR = 0.03
 
 
-def touch_density(
-    vertices: np.ndarray, faces: np.ndarray, p_WF: Iterable[np.ndarray]
-) -> np.ndarray:
+def touch_density(vertices: np.ndarray, faces: np.ndarray, touches: np.ndarray) -> np.ndarray:
     """How often each place of a surface was touched, blurred over a few centimetres.
 
     Args:
         vertices: `(V, 3)` m, of the outer surface.
         faces: `(F, 3)` its triangles, outward.
-        p_WF: `(N, 3)` m, fingertip positions, in batches of any size; each position counts where it
-            is nearest, also in the wall.
+        touches: `(V,)` how many contacts were nearest to each vertex, as `count_touches` counts.
 
     Returns:
         `(V,)` touches / cm².
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     tree = cKDTree(vertices)
-    touches = np.zeros(len(vertices), dtype=int)
-    for batch in p_WF:
-        _, nearest = tree.query(batch)
-        touches += np.bincount(nearest, minlength=len(vertices))
     area = np.zeros(len(vertices))
     np.add.at(area, mesh.faces, mesh.area_faces[:, None] / 3)
     near = csr_array(tree.sparse_distance_matrix(tree, _BLUR))
@@ -47,23 +40,23 @@ def touch_density(
     return (near @ touches) / (near @ area) / 1e4
 
 
-def coverage(
-    vertices: np.ndarray, faces: np.ndarray, p_WF: Iterable[np.ndarray]
-) -> dict[str, float]:
-    """Figures of coverage, as `metrics.json` names them.
+def coverage(skins: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> dict[str, float]:
+    """Figures of coverage, of all skins together, as `metrics.json` names them.
 
-    The share of the skin's area where a fingertip's print was touched at least n times, and
+    The share of the skins' area where a fingertip's print was touched at least n times, and
     evenness: the entropy of touches over area, as a share of the largest possible; 1 is even.
 
     Args:
-        vertices: `(V, 3)` m, of the outer surface.
-        faces: `(F, 3)` its triangles, outward.
-        p_WF: `(N, 3)` m, fingertip positions, in batches of any size.
+        skins: of each its vertices `(V, 3)` m, its faces `(F, 3)` and its `touch_density` `(V,)`.
     """
-    mesh = trimesh.Trimesh(vertices, faces, process=False)
-    area_m2 = np.bincount(faces.ravel(), np.repeat(mesh.area_faces, 3), minlength=len(vertices))
-    area = area_m2 / area_m2.sum()
-    density = touch_density(vertices, faces, p_WF)
+    areas = []
+    for vertices, faces, _ in skins:
+        mesh = trimesh.Trimesh(vertices, faces, process=False)
+        areas.append(
+            np.bincount(faces.ravel(), np.repeat(mesh.area_faces, 3), minlength=len(vertices))
+        )
+    area = np.concatenate(areas) / sum(a.sum() for a in areas)
+    density = np.concatenate([d for _, _, d in skins])
     touches = area * density / np.sum(area * density)
     present = touches > 0
     divergence = np.sum(touches[present] * np.log(touches[present] / area[present]))

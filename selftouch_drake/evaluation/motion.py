@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
+from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.planning import polyline
-from selftouch_drake.geometry import FINGERTIP_RADIUS, HollowSkin
 
-# m, between the points that stand for the skin's wall: half a fingertip's radius.
-_WALL_SPACING = 0.005
 # Jerk is compared on samples this far apart, in rad of path length, as `jerk_reduction` does.
 _JERK_SPACING = 0.02
 
@@ -35,23 +32,22 @@ class MotionScore:
     prediction_error: float
 
 
-def score_motion(
-    felt: np.ndarray, predicted: np.ndarray, target_sensations: np.ndarray, goal: int
-) -> MotionScore:
-    """Scores a motion sampled evenly in time.
+def score_motion(motion: Motion, felt: np.ndarray, target_sensations: np.ndarray) -> MotionScore:
+    """Scores a motion by what was felt along it; what happens in the air does not count.
 
     Args:
-        felt: `(T, S)` N, sensations along the motion.
-        predicted: `(T, S)` predicted sensations, any scale; null where none was foretold.
+        motion: what was planned, T instants.
+        felt: `(T, S)` N, sensations along it.
         target_sensations: `(K, S)` unit L2 norm.
-        goal: the target sensation to be reached.
     """
     touching = np.any(felt, axis=1)
-    foretold = touching & predicted.any(axis=1)
-    cosine = cosine_distance(felt[foretold], predicted[foretold])
+    expected = motion.touching
+    foretold = touching & motion.predicted.any(axis=1)
+    cosine = cosine_distance(felt[foretold], motion.predicted[foretold])
+    there = int(np.argmax(target_sensations @ felt[-1]))
     return MotionScore(
-        contact=float(touching.mean()),
-        reached=bool(touching[-1] and int(np.argmax(target_sensations @ felt[-1])) == goal),
+        contact=float(touching[expected].mean()) if expected.any() else 1.0,
+        reached=bool(touching[-1] and there == motion.goal),
         prediction_error=float(cosine.mean()) if foretold.any() else 1.0,
     )
 
@@ -103,31 +99,36 @@ def calibration(
     return {share: float(np.mean(new <= np.quantile(known, share))) for share in shares}
 
 
-def wall_points(skin: HollowSkin) -> cKDTree:
-    """Points on the outer, middle and inner layer of the wall, for `time_off_skin`."""
-    num_vertices = len(skin.vertices)
-    layers = np.concatenate([skin.faces + layer * num_vertices for layer in range(3)])
-    points, _ = trimesh.remesh.subdivide_to_size(skin.tet_vertices, layers, max_edge=_WALL_SPACING)
-    return cKDTree(points)
+def off_skin(p_LT: np.ndarray, radius: np.ndarray, walls: Sequence[cKDTree]) -> np.ndarray:
+    """Whether every ball that touches is off every skin by more than its own radius.
 
-
-def time_off_skin(time_s: np.ndarray, p_WF: np.ndarray, wall: cKDTree) -> float:
-    """Time in the cavity, or outside, by more than a fingertip's radius off the skin.
-
-    What counts is the gap between the wall and the nearest fingertip's own surface. To lose
-    contact by less is to graze; to lose it by more is to leave the body.
+    What counts is the gap between the wall and the nearest ball's own surface. To lose contact by
+    less is to graze; to lose it by more is to leave the body.
 
     Args:
-        time_s: `(T,)` s.
-        p_WF: `(T, 3 * fingers)` m, centres of the fingertips.
-        wall: of `wall_points`.
+        p_LT: `(T, skins, balls, 3)` m, centres of the balls in the frame of each skin's link.
+        radius: `(balls,)` m.
+        walls: points that stand for each skin's wall, half a radius apart or less.
 
     Returns:
-        s.
+        `(T,)` bool.
     """
-    distance, _ = wall.query(p_WF.reshape(len(p_WF), -1, 3))
-    off = distance.min(axis=1) > 2 * FINGERTIP_RADIUS
-    return float(np.sum(off[:-1] * np.diff(time_s)))
+    off = np.ones(len(p_LT), dtype=bool)
+    for skin, wall in enumerate(walls):
+        distance, _ = wall.query(p_LT[:, skin])
+        off &= (distance > 2 * radius).all(axis=1)
+    return off
+
+
+def in_link_frames(p_WT: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
+    """`(T, links, points, 3)` points of the world in the frames of links.
+
+    Args:
+        p_WT: `(T, points, 3)` m.
+        X_WL: `(T, links, 3, 4)` poses of the links.
+    """
+    apart = p_WT[:, None] - X_WL[:, :, None, :, 3]
+    return np.einsum("tlpi,tlij->tlpj", apart, X_WL[..., :3])
 
 
 def progress_along(s: np.ndarray, q: np.ndarray, q_measured: np.ndarray) -> np.ndarray:
@@ -159,25 +160,27 @@ def progress_along(s: np.ndarray, q: np.ndarray, q_measured: np.ndarray) -> np.n
 
 def spatial_jerk_reduction(
     s: np.ndarray,
-    p_WF: np.ndarray,
+    path: np.ndarray,
     waypoints_q: np.ndarray,
+    waypoint_s: np.ndarray,
     to_space: Callable[[np.ndarray], np.ndarray],
 ) -> float:
-    """How many times smaller the jerk of the fingertip's path in space is than the polyline's.
+    """How many times smaller the jerk of a fingertip's path in space is than the polyline's.
 
     Both are sampled every 0.02 rad of planned path length; jerk is the root mean square of third
     differences, so that it tells of the path, and not of how fast it was followed.
 
     Args:
-        s: `(T,)` rad, where on the planned path the arm was.
-        p_WF: `(T, 3 * fingers)` m, where the fingertips were.
-        waypoints_q: `(W, J)` rad, of the plan.
-        to_space: from `(N, J)` rad to `(N, fingers, 3)` m.
+        s: `(T,)` rad, where on the planned path the robot was.
+        path: `(T, D)` m, where its fingertips were.
+        waypoints_q: `(W, J)` of the plan.
+        waypoint_s: `(W,)` rad, where on its path they are.
+        to_space: from `(N, J)` configurations to `(N, D)` m.
     """
     moved = _moved(s)
     at = np.linspace(s[0], s[-1], max(5, int(np.ptp(s) / _JERK_SPACING)))
-    smooth = CubicSpline(s[moved], p_WF[moved])(at)
-    rough = to_space(polyline(waypoints_q)(at)).reshape(len(at), -1)
+    smooth = CubicSpline(s[moved], path[moved])(at)
+    rough = to_space(polyline(waypoints_q, waypoint_s)(at))
     jerk = [np.sqrt(np.mean(np.square(np.diff(p, 3, axis=0)))) for p in (rough, smooth)]
     return float(jerk[0] / jerk[1])
 

@@ -8,7 +8,8 @@ import numpy as np
 from scipy.linalg import orthogonal_procrustes
 from scipy.spatial.distance import cdist, pdist
 
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
+from selftouch_drake.evaluation.kernels import KernelTruth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,32 +23,6 @@ class Distortion:
 
     median: float
     p95: float
-
-
-def kernel_positions(representation: QuotientRepresentation, p_WF: np.ndarray) -> np.ndarray:
-    """Where each motor kernel set truly puts the first fingertip.
-
-    Args:
-        representation: K kernels of R configurations in all.
-        p_WF: `(R, 3 * fingers)` m, true fingertip positions in each of `kernel_q`.
-
-    Raises:
-        ValueError: `p_WF` has another number of rows.
-
-    Returns:
-        `(K, 3)` m, the median over each kernel.
-    """
-    return np.array([np.median(p, axis=0) for p in _members(representation, p_WF)])
-
-
-def kernel_spread(representation: QuotientRepresentation, p_WF: np.ndarray) -> np.ndarray:
-    """`(K,)` m, root mean square distance of a kernel's fingertip positions from their mean.
-
-    Arguments and errors as of `kernel_positions`.
-    """
-    return np.array(
-        [np.sqrt(p.var(axis=0).sum()) for p in _members(representation, p_WF)], dtype=float
-    )
 
 
 def neighbour_agreement(set_distance: np.ndarray, positions: np.ndarray) -> float:
@@ -125,14 +100,58 @@ def shape_rms_fraction(embedding: np.ndarray, positions: np.ndarray) -> float:
     return float(np.sqrt(np.square(residual).sum(axis=1).mean()) / pdist(positions).max())
 
 
-def _members(representation: QuotientRepresentation, p_WF: np.ndarray) -> list[np.ndarray]:
-    if len(p_WF) != len(representation.kernel_row):
-        raise ValueError(
-            f"p_WF has {len(p_WF)} rows, the kernels {len(representation.kernel_row)}: give one "
-            "for each of kernel_row"
-        )
-    first_finger = p_WF[:, :3].astype(float)
-    return [first_finger[representation.members(k)] for k in range(representation.num_targets)]
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PartOnSkin:
+    """The kernels of one part of the agent's body that truly lie on one skin.
+
+    Attributes:
+        part: number of the part.
+        skin: number of the skin.
+        kernels: `(n,)` these kernels.
+    """
+
+    part: int
+    skin: int
+    kernels: np.ndarray
+
+
+def parts_on_skins(part: np.ndarray, truth: KernelTruth) -> list[PartOnSkin]:
+    """Which part of the agent's body shows each skin: the one with most of its kernels.
+
+    Args:
+        part: `(K,)` the part of each kernel, as the agent found it.
+        truth: where the kernels truly are.
+
+    Returns:
+        One entry for each skin that some part has enough kernels on for a shape.
+    """
+    found = []
+    for skin in np.unique(truth.skin):
+        here = np.flatnonzero(truth.skin == skin)
+        most = int(np.bincount(part[here]).argmax())
+        kernels = here[part[here] == most]
+        if len(kernels) >= LEAST_KERNELS:
+            found.append(PartOnSkin(part=most, skin=int(skin), kernels=kernels))
+    return found
+
+
+def shape_errors(positions: np.ndarray, part: np.ndarray, truth: KernelTruth) -> dict[int, float]:
+    """How far the recovered body is off, skin by skin.
+
+    Args:
+        positions: `(K, 3)` where the agent lays out the kernels, each part in a pose of its own;
+            NaN in parts that it did not recover.
+        part: `(K,)` the part of each kernel.
+        truth: where the kernels truly are.
+
+    Returns:
+        For each skin that was recovered, `shape_rms_fraction` of the part that shows it.
+    """
+    return {
+        entry.skin: shape_rms_fraction(positions[entry.kernels], truth.positions[entry.kernels])
+        for entry in parts_on_skins(part, truth)
+        if np.isfinite(positions[entry.kernels]).all()
+    }
 
 
 def _nearest(distance: np.ndarray, count: int) -> np.ndarray:

@@ -4,28 +4,34 @@ from selftouch_drake.experience.collect import (
     NeverTouchesError,
     collect,
     collect_walk,
+    random_walk,
     require_complete,
     walk_sizes,
 )
 from selftouch_drake.experience.store import (
+    Contacts,
     ExperienceReader,
     Shard,
     StoreError,
-    read_num_steps,
+    WalkCounts,
+    read_counts,
     shard_name,
     write_shard,
 )
 from selftouch_drake.experience.walk import RandomWalk
 
 __all__ = [
+    "Contacts",
     "ExperienceReader",
     "NeverTouchesError",
     "RandomWalk",
     "Shard",
     "StoreError",
+    "WalkCounts",
     "collect",
     "collect_walk",
-    "read_num_steps",
+    "random_walk",
+    "read_counts",
     "require_complete",
     "shard_name",
     "walk_sizes",

@@ -13,18 +13,18 @@ import yaml
 
 from selftouch_drake.experience.sources import DynamicSource, KinematicSource, Source
 from selftouch_drake.experience.store import (
+    Contacts,
     Shard,
     StoreError,
-    read_num_steps,
+    WalkCounts,
+    read_counts,
     shard_name,
     write_shard,
 )
 from selftouch_drake.experience.walk import RandomWalk
 from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
-from selftouch_drake.geometry import ARM_REACH, build_body
+from selftouch_drake.robot import Robot, World
 from selftouch_drake.robot.joints import remembered
-from selftouch_drake.robot.kinematics import FingertipKinematics
-from selftouch_drake.run.directory import RunDirectory
 
 # A walk that has touched nothing in so many steps is lost.
 PATIENCE = 2_000_000
@@ -33,7 +33,7 @@ _WORLD_LOCK = Lock()
 
 
 class NeverTouchesError(ValueError):
-    """The random walk does not find the body."""
+    """The random walk touches no skin."""
 
 
 def walk_sizes(experiment: Experiment) -> list[int]:
@@ -43,87 +43,100 @@ def walk_sizes(experiment: Experiment) -> list[int]:
     return [size] * full + [rest] * (rest > 0)
 
 
+def random_walk(experiment: Experiment, robot: Robot, walk: int) -> RandomWalk:
+    """Walk number `walk` of an experiment, through the range that its robot babbles in."""
+    babbling, (lower, upper) = experiment.babbling, robot.babbled_range
+    # A joint that slides crosses its range as fast as one that turns goes round.
+    share = np.where(robot.turns, 1.0, (upper - lower) / (2 * np.pi))
+    return RandomWalk(
+        lower=lower,
+        upper=upper,
+        step_size=babbling.step_size * share,
+        persistence=babbling.persistence,
+        seed=experiment.random_stream("walk", walk),
+    )
+
+
 def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: int) -> Shard:
-    """Walks until `num_rows` configurations touched.
+    """Walks until `num_rows` configurations touched that the robot can take.
 
     Raises:
         NeverTouchesError: there was no touch in very many steps.
     """
-    babbling, agent = experiment.babbling, source.agent
-    source.begin(
-        RandomWalk(
-            lower=agent.lower,
-            upper=agent.upper,
-            step_size=babbling.step_size,
-            persistence=babbling.persistence,
-            seed=experiment.random_stream("walk", walk),
-        )
-    )
-    kept_step, kept_q, kept_sensation = [], [], []
-    num_kept = num_steps = last_touch = 0
+    source.begin(random_walk(experiment, source.robot, walk))
+    kept_step, kept_q, kept_sensation, kept_contacts = [], [], [], []
+    num_kept = num_steps = last_touch = num_impossible = 0
     while num_kept < num_rows:
-        q, sensation = source.next_steps()
-        touching = np.flatnonzero(sensation.any(axis=1))[: num_rows - num_kept]
-        kept_step.append(num_steps + touching)
-        kept_q.append(q[touching])
-        kept_sensation.append(sensation[touching].astype(np.float32))
-        num_kept += len(touching)
-        if len(touching):
-            last_touch = num_steps + int(touching[-1])
+        q, touches = source.next_steps()
+        touching = np.flatnonzero(touches.sensation.any(axis=1))
+        possible = source.possible(q[touching])
+        kept = touching[possible][: num_rows - num_kept]
+        considered = touching <= kept[-1] if len(kept) == num_rows - num_kept else np.True_
+        num_impossible += int(np.sum(~possible & considered))
+        kept_step.append(num_steps + kept)
+        kept_q.append(q[kept])
+        kept_sensation.append(touches.sensation[kept].astype(np.float32))
+        kept_contacts.append(
+            Contacts.of_rows(touches.row, touches.skin, touches.toucher, touches.p_LC, kept)
+        )
+        num_kept += len(kept)
+        if len(kept):
+            last_touch = num_steps + int(kept[-1])
         num_steps += len(q)
         if num_kept < num_rows and num_steps - last_touch >= PATIENCE:
             raise NeverTouchesError(
-                f"babbling touched nothing in {num_steps - last_touch} steps; "
-                f"make the body reachable ({ARM_REACH} m from the shoulder), "
-                "or babbling.step_size larger"
+                f"babbling touched nothing in {num_steps - last_touch} steps; see what can reach "
+                "what with `selftouch robot EXPERIMENT --show`, or make babbling.step_size larger"
             )
     step = np.concatenate(kept_step)
-    q = np.concatenate(kept_q)
-    p_WF = FingertipKinematics.of(agent).positions(q.astype(float))
     return Shard(
         walk=walk,
         num_steps=int(step[-1]) + 1,
+        num_impossible=num_impossible,
         step=step,
-        q=remembered(experiment, q),
+        q=remembered(experiment, np.concatenate(kept_q)),
         sensation=np.concatenate(kept_sensation),
-        p_WF=p_WF.reshape(len(q), -1),
+        contacts=Contacts.joined(kept_contacts),
     )
 
 
 def collect(
-    run: RunDirectory,
+    experiment: Experiment,
+    folder: Path,
     *,
+    fingerprint: str,
     executor: Executor,
     progress: Callable[[int], None] = lambda num_rows: None,
-) -> int:
-    """Collects what is missing of the run's experience and returns the steps of all walks.
+) -> WalkCounts:
+    """Collects what is missing of a run's experience and returns the steps of all walks.
 
     Walks that are already stored are kept. Any executor gives the same bytes, in any order.
 
     Args:
-        run: the run; its shards are written by the workers.
-        executor: where the walks run; its workers must see the run directory.
+        experiment: what is collected for.
+        folder: of the run; its shards are written by the workers.
+        fingerprint: of the experience, which every shard carries.
+        executor: where the walks run; its workers must see the folder.
         progress: called with the number of new rows whenever a walk is stored.
 
     Raises:
         ChildProcessError: a process of the executor was killed.
-        NeverTouchesError: a walk does not find the body.
+        NeverTouchesError: a walk touches nothing.
         StoreError: a stored shard is damaged, or of another experiment.
     """
-    fingerprint = run.fingerprint()
-    num_steps, futures = 0, {}
-    text, folder = dump_experiment(run.experiment), str(run.path.resolve())
+    counts, futures = WalkCounts(0, 0), {}
+    text, path = dump_experiment(experiment), str(folder.resolve())
     try:
-        for walk, num_rows in enumerate(walk_sizes(run.experiment)):
-            known = read_num_steps(run.path, walk, num_rows=num_rows, fingerprint=fingerprint)
-            if known is None or not (run.truth / shard_name(walk)).exists():
-                job = executor.submit(_collect_and_store, text, folder, walk, num_rows, fingerprint)
+        for walk, num_rows in enumerate(walk_sizes(experiment)):
+            known = read_counts(folder, walk, num_rows=num_rows, fingerprint=fingerprint)
+            if known is None or not (folder / "truth" / shard_name(walk)).exists():
+                job = executor.submit(_collect_and_store, text, path, walk, num_rows, fingerprint)
                 futures[job] = num_rows
             else:
-                num_steps += known
+                counts += known
                 progress(num_rows)
         for job in as_completed(futures):
-            num_steps += job.result()
+            counts += job.result()
             progress(futures[job])
     except BrokenExecutor:
         raise ChildProcessError(
@@ -133,44 +146,48 @@ def collect(
     finally:
         for job in futures:
             job.cancel()
-    return num_steps
+    return counts
 
 
-def require_complete(run: RunDirectory, *, truth: bool = False) -> None:
+def require_complete(
+    experiment: Experiment, folder: Path, *, fingerprint: str, truth: bool = False
+) -> None:
     """Refuses experience, or its truth, of which a shard is missing, damaged or foreign.
 
     Raises:
         StoreError: naming the shard.
     """
-    fingerprint, sizes = run.fingerprint(), walk_sizes(run.experiment)
-    folder = run.truth if truth else run.experience
+    sizes = walk_sizes(experiment)
+    shards = folder / ("truth" if truth else "experience")
     for walk, num_rows in enumerate(sizes):
-        known = read_num_steps(
-            run.path, walk, num_rows=num_rows, fingerprint=fingerprint, folder=folder.name
+        known = read_counts(
+            folder, walk, num_rows=num_rows, fingerprint=fingerprint, folder=shards.name
         )
         if known is None:
             raise StoreError(
-                f"{folder / shard_name(walk)} is missing; collect it again with "
-                f"`selftouch babble {run.path / 'experiment.yaml'} --out {run.path}`"
+                f"{shards / shard_name(walk)} is missing; collect it again with "
+                f"`selftouch babble {folder / 'experiment.yaml'} --out {folder}`"
             )
-    if len(list(folder.glob("part-*.parquet"))) > len(sizes):
-        raise StoreError(f"{folder} holds shards that are not of this run; remove them")
+    if len(list(shards.glob("part-*.parquet"))) > len(sizes):
+        raise StoreError(f"{shards} holds shards that are not of this run; remove them")
 
 
-def _collect_and_store(text: str, run: str, walk: int, num_rows: int, fingerprint: str) -> int:
+def _collect_and_store(
+    text: str, run: str, walk: int, num_rows: int, fingerprint: str
+) -> WalkCounts:
     with _WORLD_LOCK:
         experiment, source = _world(text)
         shard = collect_walk(source, experiment, walk, num_rows)
     write_shard(Path(run), shard, fingerprint=fingerprint)
-    return shard.num_steps
+    return shard.counts
 
 
 @lru_cache(maxsize=1)
 def _world(text: str) -> tuple[Experiment, Source]:
     """The world of an experiment, built once a process: Drake's diagrams cannot be pickled."""
     experiment = experiment_from_fields(yaml.safe_load(text))
-    sources: dict[str, Callable[..., Source]] = {
+    sources: dict[str, Callable[[World], Source]] = {
         "kinematic": KinematicSource,
         "dynamic": DynamicSource,
     }
-    return experiment, sources[experiment.babbling.mode](experiment, *build_body(experiment))
+    return experiment, sources[experiment.babbling.mode](World(experiment))

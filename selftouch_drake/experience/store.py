@@ -7,9 +7,10 @@ if the experience of a walk is there, it is whole and so is its truth.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -26,25 +27,99 @@ class StoreError(ValueError):
     """A shard that is missing, damaged or of another experiment; the text names it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+class WalkCounts(NamedTuple):
+    """Steps of walks, and how many of them touched in a posture that the robot cannot take."""
+
+    num_steps: int
+    num_impossible: int
+
+    def __add__(self, other):
+        return WalkCounts(*(a + b for a, b in zip(self, other, strict=True)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Contacts:
+    """The contacts behind N touches, C in all: the truth.
+
+    Attributes:
+        offsets: `(N + 1,)` touch n has the contacts `offsets[n]:offsets[n + 1]`.
+        skin: `(C,)` int8, number of the skin that is pressed.
+        toucher: `(C,)` int8, number of what presses it: of the touchers, after them of the skins.
+        p_LC: `(C, 3)` float32 m, centre of pressure in the frame of the pressed skin's link.
+    """
+
+    offsets: np.ndarray
+    skin: np.ndarray
+    toucher: np.ndarray
+    p_LC: np.ndarray
+
+    @staticmethod
+    def of_rows(
+        row: np.ndarray, skin: np.ndarray, toucher: np.ndarray, p_LC: np.ndarray, rows: np.ndarray
+    ) -> Contacts:
+        """The contacts of some rows, of contacts that are sorted by row."""
+        start, end = np.searchsorted(row, rows), np.searchsorted(row, rows, side="right")
+        offsets = np.concatenate([[0], np.cumsum(end - start)])
+        chosen = np.repeat(start - offsets[:-1], end - start) + np.arange(offsets[-1])
+        return Contacts(
+            offsets=offsets.astype(np.int64),
+            skin=skin[chosen].astype(np.int8),
+            toucher=toucher[chosen].astype(np.int8),
+            p_LC=p_LC[chosen].astype(np.float32),
+        )
+
+    @staticmethod
+    def joined(parts: Sequence[Contacts]) -> Contacts:
+        """The contacts of all parts, one after another."""
+        counts = np.concatenate([np.diff(part.offsets) for part in parts])
+        return Contacts(
+            offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+            skin=np.concatenate([part.skin for part in parts]),
+            toucher=np.concatenate([part.toucher for part in parts]),
+            p_LC=np.concatenate([part.p_LC for part in parts]),
+        )
+
+    @property
+    def num_rows(self) -> int:
+        """N."""
+        return len(self.offsets) - 1
+
+    @property
+    def row(self) -> np.ndarray:
+        """`(C,)` the touch that each contact belongs to."""
+        return np.repeat(np.arange(self.num_rows), np.diff(self.offsets))
+
+    def take(self, rows: np.ndarray) -> Contacts:
+        """The contacts of some touches, in any order."""
+        return Contacts.of_rows(self.row, self.skin, self.toucher, self.p_LC, np.asarray(rows))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Shard:
     """The touches of one random walk, in the order of the walk.
 
     Attributes:
         walk: number of the walk.
         num_steps: steps walked, touching or not.
+        num_impossible: steps that touched in a posture that the robot cannot take.
         step: `(N,)` the step of each touch.
-        q: `(N, J)` rad, motor configurations.
-        sensation: `(N, S)` N, one reading a receptor.
-        p_WF: `(N, 3 * fingers)` m, fingertip positions: the truth.
+        q: `(N, J)` rad or m, motor configurations.
+        sensation: `(N, S)` N, the skins' readings one after another.
+        contacts: of each touch: the truth.
     """
 
     walk: int
     num_steps: int
+    num_impossible: int
     step: np.ndarray
     q: np.ndarray
     sensation: np.ndarray
-    p_WF: np.ndarray
+    contacts: Contacts
+
+    @property
+    def counts(self) -> WalkCounts:
+        """Steps of this walk."""
+        return WalkCounts(self.num_steps, self.num_impossible)
 
 
 def shard_name(walk: int) -> str:
@@ -57,10 +132,17 @@ def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
     metadata = {
         b"selftouch.fingerprint": fingerprint.encode(),
         b"selftouch.num_steps": str(shard.num_steps).encode(),
+        b"selftouch.num_impossible": str(shard.num_impossible).encode(),
     }
     walk = pa.array(np.full(len(shard.step), shard.walk, dtype=np.int32))
     key = {"walk": walk, "step": pa.array(shard.step.astype(np.int64))}
-    truth = {**key, "p_WF": _vectors(shard.p_WF)}
+    contacts = shard.contacts
+    truth = {
+        **key,
+        "skin": _lists(contacts.offsets, pa.array(contacts.skin.astype(np.int8))),
+        "toucher": _lists(contacts.offsets, pa.array(contacts.toucher.astype(np.int8))),
+        "p_LC": _lists(contacts.offsets, _vectors(contacts.p_LC)),
+    }
     felt = {**key, "q": _vectors(shard.q), "sensation": _vectors(shard.sensation)}
     for folder, columns in (("truth", truth), ("experience", felt)):
         table = pa.table(columns).replace_schema_metadata(metadata)
@@ -71,9 +153,9 @@ def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
             )
 
 
-def read_num_steps(
+def read_counts(
     run: Path, walk: int, *, num_rows: int, fingerprint: str, folder: str = "experience"
-) -> int | None:
+) -> WalkCounts | None:
     """The steps of a walk that is already stored in `folder`, or None if it is not.
 
     Raises:
@@ -89,9 +171,11 @@ def read_num_steps(
     if parquet.metadata.num_rows != num_rows:
         raise StoreError(f"{path} has {parquet.metadata.num_rows} rows, not {num_rows}; delete it")
     try:
-        return int(metadata[b"selftouch.num_steps"])
+        return WalkCounts(
+            int(metadata[b"selftouch.num_steps"]), int(metadata[b"selftouch.num_impossible"])
+        )
     except (KeyError, ValueError):
-        raise StoreError(f"{path} does not tell its steps; delete it and babble again") from None
+        raise StoreError(f"{path} lacks its number of steps; delete it and babble again") from None
 
 
 class ExperienceReader:
@@ -149,6 +233,52 @@ class ExperienceReader:
                 raise StoreError(f"{path} lacks values of {column}; delete it and babble again")
             yield numbers.to_numpy().reshape(num_rows, width)
 
+    def contacts(self) -> Iterator[Contacts]:
+        """The contacts of the truth, one object per shard.
+
+        Raises:
+            StoreError: a shard is damaged, or is no truth.
+        """
+        for path in self._paths:
+            parquet = _open(path)
+            if not _holds_contacts(parquet.schema_arrow):
+                raise StoreError(f"{path} has no contacts; it is no shard of the truth")
+            try:
+                table = parquet.read(["skin", "toucher", "p_LC"]).combine_chunks()
+            except UNREADABLE as error:
+                raise _damaged(path, error) from None
+            skin, toucher, p_LC = (_one_chunk(table.column(name)) for name in table.column_names)
+            lengths = [np.diff(lists.offsets.to_numpy()) for lists in (skin, toucher, p_LC)]
+            values = [lists.flatten() for lists in (skin, toucher, p_LC)]
+            nulls = sum(a.null_count for a in (skin, toucher, p_LC, *values))
+            if nulls or any(not np.array_equal(lengths[0], other) for other in lengths[1:]):
+                raise StoreError(f"{path} lacks values; delete it and babble again")
+            yield Contacts(
+                offsets=np.concatenate([[0], np.cumsum(lengths[0])]).astype(np.int64),
+                skin=values[0].to_numpy(zero_copy_only=False),
+                toucher=values[1].to_numpy(zero_copy_only=False),
+                p_LC=values[2].flatten().to_numpy(zero_copy_only=False).reshape(-1, 3),
+            )
+
+    def take_contacts(self, rows: np.ndarray) -> Contacts:
+        """The contacts of some touches, in memory that does not grow with the store.
+
+        Raises:
+            StoreError: there are not so many rows, or a shard is damaged.
+        """
+        order = np.argsort(rows, kind="stable")
+        taken, first, parts = 0, 0, []
+        for contacts in self.contacts():
+            end = int(np.searchsorted(rows, first + contacts.num_rows, sorter=order))
+            parts.append(contacts.take(rows[order[taken:end]] - first))
+            taken, first = end, first + contacts.num_rows
+        if taken < len(rows):
+            raise StoreError(
+                f"{self._paths[0].parent} has {first} rows, none of number {max(rows)}; it is of "
+                "another experiment"
+            )
+        return Contacts.joined(parts).take(np.argsort(order, kind="stable"))
+
     def touches(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays a shard."""
         return zip(self.batches("sensation"), self.batches("q"), strict=True)
@@ -185,6 +315,26 @@ class ExperienceReader:
 def _vectors(rows: np.ndarray) -> pa.FixedSizeListArray:
     flat = pa.array(np.ascontiguousarray(rows, dtype=np.float32).reshape(-1))
     return pa.FixedSizeListArray.from_arrays(flat, rows.shape[1])
+
+
+def _lists(offsets: np.ndarray, values: pa.Array) -> pa.ListArray:
+    return pa.ListArray.from_arrays(pa.array(offsets.astype(np.int32)), values)
+
+
+def _one_chunk(column: pa.ChunkedArray) -> pa.ListArray:
+    joined = column.combine_chunks()
+    return joined.chunk(0) if isinstance(joined, pa.ChunkedArray) else joined
+
+
+def _holds_contacts(schema: pa.Schema) -> bool:
+    """Whether a schema is that of a shard of the truth."""
+    kinds = {"skin": pa.int8(), "toucher": pa.int8(), "p_LC": pa.list_(pa.float32(), 3)}
+    return all(
+        schema.names.count(name) == 1
+        and pa.types.is_list(schema.field(name).type)
+        and schema.field(name).type.value_type == kind
+        for name, kind in kinds.items()
+    )
 
 
 def _holds_vectors(schema: pa.Schema, column: str) -> bool:

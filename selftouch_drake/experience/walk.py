@@ -14,9 +14,10 @@ class RandomWalk:
     folded into the range of each joint, which is the same thing because its noise is symmetric.
 
     Args:
-        lower: `(J,)` rad, lower joint limits.
-        upper: `(J,)` rad, upper joint limits.
-        step_size: rad a step, standard deviation of each joint's velocity.
+        lower: `(J,)` rad or m, the lower end of each joint's range.
+        upper: `(J,)` rad or m, its upper end.
+        step_size: rad or m per step, standard deviation of the joints' velocity; one for all or
+            `(J,)`.
         persistence: share of the velocity that is kept from step to step, 0 to below 1.
         seed: of the walk; the start is uniform between the limits.
     """
@@ -26,7 +27,7 @@ class RandomWalk:
         *,
         lower: np.ndarray,
         upper: np.ndarray,
-        step_size: float,
+        step_size: float | np.ndarray,
         persistence: float,
         seed: np.random.SeedSequence,
     ):
@@ -39,7 +40,7 @@ class RandomWalk:
         self._velocity = step_size * self._random.standard_normal(len(self._lower))
 
     def steps(self, num_steps: int) -> np.ndarray:
-        """`(num_steps, J)` rad, the next configurations; the same however the walk is cut up."""
+        """`(num_steps, J)` the next configurations; the same however the walk is cut up."""
         noise = self._innovation * self._random.standard_normal((num_steps, len(self._lower)))
         carried = self._persistence * self._velocity
         velocity, _ = lfilter([1.0], [1.0, -self._persistence], noise, axis=0, zi=carried[None])

@@ -1,6 +1,5 @@
 """Skins of links: closed surfaces, the wall below them, and receptors spread over them."""
 
-from selftouch_drake.geometry.build import ARM_REACH, FINGERTIP_RADIUS, P_B_SHOULDER, build_body
 from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
 from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.geometry.geodesics import surface_distances, surface_paths
@@ -25,14 +24,10 @@ from selftouch_drake.geometry.surfaces import (
 from selftouch_drake.geometry.wall import wall_points
 
 __all__ = [
-    "ARM_REACH",
-    "FINGERTIP_RADIUS",
-    "P_B_SHOULDER",
     "HollowSkin",
     "ReceptiveFields",
     "SimplifiedWarning",
     "betti_of_patch",
-    "build_body",
     "capsule",
     "closed_surface",
     "cube",

@@ -1,30 +1,44 @@
-"""The world in Drake: plant, soft skin, contact, controllers. It alone knows poses."""
+"""The robot in Drake: plant, soft skins, contact, controllers. It alone knows poses."""
 
-from selftouch_drake.robot.agent import Agent, MakeAgent
-from selftouch_drake.robot.babbler import Babbler
-from selftouch_drake.robot.plan_source import PlanSource
+from selftouch_drake.robot.contact import SensorModel, Touches
+from selftouch_drake.robot.imperfections import ImperfectSkin, ImperfectSkins
 from selftouch_drake.robot.probe import ContactProbe
-from selftouch_drake.robot.readings import Readings
-from selftouch_drake.robot.skin import (
+from selftouch_drake.robot.robot import MakeRobot, Robot
+from selftouch_drake.robot.simulation import LOG_PERIOD, Log, Simulation
+from selftouch_drake.robot.skins import SkinModel, make_skins
+from selftouch_drake.robot.sources import Babbler, PathSource
+from selftouch_drake.robot.station import MakeDynamicStation, MakeKinematicStation, Station
+from selftouch_drake.robot.tactile_skin import (
     KinematicTactileSkin,
     RegisterSkin,
     SkinReadout,
     TactileSkin,
+    UnfeltContactWarning,
 )
-from selftouch_drake.robot.station import MakeDynamicStation, MakeKinematicStation, Station
+from selftouch_drake.robot.world import World
 
 __all__ = [
-    "Agent",
+    "LOG_PERIOD",
     "Babbler",
     "ContactProbe",
+    "ImperfectSkin",
+    "ImperfectSkins",
     "KinematicTactileSkin",
-    "MakeAgent",
+    "Log",
     "MakeDynamicStation",
     "MakeKinematicStation",
-    "PlanSource",
-    "Readings",
+    "MakeRobot",
+    "PathSource",
     "RegisterSkin",
+    "Robot",
+    "SensorModel",
+    "Simulation",
+    "SkinModel",
     "SkinReadout",
     "Station",
     "TactileSkin",
+    "Touches",
+    "UnfeltContactWarning",
+    "World",
+    "make_skins",
 ]

@@ -1,31 +1,219 @@
-"""From a hydroelastic contact surface to forces on the skin."""
+"""From hydroelastic contact surfaces to what each skin feels: the one sensor model, phi."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
 import numpy as np
-from pydrake.geometry import ContactSurface
-from pydrake.math import RigidTransform
+from pydrake.geometry import ContactSurface, GeometryId
+from scipy.sparse import csr_array
+
+from selftouch_drake.geometry import ReceptiveFields
 
 
-def pressed_points(surface: ContactSurface) -> tuple[list[np.ndarray], list[float]]:
-    """Where, and how hard, a contact surface presses.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Touches:
+    """What is felt at N instants, and the contacts behind it, C in all.
 
-    Pressure is linear on a face, so its value at the centroid times the area is the exact integral.
-    Lists, because this is the inner loop of babbling and is called for a few faces at a time.
+    Attributes:
+        sensation: `(N, S)` N, the skins' readings one after another; exactly zero without contact.
+        row: `(C,)` the instant of each contact, rising.
+        skin: `(C,)` number of the skin that is pressed.
+        toucher: `(C,)` number of what presses it: of the touchers, and after them of the skins.
+        p_LC: `(C, 3)` m, centre of pressure in the frame of the pressed skin's link.
+    """
+
+    sensation: np.ndarray
+    row: np.ndarray
+    skin: np.ndarray
+    toucher: np.ndarray
+    p_LC: np.ndarray
+
+    @staticmethod
+    def of(
+        sensation: np.ndarray,
+        row: np.ndarray,
+        skin: np.ndarray,
+        toucher: np.ndarray,
+        total: np.ndarray,
+    ) -> Touches:
+        """Puts contacts in order; those of one toucher with one skin at one instant become one.
+
+        Args:
+            sensation: `(N, S)` N.
+            row: `(C,)` the instant of each contact.
+            skin: `(C,)` number of the skin that is pressed.
+            toucher: `(C,)` number of what presses it.
+            total: `(C, 4)` N and N m: force, and the sum of force times place in the frame of the
+                pressed skin's link. Contacts without force are left out.
+        """
+        order = np.lexsort([toucher, skin, row])
+        key = np.stack([row, skin, toucher], axis=1)[order]
+        first = np.flatnonzero(np.any(np.diff(key, axis=0, prepend=-1) != 0, axis=1))
+        if len(first):
+            total = np.add.reduceat(total[order], first, axis=0)
+        pressed = total[:, 0] > 0
+        row, skin, toucher = key[first[pressed]].T
+        p_LC = total[pressed, 1:] / total[pressed, :1]
+        return Touches(sensation=sensation, row=row, skin=skin, toucher=toucher, p_LC=p_LC)
+
+    def and_also(self, other: Touches) -> Touches:
+        """What is felt at the same instants with other contacts besides, of other touchers."""
+        order = np.lexsort(
+            [
+                np.concatenate([getattr(self, name), getattr(other, name)])
+                for name in ("toucher", "skin", "row")
+            ]
+        )
+        return Touches(
+            sensation=self.sensation + other.sensation,
+            **{
+                name: np.concatenate([getattr(self, name), getattr(other, name)])[order]
+                for name in ("row", "skin", "toucher", "p_LC")
+            },
+        )
+
+
+@dataclass(slots=True)
+class PressedFaces:
+    """Faces of contact surfaces, gathered over many instants for one look at all of them.
+
+    Lists, because this is the inner loop of babbling and is filled a few faces at a time. Pressure
+    is linear on a face, so its value at the centroid times the area is the exact integral.
+
+    Attributes:
+        p_WQ: for each face its centroid `(3,)` m in the world.
+        force: for each face the pressure integrated over it, N.
+        num_faces: for each contact its number of faces.
+        row: for each contact its instant.
+        skin: for each contact the skin that is pressed.
+        toucher: for each contact what presses.
+    """
+
+    p_WQ: list[np.ndarray] = field(default_factory=list)
+    force: list[float] = field(default_factory=list)
+    num_faces: list[int] = field(default_factory=list)
+    row: list[int] = field(default_factory=list)
+    skin: list[int] = field(default_factory=list)
+    toucher: list[int] = field(default_factory=list)
+
+    def add(self, row: int, skin: int, toucher: int, surface: ContactSurface) -> None:
+        """Adds all faces of one contact surface, as they press on one skin."""
+        pressure = (
+            surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
+        ).EvaluateCartesian
+        centroid, area = surface.centroid, surface.area
+        faces = range(surface.num_faces())
+        points = [centroid(face) for face in faces]
+        self.p_WQ += points
+        self.force += [
+            pressure(face, p) * area(face) for face, p in zip(faces, points, strict=True)
+        ]
+        self.num_faces.append(len(points))
+        self.row.append(row)
+        self.skin.append(skin)
+        self.toucher.append(toucher)
+
+
+class SensorModel:
+    """What the skins of one robot feel where contact surfaces press on them.
+
+    A receptor integrates the pressure on its skin, weighted by its receptive field. The fields of a
+    skin sum to one, so that its readings sum to the total normal force on it. Two soft skins that
+    press each other both feel.
 
     Args:
-        surface: polygonal or triangular contact surface, in the world frame.
-
-    Returns:
-        For each face its centroid `p_WQ` `(3,)` m, and the pressure integrated over it, in N.
+        fields: of each skin, in the frame of its link.
+        skin_ids: each skin's geometry.
+        toucher_ids: the geometries of each toucher.
     """
-    field = surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
-    pressure, centroid, area = field.EvaluateCartesian, surface.centroid, surface.area
-    faces = range(surface.num_faces())
-    p_WQ = [centroid(face) for face in faces]
-    return p_WQ, [pressure(face, p) * area(face) for face, p in zip(faces, p_WQ, strict=True)]
+
+    def __init__(
+        self,
+        fields: Sequence[ReceptiveFields],
+        skin_ids: Sequence[GeometryId],
+        toucher_ids: Sequence[Iterable[GeometryId]] = (),
+    ):
+        self._fields = tuple(fields)
+        self._skin_of = {geometry_id: k for k, geometry_id in enumerate(skin_ids)}
+        self._toucher_of: Mapping[GeometryId, int] = {
+            geometry_id: t
+            for t, ids in enumerate(toucher_ids)
+            for geometry_id in ids
+            if geometry_id not in self._skin_of
+        }
+        self._num_touchers = len(toucher_ids)
+        self._ends = np.cumsum([0, *(f.num_receptors for f in fields)])
+
+    @property
+    def num_receptors(self) -> int:
+        """S, of all skins."""
+        return int(self._ends[-1])
+
+    def gather(self, into: PressedFaces, row: int, surfaces: Iterable[ContactSurface]) -> None:
+        """Adds what presses on the skins at one instant."""
+        for surface in surfaces:
+            ends = surface.id_M(), surface.id_N()
+            for pressed, pressing in (ends, ends[::-1]):
+                if (skin := self._skin_of.get(pressed)) is not None:
+                    into.add(row, skin, self._presser(pressing), surface)
+
+    def _presser(self, geometry_id: GeometryId) -> int:
+        if (skin := self._skin_of.get(geometry_id)) is not None:
+            return self._num_touchers + skin
+        # What no experiment names, as the floor of a diagram of one's own.
+        return self._toucher_of.get(geometry_id, -1)
+
+    def touches(self, faces: PressedFaces, X_WL: np.ndarray) -> Touches:
+        """What is felt where the gathered faces press.
+
+        Args:
+            faces: of N instants.
+            X_WL: `(N, skins, 3, 4)` poses of the links that wear the skins.
+        """
+        sensation = np.zeros((len(X_WL), self.num_receptors))
+        row, skin, toucher, num_faces = (
+            np.array(column, dtype=int)
+            for column in (faces.row, faces.skin, faces.toucher, faces.num_faces)
+        )
+        force = np.array(faces.force)
+        p_LQ = _in_frames(np.array(faces.p_WQ), np.repeat(X_WL[row, skin], num_faces, axis=0))
+        for k, fields in enumerate(self._fields):
+            here = np.flatnonzero(skin == k)
+            if len(here):
+                felt = self._felt(fields, here, num_faces, force, p_LQ)
+                columns = slice(self._ends[k], self._ends[k + 1])
+                np.add.at(sensation[:, columns], row[here], felt)
+        total = np.zeros((len(row), 4))
+        contact = np.repeat(np.arange(len(row)), num_faces)
+        np.add.at(total, contact, np.column_stack([force, force[:, None] * p_LQ]))
+        return Touches.of(sensation, row, skin, toucher, total)
+
+    @staticmethod
+    def _felt(
+        fields: ReceptiveFields,
+        contacts: np.ndarray,
+        num_faces: np.ndarray,
+        force: np.ndarray,
+        p_LQ: np.ndarray,
+    ) -> np.ndarray:
+        """`(contacts, receptors)` N, of some contacts with one skin."""
+        if len(contacts) == len(num_faces):
+            faces: slice | np.ndarray = slice(None)
+        else:
+            mine = np.zeros(len(num_faces), dtype=bool)
+            mine[contacts] = True
+            faces = np.repeat(mine, num_faces)
+        offsets = np.concatenate([[0], np.cumsum(num_faces[contacts])])
+        pressing = force[faces]
+        gather = csr_array(
+            (pressing, np.arange(len(pressing)), offsets), shape=(len(contacts), len(pressing))
+        )
+        interpolation = fields.interpolation_at(p_LQ[faces])
+        return ((gather @ interpolation) @ fields.vertex_weights).toarray()
 
 
-def in_body_frame(X_WB: RigidTransform, p_WQ: np.ndarray) -> np.ndarray:
-    """`(N, 3)` points of the world frame, measured and expressed in the body frame B."""
-    return (p_WQ - X_WB.translation()) @ X_WB.rotation().matrix()
+def _in_frames(p_WQ: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
+    """`(N, 3)` points of the world, each in a frame of its own `(N, 3, 4)`."""
+    return np.einsum("ni,nij->nj", p_WQ.reshape(-1, 3) - X_WL[:, :, 3], X_WL[:, :, :3])

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.robot.readings import standard_noise
+from selftouch_drake.robot.imperfections import standard_noise
 
 
 def remembered(experiment: Experiment, q: np.ndarray) -> np.ndarray:
-    """`(N, J)` rad, what the agent keeps of the configurations `q` `(N, J)` of its babbling."""
+    """`(N, J)`, what the agent keeps of the configurations `q` `(N, J)` of its babbling."""
     if not experiment.joints.noise:
         return q
     (seed,) = experiment.random_stream("joints", 1).generate_state(1, np.uint64)
@@ -18,6 +18,6 @@ def remembered(experiment: Experiment, q: np.ndarray) -> np.ndarray:
 
 
 def slip(experiment: Experiment, num_joints: int) -> np.ndarray:
-    """`(J,)` rad, by how much joints read more than they are, after babbling."""
+    """`(J,)` rad or m, by how much joints read more than they are, after babbling."""
     chance = np.random.default_rng(experiment.random_stream("joints", 0))
     return experiment.joints.offset * chance.standard_normal(num_joints)

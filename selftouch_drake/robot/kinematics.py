@@ -1,56 +1,196 @@
-"""Fingertip positions of many configurations at once."""
+"""Poses of many configurations at once, of any tree of joints that turn or slide."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
-
-from selftouch_drake.robot.agent import Agent
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import Frame, Joint, RevoluteJoint, RigidBody
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FingertipKinematics:
-    """The arm as a product of rotations, read off a plant whose joints are all revolute.
+class Kinematics:
+    """The tree of moving joints, read off a plant, and frames that hang on it.
+
+    A frame hangs on the joint that moves it last, and on none if it is fixed to the world. All
+    transforms are `(3, 4)`: a rotation, then a translation in m.
 
     Attributes:
-        axis_W: `(J, 3)` unit vectors of the joint axes at zero configuration.
-        p_WJ: `(J, 3)` m, a point on each axis at zero configuration.
-        p_WF: `(fingers, 3)` m, the fingertips at zero configuration.
+        parent: `(J,)` the joint before each one on its way to the world; -1 for none. Joints are in
+            the order of q, a parent before its children.
+        X_PF: `(J, 3, 4)` each joint's frame on the frame that its parent joint moves.
+        axis_F: `(J, 3)` unit vectors, along or about which the side away from the world moves.
+        turns: `(J,)` bool, whether the joint turns (rad) or slides (m).
+        owner: `(L,)` the joint that each frame hangs on; -1 for none.
+        X_JL: `(L, 3, 4)` each frame on the frame that its joint moves.
     """
 
-    axis_W: np.ndarray
-    p_WJ: np.ndarray
-    p_WF: np.ndarray
+    parent: np.ndarray
+    X_PF: np.ndarray
+    axis_F: np.ndarray
+    turns: np.ndarray
+    owner: np.ndarray
+    X_JL: np.ndarray
 
     @staticmethod
-    def of(agent: Agent) -> FingertipKinematics:
-        """Reads the kinematics of `agent`, whose joints follow one another along one arm."""
-        plant = agent.plant
+    def of(plant: MultibodyPlant, frames: Sequence[Frame]) -> Kinematics:
+        """Reads a finalized plant whose joints each have one degree of freedom.
+
+        Args:
+            plant: the plant.
+            frames: whose poses are asked for, in this order.
+        """
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, np.zeros(plant.num_positions()))
-        joints = [plant.get_joint(index) for index in plant.GetJointIndices(agent.arm)]
-        joints = [joint for joint in joints if joint.num_positions() == 1]
-        frames = [joint.frame_on_parent().CalcPoseInWorld(context) for joint in joints]
-        return FingertipKinematics(
-            axis_W=np.array(
+        joints = moving_joints(plant)
+        # At zero the frame that a joint moves lies in the frame it moves in.
+        X_WJ = [joint.frame_on_parent().CalcPoseInWorld(context) for joint in joints]
+        tree = _Tree(plant, joints)
+        parent = [tree.carrier(tree.inboard_body(joint)) for joint in joints]
+        owner = [tree.carrier(frame.body()) for frame in frames]
+
+        def relative(X_WF: RigidTransform, joint: int) -> np.ndarray:
+            X = X_WF if joint < 0 else X_WJ[joint].InvertAndCompose(X_WF)
+            return X.GetAsMatrix34()
+
+        return Kinematics(
+            parent=np.array(parent, dtype=np.int64),
+            X_PF=np.array([relative(X, p) for X, p in zip(X_WJ, parent, strict=True)]),
+            axis_F=np.array([tree.direction(joint) * _axis(joint) for joint in joints]),
+            turns=np.array([isinstance(joint, RevoluteJoint) for joint in joints]),
+            owner=np.array(owner, dtype=np.int64),
+            X_JL=np.array(
                 [
-                    frame.rotation() @ joint.revolute_axis()
-                    for joint, frame in zip(joints, frames, strict=True)
+                    relative(f.CalcPoseInWorld(context), o)
+                    for f, o in zip(frames, owner, strict=True)
                 ]
-            ),
-            p_WJ=np.array([frame.translation() for frame in frames]),
-            p_WF=np.array([tip.CalcPoseInWorld(context).translation() for tip in agent.fingertips]),
+            ).reshape(-1, 3, 4),
         )
 
+    @property
+    def num_joints(self) -> int:
+        """J."""
+        return len(self.parent)
+
+    def poses(self, q: np.ndarray) -> np.ndarray:
+        """`(N, L, 3, 4)` poses of the frames in the world at `q` `(N, J)`."""
+        q = np.ascontiguousarray(q, dtype=float)
+        X_WL = np.empty((len(q), len(self.owner), 3, 4))
+        _all_poses(q, self.parent, self.X_PF, self.axis_F, self.turns, self.owner, self.X_JL, X_WL)
+        return X_WL
+
     def positions(self, q: np.ndarray) -> np.ndarray:
-        """`(N, fingers, 3)` m, fingertip positions in the world at `q` `(N, J)` rad."""
-        p = np.broadcast_to(self.p_WF, (len(q), *self.p_WF.shape))
-        for joint in reversed(range(len(self.axis_W))):
-            axis = self.axis_W[joint]
-            cos = np.cos(q[:, joint])[:, None, None]
-            sin = np.sin(q[:, joint])[:, None, None]
-            arm = p - self.p_WJ[joint]
-            along = (arm @ axis)[..., None] * axis
-            p = self.p_WJ[joint] + along + cos * (arm - along) + sin * np.cross(axis, arm)
-        return p
+        """`(N, L, 3)` m, origins of the frames in the world at `q` `(N, J)`."""
+        return self.poses(q)[..., 3]
+
+
+def moving_joints(plant: MultibodyPlant) -> list[Joint]:
+    """The joints of a finalized plant that move, in the order of its positions."""
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    return sorted((j for j in joints if j.num_positions()), key=lambda j: j.position_start())
+
+
+class _Tree:
+    """The joints on the way from each body to the world.
+
+    A model that is welded to the world by its tip has joints whose parent is the body that moves.
+    """
+
+    def __init__(self, plant: MultibodyPlant, joints: Sequence[Joint]):
+        self._number = {int(joint.index()): k for k, joint in enumerate(joints)}
+        at_body: dict[int, list[Joint]] = {index: [] for index in range(plant.num_bodies())}
+        for index in plant.GetJointIndices():
+            joint = plant.get_joint(index)
+            for body in (joint.parent_body(), joint.child_body()):
+                at_body[int(body.index())].append(joint)
+        world = int(plant.world_body().index())
+        self._inboard: dict[int, tuple[Joint, int]] = {}
+        reached = [world]
+        for near in reached:
+            for joint in at_body[near]:
+                ends = int(joint.parent_body().index()), int(joint.child_body().index())
+                far = ends[1] if ends[0] == near else ends[0]
+                if far != world and far not in self._inboard:
+                    self._inboard[far] = joint, near
+                    reached.append(far)
+
+    def carrier(self, body: RigidBody) -> int:
+        """The number of the last moving joint on the way from the world to `body`; -1 for none."""
+        index = int(body.index())
+        while index in self._inboard:
+            joint, near = self._inboard[index]
+            if (number := self._number.get(int(joint.index()))) is not None:
+                return number
+            index = near
+        return -1
+
+    def direction(self, joint: Joint) -> int:
+        """1 if a joint moves its child, -1 if its child carries its parent."""
+        found = self._inboard.get(int(joint.child_body().index()))
+        return 1 if found is not None and found[0].index() == joint.index() else -1
+
+    def inboard_body(self, joint: Joint) -> RigidBody:
+        """The body of a joint that is nearer to the world."""
+        return joint.parent_body() if self.direction(joint) > 0 else joint.child_body()
+
+
+def _axis(joint: Joint) -> np.ndarray:
+    if isinstance(joint, RevoluteJoint):
+        return joint.revolute_axis()
+    return joint.translation_axis()
+
+
+_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+
+@_compiled
+def _all_poses(q, parent, X_PF, axis_F, turns, owner, X_JL, X_WL):
+    # The world, then what each joint moves.
+    X = np.zeros((len(parent) + 1, 3, 4))
+    for i in range(3):
+        X[0, i, i] = 1.0
+    X_WF, X_FJ = np.empty((1, 3, 4)), np.zeros((1, 3, 4))
+    for row in range(len(q)):
+        for joint in range(len(parent)):
+            _compose(X, parent[joint] + 1, X_PF, joint, X_WF, 0)
+            _move(q[row, joint], axis_F, joint, turns[joint], X_FJ)
+            _compose(X_WF, 0, X_FJ, 0, X, joint + 1)
+        for frame in range(len(owner)):
+            _compose(X, owner[frame] + 1, X_JL, frame, X_WL[row], frame)
+
+
+@_compiled
+def _compose(A, a, B, b, out, o):
+    """Writes the product of two transforms, A[a] and B[b], into out[o], which is neither."""
+    for i in range(3):
+        for j in range(4):
+            total = A[a, i, 0] * B[b, 0, j] + A[a, i, 1] * B[b, 1, j] + A[a, i, 2] * B[b, 2, j]
+            out[o, i, j] = total + A[a, i, 3] if j == 3 else total
+
+
+@_compiled
+def _move(q, axis_F, joint, turns, X_FJ):
+    """Writes what a joint does at `q` into X_FJ[0]."""
+    x, y, z = axis_F[joint, 0], axis_F[joint, 1], axis_F[joint, 2]
+    c, s, shift = (np.cos(q), np.sin(q), 0.0) if turns else (1.0, 0.0, q)
+    t = 1.0 - c
+    X_FJ[0, 0, 0], X_FJ[0, 0, 1], X_FJ[0, 0, 2] = (
+        t * x * x + c,
+        t * x * y - s * z,
+        t * x * z + s * y,
+    )
+    X_FJ[0, 1, 0], X_FJ[0, 1, 1], X_FJ[0, 1, 2] = (
+        t * x * y + s * z,
+        t * y * y + c,
+        t * y * z - s * x,
+    )
+    X_FJ[0, 2, 0], X_FJ[0, 2, 1], X_FJ[0, 2, 2] = (
+        t * x * z - s * y,
+        t * y * z + s * x,
+        t * z * z + c,
+    )
+    X_FJ[0, 0, 3], X_FJ[0, 1, 3], X_FJ[0, 2, 3] = shift * x, shift * y, shift * z

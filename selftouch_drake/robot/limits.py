@@ -1,4 +1,4 @@
-"""What a motion asks of the arm, as shares of the arm's limits."""
+"""What a motion asks of a robot, as shares of the robot's limits."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from selftouch_drake.experiment import Execution
-from selftouch_drake.robot.agent import Agent
+from selftouch_drake.robot.robot import Robot
 
 #: Motions are held against their limits at this rate.
 CHECK_RATE_HZ = 1000.0
@@ -16,14 +16,14 @@ CHECK_RATE_HZ = 1000.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JointLimits:
-    """The limits of an arm and of its motions.
+    """The limits of a robot's joints and of its motions; each may be infinite.
 
     Attributes:
-        lower: `(J,)` rad.
-        upper: `(J,)` rad.
-        velocity: `(J,)` rad/s.
-        acceleration: `(J,)` rad/s^2.
-        torque: `(J,)` N·m.
+        lower: `(J,)` rad or m.
+        upper: `(J,)` rad or m.
+        velocity: `(J,)` rad/s or m/s.
+        acceleration: `(J,)` rad/s^2 or m/s^2.
+        torque: `(J,)` N·m or N.
     """
 
     lower: np.ndarray
@@ -33,26 +33,32 @@ class JointLimits:
     torque: np.ndarray
 
     @staticmethod
-    def of(agent: Agent, execution: Execution) -> JointLimits:
-        """The limits of `agent` and of the plans that `execution` asks for."""
-        plant = agent.plant
+    def of(robot: Robot, execution: Execution) -> JointLimits:
+        """The limits of `robot` and of the plans of `execution`; the tighter one holds."""
+        plant = robot.plant
         actuators = [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]
+        effort = {a.joint().position_start(): a.effort_limit() for a in actuators}
         return JointLimits(
-            lower=agent.lower,
-            upper=agent.upper,
-            velocity=np.full(len(actuators), execution.max_velocity),
-            acceleration=np.full(len(actuators), execution.max_acceleration),
-            torque=np.array([actuator.effort_limit() for actuator in actuators]),
+            lower=robot.lower,
+            upper=robot.upper,
+            velocity=_tighter(plant.GetVelocityUpperLimits(), execution.max_velocity),
+            acceleration=_tighter(plant.GetAccelerationUpperLimits(), execution.max_acceleration),
+            torque=np.array([effort[place] for place in range(robot.num_joints)]),
         )
 
 
+def _tighter(of_model: np.ndarray, asked: float) -> np.ndarray:
+    """`(J,)` the lower of two limits; a model that says 0 says nothing."""
+    return np.minimum(np.where(of_model > 0, of_model, np.inf), asked)
+
+
 def commanded(time_s: np.ndarray, q: np.ndarray, v: np.ndarray) -> CubicHermiteSpline:
-    """What the joints are told between the samples of a motion.
+    """What the joints are commanded between the samples of a motion.
 
     Args:
         time_s: `(T,)` s.
-        q: `(T, J)` rad.
-        v: `(T, J)` rad/s.
+        q: `(T, J)` rad or m.
+        v: `(T, J)` rad/s or m/s.
     """
     return CubicHermiteSpline(time_s, q, v)
 
@@ -68,10 +74,10 @@ def speed_shares(
 
     Args:
         time_s: `(T,)` s.
-        q: `(T, J)` rad.
-        v: `(T, J)` rad/s.
-        velocity_limit: `(J,)` rad/s.
-        acceleration_limit: `(J,)` rad/s^2.
+        q: `(T, J)` rad or m.
+        v: `(T, J)` rad/s or m/s.
+        velocity_limit: `(J,)` rad/s or m/s.
+        acceleration_limit: `(J,)` rad/s^2 or m/s^2.
 
     Returns:
         The largest share of the velocity and of the acceleration that is allowed, of any joint.
@@ -97,11 +103,11 @@ def limit_shares(
 
     Args:
         time_s: `(T,)` s.
-        q: `(T, J)` rad, commanded.
-        v: `(T, J)` rad/s, commanded.
-        q_measured: `(T, J)` rad.
-        torque: `(N, J)` N·m, of the actuators, any number of samples.
-        limits: of the arm and its motions.
+        q: `(T, J)` rad or m, commanded.
+        v: `(T, J)` rad/s or m/s, commanded.
+        q_measured: `(T, J)` rad or m.
+        torque: `(N, J)` N·m or N, of the actuators, any number of samples.
+        limits: of the robot and its motions.
 
     Returns:
         For `position` (distance from the middle of a joint's range, commanded or measured),
@@ -109,7 +115,10 @@ def limit_shares(
     """
     velocity, acceleration = speed_shares(time_s, q, v, limits.velocity, limits.acceleration)
     reached = np.concatenate([commanded(time_s, q, v)(_checked_times(time_s)), q_measured])
-    middle, half = (limits.upper + limits.lower) / 2, (limits.upper - limits.lower) / 2
+    # A joint without limits takes nothing of them.
+    ends = np.isfinite(limits.upper) & np.isfinite(limits.lower)
+    upper, lower = np.where(ends, limits.upper, np.inf), np.where(ends, limits.lower, -1.0)
+    middle, half = np.where(ends, (upper + lower) / 2, 0.0), (upper - lower) / 2
     return {
         "position": float(np.max(np.abs(reached - middle) / half)),
         "velocity": velocity,

@@ -1,102 +1,92 @@
-"""What the skin feels at many configurations, without time: the paper's S = phi(f(M))."""
+"""What the skins feel at many configurations, without time: the paper's S = phi(f(M))."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Sequence
+from functools import cached_property
+
 import numpy as np
-import trimesh
-from pydrake.geometry import HydroelasticContactRepresentation
-from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
+from pydrake.geometry import HydroelasticContactRepresentation, QueryObject
 
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.geometry import FINGERTIP_RADIUS, HollowSkin, ReceptiveFields
-from selftouch_drake.robot.contact import pressed_points
-from selftouch_drake.robot.kinematics import FingertipKinematics
-from selftouch_drake.robot.readings import Readings
-from selftouch_drake.robot.station import MakeKinematicStation
-
-
-class TouchScreen:
-    """Says which fingertip positions cannot touch the skin, so that Drake need not be asked.
-
-    Exact in one direction: what it rejects is out of reach. The wall is stood for by points on its
-    outer, middle and inner layer. A ball that touches the wall from outside is within its radius of
-    a layer, and a point inside the wall within half the longest step from layer to layer; a
-    triangle whose edges are no longer than e is nowhere farther than e / sqrt(3) from its corners.
-    Space is cut into cells, each as far from these points as its centre, give or take half its
-    diagonal.
-    """
-
-    def __init__(self, skin: HollowSkin, *, cell: float = 0.005):
-        num_vertices = len(skin.vertices)
-        layers = np.concatenate([skin.faces + layer * num_vertices for layer in range(3)])
-        points, _ = trimesh.remesh.subdivide_to_size(skin.tet_vertices, layers, max_edge=cell)
-        layer_step = np.linalg.norm(skin.vertices - skin.inner_vertices, axis=1).max() / 2
-        reach = max(FINGERTIP_RADIUS, layer_step / 2) + cell / np.sqrt(3) + cell * np.sqrt(3) / 2
-        self._cell = cell
-        self._origin = points.min(axis=0) - reach
-        shape = np.ceil((points.max(axis=0) + reach - self._origin) / cell).astype(int)
-        centres = self._origin + cell * (np.indices(shape).reshape(3, -1).T + 0.5)
-        distance, _ = cKDTree(points).query(centres, distance_upper_bound=reach)
-        # A rim of rejected cells catches whatever lies outside the grid.
-        self._near = np.pad(np.isfinite(distance).reshape(shape), 1)
-
-    def may_touch(self, p_BF: np.ndarray) -> np.ndarray:
-        """`(N,)` whether any of the fingertips `(N, fingers, 3)` m might touch the skin."""
-        cell = np.floor((p_BF - self._origin) / self._cell).astype(int) + 1
-        i, j, k = np.moveaxis(np.clip(cell, 0, np.array(self._near.shape) - 1), -1, 0)
-        return self._near[i, j, k].any(axis=1)
+from selftouch_drake.robot.collisions import CollisionCheck
+from selftouch_drake.robot.contact import PressedFaces, Touches
+from selftouch_drake.robot.hydroelastic import RigidTouchers
+from selftouch_drake.robot.imperfections import ImperfectSkins
+from selftouch_drake.robot.screen import TouchScreen
+from selftouch_drake.robot.skins import SkinModel
+from selftouch_drake.robot.station import MakeKinematicStation, sensor_model
 
 
 class ContactProbe:
-    """Evaluates Drake's hydroelastic contact at given configurations, as the skin reads it.
+    """Evaluates hydroelastic contact at given configurations, as the skins read it.
+
+    Rigid touchers are pressed by `hydroelastic`, in the time that Drake needs for one of ten; skins
+    that press each other, by Drake.
 
     Args:
-        experiment: the experiment whose agent is probed.
-        skin: its hollow skin.
-        fields: its receptive fields.
+        experiment: the experiment whose robot is probed.
+        skins: its skins.
     """
 
-    def __init__(self, experiment: Experiment, skin: HollowSkin, fields: ReceptiveFields):
-        station = MakeKinematicStation(experiment, skin, fields)
-        self._station, self._fields = station, fields
+    def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
+        station = MakeKinematicStation(experiment, skins)
+        self._station = station
         self._context = station.diagram.CreateDefaultContext()
+        self.robot = station.robot
         self._q = station.diagram.GetInputPort("q").FixValue(
-            self._context, np.zeros(station.agent.plant.num_positions())
+            self._context, np.zeros(self.robot.num_joints)
         )
-        self._query = station.diagram.GetOutputPort("query_object")
-        self._screen = TouchScreen(skin)
-        self._readings = Readings.of(experiment, fields)
-        self.agent = station.agent
-        self.kinematics = FingertipKinematics.of(station.agent)
+        self._query_port = station.diagram.GetOutputPort("query_object")
+        self._sensor = sensor_model(station.robot)
+        self._screen = TouchScreen(self.robot)
+        self._collisions = CollisionCheck(self.robot)
+        self._imperfections = ImperfectSkins.of(experiment, skins)
 
     def sensations(self, q: np.ndarray) -> np.ndarray:
-        """`(N, S)` N, the sensations at `q` `(N, J)` rad; zero rows where nothing is touched.
+        """`(N, S)` N, the sensations at `q` `(N, J)`; zero rows where nothing is touched."""
+        return self.touches(q).sensation
 
-        The skin does not move here: the body frame is the world frame.
-        """
-        candidates = np.flatnonzero(self._screen.may_touch(self.kinematics.positions(q)))
-        points: list[np.ndarray] = []
-        forces: list[float] = []
-        touched, num_faces = [], []
-        for row in candidates:
-            # Asking for the data again is what tells the context that it changed.
-            self._q.GetMutableData().get_mutable_value().SetFromVector(q[row])
-            query = self._query.Eval(self._context)
-            surfaces = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
-            for surface in surfaces:
-                p_WQ, force = pressed_points(surface)
-                points += p_WQ
-                forces += force
-                touched.append(row)
-                num_faces.append(len(force))
-        sensation = np.zeros((len(q), self._fields.num_receptors))
-        if points:
-            interpolation = self._fields.interpolation_at(np.concatenate(points).reshape(-1, 3))
-            ends = np.concatenate([[0], np.cumsum(num_faces)])
-            gather = csr_array(
-                (forces, np.arange(len(forces)), ends), shape=(len(touched), len(forces))
+    def touches(self, q: np.ndarray) -> Touches:
+        """What is felt at `q` `(N, J)`, and the contacts behind it."""
+        near = self._screen.near(q)
+        candidates = np.flatnonzero(near.any(axis=1))
+        near, q_near = near[candidates], q[candidates]
+        X_WL = self.robot.kinematics.poses(q_near)
+        touches = self._rigid_touchers.touches(X_WL, near)
+        if not self._rigid_touchers.is_rigid.all():
+            touches = touches.and_also(self._of_soft_touchers(q_near, X_WL, near))
+        sensation = np.zeros((len(q), self._sensor.num_receptors))
+        sensation[candidates] = touches.sensation
+        if self._imperfections is not None:
+            sensation = self._imperfections(sensation, q)
+        return dataclasses.replace(touches, sensation=sensation, row=candidates[touches.row])
+
+    def _of_soft_touchers(self, q: np.ndarray, X_WL: np.ndarray, near: np.ndarray) -> Touches:
+        """What skins feel of each other: Drake's answer, where pairs of them are near."""
+        faces, skins = PressedFaces(), frozenset(s.geometry_id for s in self.robot.skins)
+        for row in np.flatnonzero(near[:, ~self._rigid_touchers.is_rigid].any(axis=1)):
+            surfaces = self.query(q[row]).ComputeContactSurfaces(
+                HydroelasticContactRepresentation.kPolygon
             )
-            felt = ((gather @ interpolation) @ self._fields.vertex_weights).toarray()
-            np.add.at(sensation, touched, felt)
-        return sensation if self._readings is None else self._readings(sensation, q)
+            soft = [s for s in surfaces if s.id_M() in skins and s.id_N() in skins]
+            self._sensor.gather(faces, int(row), soft)
+        return self._sensor.touches(faces, X_WL[:, : len(self.robot.skins)])
+
+    @cached_property
+    def _rigid_touchers(self) -> RigidTouchers:
+        return RigidTouchers(self.robot)
+
+    def collision_depth(self, q: np.ndarray) -> np.ndarray:
+        """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.
+
+        0 where the posture is possible.
+        """
+        return self._collisions.depth(q, self.query)
+
+    def query(self, q: np.ndarray) -> QueryObject:
+        """Drake's query object at `(J,)` q; good until the next call."""
+        # Asking for the data again is what tells the context that it changed.
+        self._q.GetMutableData().get_mutable_value().SetFromVector(q)
+        return self._query_port.Eval(self._context)

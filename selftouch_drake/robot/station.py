@@ -1,126 +1,205 @@
-"""Diagrams with named ports that hold an agent: at given configurations, or under dynamics."""
+"""Diagrams with named ports that hold a robot: at given configurations, or under dynamics."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph
+import numpy as np
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometrySet,
+    Meshcat,
+    MeshcatVisualizer,
+    SceneGraph,
+)
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Diagram, DiagramBuilder
-from pydrake.systems.primitives import Demultiplexer
+from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.primitives import Demultiplexer, MatrixGain
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.geometry import HollowSkin, ReceptiveFields
-from selftouch_drake.robot.agent import Agent, MakeAgent
-from selftouch_drake.robot.readings import Readings
-from selftouch_drake.robot.skin import KinematicTactileSkin, SkinReadout, TactileSkin
+from selftouch_drake.robot.contact import SensorModel
+from selftouch_drake.robot.imperfections import ImperfectSkins
+from selftouch_drake.robot.robot import MakeRobot, Robot
+from selftouch_drake.robot.skins import SkinModel
+from selftouch_drake.robot.tactile_skin import (
+    KinematicTactileSkin,
+    SkinReadout,
+    TactileSkin,
+    connected,
+)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Station:
-    """A diagram and the agent in it.
+    """A diagram and the robot in it.
 
     The diagram of `MakeKinematicStation` has the ports
 
-    - input `q` `(J,)` rad,
+    - input `q` `(J,)` rad or m,
     - outputs `sensation` `(S,)` N and `query_object`.
 
     That of `MakeDynamicStation` has the ports
 
-    - input `desired_state` `(2J,)` rad and rad/s, which joint controllers follow,
-    - outputs `state` `(2J,)`, `sensation` `(S,)` N, `torque` `(J,)` N·m, `contact_results` and
+    - input `desired_state` `(2J,)` rad or m and their rates, which joint controllers follow,
+    - outputs `state` `(2J,)`, `sensation` `(S,)` N, `torque` `(J,)` N·m or N, `contact_results` and
       `query_object`.
     """
 
     diagram: Diagram
-    agent: Agent
+    robot: Robot
+
+
+def sensor_model(robot: Robot) -> SensorModel:
+    """What the skins of a robot feel: the same in every world."""
+    return SensorModel(
+        [skin.model.fields for skin in robot.skins],
+        [skin.geometry_id for skin in robot.skins],
+        [toucher.geometry_ids for toucher in robot.touchers],
+    )
 
 
 def MakeKinematicStation(
-    experiment: Experiment,
-    skin: HollowSkin,
-    fields: ReceptiveFields,
-    meshcat: Meshcat | None = None,
+    experiment: Experiment, skins: Sequence[SkinModel], meshcat: Meshcat | None = None
 ) -> Station:
-    """A world without time: an arm put at `q` and what the skin feels there."""
+    """A world without time: a robot put at `q` and what its skins feel there."""
     builder = DiagramBuilder()
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    agent = MakeAgent(experiment, skin, scene_graph)
-    to_pose = builder.AddNamedSystem("pose", MultibodyPositionToGeometryPose(agent.plant))
+    robot = MakeRobot(experiment, skins, scene_graph)
+    to_pose = builder.AddNamedSystem("pose", MultibodyPositionToGeometryPose(robot.plant))
     builder.Connect(
         to_pose.get_output_port(),
-        scene_graph.get_source_pose_port(agent.plant.get_source_id()),
+        scene_graph.get_source_pose_port(robot.plant.get_source_id()),
     )
+    skin_ids = [skin.geometry_id for skin in robot.skins]
     touch = builder.AddNamedSystem(
-        "tactile_skin", KinematicTactileSkin(fields=fields, skin_id=agent.skin_id)
+        "tactile_skin", KinematicTactileSkin(sensor=sensor_model(robot), skin_ids=skin_ids)
     )
     builder.Connect(scene_graph.get_query_output_port(), touch.get_input_port())
     builder.ExportInput(to_pose.get_input_port(), "q")
     sensation = touch.get_output_port()
-    if readings := Readings.of(experiment, fields):
-        num_joints = agent.plant.num_positions()
-        readout = builder.AddNamedSystem("readout", SkinReadout(readings, num_joints=num_joints))
-        builder.Connect(sensation, readout.GetInputPort("sensation"))
+    if imperfections := ImperfectSkins.of(experiment, skins):
+        readout = _add_readout(builder, imperfections, sensation, robot)
         builder.ConnectInput("q", readout.GetInputPort("q"))
         sensation = readout.get_output_port()
     builder.ExportOutput(sensation, "sensation")
     builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
     if meshcat is not None:
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
-    return Station(diagram=builder.Build(), agent=agent)
+    return Station(diagram=builder.Build(), robot=robot)
 
 
 def MakeDynamicStation(
-    experiment: Experiment,
-    skin: HollowSkin,
-    fields: ReceptiveFields,
-    meshcat: Meshcat | None = None,
+    experiment: Experiment, skins: Sequence[SkinModel], meshcat: Meshcat | None = None
 ) -> Station:
-    """A world with time: gravity, torque limits and contact forces, followed by joint control.
+    """A world with time: gravity, effort limits and contact forces, followed by joint control.
 
     Each actuator is a PD controller inside the plant; gravity is compensated from a model of the
-    arm, as the controllers of real arms do.
+    robot, as the controllers of real robots do. Rigid parts of the robot push each other away,
+    unless the outer layer of one is a soft skin.
     """
     builder = DiagramBuilder()
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    agent = MakeAgent(experiment, skin, scene_graph)
-    plant = builder.AddSystem(agent.plant)
+    robot = MakeRobot(experiment, skins, scene_graph)
+    _let_rigid_parts_meet(robot, scene_graph)
+    plant = builder.AddSystem(robot.plant)
     builder.Connect(
         plant.get_geometry_pose_output_port(),
         scene_graph.get_source_pose_port(plant.get_source_id()),
     )
     builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
+    _add_gravity_compensation(builder, plant)
+    _export_desired_state(builder, robot)
+    touch = connected(
+        builder,
+        plant,
+        TactileSkin(
+            sensor=sensor_model(robot),
+            links=[skin.link.index() for skin in robot.skins],
+            skin_ids=[skin.geometry_id for skin in robot.skins],
+        ),
+        "tactile_skin",
+    )
+    builder.ExportOutput(plant.get_state_output_port(), "state")
+    sensation = touch.get_output_port()
+    if imperfections := ImperfectSkins.of(experiment, skins):
+        readout = _add_readout(builder, imperfections, sensation, robot, period_s=plant.time_step())
+        configuration = builder.AddSystem(Demultiplexer([robot.num_joints] * 2))
+        builder.Connect(plant.get_state_output_port(), configuration.get_input_port())
+        builder.Connect(configuration.get_output_port(0), readout.GetInputPort("q"))
+        sensation = readout.get_output_port()
+    builder.ExportOutput(sensation, "sensation")
+    to_joints = builder.AddNamedSystem("torque", MatrixGain(plant.MakeActuationMatrix()))
+    builder.Connect(plant.get_net_actuation_output_port(), to_joints.get_input_port())
+    builder.ExportOutput(to_joints.get_output_port(), "torque")
+    builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
+    builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
+    if meshcat is not None:
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+    return Station(diagram=builder.Build(), robot=robot)
+
+
+def _add_readout(
+    builder: DiagramBuilder,
+    imperfections: ImperfectSkins,
+    sensation: OutputPort,
+    robot: Robot,
+    period_s: float = 0.0,
+) -> System:
+    readout = builder.AddNamedSystem(
+        "readout",
+        SkinReadout(
+            imperfections,
+            num_receptors=sensation.size(),
+            num_joints=robot.num_joints,
+            period_s=period_s,
+        ),
+    )
+    builder.Connect(sensation, readout.GetInputPort("sensation"))
+    return readout
+
+
+def _let_rigid_parts_meet(robot: Robot, scene_graph: SceneGraph) -> None:
+    """Lifts the filter between rigid parts, but where the outer layer of one is a soft skin."""
+    soft = {int(skin.link.index()) for skin in robot.skins if skin.model.is_own_geometry}
+    filters = scene_graph.collision_filter_manager()
+    for pair in robot.rigid_pairs:
+        if not soft & {int(link.index()) for link in pair.links}:
+            a, b = (GeometrySet(list(ids)) for ids in pair.geometry_ids)
+            filters.Apply(CollisionFilterDeclaration().AllowBetween(a, b))
+
+
+def _add_gravity_compensation(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
     gravity = builder.AddNamedSystem(
         "gravity_compensation",
         InverseDynamics(plant, InverseDynamics.InverseDynamicsMode.kGravityCompensation),
     )
     builder.Connect(plant.get_state_output_port(), gravity.get_input_port_estimated_state())
-    builder.Connect(
-        gravity.get_output_port_generalized_force(),
-        plant.get_actuation_input_port(agent.arm),
+    # From joints to actuators, which may have another order.
+    to_actuators = builder.AddNamedSystem(
+        "actuation", MatrixGain(np.linalg.inv(plant.MakeActuationMatrix()))
     )
-    touch = TactileSkin.AddToBuilder(
-        builder, plant, fields=fields, body=agent.body, skin_id=agent.skin_id
-    )
-    builder.ExportInput(plant.get_desired_state_input_port(agent.arm), "desired_state")
-    builder.ExportOutput(plant.get_state_output_port(), "state")
-    sensation = touch.get_output_port()
-    if readings := Readings.of(experiment, fields):
-        num_joints = plant.num_positions()
-        readout = builder.AddNamedSystem(
-            "readout",
-            SkinReadout(readings, num_joints=num_joints, period_s=plant.time_step()),
-        )
-        configuration = builder.AddSystem(Demultiplexer([num_joints, num_joints]))
-        builder.Connect(plant.get_state_output_port(), configuration.get_input_port())
-        builder.Connect(configuration.get_output_port(0), readout.GetInputPort("q"))
-        builder.Connect(sensation, readout.GetInputPort("sensation"))
-        sensation = readout.get_output_port()
-    builder.ExportOutput(sensation, "sensation")
-    builder.ExportOutput(plant.get_net_actuation_output_port(), "torque")
-    builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
-    builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
-    if meshcat is not None:
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
-    return Station(diagram=builder.Build(), agent=agent)
+    builder.Connect(gravity.get_output_port_generalized_force(), to_actuators.get_input_port())
+    builder.Connect(to_actuators.get_output_port(), plant.get_actuation_input_port())
+
+
+def _export_desired_state(builder: DiagramBuilder, robot: Robot) -> None:
+    """One input for all joints; Drake's plant has one for each model in it."""
+    plant, J = robot.plant, robot.num_joints
+    exported = False
+    for instance in {int(j.model_instance()): j.model_instance() for j in robot.joints}.values():
+        places = [
+            plant.get_joint_actuator(a).joint().position_start()
+            for a in plant.GetJointActuatorIndices(instance)
+        ]
+        of_instance = np.zeros((2 * len(places), 2 * J))
+        of_instance[np.arange(2 * len(places)), [*places, *(J + p for p in places)]] = 1.0
+        selection = builder.AddSystem(MatrixGain(of_instance))
+        builder.Connect(selection.get_output_port(), plant.get_desired_state_input_port(instance))
+        if exported:
+            builder.ConnectInput("desired_state", selection.get_input_port())
+        else:
+            builder.ExportInput(selection.get_input_port(), "desired_state")
+            exported = True

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,16 +13,22 @@ import numpy as np
 import yaml
 from filelock import FileLock, Timeout
 
-from selftouch_drake.experiment import Experiment, Skin, dump_experiment, load_experiment
-from selftouch_drake.files import load_arrays, require_writable, write_text_whole
+from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
+from selftouch_drake.files import content_digest, load_arrays, require_writable, write_text_whole
+from selftouch_drake.run.fingerprint import (
+    Digests,
+    experience_fingerprint,
+    learning_fingerprint,
+    model_digests,
+)
 
-# Raised whenever a file of a run changes its meaning.
-RUN_FORMAT = 1
+#: Raised whenever a file of a run changes its meaning.
+RUN_FORMAT = 2
 # What a killed process leaves of a file that it was writing aside.
 _ORPHAN = ".*.part"
+# Digests of the robot's models and meshes.
+_MODELS = "models.json"
 _HEADER = "# A run of selftouch_drake, format "
-# What of `execution` decides how the arm follows what it is told.
-_CONTROLLER = ("time_step", "stiffness", "damping")
 
 
 class RunError(ValueError):
@@ -45,8 +50,7 @@ class RunDirectory:
         """Begins a run of `experiment`, or resumes one that was begun with the same experiment."""
         if (path / "experiment.yaml").exists():
             run = RunDirectory.open(path)
-            difference = _first_difference(run.experiment, experiment)
-            if difference:
+            if difference := _first_difference(run.experiment, experiment):
                 name, there, here = difference
                 raise RunError(
                     f"{path} was begun with {name} {there!r}, not {here!r}; choose another --out"
@@ -54,17 +58,23 @@ class RunDirectory:
             return run
         # A killed start leaves its orphan, and no run yet.
         if path.exists() and not (
-            path.is_dir() and all(found.match(_ORPHAN) for found in path.iterdir())
+            path.is_dir() and all(_of_a_killed_start(found) for found in path.iterdir())
         ):
             raise RunError(f"{path} is not a run and not empty; choose another --out")
+        digests = model_digests(experiment)
         path.mkdir(parents=True, exist_ok=True)
+        write_text_whole(path / _MODELS, json.dumps(digests, indent=2) + "\n")
         header = f"{_HEADER}{RUN_FORMAT}\n"
         write_text_whole(path / "experiment.yaml", header + dump_experiment(experiment))
         return RunDirectory(path, experiment)
 
     @staticmethod
     def open(path: Path) -> RunDirectory:
-        """Opens a run that exists."""
+        """Opens a run that exists.
+
+        Raises:
+            RunError: it is no run of this version, or a model was edited since it was begun.
+        """
         file = path / "experiment.yaml"
         if not file.is_file():
             raise RunError(
@@ -79,7 +89,48 @@ class RunDirectory:
                 f"{path} was made by another version (format {header.removeprefix(_HEADER)}, this "
                 f"is {RUN_FORMAT}); run the experiment again with another --out"
             )
-        return RunDirectory(path, load_experiment(file))
+        run = RunDirectory(path, load_experiment(file))
+        for model, digest in run.digests().items():
+            # Where the models are not at hand, all that needs no world still works.
+            if Path(model).is_file() and content_digest(Path(model)) != digest:
+                raise run.changed(model)
+        return run
+
+    def digests(self) -> Digests:
+        """The content of the robot's models and meshes, as they were when the run was begun.
+
+        Raises:
+            RunError: what the run keeps of them is damaged.
+        """
+        file = self.path / _MODELS
+        if not file.exists():
+            return model_digests(self.experiment)
+        try:
+            digests = json.loads(file.read_text(encoding="utf-8"))
+        except (ValueError, RecursionError):
+            digests = None
+        if not (isinstance(digests, dict) and all(isinstance(d, str) for d in digests.values())):
+            raise RunError(f"{file} is damaged; run the experiment again with another --out")
+        return digests
+
+    def require_models(self) -> None:
+        """Refuses to build a world of other models than the run was begun with.
+
+        Raises:
+            ModelError: a model is not found.
+            RunError: one has another content; the text names it.
+        """
+        there = set(self.digests().values())
+        for model, digest in model_digests(self.experiment).items():
+            if digest not in there:
+                raise self.changed(model)
+
+    def changed(self, model: str) -> RunError:
+        """The error that says that a model file was edited."""
+        return RunError(
+            f"{model} has changed since {self.path} was begun; restore it, or run the experiment "
+            "again with another --out"
+        )
 
     @contextmanager
     def writing(self) -> Iterator[None]:
@@ -184,8 +235,7 @@ class RunDirectory:
             figures = None
         if not isinstance(figures, dict):
             raise RunError(f"{file} is damaged; delete it and evaluate again")
-        # Runs of before the stamp have none.
-        if figures.pop("made_for", self._experience_stamp()) != self._experience_stamp():
+        if figures.pop("made_for", None) != self._experience_stamp():
             raise RunError(
                 f"{file} is of another experiment or version; delete it, and babble and evaluate "
                 "again: what is stored is kept"
@@ -196,38 +246,21 @@ class RunDirectory:
         """Adds figures to `metrics.json`; those of the same name are replaced."""
         self._write_metrics(self.metrics() | figures)
 
-    def drop_metrics(self, *prefixes: str) -> None:
+    def drop_metrics(self, names: Collection[str]) -> None:
         """Forgets figures that are no longer true because a stage before them ran again."""
-        self._write_metrics({k: v for k, v in self.metrics().items() if not k.startswith(prefixes)})
+        self._write_metrics({k: v for k, v in self.metrics().items() if k not in names})
 
     def _write_metrics(self, figures: dict[str, Any]) -> None:
         text = json.dumps({"made_for": self._experience_stamp()} | figures, indent=2)
         write_text_whole(self.path / "metrics.json", text + "\n")
 
     def fingerprint(self) -> str:
-        """Identifies what decides the experience: seed, body, skin, arm and babbling.
+        """Identifies what decides the experience: see `experience_fingerprint`."""
+        return experience_fingerprint(self.experiment, self.digests())
 
-        Under dynamics the joint controllers decide too. Of a mesh it is the content that counts,
-        not where it lies: a run may move to another machine.
-        """
-        fields = yaml.safe_load(dump_experiment(self.experiment))
-        keys = ["seed", "body", "skin", "end_effector", "babbling"]
-        # Fields that came later count where they are used: older experience stays what it is.
-        for name in ("unevenness", "field_width", "imperfections"):
-            if getattr(self.experiment.skin, name) == getattr(Skin(), name):
-                del fields["skin"][name]
-        if self.experiment.joints.noise:
-            keys.append("joints")
-            del fields["joints"]["offset"]
-        if self.experiment.babbling.mode == "dynamic":
-            keys.append("execution")
-            # Limits and tries are of plans.
-            fields["execution"] = {key: fields["execution"][key] for key in _CONTROLLER}
-        mesh = self.experiment.body.mesh
-        shape = Path(mesh).read_bytes() if mesh is not None else b""
-        fields["body"]["mesh"] = None
-        text = json.dumps({key: fields[key] for key in keys}, sort_keys=True)
-        return hashlib.sha256(text.encode() + shape).hexdigest()[:16]
+    def learning_fingerprint(self) -> str:
+        """Identifies what decides what is learned: the experience and the representation."""
+        return learning_fingerprint(self.experiment, self.fingerprint())
 
     def stamp(self) -> dict[str, np.ndarray]:
         """The array that files of what was learned carry: their format and what they belong to."""
@@ -260,11 +293,9 @@ class RunDirectory:
             remedy = remedy or f"run `selftouch learn {self.path}`"
             raise RunError(f"{file} is of another experiment or version; {remedy}")
 
-    def learning_fingerprint(self) -> str:
-        """Identifies what decides what is learned: the experience and the representation."""
-        fields = yaml.safe_load(dump_experiment(self.experiment))["representation"]
-        text = self.fingerprint() + json.dumps(fields, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+def _of_a_killed_start(path: Path) -> bool:
+    return path.name == _MODELS or path.match(_ORPHAN)
 
 
 def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, Any] | None:
@@ -277,7 +308,14 @@ def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, An
             for name, value in leaves(entry, f"{prefix}{key}.").items()
         }
 
-    a, b = (leaves(yaml.safe_load(dump_experiment(e))) for e in (there, here))
+    def all_of(experiment: Experiment) -> dict[str, Any]:
+        # The order of skins is that of the readings in a sensation.
+        order = {
+            f"the order of {key}": list(getattr(experiment, key)) for key in ("skins", "touching")
+        }
+        return leaves(yaml.safe_load(dump_experiment(experiment))) | order
+
+    a, b = all_of(there), all_of(here)
     for name in {**a, **b}:
         if a.get(name) != b.get(name):
             return name, a.get(name), b.get(name)

@@ -1,225 +1,234 @@
-"""Trials of a run: random plans, executed and rehearsed, and the figures that come of them."""
+"""Trials: random plans, executed and rehearsed, each scored and then forgotten.
+
+One pair after another goes from plan to score; only what the score is made of stays in memory.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, best
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.evaluation import (
     MotionScore,
-    calibration,
     cosine_distance,
+    in_link_frames,
+    off_skin,
     progress_along,
     score_motion,
     spatial_jerk_reduction,
-    summarise,
-    time_off_skin,
-    wall_points,
 )
-from selftouch_drake.files import save_arrays
-from selftouch_drake.robot.limits import JointLimits, limit_shares
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.geometry import wall_points
+from selftouch_drake.robot import World
+from selftouch_drake.robot.limits import limit_shares
+from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.motions import (
-    Motion,
-    Pilot,
-    World,
-    executed,
-    judged,
-    load_representation,
-    rehearse_motion,
-)
+from selftouch_drake.run.knowledge import save_plan
 
 
-def score_motions(
-    run: RunDirectory, world: World, progress: Callable[[float, str], None]
-) -> dict[str, object]:
-    """Plans, executes and rehearses random pairs, and scores them against what was felt.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trial:
+    """What became of one pair of start and goal.
+
+    Attributes:
+        start: target sensation.
+        goal: target sensation.
+        query_s: s, what the plan took.
+        jerk_reduction: of the plan, in motor space.
+        planned: scored without dynamics.
+        executed: scored as felt under dynamics, at first try and without memory.
+        first: the agent's own judgement of that, as are the next two: contact, and whether the goal
+            was reached.
+        remembering: at first try, with the memory of the rehearsals of all pairs before.
+        kept: of the best try.
+        num_tries: of the rehearsal.
+        tracking: `(J,)` mean square error of each joint, rad² or m².
+        limit_shares: of each kind of limit the largest share that any joint took.
+        force: N, the largest total force.
+        error: `(n,)` cosine distances from predicted to felt, where both are.
+        spread: `(n,)` the scale that was predicted for them.
+        impossible_planned: samples of the plan in which rigid parts run into each other.
+        impossible_executed: steps of the plant in which they do.
+        tip_jerk_planned: times less jerk in space than the polyline; None for a single step.
+        tip_jerk_measured: the same of the measured path.
+        off_skin_s: s, off every skin by more than a ball's radius; None if not only balls touch.
+        off_skin_kept_s: the same of the best try.
+    """
+
+    start: int
+    goal: int
+    query_s: float
+    jerk_reduction: float
+    planned: MotionScore
+    executed: MotionScore
+    first: tuple[float, bool]
+    remembering: tuple[float, bool]
+    kept: tuple[float, bool]
+    num_tries: int
+    tracking: np.ndarray
+    limit_shares: dict[str, float]
+    force: float
+    error: np.ndarray
+    spread: np.ndarray
+    impossible_planned: int
+    impossible_executed: int
+    tip_jerk_planned: float | None
+    tip_jerk_measured: float | None
+    off_skin_s: float | None
+    off_skin_kept_s: float | None
+
+
+def try_pairs(
+    run: RunDirectory, world: World, agent: Agent, progress: Callable[[float, str], None]
+) -> list[Trial]:
+    """Plans, executes and rehearses random pairs, and scores each against what was felt.
 
     The agent begins with a blank memory, whatever the run remembers, so that the figures are the
-    same every time. First tries are planned without memory; rehearsals remember those before.
+    same every time. First tries are planned without memory; rehearsals remember those before. What
+    stays in the run is the first try of each pair, which the figures are about.
 
     Args:
-        run: a run that has learned.
-        world: its world.
-        progress: told the fraction done and what is being done.
-
-    Returns:
-        Figures as `metrics.json` names them; none if the experiment asks for no pair. What became
-        of each pair is kept in the run, as `trial_table` describes.
+        run: where the plans are kept.
+        world: where they are executed.
+        agent: who plans.
+        progress: called with the fraction done and what is being done.
     """
-    pairs = random_pairs(run)
-    if not pairs:
-        return {}
-    representation = load_representation(run)
-    wall = wall_points(world.body[0])
-    blank = RehearsalMemory.blank(representation)
-    first, rehearsing = Pilot(run, blank), Pilot(run, blank)
-    planned, motions, rehearsals = [], [], []
+    representation, max_tries = agent.representation, run.experiment.execution.max_tries
+    agent = agent.recalling(RehearsalMemory.blank(representation))
+    naive, rehearsing = Pilot(agent, world), Pilot(agent, world)
+    balls = _Balls.of(world)
+    pairs = random_pairs(run.experiment, representation)
+    trials = []
     for number, (start, goal) in enumerate(pairs):
         progress(number / len(pairs), f"sensation {start} to {goal}")
-        plan = first.plan(start, goal)
-        felt = world.probe.sensations(plan["q"])
-        planned.append(_score(plan | {"felt": felt}, goal, representation.target_sensations))
-        motions.append(executed(world, plan))
-        known = judged(motions[-1], goal, representation)
-        rehearsals.append(
-            rehearse_motion(
-                rehearsing,
-                world,
-                start,
-                goal,
-                max_tries=run.experiment.execution.max_tries,
-                known=known,
+        query = naive.plan(start, goal)
+        motion = query.motion
+        execution, log = naive.execute(motion)
+        known = agent.judge(execution)
+        tries = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
+        save_plan(run, execution, start, goal)
+        kept = best(tries)
+        targets = representation.target_sensations
+        foretold = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
+        foretold &= motion.predicted_spread > 0
+        trials.append(
+            Trial(
+                start=start,
+                goal=goal,
+                query_s=query.seconds,
+                jerk_reduction=query.jerk_reduction,
+                planned=score_motion(motion, world.probe.sensations(motion.q), targets),
+                executed=score_motion(motion, execution.felt, targets),
+                first=_judgement(known),
+                remembering=_judgement(tries[0]),
+                kept=_judgement(kept),
+                num_tries=len(tries),
+                tracking=np.square(execution.q_measured - motion.q).mean(axis=0),
+                limit_shares=limit_shares(
+                    motion.time_s,
+                    motion.q,
+                    motion.v,
+                    execution.q_measured,
+                    execution.torque,
+                    world.limits,
+                ),
+                force=float(execution.felt.sum(axis=1).max()),
+                error=cosine_distance(execution.felt[foretold], motion.predicted[foretold]),
+                spread=motion.predicted_spread[foretold],
+                impossible_planned=_impossible(world, motion.q),
+                impossible_executed=_impossible(world, log.q_steps),
+                tip_jerk_planned=_tip_jerk(world, motion, motion.s, motion.q),
+                tip_jerk_measured=_tip_jerk(
+                    world,
+                    motion,
+                    progress_along(
+                        motion.s,
+                        representation.scaled(motion.q),
+                        representation.scaled(execution.q_measured),
+                    ),
+                    execution.q_measured,
+                ),
+                off_skin_s=_off_skin_s(balls, world, execution),
+                off_skin_kept_s=_off_skin_s(balls, world, kept.execution),
             )
         )
-        # What stays in the run is the first try, which the figures are about.
-        save_arrays(run.plan(start, goal), motions[-1])
-    table = trial_table(pairs, motions, rehearsals, representation)
-    save_arrays(run.trials, table | run.stamp())
-    query_ms = 1e3 * np.array(first.query_s)
-    goals = [goal for _, goal in pairs]
-    return {
-        **summarise(planned, "planning"),
-        "planning_jerk_reduction": float(np.median(first.jerk_reduction)),
-        "planning_query_ms_median": float(np.median(query_ms)),
-        "planning_query_ms_p95": float(np.percentile(query_ms, 95)),
-        **execution_figures(motions, goals, representation.target_sensations),
-        **limit_figures(motions, world.limits),
-        "execution_time_off_skin_s": sum(_time_off_skin(motion, wall) for motion in motions),
-        "planning_fingertip_jerk_reduction": _fingertip_jerk_reduction(
-            motions, "p_WF_planned", world
-        ),
-        "execution_fingertip_jerk_reduction": _fingertip_jerk_reduction(
-            motions, "p_WF_measured", world
-        ),
-        **rehearsal_figures(rehearsals),
-        "rehearsal_time_off_skin_s": sum(
-            _time_off_skin(best(tries).motion, wall) for tries in rehearsals
-        ),
-    }
+    return trials
 
 
-def execution_figures(
-    motions: list[Motion], goals: list[int], target_sensations: np.ndarray
-) -> dict[str, float]:
-    """Figures of executed motions, each to its goal."""
-    scores = [_score(m, goal, target_sensations) for m, goal in zip(motions, goals, strict=True)]
-    tracking = [np.mean(np.square(m["q_measured"] - m["q"])) for m in motions]
-    return {
-        **summarise(scores, "execution"),
-        "execution_tracking_rms_rad": float(np.sqrt(np.mean(tracking))),
-        **_calibration_figures(motions),
-        "execution_force_max_N": float(max(m["felt"].sum(axis=1).max() for m in motions)),
-    }
+def random_pairs(
+    experiment: Experiment, representation: QuotientRepresentation
+) -> list[tuple[int, int]]:
+    """The pairs of start and goal that are tried, drawn from the seed without repetition.
 
-
-def limit_figures(motions: list[Motion], limits: JointLimits) -> dict[str, float]:
-    """The largest share of each kind of limit that any motion took; above 1 it was exceeded."""
-    shares = [
-        limit_shares(m["time_s"], m["q"], m["v"], m["q_measured"], m["torque"], limits)
-        for m in motions
-    ]
-    return {f"execution_{kind}_of_limit": max(s[kind] for s in shares) for kind in shares[0]}
-
-
-def trial_table(
-    pairs: list[tuple[int, int]],
-    motions: list[Motion],
-    rehearsals: list[list[Try[Motion]]],
-    representation: QuotientRepresentation,
-) -> dict[str, np.ndarray]:
-    """What became of each of N pairs, in the order in which they were tried.
-
-    Returns:
-        `pairs` `(N, 2)`; shares of the time in contact `(N,)`: `contact_naive` at the first try
-        without memory, `contact_remembering` at the first try with the memory of the rehearsals of
-        all pairs before, `contact_kept` at the best; whether the goal was reached, under the same
-        names with `reached`; `num_tries` `(N,)` of the rehearsal; `prediction_error` `(N,)` of the
-        first try without memory.
+    Both are on one part of the body that was recovered: no touch leads from part to part.
     """
-    naive = [
-        judged(motion, goal, representation)
-        for motion, (_, goal) in zip(motions, pairs, strict=True)
-    ]
-    columns = {
-        "naive": naive,
-        "remembering": [tries[0] for tries in rehearsals],
-        "kept": [best(tries) for tries in rehearsals],
-    }
-    scores = [_score(m, 0, representation.target_sensations) for m in motions]
-    return {
-        "pairs": np.array(pairs),
-        **{f"contact_{name}": np.array([t.contact for t in c]) for name, c in columns.items()},
-        **{f"reached_{name}": np.array([t.reached for t in c]) for name, c in columns.items()},
-        "num_tries": np.array([len(tries) for tries in rehearsals]),
-        "prediction_error": np.array([score.prediction_error for score in scores]),
-    }
+    num_targets, part = representation.num_targets, representation.part
+    random = np.random.default_rng(experiment.random_stream("pairs"))
+    # The goals of a start are all kernels but itself.
+    column, start = np.arange(num_targets - 1), np.arange(num_targets)[:, None]
+    goals = column + (column >= start)
+    within = (part[goals] == part[start]) & (part[start] < representation.num_parts)
+    codes = np.flatnonzero(within)
+    wanted = min(experiment.evaluation.num_pairs, len(codes))
+    chosen = codes[random.choice(len(codes), size=wanted, replace=False)]
+    starts = chosen // (num_targets - 1)
+    return list(zip(starts.tolist(), goals.ravel()[chosen].tolist(), strict=True))
 
 
-def rehearsal_figures(rehearsals: list[list[Try[Motion]]]) -> dict[str, object]:
-    """Figures of rehearsals in the order in which they were made."""
-    kept = [best(tries) for tries in rehearsals]
-    contact = [one.contact for one in kept]
-    return {
-        "rehearsal_first_try_contact_mean": float(np.mean([t[0].contact for t in rehearsals])),
-        "rehearsal_reach_rate": float(np.mean([one.reached for one in kept])),
-        "rehearsal_contact_mean": float(np.mean(contact)),
-        "rehearsal_contact_worst": float(np.min(contact)),
-        "rehearsal_tries_mean": float(np.mean([len(tries) for tries in rehearsals])),
-    }
+@dataclass(frozen=True, slots=True, eq=False)
+class _Balls:
+    """Balls that touch, and the walls they are to stay at."""
 
+    radius: np.ndarray
+    walls: list[cKDTree]
 
-def random_pairs(run: RunDirectory) -> list[tuple[int, int]]:
-    """The pairs of start and goal that are tried, drawn from the seed without repetition."""
-    num_targets = run.experiment.representation.num_targets
-    random = np.random.default_rng(run.experiment.random_stream("pairs"))
-    wanted = min(run.experiment.evaluation.num_pairs, num_targets * (num_targets - 1))
-    codes = random.choice(num_targets * (num_targets - 1), size=wanted, replace=False)
-    starts, goals = codes // (num_targets - 1), codes % (num_targets - 1)
-    return [(int(i), int(j + (j >= i))) for i, j in zip(starts, goals, strict=True)]
+    @staticmethod
+    def of(world: World) -> _Balls | None:
+        """Those of a world; None if something else touches, too."""
+        radii = [toucher.radius for toucher in world.experiment.touching.values()]
+        known = [radius for radius in radii if radius is not None]
+        if len(known) < len(radii):
+            return None
+        spacing = min(known) / 2
+        walls = [cKDTree(wall_points(skin.wall, spacing)) for skin in world.skins]
+        return _Balls(np.array(known), walls)
 
-
-def _calibration_figures(motions: list[Motion]) -> dict[str, float]:
-    foretold = [
-        m["felt"].any(axis=1) & m["predicted"].any(axis=1) & (m["predicted_spread"] > 0)
-        for m in motions
-    ]
-    found = calibration(
-        [
-            cosine_distance(m["felt"][rows], m["predicted"][rows])
-            for m, rows in zip(motions, foretold, strict=True)
-        ],
-        [m["predicted_spread"][rows] for m, rows in zip(motions, foretold, strict=True)],
-    )
-    return {f"execution_prediction_within_{share:.0%}"[:-1]: held for share, held in found.items()}
-
-
-def _time_off_skin(motion: Motion, wall: cKDTree) -> float:
-    return time_off_skin(motion["time_s"], motion["p_WF_measured"], wall)
-
-
-def _fingertip_jerk_reduction(motions: list[Motion], path: str, world: World) -> float:
-    """The median over motions of more than one step, as planned or as measured."""
-    to_space = world.probe.kinematics.positions
-    measured = path == "p_WF_measured"
-    reductions = [
-        spatial_jerk_reduction(
-            progress_along(motion["s"], motion["q"], motion["q_measured"])
-            if measured
-            else motion["s"],
-            motion[path],
-            motion["waypoints_q"],
-            to_space,
+    def off_skin_s(self, world: World, execution: Execution) -> float:
+        """s, for how long an execution was off every skin where touch was expected."""
+        motion, robot = execution.motion, world.robot
+        p_LT = in_link_frames(
+            robot.toucher_positions(execution.q_measured),
+            robot.skin_positions(execution.q_measured),
         )
-        for motion in motions
-        if len(motion["links"]) > 1
-    ]
-    return float(np.median(reductions)) if reductions else 1.0
+        off = off_skin(p_LT, self.radius, self.walls) & motion.touching
+        return float(np.sum(off[:-1] * np.diff(motion.time_s)))
 
 
-def _score(motion: Motion, goal: int, target_sensations: np.ndarray) -> MotionScore:
-    return score_motion(motion["felt"], motion["predicted"], target_sensations, goal)
+def _off_skin_s(balls: _Balls | None, world: World, execution: Execution) -> float | None:
+    return None if balls is None else balls.off_skin_s(world, execution)
+
+
+def _judgement(one: Try) -> tuple[float, bool]:
+    return one.contact, one.reached
+
+
+def _impossible(world: World, q: np.ndarray) -> int:
+    return int(np.sum(world.probe.collision_depth(q) > 0))
+
+
+def _tip_jerk(world: World, motion: Motion, s: np.ndarray, q: np.ndarray) -> float | None:
+    """How many times less jerk the paths in space of what touches have than the polyline."""
+    if len(motion.links) < 2:
+        return None
+
+    def to_space(q: np.ndarray) -> np.ndarray:
+        return world.robot.toucher_positions(q).reshape(len(q), -1)
+
+    return spatial_jerk_reduction(s, to_space(q), motion.waypoints_q, motion.waypoint_s, to_space)

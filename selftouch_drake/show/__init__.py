@@ -1,20 +1,28 @@
-"""What a person looks at: figures, the report, recordings (Meshcat)."""
+"""What a person looks at: figures and the report (page), recordings and live play (meshcat)."""
 
-from selftouch_drake.show.figures import FIGURES, write_figures
-from selftouch_drake.show.live import play
-from selftouch_drake.show.material import MissingError
-from selftouch_drake.show.playback import write_playback
-from selftouch_drake.show.readings import Reading, headline, readings
-from selftouch_drake.show.report import write_report
+from selftouch_drake.show.material import Material, MissingError, RecoveredSkin, TouchSample
+from selftouch_drake.show.meshcat.live import LiveShow, play_live
+from selftouch_drake.show.meshcat.recording_page import recording_page
+from selftouch_drake.show.meshcat.robot_page import show_robot
+from selftouch_drake.show.page.figures import FIGURES, draw_figures
+from selftouch_drake.show.page.report import Picture, Recording, report_page
+from selftouch_drake.show.robot_shape import RobotShape
+from selftouch_drake.show.skins import SkinSurface
 
 __all__ = [
     "FIGURES",
+    "LiveShow",
+    "Material",
     "MissingError",
-    "Reading",
-    "headline",
-    "play",
-    "readings",
-    "write_figures",
-    "write_playback",
-    "write_report",
+    "Picture",
+    "Recording",
+    "RecoveredSkin",
+    "RobotShape",
+    "SkinSurface",
+    "TouchSample",
+    "draw_figures",
+    "play_live",
+    "recording_page",
+    "report_page",
+    "show_robot",
 ]

@@ -1,227 +1,172 @@
-"""What there is to show of a run: each part read when first asked for, or missing with a reason."""
+"""What there is to show of a run, as everything here takes it."""
 
 from __future__ import annotations
 
-import contextlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
-from pydrake.geometry import SceneGraph
 
+from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.shape import fitted_surface, topology
-from selftouch_drake.evaluation import align, kernel_positions
-from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
-from selftouch_drake.files import load_arrays
-from selftouch_drake.geometry import HollowSkin, ReceptiveFields, build_body
-from selftouch_drake.robot.agent import Agent, MakeAgent
-from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.motions import load_plan
+from selftouch_drake.agent.shape import Body
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.robot import Robot, Touches, World
+from selftouch_drake.show.robot_shape import RobotShape
+from selftouch_drake.show.skins import SkinSurface
+
+#: The targets that name a plan, in order; the first is "free" if it begins anywhere.
+Targets = tuple[int | str, ...]
 
 
-class MissingError(RunError):
-    """What was asked for was not made yet; the text says what, and what makes it."""
+class MissingError(ValueError):
+    """What was asked for is not there; the text says why, and what makes it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BodySurface:
-    """The outer surface of the body.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecoveredSkin:
+    """A part of the body that the agent recovered, laid on the skins that it stands for.
 
     Attributes:
-        p_BS: `(S, 3)` m, receptors.
-        vertices: `(V, 3)` m.
-        faces: `(F, 3)` indices, outward.
+        part: its number among the parts.
+        skins: numbers of the skins that it is on, the one with the most kernels first.
+        places: `(N, 3)` m, its kernels and then the pieces of wide ones, with the skins at home.
+        num_kernels: n of them.
+        faces: `(F, 3)` indices into `places`, the fitted surface, outward.
+        closed: whether the surface has no rim.
     """
 
-    p_BS: np.ndarray
-    vertices: np.ndarray
+    part: int
+    skins: tuple[int, ...]
+    places: np.ndarray
+    num_kernels: int
     faces: np.ndarray
-
-
-class Material:
-    """Everything that figures, report and playback are made of.
-
-    Args:
-        run: the run.
-
-    Raises:
-        MissingError: by every property whose stage has not run.
-    """
-
-    def __init__(self, run: RunDirectory):
-        self.run = run
-
-    def require_sound(self) -> None:
-        """Reads every file that there is, before anything is made of any.
-
-        Raises:
-            ValueError: one is damaged, or of another experiment.
-        """
-        for name in ("metrics", "skin", "representation", "diagrams", "truth", "kernel_p_WF"):
-            with contextlib.suppress(MissingError):
-                getattr(self, name)
-        for pair in self.pairs:
-            self.plan(*pair)
-
-    @cached_property
-    def metrics(self) -> dict:
-        """The figures of the run."""
-        return self.run.metrics()
-
-    @cached_property
-    def skin(self) -> BodySurface:
-        """The outer surface and its receptors."""
-        names = ("p_BS", "vertices", "faces")
-        arrays = self._arrays(self.run.skin, names, "the skin", "babble")
-        # Runs of before the stamp have none.
-        stamp = self.run.body_stamp()
-        if str((stamp | arrays)["made_for"]) != str(stamp["made_for"]):
-            raise RunError(
-                f"{self.run.skin} is of another experiment or version; run `selftouch babble "
-                f"{self.run.path / 'experiment.yaml'} --out {self.run.path}`"
-            )
-        return BodySurface(**{name: arrays[name] for name in names})
-
-    @cached_property
-    def body(self) -> tuple[HollowSkin, ReceptiveFields]:
-        """The hollow skin and its receptive fields, built anew from the experiment."""
-        return build_body(self.run.experiment)
+    closed: bool
 
     @property
-    def truth(self) -> ExperienceReader:
-        """The true fingertip positions `p_WF` of the experience."""
-        if not any(self.run.truth.glob("part-*.parquet")):
-            raise MissingError("the truth is not there; run `selftouch babble`")
-        reader = ExperienceReader(self.run.truth)
-        reader.num_rows  # noqa: B018 - refuses damaged shards
-        return reader
+    def positions(self) -> np.ndarray:
+        """`(n, 3)` m, the kernels."""
+        return self.places[: self.num_kernels]
 
-    @cached_property
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TouchSample:
+    """Where some touches truly were.
+
+    Attributes:
+        places: `(n, 3)` m, with the skins at home.
+        num_drawn: of so many touches, of which some are at several places.
+        num_touches: touches in all.
+    """
+
+    places: np.ndarray
+    num_drawn: int
+    num_touches: int
+
+
+class Reading(Protocol):
+    """A metric of the run, ready to be read."""
+
+    @property
+    def key(self) -> str:
+        """Its name in `metrics.json`."""
+
+    @property
+    def value(self) -> str:
+        """The number with its unit."""
+
+    @property
+    def meaning(self) -> str:
+        """One line."""
+
+    @property
+    def target(self) -> str:
+        """Which value is good; empty where none is better than another."""
+
+
+class Material(Protocol):
+    """What there is to show of a run; each part raises `MissingError` where it is not there."""
+
+    @property
+    def experiment(self) -> Experiment:
+        """The experiment."""
+
+    @property
+    def metrics(self) -> dict[str, Any]:
+        """The metrics of the run; empty before the first stage is done."""
+
+    @property
+    def readings(self) -> Mapping[str, Sequence[Reading]]:
+        """The metrics by section of the report."""
+
+    @property
+    def headline(self) -> Sequence[tuple[str, str]]:
+        """The few metrics that sum the run up: name and value."""
+
+    @property
+    def world(self) -> World:
+        """The world of the experiment."""
+
+    @property
+    def robot(self) -> Robot:
+        """Its robot."""
+
+    @property
+    def shape(self) -> RobotShape:
+        """What is drawn of the robot."""
+
+    def touches_at(self, q: np.ndarray) -> Touches:
+        """What touches what at configurations `(N, J)`."""
+
+    @property
+    def skins(self) -> Sequence[SkinSurface]:
+        """The skins, each in the frame of its link."""
+
+    @property
+    def home(self) -> np.ndarray:
+        """`(skins, 3, 4)` poses of the skins' links in the posture in which they are drawn."""
+
+    @property
+    def touch_density(self) -> Sequence[np.ndarray]:
+        """`(V,)` touches / cm² at the vertices of each skin."""
+
+    def touch_sample(self, count: int) -> TouchSample:
+        """About `count` of the touches."""
+
+    @property
     def representation(self) -> QuotientRepresentation:
-        """What the agent has learned."""
-        if not self.run.representation.exists():
-            raise MissingError("nothing was learned yet; run `selftouch learn`")
-        representation = QuotientRepresentation.load(self.run.representation)
-        self.run.require_stamp(self.run.representation)
-        return representation
+        """What the agent has learned; embedded in the recovered body."""
 
-    @cached_property
-    def diagrams(self) -> list[np.ndarray]:
-        """Births and deaths `(bars, 2)` of components, loops and voids."""
-        names = [f"diagram_{dimension}" for dimension in range(3)]
-        arrays = self._arrays(self.run.topology, names, "the persistence of holes", "learn")
-        self.run.require_stamp(self.run.topology, arrays)
-        return [arrays[name] for name in names]
+    @property
+    def body(self) -> Body:
+        """The body that the agent recovered."""
 
-    @cached_property
-    def kernel_p_WF(self) -> np.ndarray:
-        """`(R, 3 * fingers)` m, true fingertip positions in each configuration of the kernels."""
-        try:
-            require_complete(self.run, truth=True)
-        except StoreError as error:
-            raise MissingError(str(error)) from None
-        return self.truth.take("p_WF", self.representation.kernel_row)
+    @property
+    def true_distances(self) -> np.ndarray:
+        """`(K, K)` m between the true places of kernels; NaN between those on different skins."""
 
-    @cached_property
-    def kernel_positions(self) -> np.ndarray:
-        """`(K, 3)` m, where each kernel truly puts the first fingertip."""
-        return kernel_positions(self.representation, self.kernel_p_WF)
+    @property
+    def recovered(self) -> Sequence[RecoveredSkin]:
+        """The recovered parts, each on its skins at home."""
 
-    @cached_property
-    def embedding(self) -> np.ndarray:
-        """`(K, 3)` the kernels as the agent lays them out, any unit."""
-        embedding = self.representation.embedding
-        if not np.isfinite(embedding).all():
-            raise MissingError("the representation is not embedded; run `selftouch learn`")
-        return embedding
+    @property
+    def kernel_places(self) -> np.ndarray:
+        """`(K, 3)` m, each kernel where the recovered body has it; NaN in fragments."""
 
-    @cached_property
-    def recovered(self) -> tuple[np.ndarray, np.ndarray]:
-        """The recovered body, aligned with the real one: where it is, and its fitted surface.
-
-        `(N, 3)` m, the kernels and then the parts of wide ones, and `(F, 3)` corners.
-        """
-        if self.run.experiment.num_fingers > 1:
-            raise MissingError(
-                "with two fingers the quotient space is not the body's surface (paper, section IV)"
-            )
-        parts = self._arrays(self.run.topology, ["parts"], "the persistence of holes", "learn")
-        places = np.concatenate([self.embedding, parts["parts"]])
-        faces = fitted_surface(places, topology(places).scale)
-        if not len(faces):
-            raise MissingError("no closed surface goes through the recovered body; babble longer")
-        aligned = align(self.embedding, self.kernel_positions, places)
-        a, b, c = aligned[faces].transpose(1, 0, 2)
-        mirrored = np.einsum("fi,fi->", np.cross(a, b), c) < 0
-        return aligned, faces[:, ::-1] if mirrored else faces
+    def skins_of(self, kernels: np.ndarray) -> list[int]:
+        """Numbers of the skins that some kernels truly are on, the one with the most first."""
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
-        """Start and goal of all plans, in order."""
-        names = (path.stem.split("-") for path in (self.run.path / "plans").glob("*-*.npz"))
-        return sorted((int(n[0]), int(n[1])) for n in names if len(n) == 2 and all(map(_digits, n)))
-
-    def plan(self, *targets: int | str) -> dict[str, np.ndarray]:
-        """The arrays of a plan, executed or not; the targets name it, in order."""
-        if not (file := self.run.plan(*targets)).exists():
-            raise MissingError(f"plan {file.stem} is not there; run `selftouch plan`")
-        return load_plan(self.run, *targets)
-
-    def executed(self, *targets: int | str) -> dict[str, np.ndarray]:
-        """The arrays of a plan that was executed."""
-        plan = self.plan(*targets)
-        if not {"felt", "q_measured"} <= plan.keys():
-            name = self.run.plan(*targets).stem
-            raise MissingError(f"plan {name} was not executed; run `selftouch execute`")
-        return plan
-
-    @cached_property
-    def shown_pair(self) -> tuple[int, int]:
-        """The plan that is shown: the longest of those executed, else the longest of all."""
-        if not self.pairs:
-            raise MissingError("nothing was planned yet; run `selftouch plan`")
-
-        def length(pair: tuple[int, int]) -> tuple[bool, int]:
-            plan = self.plan(*pair)
-            return "felt" in plan, len(plan["nodes"])
-
-        return max(self.pairs, key=length)
-
-    def fingertips(self, q: np.ndarray) -> np.ndarray:
-        """`(N, fingers, 3)` m, fingertips in the world at `q` `(N, J)` rad."""
-        return self._frames(q)[:, self._num_joints :]
-
-    def joints(self, q: np.ndarray) -> np.ndarray:
-        """`(N, J, 3)` m, joints in the world at `q` `(N, J)` rad, from the shoulder on."""
-        return self._frames(q)[:, : self._num_joints]
+        """Start and goal of all plans from one sensation to another, in order."""
 
     @property
-    def _num_joints(self) -> int:
-        return self._agent.plant.num_positions()
+    def shown_pair(self) -> tuple[int, int]:
+        """The plan that is shown: the longest of those executed, else the longest of all."""
 
-    @cached_property
-    def _agent(self) -> Agent:
-        return MakeAgent(self.run.experiment, self.body[0], SceneGraph())
+    def motion(self, *targets: int | str) -> Motion:
+        """A plan, executed or not; the targets name it, in order."""
 
-    def _frames(self, q: np.ndarray) -> np.ndarray:
-        plant, context = self._agent.plant, self._agent.plant.CreateDefaultContext()
-        joints = [plant.get_joint(index) for index in plant.GetJointIndices(self._agent.arm)]
-        frames = [joint.frame_on_parent() for joint in joints if joint.num_positions() == 1]
-        frames += self._agent.fingertips
-        positions = np.empty((len(q), len(frames), 3))
-        for row, configuration in enumerate(q):
-            plant.SetPositions(context, configuration)
-            positions[row] = [frame.CalcPoseInWorld(context).translation() for frame in frames]
-        return positions
-
-    def _arrays(self, path: Path, names, what: str, verb: str) -> dict[str, np.ndarray]:
-        try:
-            return load_arrays(path, names)
-        except FileNotFoundError:
-            raise MissingError(f"{what} is not there; run `selftouch {verb}`") from None
-
-
-def _digits(text: str) -> bool:
-    return text.isascii() and text.isdigit()
+    def execution(self, *targets: int | str) -> Execution:
+        """A plan that was executed."""

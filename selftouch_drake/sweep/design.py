@@ -37,7 +37,7 @@ class Sweep:
     Attributes:
         name: of the sweep.
         experiments: all of them, seeds and varied fields resolved; no two alike.
-        fields: names of the fields that vary, dotted, as in `skin.num_receptors`.
+        fields: names of the fields that vary, dotted, as in `skins.body.num_receptors`.
     """
 
     name: str
@@ -143,7 +143,8 @@ def _axes(key: str, axes: Any, path: Path) -> dict[str, list]:
     for field, values in axes.items():
         if not isinstance(field, str) or not all(field.split(".")):
             raise SweepError(
-                f"sweep {path}: {key} has {shown(field)}; name a field, as in skin.num_receptors"
+                f"sweep {path}: {key} has {shown(field)}; name a field, as in "
+                "skins.body.num_receptors"
             )
         if not isinstance(values, list) or not values:
             raise SweepError(
@@ -167,7 +168,7 @@ def _list_of(kind: type, key: str, values: Any, path: Path) -> list:
 
 
 def nested(dotted: dict[str, Any]) -> dict[str, Any]:
-    """`{"skin.num_receptors": 50}` as `{"skin": {"num_receptors": 50}}`."""
+    """`{"joints.noise": 0.1}` as `{"joints": {"noise": 0.1}}`."""
     result: dict[str, Any] = {}
     for name, value in dotted.items():
         *sections, key = name.split(".")
@@ -179,7 +180,7 @@ def nested(dotted: dict[str, Any]) -> dict[str, Any]:
 
 
 def flat(fields: Any, prefix: str = "") -> dict[str, Any]:
-    """`{"skin": {"num_receptors": 50}}` as `{"skin.num_receptors": 50}`."""
+    """`{"joints": {"noise": 0.1}}` as `{"joints.noise": 0.1}`."""
     if not isinstance(fields, dict):
         return {prefix[:-1]: fields}
     return {

@@ -27,6 +27,8 @@ from selftouch_drake.experiment import Experiment, dump_experiment, experiment_f
 from selftouch_drake.files import require_writable, write_text_whole
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.figures import keys_of
+from selftouch_drake.run.fingerprint import learning_fingerprint
 from selftouch_drake.sweep.design import Sweep
 
 _HEADER = "# A sweep of selftouch_drake, format 1\n"
@@ -95,7 +97,7 @@ class SweepDirectory:
 
 
 def run_name(experiment: Experiment) -> str:
-    """Tells runs of a sweep apart: name, seed, and a digest of all fields."""
+    """The name of a run in its sweep: the experiment's, its seed, and a digest of all fields."""
     digest = hashlib.sha256(dump_experiment(experiment).encode()).hexdigest()[:8]
     word = "".join(c if c.isalnum() else "_" for c in experiment.name)[:40]
     return f"{word}-s{experiment.seed}-{digest}"
@@ -118,7 +120,7 @@ def run_sweep(
         sweep: what is run.
         directory: where.
         executor: its workers must see the directory.
-        progress: told the fraction done and what was done last.
+        progress: called with the fraction done and what was done last.
         num_pending: jobs that the executor has at a time; twice its workers keep them busy.
 
     Returns:
@@ -146,8 +148,8 @@ def run_sweep(
                 failed |= future.result()
                 num_done += 1
                 progress(num_done / len(jobs), name)
-                # What was begun is finished before more is begun: a sweep that is cut short has
-                # some whole runs, not many half ones.
+                # Unfinished runs go first: a sweep that is cut short has some whole runs, not many
+                # half ones.
                 after = [(n, job) for n, job in later.items() if job.after == name]
                 ready.extendleft(reversed(after))
                 for name, _ in after:
@@ -176,8 +178,8 @@ def _jobs(sweep: Sweep, directory: SweepDirectory) -> dict[str, _Job]:
     """What is to be done, by name: babbling first, then learning from it, then evaluation."""
     groups: dict[str, dict[str, list[Experiment]]] = defaultdict(lambda: defaultdict(list))
     for experiment in sweep.experiments:
-        run = directory.run(experiment)
-        groups[run.fingerprint()][run.learning_fingerprint()].append(experiment)
+        experience = directory.run(experiment).fingerprint()
+        groups[experience][learning_fingerprint(experiment, experience)].append(experiment)
     jobs = {}
     for experience, learners in groups.items():
         everyone = [entry for runs in learners.values() for entry in _entries(directory, runs)]
@@ -208,7 +210,10 @@ def _drop(later: dict[str, _Job], name: str) -> int:
 
 
 def _do(stage: str, runs: list[tuple[str, str]]) -> dict[str, str]:
-    """Does a stage in the first of `runs` and shares it with the others; returns who failed."""
+    """Runs a stage for the first of `runs` and shares it; returns the names of those that failed.
+
+    Each with the reason.
+    """
     work: dict[str, Callable[..., None]] = {
         "babble": _babble,
         "learn": _learn,
@@ -232,11 +237,11 @@ def _babble(first: RunDirectory, *others: RunDirectory) -> None:
     donor = next((run for run in (first, *others) if stages.has_babbled(run)), first)
     if not stages.has_babbled(donor):
         with donor.writing(), ThreadPoolExecutor(1) as executor:
-            stages.babble(donor, stages.World(donor.experiment), executor)
+            stages.babble(donor, stages.make_world(donor), executor)
     for run in (first, *others):
         if not stages.has_babbled(run):
             shards = sorted(p for f in ("truth", "experience") for p in (donor.path / f).iterdir())
-            _share(donor, run, [*shards, donor.skin], stages.BABBLED)
+            _share(donor, run, [*shards, donor.skin], "babble")
 
 
 def _learn(first: RunDirectory, *others: RunDirectory) -> None:
@@ -247,16 +252,16 @@ def _learn(first: RunDirectory, *others: RunDirectory) -> None:
     for run in (first, *others):
         if not stages.has_learned(run):
             files = [donor.representation, donor.topology, donor.body_distances]
-            _share(donor, run, files, stages.LEARNED)
+            _share(donor, run, files, "learn")
 
 
 def _evaluate(run: RunDirectory) -> None:
     if not stages.has_evaluated(run):
         with run.writing():
-            stages.evaluate(run, stages.World(run.experiment))
+            stages.evaluate(run, stages.make_world(run))
 
 
-def _share(donor: RunDirectory, run: RunDirectory, files: list[Path], figures: tuple) -> None:
+def _share(donor: RunDirectory, run: RunDirectory, files: list[Path], stage: str) -> None:
     """Gives `run` the files of a stage, and then its figures, which say that the stage is done."""
     with run.writing():
         for file in files:
@@ -269,5 +274,5 @@ def _share(donor: RunDirectory, run: RunDirectory, files: list[Path], figures: t
                 aside = there.with_name(f".{there.name}.part")
                 shutil.copyfile(file, aside)
                 aside.replace(there)
-        known = donor.metrics()
-        run.add_metrics({k: v for k, v in known.items() if k.startswith(figures)})
+        made = keys_of(stage)
+        run.add_metrics({key: value for key, value in donor.metrics().items() if key in made})

@@ -1,9 +1,17 @@
-import re
+import dataclasses
 
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, best, judge, rehearse
+from selftouch_drake.agent.motions import Execution, Motion
+from selftouch_drake.agent.rehearsal import (
+    ForeignMemoryError,
+    RehearsalMemory,
+    Try,
+    best,
+    judge,
+    rehearse,
+)
 from selftouch_drake.agent.representation import QuotientRepresentation
 
 
@@ -15,6 +23,10 @@ def representation(num_kernels=4, links=((0, 1), (1, 2), (2, 3))):
         kernel_row=np.arange(num_kernels),
         kernel_strength=np.ones(num_kernels),
         kernel_error=np.zeros(num_kernels),
+        joint_scale=np.ones(2),
+        overlap=np.eye(num_kernels, dtype=bool),
+        part=np.zeros(num_kernels, dtype=int),
+        num_touches=num_kernels,
         set_distance=np.zeros((num_kernels, num_kernels)),
         edges=np.array(links),
         edge_cost=np.ones(len(links)),
@@ -27,24 +39,34 @@ CHAIN = representation()
 
 
 def tried(contact, lost=(), *, reached=True):
-    return Try(contact=contact, reached=reached, lost_links=np.array(lost, int), motion=None)
+    return Try(contact=contact, reached=reached, lost_links=np.array(lost, int), execution=None)
 
 
-def judged(felt, *, links=(4, 7), goal=2):
-    """Judges sensations felt evenly along two steps of one radian each."""
+def judged(felt, *, links=(4, 7), goal=2, in_air=None, known=CHAIN):
+    """Judges sensations felt evenly along steps of one radian each."""
     felt = np.array(felt, dtype=float)
-    return judge(
-        "motion",
-        felt=felt,
-        s=np.linspace(0.0, len(links), len(felt)),
-        waypoint_s=np.arange(len(links) + 1.0),
+    num_steps, num_times = len(links), len(felt)
+    at = np.linspace(0.0, num_steps, num_times)
+    motion = Motion(
+        nodes=np.array([*range(3, 3 + num_steps), goal]),
         links=np.array(links, dtype=int),
-        goal=goal,
-        target_sensations=np.eye(3),
+        in_air=np.zeros(num_steps, bool) if in_air is None else np.array(in_air),
+        waypoints_q=np.zeros((num_steps + 1, 2)),
+        waypoint_s=np.arange(num_steps + 1.0),
+        time_s=at,
+        s=at,
+        q=np.zeros((num_times, 2)),
+        v=np.zeros((num_times, 2)),
+        predicted=felt,
+        predicted_spread=np.zeros(num_times),
     )
+    execution = Execution(
+        motion=motion, felt=felt, q_measured=motion.q, v_measured=motion.v, torque=np.zeros((9, 2))
+    )
+    return judge(execution, known)
 
 
-A, B, C, NOTHING = (1, 0, 0), (0, 1, 0), (0, 0, 1), (0, 0, 0)
+A, B, C, NOTHING = (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 0)
 
 
 @pytest.mark.parametrize(
@@ -64,7 +86,7 @@ def test_what_was_felt_tells_the_links_that_failed(felt, contact, reached, lost)
     one = judged(felt)
     assert (one.contact, one.reached, one.lost_links.tolist()) == (contact, reached, lost)
     assert one.perfect == (contact == 1.0 and reached)
-    assert one.motion == "motion"
+    assert one.execution.felt.tolist() == [list(row) for row in felt]
 
 
 def test_a_step_along_no_link_is_nobodys_fault():
@@ -113,22 +135,62 @@ def test_the_best_try_reaches_its_goal_and_keeps_contact():
     assert best([tried(1.0, reached=False), early, tried(0.8), late]) is early
 
 
-def test_a_memory_is_the_same_after_a_night_on_disk(tmp_path):
+@pytest.mark.parametrize(
+    ("felt", "in_air", "contact", "lost"),
+    [
+        ([A, NOTHING, B, C, C], [True, False], 1.0, []),
+        ([NOTHING, NOTHING, B, B, C], [True, False], 1.0, []),
+        ([A, NOTHING, NOTHING, NOTHING, C], [True, False], 1 / 3, [7]),
+        ([A, A, NOTHING, NOTHING, C], [False, True], 1.0, []),
+        ([A, NOTHING, NOTHING, NOTHING, C], [False, True], 2 / 3, [4]),
+    ],
+)
+def test_nothing_is_lost_in_the_air(felt, in_air, contact, lost):
+    one = judged(felt, in_air=in_air)
+    assert one.contact == pytest.approx(contact)
+    assert one.lost_links.tolist() == lost
+    assert one.reached
+
+
+def test_a_goal_is_reached_though_something_else_is_touched_harder():
+    both = (5, 0, 1, 0)
+    assert not judged([A, A, both]).reached
+    assert judged([A, A, both], known=dataclasses.replace(CHAIN, num_set_aside=1)).reached
+
+
+def test_a_memory_is_the_same_after_a_night_as_arrays():
     memory = RehearsalMemory.blank(CHAIN).after(np.array([2]))
-    memory.save(tmp_path / "rehearsal.npz")
-    loaded = RehearsalMemory.load(tmp_path / "rehearsal.npz", CHAIN)
+    loaded = RehearsalMemory.from_arrays(memory.to_arrays() | {"stamp": np.array("x")}, CHAIN)
     assert np.array_equal(loaded.link_penalty, memory.link_penalty)
     assert (loaded.num_tries, loaded.belongs_to) == (memory.num_tries, memory.belongs_to)
 
 
-def test_a_memory_of_another_representation_is_refused(tmp_path):
-    path = tmp_path / "rehearsal.npz"
-    RehearsalMemory.blank(representation(links=((0, 1), (1, 2), (1, 3)))).save(path)
-    message = (
-        f"{path} remembers rehearsals of another representation; delete it, and rehearse again"
-    )
-    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
-        RehearsalMemory.load(path, CHAIN)
+def test_a_memory_of_another_representation_is_refused():
+    other = RehearsalMemory.blank(representation(links=((0, 1), (1, 2), (1, 3))))
+    with pytest.raises(ForeignMemoryError, match=r"^the rehearsals are of another representation$"):
+        RehearsalMemory.from_arrays(other.to_arrays(), CHAIN)
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "message"),
+    [
+        ("num_tries", np.array(1.5), "num_tries is 1.5, not a whole number, 0 or more"),
+        ("num_tries", np.array(-1), "num_tries is -1, not a whole number, 0 or more"),
+        (
+            "link_penalty",
+            np.array([1.0, 0.5, 1.0]),
+            "link_penalty holds what is no factor, 1",
+        ),
+        ("link_penalty", np.array([1.0, np.nan, 1]), "link_penalty holds what is no factor, 1 or"),
+    ],
+)
+def test_a_damaged_memory_is_refused(name, array, message):
+    arrays = RehearsalMemory.blank(CHAIN).to_arrays()
+    with pytest.raises(ValueError, match=message):
+        RehearsalMemory.from_arrays(arrays | {name: array}, CHAIN)
+    del arrays[name]
+    with pytest.raises(ValueError, match=f"^{name} is missing$"):
+        RehearsalMemory.from_arrays(arrays, CHAIN)
 
 
 def test_no_try_is_refused():

@@ -24,8 +24,7 @@ from selftouch_drake.experience.sources import (
     KinematicSource,
 )
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.geometry import build_body
-from selftouch_drake.robot import ContactProbe
+from selftouch_drake.robot import Touches, World
 from selftouch_drake.run.directory import RunDirectory
 
 collect_module = sys.modules[collect.__module__]
@@ -52,28 +51,45 @@ def experiment():
     return load_experiment(
         "sphere",
         {
-            "body": {"resolution": 0.04},
-            "skin": {"num_receptors": 30},
+            "skins": {
+                "body": {
+                    "surface": {"shape": "sphere", "radius": 0.25, "resolution": 0.04},
+                    "num_receptors": 30,
+                }
+            },
             "babbling": {"num_samples": 500, "walk_size": 200},
         },
     )
 
 
 @pytest.fixture(scope="module")
-def probe(experiment):
-    return ContactProbe(experiment, *build_body(experiment))
+def world(experiment):
+    return World(experiment)
 
 
 @pytest.fixture(scope="module")
-def source(experiment):
-    return KinematicSource(experiment, *build_body(experiment))
+def probe(world):
+    return world.probe
+
+
+@pytest.fixture(scope="module")
+def source(world):
+    return KinematicSource(world)
 
 
 def _collected(path, experiment, executor):
     run = RunDirectory.create(path, experiment)
     with executor:
-        num_steps = collect(run, executor=executor)
+        num_steps = collect_into(run, executor)
     return run, num_steps
+
+
+def collect_into(run, executor, **options):
+    """The steps that it took."""
+    counts = collect(
+        run.experiment, run.path, fingerprint=run.fingerprint(), executor=executor, **options
+    )
+    return counts.num_steps
 
 
 def _shards(run):
@@ -101,17 +117,21 @@ def test_what_is_stored_is_what_is_felt(reference, probe, experiment):
     ]
     q = ExperienceReader(run.experience).read("q")
     sensation = ExperienceReader(run.experience).read("sensation")
-    p_WF = ExperienceReader(run.truth).read("p_WF")
+    (*shards_of_truth,) = ExperienceReader(run.truth).contacts()
     assert q.shape == (500, 6)
     assert sensation.shape == (500, 30)
-    assert p_WF.shape == (500, 3)
+    assert [contacts.num_rows for contacts in shards_of_truth] == [200, 200, 100]
     assert sensation.any(axis=1).all()
-    assert (q >= probe.agent.lower - 1e-6).all()
-    assert (q <= probe.agent.upper + 1e-6).all()
+    assert (q >= probe.robot.lower - 1e-6).all()
+    assert (q <= probe.robot.upper + 1e-6).all()
     np.testing.assert_array_equal(probe.sensations(q.astype(float)).astype(np.float32), sensation)
-    # A fingertip that touches is within its radius of the skin.
-    radius = np.linalg.norm(p_WF, axis=1)
-    assert ((radius > 0.21 - 1e-3) & (radius < 0.26)).all()
+    for contacts in shards_of_truth:
+        assert (np.diff(contacts.offsets) == 1).all()
+        assert not contacts.skin.any()
+        assert not contacts.toucher.any()
+        # The centre of pressure is in the wall.
+        radius = np.linalg.norm(contacts.p_LC, axis=1)
+        assert ((radius > 0.21) & (radius < 0.251)).all()
     shards_read = [pq.read_table(run.experience / shard_name(walk)) for walk in range(3)]
     last_steps = [table["step"].to_numpy() for table in shards_read]
     assert all((np.diff(step) > 0).all() for step in last_steps)
@@ -160,7 +180,7 @@ def test_an_interrupted_run_goes_on_where_it_was(experiment, reference, tmp_path
     kept = (run.experience / shard_name(0)).stat().st_mtime_ns
     progress = []
     with ThreadPoolExecutor(1) as executor:
-        steps = collect(run, executor=executor, progress=progress.append)
+        steps = collect_into(run, executor, progress=progress.append)
     assert _shards(run) == shards
     assert steps == num_steps
     assert sorted(progress) == [100, 200, 200]
@@ -175,7 +195,7 @@ def test_shards_of_another_experiment_are_refused_and_kept(experiment, reference
     shard.write_bytes((reference[0].experience / shard_name(0)).read_bytes())
     before = shard.read_bytes()
     with ThreadPoolExecutor(1) as executor, pytest.raises(StoreError) as error:
-        collect(run, executor=executor)
+        collect_into(run, executor)
     assert str(error.value) == f"{shard} belongs to another experiment; choose another --out"
     assert shard.read_bytes() == before
 
@@ -190,27 +210,27 @@ def test_a_truncated_shard_is_refused(experiment, reference, tmp_path, size):
         Backwards(3) as executor,
         pytest.raises(StoreError, match=r"damaged.*babble again") as error,
     ):
-        collect(run, executor=executor)
+        collect_into(run, executor)
     assert str(error.value).startswith(f"{shard} is damaged (")
     assert not run.truth.exists()
 
 
 def test_a_dynamic_walk_is_sampled_evenly_and_felt_where_it_is(experiment, probe):
-    source = DynamicSource(experiment, *build_body(experiment))
+    source = DynamicSource(World(experiment))
 
     def walk(num_batches):
         source.begin(
             RandomWalk(
-                lower=probe.agent.lower,
-                upper=probe.agent.upper,
+                lower=probe.robot.lower,
+                upper=probe.robot.upper,
                 step_size=0.15,
                 persistence=0.9,
                 seed=np.random.SeedSequence(3),
             )
         )
         batches = [source.next_steps() for _ in range(num_batches)]
-        q, sensation = (np.concatenate(parts) for parts in zip(*batches, strict=True))
-        return q, sensation
+        q = np.concatenate([q for q, _ in batches])
+        return q, np.concatenate([touches.sensation for _, touches in batches])
 
     q, sensation = walk(3)
     assert q.shape == (3 * DYNAMIC_BATCH, 6)
@@ -235,8 +255,8 @@ def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeyp
     with pytest.raises(NeverTouchesError) as error:
         collect_walk(source, experiment, away, 10)
     assert str(error.value) == (
-        "babbling touched nothing in 12288 steps; make the body reachable (0.92 m from the "
-        "shoulder), or babbling.step_size larger"
+        "babbling touched nothing in 12288 steps; see what can reach what with `selftouch robot "
+        "EXPERIMENT --show`, or make babbling.step_size larger"
     )
 
 
@@ -244,7 +264,9 @@ def test_a_walk_that_stops_touching_is_told(experiment, monkeypatch):
     class TouchesOnce:
         """Touches in its first batch, and never again."""
 
-        agent = SimpleNamespace(lower=np.full(6, -1.0), upper=np.full(6, 1.0))
+        robot = SimpleNamespace(
+            babbled_range=(np.full(6, -1.0), np.full(6, 1.0)), turns=np.ones(6, bool)
+        )
 
         def begin(self, walk):
             self.felt = 1.0
@@ -252,15 +274,59 @@ def test_a_walk_that_stops_touching_is_told(experiment, monkeypatch):
         def next_steps(self):
             sensation = np.zeros((1000, 3))
             sensation[-1], self.felt = self.felt, 0.0
-            return np.zeros((1000, 6), np.float32), sensation
+            none = np.zeros(0, int)
+            touches = Touches(
+                sensation=sensation, row=none, skin=none, toucher=none, p_LC=np.zeros((0, 3))
+            )
+            return np.zeros((1000, 6), np.float32), touches
+
+        def possible(self, q):
+            return np.ones(len(q), bool)
 
     monkeypatch.setattr(collect_module, "PATIENCE", 10_000)
     with pytest.raises(NeverTouchesError, match="touched nothing in 10001 steps"):
         collect_walk(TouchesOnce(), experiment, 0, 2)
 
 
+class Scripted:
+    """Touches in every step; each third posture is one that no robot can take."""
+
+    robot = SimpleNamespace(
+        babbled_range=(np.full(6, -1.0), np.full(6, 1.0)), turns=np.ones(6, bool)
+    )
+
+    def begin(self, walk):
+        self.walk = walk
+
+    def next_steps(self):
+        rows = np.arange(30)
+        touches = Touches(
+            sensation=np.ones((30, 3)),
+            row=rows,
+            skin=np.zeros(30, int),
+            toucher=np.zeros(30, int),
+            p_LC=np.repeat(rows[:, None], 3, axis=1).astype(float),
+        )
+        return np.repeat(rows[:, None], 6, axis=1).astype(np.float32), touches
+
+    def possible(self, q):
+        return q[:, 0] % 3 != 0
+
+
+@pytest.mark.parametrize(("num_rows", "num_steps"), [(1, 2), (2, 3), (20, 30), (21, 32), (50, 75)])
+def test_postures_that_a_robot_cannot_take_are_counted_and_not_kept(
+    experiment, num_rows, num_steps
+):
+    shard = collect_walk(Scripted(), experiment, 0, num_rows)
+    kept = [step for step in range(num_steps) if step % 30 % 3 != 0]
+    assert shard.step.tolist() == kept
+    assert shard.num_steps == num_steps
+    assert shard.num_impossible == num_steps - num_rows
+    assert shard.contacts.p_LC[:, 0].tolist() == [step % 30 for step in kept]
+
+
 def _first(probe, experiment, walk):
     """`(1, 6)` the configuration at which a walk that hardly moves stays."""
     seed = experiment.random_stream("walk", walk)
     start = np.random.default_rng(seed).uniform(size=6)
-    return (probe.agent.lower + start * (probe.agent.upper - probe.agent.lower))[None]
+    return (probe.robot.lower + start * (probe.robot.upper - probe.robot.lower))[None]

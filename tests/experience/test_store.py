@@ -6,10 +6,12 @@ import pyarrow.parquet as pq
 import pytest
 
 from selftouch_drake.experience import (
+    Contacts,
     ExperienceReader,
     Shard,
     StoreError,
-    read_num_steps,
+    WalkCounts,
+    read_counts,
     shard_name,
     write_shard,
 )
@@ -17,15 +19,27 @@ from selftouch_drake.experience import (
 PRINT = "0123456789abcdef"
 
 
-def _shard(walk=0, num_rows=7, num_receptors=20, num_fingers=2):
+def _contacts(num_rows, rng):
+    """One to three contacts of each touch."""
+    offsets = np.concatenate([[0], np.cumsum(rng.integers(1, 4, num_rows))])
+    return Contacts(
+        offsets=offsets,
+        skin=rng.integers(0, 3, offsets[-1]).astype(np.int8),
+        toucher=rng.integers(0, 2, offsets[-1]).astype(np.int8),
+        p_LC=rng.uniform(-1, 1, (offsets[-1], 3)).astype(np.float32),
+    )
+
+
+def _shard(walk=0, num_rows=7, num_receptors=20):
     rng = np.random.default_rng(walk)
     return Shard(
         walk=walk,
         num_steps=1000 + walk,
+        num_impossible=walk,
         step=np.sort(rng.choice(1000, num_rows, replace=False)),
         q=rng.uniform(-3, 3, (num_rows, 6)).astype(np.float32),
         sensation=rng.uniform(0, 5, (num_rows, num_receptors)).astype(np.float32),
-        p_WF=rng.uniform(-1, 1, (num_rows, 3 * num_fingers)),
+        contacts=_contacts(num_rows, rng),
     )
 
 
@@ -39,23 +53,49 @@ def test_what_was_written_is_read_in_walk_order(tmp_path):
         write_shard(tmp_path, shard, fingerprint=PRINT)
     experience = ExperienceReader(tmp_path / "experience")
     truth = ExperienceReader(tmp_path / "truth")
-    for reader, column in ((experience, "q"), (experience, "sensation"), (truth, "p_WF")):
+    for column in ("q", "sensation"):
         expected = [getattr(shard, column).astype(np.float32) for shard in shards]
-        np.testing.assert_array_equal(reader.read(column), np.concatenate(expected))
-        for batch, rows in zip(reader.batches(column), expected, strict=True):
+        np.testing.assert_array_equal(experience.read(column), np.concatenate(expected))
+        for batch, rows in zip(experience.batches(column), expected, strict=True):
             np.testing.assert_array_equal(batch, rows)
+    for found, shard in zip(truth.contacts(), shards, strict=True):
+        assert_same(found, shard.contacts)
+
+
+def assert_same(found, expected):
+    for name in ("offsets", "skin", "toucher", "p_LC"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+
+
+def test_contacts_are_taken_by_row_in_any_order(tmp_path):
+    shards = [_shard(walk, num_rows=3 + walk) for walk in range(3)]
+    for shard in shards:
+        write_shard(tmp_path, shard, fingerprint=PRINT)
+    reader = ExperienceReader(tmp_path / "truth")
+    whole = Contacts.joined([shard.contacts for shard in shards])
+    for rows in ([11, 0, 4, 4, 3, 2], [5], range(12)):
+        found = reader.take_contacts(np.array(rows))
+        for number, row in enumerate(rows):
+            mine, there = (
+                slice(*found.offsets[number : number + 2]),
+                slice(*whole.offsets[row : row + 2]),
+            )
+            np.testing.assert_array_equal(found.p_LC[mine], whole.p_LC[there])
+            np.testing.assert_array_equal(found.skin[mine], whole.skin[there])
+    with pytest.raises(StoreError, match=r"truth has 12 rows, none of number 12; it is of another"):
+        reader.take_contacts(np.array([3, 12]))
 
 
 def test_rows_are_taken_by_number_in_any_order(tmp_path):
     for walk in range(3):
         write_shard(tmp_path, _shard(walk, num_rows=3 + walk), fingerprint=PRINT)
-    reader = ExperienceReader(tmp_path / "truth")
-    whole = reader.read("p_WF")
+    reader = ExperienceReader(tmp_path / "experience")
+    whole = reader.read("q")
     for rows in ([11, 0, 4, 4, 3, 2], [5], [], range(12)):
         wanted = np.array(rows, dtype=int)
-        np.testing.assert_array_equal(reader.take("p_WF", wanted), whole[wanted])
-    with pytest.raises(StoreError, match=r"truth has 12 rows, none of number 12; it is of another"):
-        reader.take("p_WF", np.array([3, 12]))
+        np.testing.assert_array_equal(reader.take("q", wanted), whole[wanted])
+    with pytest.raises(StoreError, match=r"experience has 12 rows, none of number 12; it is of an"):
+        reader.take("q", np.array([3, 12]))
 
 
 def test_the_files_have_the_schema_that_others_rely_on(tmp_path):
@@ -67,7 +107,9 @@ def test_the_files_have_the_schema_that_others_rely_on(tmp_path):
     key = [("walk", pa.int32()), ("step", pa.int64())]
     vector = [("q", pa.list_(pa.float32(), 6)), ("sensation", pa.list_(pa.float32(), 20))]
     assert experience.schema.equals(pa.schema(key + vector))
-    assert truth.schema.equals(pa.schema([*key, ("p_WF", pa.list_(pa.float32(), 6))]))
+    contacts = [("skin", pa.int8()), ("toucher", pa.int8()), ("p_LC", pa.list_(pa.float32(), 3))]
+    lists = [(name, pa.list_(kind)) for name, kind in contacts]
+    assert truth.schema.equals(pa.schema([*key, *lists]))
     for table in (experience, truth):
         assert table["walk"].to_pylist() == [12] * 7
         assert table["step"].to_pylist() == shard.step.tolist()
@@ -97,7 +139,7 @@ def test_a_write_that_fails_leaves_no_shard_behind(tmp_path, monkeypatch, failin
         write_shard(tmp_path, _shard(), fingerprint=PRINT)
     # Truth comes first: it may be there, but never an experience without it, nor a part of one.
     assert _files(tmp_path) == ([] if failing == "truth" else ["truth/part-00000.parquet"])
-    assert read_num_steps(tmp_path, 0, num_rows=7, fingerprint=PRINT) is None
+    assert read_counts(tmp_path, 0, num_rows=7, fingerprint=PRINT) is None
 
 
 def test_a_write_that_fails_leaves_the_shard_that_was_there(tmp_path, monkeypatch):
@@ -118,19 +160,19 @@ def test_experience_reads_without_the_truth(tmp_path):
     (tmp_path / "truth" / shard_name(0)).unlink()
     (tmp_path / "truth").rmdir()
     np.testing.assert_array_equal(ExperienceReader(tmp_path / "experience").read("q"), _shard().q)
-    assert read_num_steps(tmp_path, 0, num_rows=7, fingerprint=PRINT) == 1000
+    assert read_counts(tmp_path, 0, num_rows=7, fingerprint=PRINT) == WalkCounts(1000, 0)
 
 
 def test_a_stored_walk_is_known_by_its_fingerprint_and_its_rows(tmp_path):
-    assert read_num_steps(tmp_path, 4, num_rows=7, fingerprint=PRINT) is None
+    assert read_counts(tmp_path, 4, num_rows=7, fingerprint=PRINT) is None
     write_shard(tmp_path, _shard(walk=4), fingerprint=PRINT)
     path = tmp_path / "experience" / shard_name(4)
-    assert read_num_steps(tmp_path, 4, num_rows=7, fingerprint=PRINT) == 1004
+    assert read_counts(tmp_path, 4, num_rows=7, fingerprint=PRINT) == WalkCounts(1004, 4)
     with pytest.raises(StoreError) as error:
-        read_num_steps(tmp_path, 4, num_rows=7, fingerprint="another")
+        read_counts(tmp_path, 4, num_rows=7, fingerprint="another")
     assert str(error.value) == f"{path} belongs to another experiment; choose another --out"
     with pytest.raises(StoreError) as error:
-        read_num_steps(tmp_path, 4, num_rows=8, fingerprint=PRINT)
+        read_counts(tmp_path, 4, num_rows=8, fingerprint=PRINT)
     assert str(error.value) == f"{path} has 7 rows, not 8; delete it"
 
 
@@ -139,7 +181,7 @@ def test_a_parquet_file_from_elsewhere_is_refused(tmp_path):
     path = tmp_path / "experience" / shard_name(0)
     pq.write_table(pa.table({"x": [1.0, 2.0], "sensation": [[1.0], [2.0, 3.0]]}), path)
     with pytest.raises(StoreError, match="belongs to another experiment"):
-        read_num_steps(tmp_path, 0, num_rows=2, fingerprint=PRINT)
+        read_counts(tmp_path, 0, num_rows=2, fingerprint=PRINT)
     for column in ("q", "sensation"):
         with pytest.raises(StoreError) as error:
             ExperienceReader(tmp_path / "experience").read(column)

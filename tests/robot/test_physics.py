@@ -5,6 +5,7 @@ import itertools
 
 import numpy as np
 import pytest
+import robots
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydrake.geometry import (
@@ -17,27 +18,40 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, CoulombFriction
-from pydrake.multibody.tree import SpatialInertia
+from pydrake.multibody.tree import (
+    PdControllerGains,
+    PrismaticJoint,
+    RevoluteJoint,
+    SpatialInertia,
+)
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
-from selftouch_drake import body
-from selftouch_drake.robot import KinematicTactileSkin, RegisterSkin, TactileSkin
-from selftouch_drake.robot.contact import pressed_points
+from selftouch_drake import geometry
+from selftouch_drake.robot import (
+    KinematicTactileSkin,
+    PathSource,
+    RegisterSkin,
+    SensorModel,
+    TactileSkin,
+)
 
 SURFACES = {
-    "sphere": lambda: body.sphere(0.25),
-    "cube": lambda: body.cube(0.44),
-    "torus": lambda: body.torus(0.22, 0.09),
+    "sphere": lambda: geometry.sphere(0.25),
+    "cube": lambda: geometry.cube(0.44),
+    "torus": lambda: geometry.torus(0.22, 0.09),
 }
 MODULUS = 3.0e4
-TIP_RADIUS = body.FINGERTIP_RADIUS
+TIP_RADIUS = 0.01
 # Where a fingertip is out of the way.
 AWAY = RigidTransform([5.0, 0.0, 0.0])
+# Where a skin is on its link.
+X_LS = RigidTransform(RotationMatrix.MakeXRotation(0.7), [0.1, -0.2, 0.3])
 GRAVITY = 9.81
 
 seeds = st.integers(0, 2**32 - 1)
+shapes = st.sampled_from(sorted(SURFACES))
 
 
 def _rigid(resolution_hint: float, friction: float) -> ProximityProperties:
@@ -47,36 +61,45 @@ def _rigid(resolution_hint: float, friction: float) -> ProximityProperties:
     return properties
 
 
+def _skin(surface, *, thickness=0.03, num_receptors=100):
+    wall = geometry.hollow_skin(surface, thickness, TIP_RADIUS)
+    p_LS = geometry.place_receptors(surface, num_receptors, seed=0)
+    return wall, geometry.receptive_fields(surface, p_LS)
+
+
 class TouchRig:
     """A free body with a skin and two free fingertips, to be put anywhere in a plant of its own."""
 
-    def __init__(self, surface, *, thickness=0.03, num_receptors=100):
+    def __init__(self, surface, **skin):
         self.surface = surface
-        self.skin = body.hollow_skin(surface, thickness, TIP_RADIUS)
-        p_BS = body.place_receptors(surface, num_receptors, seed=0)
-        self.fields = body.receptive_fields(surface, p_BS)
+        self.wall, self.fields = _skin(surface, **skin)
         builder = DiagramBuilder()
         # A continuous plant: its contact results belong to the state, and at rest to it alone.
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         plant.set_contact_surface_representation(HydroelasticContactRepresentation.kPolygon)
-        covered = plant.AddRigidBody("covered", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
-        skin_id = RegisterSkin(plant, covered, self.skin, hydroelastic_modulus=MODULUS)
-        tips = []
-        for name in ("tip_0", "tip_1"):
-            tip = plant.AddRigidBody(name, SpatialInertia.SolidSphereWithMass(1.0, TIP_RADIUS))
-            properties = _rigid(0.01, friction=0.2)
-            X_FG = RigidTransform()
-            plant.RegisterCollisionGeometry(tip, X_FG, Sphere(TIP_RADIUS), name, properties)
-            tips.append(tip)
+        covered, aside, *tips = [
+            plant.AddRigidBody(name, SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+            for name in ("covered", "aside", "tip_0", "tip_1")
+        ]
+        skin_id, moved_id = [
+            RegisterSkin(plant, body, self.wall, hydroelastic_modulus=MODULUS, X_LS=X)
+            for body, X in ((covered, None), (aside, X_LS))
+        ]
+        for tip in tips:
+            shape, properties = Sphere(TIP_RADIUS), _rigid(0.01, friction=0.2)
+            plant.RegisterCollisionGeometry(tip, RigidTransform(), shape, "tip", properties)
         plant.Finalize()
-        self._touch = TactileSkin.AddToBuilder(
-            builder, plant, fields=self.fields, body=covered, skin_id=skin_id
-        )
+        self._touch, self._moved = [
+            TactileSkin.AddToBuilder(
+                builder, plant, fields=self.fields, body=body, skin_id=geometry_id, X_LS=X
+            )
+            for body, geometry_id, X in ((covered, skin_id, None), (aside, moved_id, X_LS))
+        ]
         self._kinematic = builder.AddSystem(
-            KinematicTactileSkin(fields=self.fields, skin_id=skin_id)
+            KinematicTactileSkin(sensor=SensorModel([self.fields], [skin_id]), skin_ids=[skin_id])
         )
         builder.Connect(scene_graph.get_query_output_port(), self._kinematic.get_input_port())
-        self._plant, self._bodies = plant, (covered, *tips)
+        self._plant, self._bodies = plant, (covered, aside, *tips)
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
         self._plant_context = plant.GetMyMutableContextFromRoot(self._context)
@@ -84,14 +107,17 @@ class TouchRig:
     def feel(self, X_BF, X_BF1=AWAY, X_WB=None):
         """The sensation of fingertips at `X_BF` and `X_BF1`, of a body at `X_WB`."""
         X_WB = X_WB or RigidTransform()
-        for link, X_WL in zip(self._bodies, (X_WB, X_WB @ X_BF, X_WB @ X_BF1), strict=True):
-            self._plant.SetFreeBodyPose(self._plant_context, link, X_WL)
-        return self._touch.get_output_port().Eval(self._touch.GetMyContextFromRoot(self._context))
+        self._put(X_WB, RigidTransform([0, 0, 50.0]), X_WB @ X_BF, X_WB @ X_BF1)
+        return self._read(self._touch)
+
+    def feel_on_its_link(self, X_BF):
+        """The same of the skin that has a pose on its link."""
+        self._put(RigidTransform([0, 0, 50.0]), RigidTransform(), X_LS @ X_BF, AWAY)
+        return self._read(self._moved)
 
     def feel_kinematically(self):
-        """The same from the system that needs no plant."""
-        context = self._kinematic.GetMyContextFromRoot(self._context)
-        return self._kinematic.get_output_port().Eval(context)
+        """What the system feels that needs no plant, where `feel` put all."""
+        return self._read(self._kinematic)
 
     def contacts(self):
         """The hydroelastic contacts of the last `feel`."""
@@ -107,6 +133,13 @@ class TouchRig:
         depth = rng.uniform(0.002, 0.009) if depth is None else depth
         normal = self.surface.face_normals[face]
         return RigidTransform(_random_rotation(rng), p_BQ + (TIP_RADIUS - depth) * normal)
+
+    def _put(self, *poses):
+        for body, X_WB in zip(self._bodies, poses, strict=True):
+            self._plant.SetFreeBodyPose(self._plant_context, body, X_WB)
+
+    def _read(self, system):
+        return system.get_output_port().Eval(system.GetMyContextFromRoot(self._context))
 
 
 @functools.cache
@@ -135,38 +168,8 @@ def _integral_over_polygons(surface) -> tuple[float, np.ndarray]:
     return total, force
 
 
-def test_a_resting_weight_is_felt_as_its_weight():
-    surface = body.cube(0.44)
-    skin = body.hollow_skin(surface, 0.03, TIP_RADIUS)
-    fields = body.receptive_fields(surface, body.place_receptors(surface, 100, seed=0))
-    mass, size = 0.2, (0.08, 0.08, 0.04)
-
-    builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.002)
-    covered = plant.AddRigidBody("covered", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
-    plant.WeldFrames(plant.world_frame(), covered.body_frame())
-    skin_id = RegisterSkin(plant, covered, skin, hydroelastic_modulus=MODULUS)
-    block = plant.AddRigidBody("block", SpatialInertia.SolidBoxWithMass(mass, *size))
-    plant.RegisterCollisionGeometry(
-        block, RigidTransform(), Box(*size), "block", _rigid(0.1, friction=0.2)
-    )
-    plant.Finalize()
-    touch = TactileSkin.AddToBuilder(builder, plant, fields=fields, body=covered, skin_id=skin_id)
-    simulator = Simulator(builder.Build())
-    context = simulator.get_mutable_context()
-    plant_context = plant.GetMyMutableContextFromRoot(context)
-    plant.SetFreeBodyPose(plant_context, block, RigidTransform([0.03, -0.02, 0.24]))
-
-    simulator.AdvanceTo(1.0)
-    sensation = touch.get_output_port().Eval(touch.GetMyContextFromRoot(context))
-    assert np.abs(plant.GetVelocities(plant_context)).max() < 1e-3
-    # What is too much, 0.4 %, presses on the sides of the block, which sinks in by 0.15 mm.
-    assert sensation.sum() == pytest.approx(mass * GRAVITY, rel=0.01)
-    assert (fields.p_BS[sensation > 0][:, 2] > 0.2).all()
-
-
 @settings(max_examples=60, deadline=None)
-@given(shape=st.sampled_from(sorted(SURFACES)), seed=seeds)
+@given(shape=shapes, seed=seeds)
 def test_readings_sum_to_the_pressure_integrated_over_the_contact(shape, seed):
     rng = np.random.default_rng(seed)
     sensation = rig(shape).feel(rig(shape).touch(rng), rig(shape).touch(rng))
@@ -177,22 +180,20 @@ def test_readings_sum_to_the_pressure_integrated_over_the_contact(shape, seed):
 
 
 @settings(max_examples=60, deadline=None)
-@given(shape=st.sampled_from(sorted(SURFACES)), seed=seeds)
-def test_pressed_points_make_the_force_that_drake_applies(shape, seed):
+@given(shape=shapes, seed=seeds)
+def test_that_pressure_makes_the_force_that_drake_applies(shape, seed):
     # Nothing moves, so there is neither friction nor dissipation.
     rig(shape).feel(rig(shape).touch(np.random.default_rng(seed)))
     (info,) = rig(shape).contacts()
-    surface = info.contact_surface()
-    _, force = pressed_points(surface)
-    normals = np.array([surface.face_normal(face) for face in range(surface.num_faces())])
+    _, force = _integral_over_polygons(info.contact_surface())
     F_Ac_W = info.F_Ac_W().translational()
     scale = np.linalg.norm(F_Ac_W)
     assert scale > 0
-    np.testing.assert_allclose(np.array(force) @ normals, F_Ac_W, rtol=0, atol=1e-4 * scale)
+    np.testing.assert_allclose(force, F_Ac_W, rtol=0, atol=1e-4 * scale)
 
 
 @settings(max_examples=30, deadline=None)
-@given(shape=st.sampled_from(sorted(SURFACES)), seed=seeds)
+@given(shape=shapes, seed=seeds)
 def test_two_fingers_are_felt_as_the_sum_of_each_alone(shape, seed):
     rng = np.random.default_rng(seed)
     one, other = rig(shape).touch(rng), rig(shape).touch(rng)
@@ -202,7 +203,7 @@ def test_two_fingers_are_felt_as_the_sum_of_each_alone(shape, seed):
 
 
 @settings(max_examples=80, deadline=None)
-@given(shape=st.sampled_from(sorted(SURFACES)), seed=seeds)
+@given(shape=shapes, seed=seeds)
 def test_a_rigid_motion_of_body_and_finger_changes_nothing(shape, seed):
     rng = np.random.default_rng(seed)
     X_BF = rig(shape).touch(rng)
@@ -215,8 +216,18 @@ def test_a_rigid_motion_of_body_and_finger_changes_nothing(shape, seed):
     np.testing.assert_allclose(kinematic, there, rtol=0, atol=1e-12 * here.max())
 
 
+@settings(max_examples=30, deadline=None)
+@given(shape=shapes, seed=seeds)
+def test_a_skin_may_have_a_pose_on_its_link(shape, seed):
+    X_BF = rig(shape).touch(np.random.default_rng(seed))
+    here = rig(shape).feel(X_BF)
+    assert here.max() > 0
+    posed = rig(shape).feel_on_its_link(X_BF)
+    np.testing.assert_allclose(posed, here, rtol=0, atol=1e-9 * here.max())
+
+
 @settings(max_examples=60, deadline=None)
-@given(shape=st.sampled_from(sorted(SURFACES)), seed=seeds)
+@given(shape=shapes, seed=seeds)
 def test_a_fingertip_in_the_cavity_feels_nothing(shape, seed):
     rng = np.random.default_rng(seed)
     # Below the middle of a face, beyond the skin and its own radius.
@@ -239,42 +250,232 @@ def test_a_fingertip_at_the_inner_wall_is_felt(shape):
 
 
 @settings(max_examples=150, deadline=None)
-@given(shape=st.sampled_from(sorted(SURFACES)), seed=seeds)
+@given(shape=shapes, seed=seeds)
 def test_every_pressed_point_is_felt_by_three_receptors(shape, seed):
     rng = np.random.default_rng(seed)
     sensation = rig(shape).feel(rig(shape).touch(rng))
     (info,) = rig(shape).contacts()
     # The body is at the origin of the world.
-    p_BQ, force = pressed_points(info.contact_surface())
-    weights = rig(shape).fields.weights_at(np.array(p_BQ)).toarray()
-    assert max(force) > 0
+    surface = info.contact_surface()
+    p_BQ = np.array([surface.centroid(face) for face in range(surface.num_faces())])
+    weights = rig(shape).fields.weights_at(p_BQ).toarray()
     assert (weights > 0).sum(axis=1).min() >= 3
     assert (sensation > 0).sum() >= 3
 
 
 def test_opposite_walls_do_not_talk():
     # A disc so flat that fields measured through the body would reach the other side.
-    flat = TouchRig(body.cylinder(0.2, 0.07), thickness=0.02, num_receptors=50)
+    flat = TouchRig(geometry.cylinder(0.2, 0.07), thickness=0.02, num_receptors=50)
     assert flat.fields.radius > 0.07
     for side in (1.0, -1.0):
         p_BF = [0.01, 0.02, side * (0.035 + TIP_RADIUS - 0.009)]
         sensation = flat.feel(RigidTransform(p_BF))
         assert sensation.sum() > 1.0
-        assert (side * flat.fields.p_BS[sensation > 0][:, 2] > 0).all()
+        assert (side * flat.fields.p_LS[sensation > 0][:, 2] > 0).all()
 
 
-def test_a_moving_simulation_feels_what_the_kinematic_evaluation_feels(world, moving_agent):
-    lower, upper = world.probe.agent.lower, world.probe.agent.upper
-    q = np.random.default_rng(0).uniform(lower, upper, (4000, 6))
-    touching = q[world.probe.sensations(q).any(axis=1)][:3]
-    for middle in touching:
-        swing = np.array([0.3, -0.3, 0.2, 0.4, -0.4, 0.4])
-        way = np.clip(middle + np.outer([-1, 0, 1], swing), lower, upper).T
-        rest = np.zeros((6, 1))
-        trajectory = PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
-            [0.0, 0.3, 0.6], way, rest, rest
+class Scale:
+    """A cube with a skin on a link that moves as it is told, and a block that rests on it."""
+
+    MASS, SIZE = 0.2, (0.08, 0.08, 0.04)
+
+    def __init__(self, joint):
+        wall, fields = _skin(geometry.cube(0.44))
+        builder = DiagramBuilder()
+        plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.004)
+        covered = plant.AddRigidBody("covered", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+        world_frame, frame = plant.world_frame(), covered.body_frame()
+        if joint == "weld":
+            plant.WeldFrames(world_frame, frame)
+        else:
+            # A skin that moves has a pose of its own in the world, too.
+            kind = {"rises": PrismaticJoint, "tilts": RevoluteJoint}[joint]
+            axis = {"rises": [0, 0, 1.0], "tilts": [1.0, 0, 0]}[joint]
+            joint = plant.AddJoint(kind("joint", world_frame, frame, np.array(axis)))
+            actuator = plant.AddJointActuator("actuator", joint)
+            actuator.set_controller_gains(PdControllerGains(p=1e6, d=1e4))
+        skin_id = RegisterSkin(plant, covered, wall, hydroelastic_modulus=MODULUS)
+        self._block = plant.AddRigidBody(
+            "block", SpatialInertia.SolidBoxWithMass(self.MASS, *self.SIZE)
         )
-        felt = moving_agent.follow(trajectory, start=way[:, 0], duration=0.6)
-        expected = world.probe.sensations(felt.q)
-        assert felt.sensation.any(axis=1).sum() >= 10
-        np.testing.assert_allclose(felt.sensation, expected, rtol=0, atol=1e-9 * expected.max())
+        shape, properties = Box(*self.SIZE), _rigid(0.1, friction=0.5)
+        plant.RegisterCollisionGeometry(self._block, RigidTransform(), shape, "block", properties)
+        plant.Finalize()
+        self._touch = TactileSkin.AddToBuilder(
+            builder, plant, fields=fields, body=covered, skin_id=skin_id
+        )
+        self._source = None
+        if plant.num_actuators():
+            self._source = builder.AddSystem(PathSource(1))
+            builder.Connect(
+                self._source.get_output_port(),
+                plant.get_desired_state_input_port(covered.model_instance()),
+            )
+        self._plant, self._fields = plant, fields
+        self._simulator = Simulator(builder.Build())
+        self.context = self._simulator.get_mutable_context()
+        plant_context = plant.GetMyMutableContextFromRoot(self.context)
+        plant.SetFreeBodyPose(plant_context, self._block, RigidTransform([0.03, -0.02, 0.24]))
+
+    def follow(self, path):
+        """Lets the link follow a path of its joint."""
+        self._source.SetPath(self._source.GetMyMutableContextFromRoot(self.context), path)
+
+    def advance_to(self, time_s):
+        """Goes on, and returns the sensation."""
+        self._simulator.AdvanceTo(time_s)
+        touch_context = self._touch.GetMyContextFromRoot(self.context)
+        return self._touch.get_output_port().Eval(touch_context)
+
+    def felt_on(self, sensation):
+        """`(n, 3)` m, the receptors that feel, in the frame of the link."""
+        return self._fields.p_LS[sensation > 0]
+
+    def speed(self):
+        """Of what moves fastest, rad/s or m/s."""
+        plant_context = self._plant.GetMyContextFromRoot(self.context)
+        return np.abs(self._plant.GetVelocities(plant_context)).max()
+
+
+def test_a_resting_weight_is_felt_as_its_weight():
+    scale = Scale("weld")
+    sensation = scale.advance_to(1.0)
+    assert scale.speed() < 1e-3
+    # What is too much, 0.4 %, presses on the sides of the block, which sinks in by 0.15 mm.
+    assert sensation.sum() == pytest.approx(scale.MASS * GRAVITY, rel=0.01)
+    assert (scale.felt_on(sensation)[:, 2] > 0.2).all()
+
+
+def test_a_weight_on_a_skin_that_rises_is_felt_as_its_weight_and_what_lifts_it():
+    scale = Scale("rises")
+    # At rest, then faster and faster, then at 0.5 m/s.
+    rest, lift, speed = 0.7, 2.0, 0.5
+    faster = speed / lift
+    time_s = [0.0, rest, rest + faster, rest + faster + 1.0]
+    z = [0.0, 0.0, speed * faster / 2, speed * faster / 2 + 1.0 * speed]
+    v = [0.0, 0.0, speed, speed]
+    path = PiecewisePolynomial.CubicHermite(time_s, np.array([z]), np.array([v]))
+    scale.follow(path)
+    felt = [scale.advance_to(t) for t in (rest, rest + faster - 0.05, rest + faster + 0.7)]
+    expected = scale.MASS * np.array([GRAVITY, GRAVITY + lift, GRAVITY])
+    assert [f.sum() for f in felt] == pytest.approx(expected, rel=0.01)
+    # The cube has left the place where it was, and its frame with it.
+    assert all((scale.felt_on(f)[:, 2] > 0.2).all() for f in felt)
+
+
+def test_a_weight_on_a_skin_that_tilts_is_felt_as_its_weight():
+    scale = Scale("tilts")
+    angle = 0.3
+    scale.follow(PiecewisePolynomial.FirstOrderHold([0.7, 2.7], np.array([[0.0, angle]])))
+    level, tilted = scale.advance_to(0.7), scale.advance_to(2.7)
+    weight = scale.MASS * GRAVITY
+    assert level.sum() == pytest.approx(weight, rel=0.01)
+    assert tilted.sum() == pytest.approx(weight * np.cos(angle), rel=0.01)
+
+
+def test_stacked_heads_feel_what_they_bear():
+    """Two heads with skins, 2 kg and 1 kg, on vertical rails over a rigid floor."""
+    builder = DiagramBuilder()
+    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.005)
+    wall, fields = _skin(geometry.cube(0.2, resolution=0.1), num_receptors=60)
+    floor = Box(1.0, 1.0, 0.2)
+    X_WF = RigidTransform([0, 0, -0.2])
+    plant.RegisterCollisionGeometry(plant.world_body(), X_WF, floor, "floor", _rigid(1.0, 0.2))
+    touches = []
+    for name, mass, height in (("lower", 2.0, 0.001), ("upper", 1.0, 0.203)):
+        head = plant.AddRigidBody(name, SpatialInertia.SolidSphereWithMass(mass, 0.1))
+        rail = PrismaticJoint(name, plant.world_frame(), head.body_frame(), np.array([0, 0, 1.0]))
+        plant.AddJoint(rail).set_default_translation(height)
+        skin_id = RegisterSkin(plant, head, wall, hydroelastic_modulus=MODULUS)
+        touches.append((head, skin_id))
+    plant.Finalize()
+    lower, upper = [
+        TactileSkin.AddToBuilder(builder, plant, fields=fields, body=head, skin_id=skin_id)
+        for head, skin_id in touches
+    ]
+    simulator = Simulator(builder.Build())
+    simulator.AdvanceTo(1.0)
+    context = simulator.get_context()
+    lower_felt, upper_felt = (
+        s.get_output_port().Eval(s.GetMyContextFromRoot(context)) for s in (lower, upper)
+    )
+    top = fields.p_LS[:, 2] > 0.09
+    bottom = fields.p_LS[:, 2] < -0.09
+    assert upper_felt.sum() == pytest.approx(1.0 * GRAVITY, rel=0.01)
+    assert upper_felt[top].sum() == 0.0
+    assert lower_felt[bottom].sum() > lower_felt[top].sum() > 0.0
+    # What presses from below bears both, what presses from above the upper one.
+    assert lower_felt.sum() == pytest.approx((3.0 + 1.0) * GRAVITY, rel=0.01)
+
+
+@pytest.fixture(scope="module")
+def embracing(tmp_path_factory):
+    """Two links that wear skins and are carried anywhere, and a ball on one of them."""
+    arm = {"shape": "capsule", "radius": 0.05, "length": 0.1, "resolution": 0.04}
+    return robots.build(
+        tmp_path_factory.mktemp("embracing"),
+        robots.link("base"),
+        robots.carried("left"),
+        robots.carried("right"),
+        skins={
+            "left": {"link": "left", "surface": arm, "thickness": 0.02, "num_receptors": 30},
+            "right": {
+                "link": "right",
+                "surface": {
+                    "shape": "ellipsoid",
+                    "semi_axes": [0.08, 0.06, 0.1],
+                    "resolution": 0.04,
+                },
+                "thickness": 0.02,
+                "num_receptors": 50,
+                "hydroelastic_modulus": 1.0e5,
+            },
+        },
+        touching={"left": {"link": "left"}},
+    )
+
+
+@pytest.fixture(scope="module")
+def pressed(embracing):
+    """Configurations in which the two skins press each other, and what they feel."""
+    robot = embracing.robot
+    q = robots.anywhere(robot, 250, seed=0)
+    rails = np.flatnonzero(~robot.turns)
+    q[:, rails] *= 0.09 / robot.upper[rails]
+    felt = embracing.probe.sensations(q)
+    rows = np.flatnonzero((felt.sum(axis=1) > 1.0) & (felt.sum(axis=1) < 60.0))
+    assert len(rows) > 20
+    return q[rows], felt[rows]
+
+
+def test_action_is_reaction_where_two_skins_press_each_other(pressed):
+    _, felt = pressed
+    left, right = felt[:, :30].sum(axis=1), felt[:, 30:].sum(axis=1)
+    np.testing.assert_allclose(left, right, rtol=1e-9)
+
+
+def test_action_is_reaction_under_dynamics(embracing, pressed):
+    q, _ = pressed
+    for start in q[:3]:
+        embracing.simulation.rest_at(start)
+        embracing.simulation.advance(0.1)
+        felt = embracing.simulation.take_log().felt
+        left, right = felt[:, :30].sum(axis=1), felt[:, 30:].sum(axis=1)
+        assert left.min() > 0.1
+        np.testing.assert_allclose(left, right, rtol=0.01)
+
+
+def test_each_of_two_skins_says_who_presses_it(embracing, pressed):
+    q = pressed[0][:10]
+    touches = embracing.probe.touches(q)
+    np.testing.assert_array_equal(touches.row, np.repeat(np.arange(10), 2))
+    np.testing.assert_array_equal(touches.skin, np.tile([0, 1], 10))
+    # There is one toucher: skins follow it.
+    np.testing.assert_array_equal(touches.toucher, np.tile([1 + 1, 1 + 0], 10))
+    X_WL = embracing.robot.skin_positions(q)
+    p_WC = [
+        np.einsum("nij,nj->ni", X_WL[:, k, :, :3], touches.p_LC[k::2]) + X_WL[:, k, :, 3]
+        for k in (0, 1)
+    ]
+    # Both feel it at one place of the world.
+    np.testing.assert_allclose(p_WC[0], p_WC[1], atol=1e-9)

@@ -6,12 +6,16 @@ import warnings
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.representation import DisconnectedWarning, QuotientRepresentation
-from selftouch_drake.experience import ExperienceReader, Shard, StoreError, write_shard
-from selftouch_drake.experiment import Babbling, Body, Experiment, Representation, Skin
+from selftouch_drake.agent.representation import DisconnectedWarning, QuotientLearner
+from selftouch_drake.agent.shape import recover
+from selftouch_drake.experience import Contacts, ExperienceReader, Shard, StoreError, write_shard
+from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
-from selftouch_drake.run import stages
+from selftouch_drake.robot import World
+from selftouch_drake.run import knowledge, scores, stages
 from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.figures import FIGURES
+from selftouch_drake.run.knowledge import load_body, load_representation
 
 NUM_ROWS, WALK_SIZE = 1500, 500
 
@@ -19,11 +23,13 @@ NUM_ROWS, WALK_SIZE = 1500, 500
 @pytest.fixture(scope="module")
 def babbled(tmp_path_factory):
     """A run that felt a sphere with 20 receptors: no world was built."""
-    experiment = Experiment(
-        body=Body(shape="sphere", radius=0.25),
-        skin=Skin(num_receptors=20),
-        babbling=Babbling(num_samples=NUM_ROWS, walk_size=WALK_SIZE),
-        representation=Representation(num_targets=50, metric="sensorimotor"),
+    experiment = load_experiment(
+        "sphere",
+        {
+            "skins": {"body": {"num_receptors": 20}},
+            "babbling": {"num_samples": NUM_ROWS, "walk_size": WALK_SIZE},
+            "representation": {"num_targets": 50, "metric": "sensorimotor"},
+        },
     )
     run = RunDirectory.create(tmp_path_factory.mktemp("stages") / "run", experiment)
     rng = np.random.default_rng(0)
@@ -36,10 +42,16 @@ def babbled(tmp_path_factory):
         shard = Shard(
             walk=walk,
             num_steps=WALK_SIZE,
+            num_impossible=0,
             step=np.arange(WALK_SIZE),
             q=q[rows],
             sensation=sensation[rows],
-            p_WF=0.25 * touched[rows],
+            contacts=Contacts(
+                offsets=np.arange(WALK_SIZE + 1),
+                skin=np.zeros(WALK_SIZE, np.int8),
+                toucher=np.zeros(WALK_SIZE, np.int8),
+                p_LC=0.25 * touched[rows].astype(np.float32),
+            ),
         )
         write_shard(run.path, shard, fingerprint=run.fingerprint())
     run.add_metrics({"babbling_num_samples": NUM_ROWS})
@@ -76,6 +88,36 @@ def test_what_was_learned_and_what_it_came_from_are_told(learned):
     distances = load_arrays(learned.body_distances)["distances"]
     assert distances.shape == (50, 50)
     assert np.isfinite(distances).all()
+    assert figures["parts_found"] == 1
+    assert figures["representation_num_set_aside"] == 0
+    assert len(figures["topology_betti"]) == 3
+    assert "topology_betti_by_part" not in figures
+    # Every figure is in the table, so that the next learning drops it.
+    assert set(figures) <= {figure.key for figure in FIGURES}
+
+
+def test_what_was_recovered_is_read_back_as_it_was(learned):
+    representation = load_representation(learned)
+    found = load_body(learned, representation)
+    made = recover(representation, "sensorimotor", seed=learned.experiment.seed)
+    assert (found.metric, found.num_kernels) == (made.metric, made.num_kernels)
+    np.testing.assert_array_equal(found.positions, made.positions)
+    np.testing.assert_allclose(found.distances, made.distances, rtol=1e-6)
+    for there, here in zip(found.parts, made.parts, strict=True):
+        np.testing.assert_array_equal(there.kernels, here.kernels)
+        np.testing.assert_array_equal(there.places, here.places)
+        assert there.dimension == here.dimension
+        assert there.embedding.stress == here.embedding.stress
+        assert there.embedding.fourth_eigenvalue == here.embedding.fourth_eigenvalue
+        assert there.topology.betti == here.topology.betti
+        assert there.topology.scale == here.topology.scale
+        for bars, same in zip(there.topology.diagram, here.topology.diagram, strict=True):
+            np.testing.assert_array_equal(bars, same)
+
+
+def test_one_part_keeps_the_names_that_topology_had(learned):
+    arrays = load_arrays(learned.topology, ["diagram_0", "diagram_1", "diagram_2", "pieces"])
+    assert not any(name.startswith("part_") for name in arrays)
 
 
 def test_learning_again_drops_what_was_made_from_the_old(run):
@@ -86,12 +128,13 @@ def test_learning_again_drops_what_was_made_from_the_old(run):
     figures = run.metrics()
     assert "shape_rms_fraction" not in figures
     assert "execution_num_pairs" not in figures
-    assert figures["coverage_evenness"] == 1.0
+    assert "coverage_evenness" not in figures
+    assert figures["babbling_num_samples"] == NUM_ROWS
     assert stages.has_learned(run)
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ValueError("cannot be learned from")])
-@pytest.mark.parametrize("moment", ["target sensations", "quotient graph", "shape", "holes"])
+@pytest.mark.parametrize("moment", ["target sensations", "quotient graph", "shape and holes"])
 def test_learning_that_does_not_end_changes_nothing(run, error, moment):
     before = content(run)
 
@@ -110,7 +153,7 @@ def test_a_full_disk_changes_nothing(run, monkeypatch):
     def full_disk(path, arrays):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(stages, "save_arrays", full_disk)
+    monkeypatch.setattr(knowledge, "save_arrays", full_disk)
     with pytest.raises(OSError, match="No space"):
         stages.learn(run)
     assert content(run) == before
@@ -118,9 +161,9 @@ def test_a_full_disk_changes_nothing(run, monkeypatch):
 
 def test_shards_give_what_one_array_gives(learned):
     reader = ExperienceReader(learned.experience)
-    learner = stages.QuotientLearner(num_targets=50, random_state=learned.experiment.seed)
+    learner = QuotientLearner(num_targets=50, random_state=learned.experiment.seed)
     whole = learner.fit(reader.read("sensation"), reader.read("q")).representation_
-    stored = QuotientRepresentation.load(learned.representation)
+    stored = load_representation(learned)
     assert whole.kernel_row.tolist() == stored.kernel_row.tolist()
     np.testing.assert_array_equal(whole.set_distance, stored.set_distance)
 
@@ -129,35 +172,76 @@ def test_evaluation_without_truth_or_in_part_names_what_is_missing(run):
     before = content(run)
     (run.truth / "part-00001.parquet").unlink()
     with pytest.raises(StoreError, match="is missing; collect it again with") as error:
-        stages.evaluate(run, stages.World(run.experiment))
+        stages.evaluate(run, World(run.experiment))
     assert str(error.value).startswith(str(run.truth / "part-00001.parquet"))
     before.pop((run.truth / "part-00001.parquet").relative_to(run.path))
     assert content(run) == before
 
 
-def test_scores_against_the_truth(run, monkeypatch):
-    some = {name: stages.METRICS[name] for name in ("motor", "sensorimotor", "revolute_reference")}
-    monkeypatch.setattr(stages, "METRICS", some)
-    world = stages.World(run.experiment)
-    figures = stages._score_against_truth(run, world, stages.load_representation(run))
+def test_scores_against_the_truth(run):
+    run.experiment.evaluation.shape_metrics = ["motor"]
+    representation = load_representation(run)
+    body = load_body(run, representation)
+    figures = scores.score_body(run, World(run.experiment), representation, body)
     assert 0.9 < figures["trustworthiness"] <= 1.0
     assert 0.9 < figures["continuity"] <= 1.0
+    assert 0.0 < figures["shape_rms_fraction"] < 0.1
     distortion = figures["distance_distortion_median_fraction_by_metric"]
-    naive = {"motor", "sensorimotor"}
-    assert set(distortion) == set(figures["shape_rms_fraction_by_metric"]) == naive
+    assert set(distortion) == set(figures["shape_rms_fraction_by_metric"])
+    assert set(distortion) == {"motor", "sensorimotor"}
     assert 0.0 < figures["distance_distortion_median_fraction"] < 0.3
+    assert figures["parts_true"] == 1
+    assert set(figures) <= {figure.key for figure in FIGURES}
+    # What means nothing for one skin is absent.
+    assert "shape_rms_fraction_by_skin" not in figures
+    assert "topology_betti_true_by_part" not in figures
+
+
+def test_the_recovered_body_has_to_be_there(run):
+    representation = load_representation(run)
     run.body_distances.unlink()
     assert not stages.has_learned(run)
     with pytest.raises(RunError, match="is not there; run `selftouch learn"):
-        stages._score_against_truth(run, world, stages.load_representation(run))
+        load_body(run, representation)
 
 
-def test_a_graph_in_parts_is_told_in_the_figures(run, monkeypatch):
+def test_touches_at_two_places_have_no_shape(run, babbled):
+    """Every touch is of two fingers: a kernel is a pose of the hand, and no place."""
+    for walk, contacts in enumerate(ExperienceReader(babbled.truth).contacts()):
+        felt = list(ExperienceReader(babbled.experience).touches())[walk]
+        two = Contacts(
+            offsets=2 * contacts.offsets,
+            skin=np.repeat(contacts.skin, 2),
+            toucher=np.tile(np.array([0, 1], np.int8), WALK_SIZE),
+            p_LC=np.repeat(contacts.p_LC, 2, axis=0),
+        )
+        shard = Shard(
+            walk=walk,
+            num_steps=WALK_SIZE,
+            num_impossible=0,
+            step=np.arange(WALK_SIZE),
+            q=felt[1],
+            sensation=felt[0],
+            contacts=two,
+        )
+        write_shard(run.path, shard, fingerprint=run.fingerprint())
+    representation = load_representation(run)
+    figures = scores.score_body(
+        run, World(run.experiment), representation, load_body(run, representation)
+    )
+    assert set(figures) == {
+        "coverage_share_10_touches",
+        "coverage_share_100_touches",
+        "coverage_evenness",
+    }
+
+
+def test_a_graph_in_parts_is_in_the_figures(run, monkeypatch):
     def apart(near, num_mutual=12, num_kept=5):
         i, j = np.triu_indices(len(near), 1)
         return np.stack([i, j], axis=1)[(i < 10) == (j < 10)]
 
-    monkeypatch.setattr("selftouch_drake.agent.representation.learner.neighbour_edges", apart)
+    monkeypatch.setattr("selftouch_drake.agent.representation.graphs.neighbour_edges", apart)
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         stages.learn(run)

@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.experiment import ExperimentError, load_experiment
+from selftouch_drake.resources import EXPERIMENTS
 from selftouch_drake.sweep import SweepError, load_sweep, shipped_sweeps
 from selftouch_drake.sweep.design import KEYS, flat, nested
 
@@ -31,29 +32,31 @@ def test_shipped_sweeps_load(name):
 def test_a_grid_is_every_combination(sweep):
     found = sweep(
         "experiments: [cube, torus]\nseeds: [3, 4]\n"
-        "grid: {skin.num_receptors: [50, 100], joints.noise: [0, 0.1, 0.2]}"
+        "grid: {skins.body.num_receptors: [50, 100], joints.noise: [0, 0.1, 0.2]}"
     )
     assert found.name == "mine"
-    assert found.fields == ("skin.num_receptors", "joints.noise")
+    assert found.fields == ("skins.body.num_receptors", "joints.noise")
     assert len(found.experiments) == 2 * 2 * 2 * 3
-    points = {(e.name, e.seed, e.skin.num_receptors, e.joints.noise) for e in found.experiments}
+    points = {
+        (e.name, e.seed, e.skins["body"].num_receptors, e.joints.noise) for e in found.experiments
+    }
     assert len(points) == len(found.experiments)
 
 
 def test_fields_that_vary_each_alone_meet_in_the_middle(sweep):
-    found = sweep("each: {skin.num_receptors: [50, 100], joints.noise: [0, 0.1]}")
-    points = [(e.skin.num_receptors, e.joints.noise) for e in found.experiments]
+    found = sweep("each: {skins.body.num_receptors: [50, 100], joints.noise: [0, 0.1]}")
+    points = [(e.skins["body"].num_receptors, e.joints.noise) for e in found.experiments]
     assert points == [(50, 0.0), (100, 0.0), (100, 0.1)]
 
 
 def test_cases_are_laid_over_what_is_set(sweep):
     found = sweep(
-        "set: {babbling: {num_samples: 999}, skin: {num_receptors: 30}}\n"
-        "cases: [{}, {skin: {num_receptors: 40, unevenness: 0.5}}]"
+        "set: {babbling: {num_samples: 999}, skins: {body: {num_receptors: 30}}}\n"
+        "cases: [{}, {skins: {body: {num_receptors: 40, unevenness: 0.5}}}]"
     )
     assert [e.babbling.num_samples for e in found.experiments] == [999, 999]
-    assert [e.skin.num_receptors for e in found.experiments] == [30, 40]
-    assert found.fields == ("skin.num_receptors", "skin.unevenness")
+    assert [e.skins["body"].num_receptors for e in found.experiments] == [30, 40]
+    assert found.fields == ("skins.body.num_receptors", "skins.body.unevenness")
 
 
 def test_a_sweep_of_nothing_is_one_run(sweep):
@@ -61,10 +64,11 @@ def test_a_sweep_of_nothing_is_one_run(sweep):
 
 
 def test_an_experiment_beside_the_sweep_is_found(sweep, tmp_path, monkeypatch):
-    (tmp_path / "mine_too.yaml").write_text("name: own\nbody: {radius: 0.2}")
+    text = (EXPERIMENTS / "cube.yaml").read_text(encoding="utf-8")
+    (tmp_path / "mine_too.yaml").write_text(text)
     monkeypatch.chdir("/")
     (experiment,) = sweep("experiments: [mine_too.yaml]").experiments
-    assert experiment.name == "own"
+    assert experiment.name == "mine_too"
 
 
 @pytest.mark.parametrize(
@@ -79,8 +83,8 @@ def test_an_experiment_beside_the_sweep_is_found(sweep, tmp_path, monkeypatch):
         ("experiments: cube", "experiments is 'cube'; give a list of texts"),
         ("set: 1", "set is 1; give a mapping of fields"),
         ("grid: [1]", "grid is [1]; give a mapping of fields"),
-        ("grid: {1: [1]}", "grid has 1; name a field, as in skin.num_receptors"),
-        ("each: {a..b: [1]}", "each has 'a..b'; name a field, as in skin.num_receptors"),
+        ("grid: {1: [1]}", "grid has 1; name a field, as in skins.body.num_receptors"),
+        ("each: {a..b: [1]}", "each has 'a..b'; name a field, as in skins.body.num_receptors"),
         ("each: {seed: 1}", "each.seed is 1; give a list of values"),
         ("cases: {}", "cases is {}; give a list of mappings"),
         ("cases: [1]", "cases[0] is 1; give a mapping of fields"),
@@ -100,8 +104,8 @@ def test_too_many_runs_are_refused(sweep, tmp_path):
 
 
 def test_a_wrong_experiment_is_told_before_anything_runs(sweep):
-    with pytest.raises(ExperimentError, match=r"^skin\.num_receptors is 7; give 20 to 200$"):
-        sweep("each: {skin.num_receptors: [50, 7]}")
+    with pytest.raises(ExperimentError, match=r"^skins\.body\.num_receptors is 3; give 4 to 1000$"):
+        sweep("each: {skins.body.num_receptors: [50, 3]}")
     with pytest.raises(ExperimentError, match=r"^experiment 'cubes' is neither shipped nor a"):
         sweep("experiments: [cubes]")
     with pytest.raises(SweepError, match=r"^sweep 'trusd' is neither shipped .* mean trust\?$"):

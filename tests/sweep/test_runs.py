@@ -8,6 +8,7 @@ import pytest
 
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.knowledge import load_representation
 from selftouch_drake.sweep import (
     SweepDirectory,
     draw_figures,
@@ -22,14 +23,14 @@ from selftouch_drake.sweep.table import figure_names, varied_fields
 SWEEP = """
 experiments: [sphere]
 set:
-  body: {resolution: 0.04}
+  skins: {body: {surface: {shape: sphere, radius: 0.25, resolution: 0.04}}}
   babbling: {num_samples: 600, walk_size: 300}
   evaluation: {num_pairs: 0, shape_metrics: []}
 cases:
   - representation: {num_targets: 50, metric: motor}
   - representation: {num_targets: 60, metric: motor}
   - {representation: {num_targets: 60, metric: motor}, planning: {knot_spacing: 0.2}}
-  - skin: {thickness: 0.4}
+  - skins: {body: {thickness: 0.4}}
 """
 
 
@@ -97,15 +98,13 @@ def test_every_run_is_a_run_like_any_other(finished, sweep):
         assert stages.has_learned(run)
         assert stages.has_evaluated(run)
         assert run.metrics()["representation_num_targets"] == experiment.representation.num_targets
-        assert len(stages.load_representation(run).target_sensations) == (
-            experiment.representation.num_targets
-        )
+        assert load_representation(run).num_targets == experiment.representation.num_targets
 
 
 def test_a_run_that_cannot_be_is_told_and_the_others_go_on(finished, sweep):
     _, _, failed = finished
     assert list(failed) == [run_name(sweep.experiments[3])]
-    assert failed[run_name(sweep.experiments[3])].startswith("skin.thickness is 0.4 m")
+    assert failed[run_name(sweep.experiments[3])].startswith("skins.body.thickness is 0.4 m")
 
 
 def test_a_finished_sweep_is_not_done_again(finished, sweep):
@@ -125,7 +124,7 @@ def test_the_table_holds_what_varied_and_every_figure(finished, sweep):
         "representation.num_targets",
         "representation.metric",
         "planning.knot_spacing",
-        "skin.thickness",
+        "skins.body.thickness",
     ]
     rows = table.to_pylist()
     assert [row["representation.num_targets"] for row in rows] == [50, 60, 60, 300]
@@ -157,18 +156,18 @@ def test_pictures_are_drawn_of_what_varied(tmp_path):
             "run": list("abcdef"),
             "experiment": ["cube"] * 6,
             "seed": [0, 1] * 3,
-            "skin.num_receptors": [50, 50, 100, 100, 50, 50],
-            "skin.imperfections.saturation": [None, None, None, None, 1.0, 1.0],
+            "skins.body.num_receptors": [50, 50, 100, 100, 50, 50],
+            "skins.body.imperfections.saturation": [None, None, None, None, 1.0, 1.0],
             "shape_rms_fraction": [0.1, 0.2, 0.1, None, 0.3, 0.3],
             "topology_betti": [[1, 0, 1]] * 5 + [None],
         }
     ).replace_schema_metadata(
-        {"selftouch.fields": "skin.num_receptors\nskin.imperfections.saturation"}
+        {"selftouch.fields": "skins.body.num_receptors\nskins.body.imperfections.saturation"}
     )
     paths = draw_figures(table, tmp_path / "figures")
     assert [path.name for path in paths] == [
-        "skin.num_receptors.png",
-        "skin.imperfections.saturation.png",
+        "skins.body.num_receptors.png",
+        "skins.body.imperfections.saturation.png",
     ]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
 

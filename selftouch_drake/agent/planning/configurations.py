@@ -18,8 +18,8 @@ def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
     Squares would let one long step pass here and there, and lose contact on it.
 
     Args:
-        layers: W arrays `(n_w, J)` rad, the candidates of each kernel along the route; a layer of
-            one candidate is fixed.
+        layers: W arrays `(n_w, J)` rad, the scaled candidates of each kernel along the route; a
+            layer of one candidate is fixed.
 
     Returns:
         `(W, J)` rad, the chosen configurations.
@@ -55,7 +55,7 @@ def closest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
     """One configuration a layer, each the closest to the one before: the paper's literal method.
 
     Args:
-        layers: W arrays `(n_w, J)` rad, the first of one configuration.
+        layers: W arrays `(n_w, J)` rad, scaled, the first of one configuration.
 
     Returns:
         `(W, J)` rad, the chosen configurations.

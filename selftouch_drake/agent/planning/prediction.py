@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from selftouch_drake.agent.planning.plan import NO_KERNEL, Plan
+from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps, touching
 from selftouch_drake.agent.planning.smoothing import DEGREE, smooth_curve
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
@@ -21,10 +22,9 @@ class Prediction:
     """What is expected along a plan.
 
     Attributes:
-        sensation: `(T, S)` unit L2 norm; null on the way to the first touch.
-        spread: `(T,)` to what the error of the prediction, a cosine distance, is in proportion:
-            small at waypoints, large halfway between sensations far apart. How large the factor is,
-            executions tell.
+        sensation: `(T, S)` unit L2 norm; null in the air.
+        spread: `(T,)` scale of the expected error, a cosine distance: small at waypoints, large
+            halfway between sensations far apart. Executions show how large the factor is.
     """
 
     sensation: np.ndarray
@@ -35,7 +35,7 @@ def predict_sensation(
     representation: QuotientRepresentation,
     plan: Plan,
     s: np.ndarray,
-    kernel_sensation: np.ndarray | None = None,
+    kernel_sensation: csr_array | np.ndarray | None = None,
 ) -> Prediction:
     """The sensation expected along a plan.
 
@@ -52,31 +52,33 @@ def predict_sensation(
         representation: the one that the plan was made with.
         plan: the plan.
         s: `(T,)` rad, path lengths in `[0, plan.waypoint_s[-1]]`.
-        kernel_sensation: `(R, S)` unit L2 norm, what was felt at each row of `kernel_q`.
+        kernel_sensation: `(R, S)` unit L2 norm, dense or sparse, what was felt at each row of
+            `kernel_q`.
     """
     at_waypoints = _at_waypoints(representation, plan, kernel_sensation)
     length = plan.waypoint_s[-1]
     if kernel_sensation is None or length == 0.0:
-        expected = _blend(plan.waypoint_s, at_waypoints, s)
+        expected = _blend(plan, at_waypoints, s)
     else:
 
         def truly_felt(u: np.ndarray) -> np.ndarray:
-            blend = _unit(_blend(plan.waypoint_s, at_waypoints, u))
+            blend = _unit(_blend(plan, at_waypoints, u))
             return _most_alike(representation, kernel_sensation, plan, u, blend)
 
         # The path's own smoothing, done to the sensation.
         num_intervals = len(plan.path.t) - 2 * DEGREE - 1
         smooth = smooth_curve(truly_felt, at_waypoints[[0, -1]], length, num_intervals)
         expected = np.clip(smooth(s), 0.0, None)
-    if plan.nodes[0] == NO_KERNEL:
-        expected[s < plan.waypoint_s[1]] = 0.0
+    expected[~touching(plan.waypoint_s, plan.in_air, s)] = 0.0
     return Prediction(
         sensation=_unit(expected), spread=_spread(plan.waypoint_s, _unit(at_waypoints), s)
     )
 
 
 def _at_waypoints(
-    representation: QuotientRepresentation, plan: Plan, kernel_sensation: np.ndarray | None
+    representation: QuotientRepresentation,
+    plan: Plan,
+    kernel_sensation: csr_array | np.ndarray | None,
 ) -> np.ndarray:
     """`(W, S)` what was felt at each waypoint; the target sensation where nothing is stored.
 
@@ -90,10 +92,10 @@ def _at_waypoints(
         return sensation
     for row, (node, q) in enumerate(zip(nodes, plan.waypoints_q, strict=True)):
         members = representation.members(node)
-        off = np.abs(representation.kernel_q[members] - q).max(axis=1)
+        off = np.abs(representation.scaled(representation.kernel_q[members] - q)).max(axis=1)
         # Stored configurations are float32.
         if off.min() < 1e-5:
-            sensation[row] = kernel_sensation[members][off.argmin()]
+            sensation[row] = _dense(kernel_sensation[members])[off.argmin()]
     if plan.nodes[0] == NO_KERNEL:
         sensation[0] = sensation[1]
     return sensation
@@ -101,24 +103,27 @@ def _at_waypoints(
 
 def _most_alike(
     representation: QuotientRepresentation,
-    kernel_sensation: np.ndarray,
+    kernel_sensation: csr_array | np.ndarray,
     plan: Plan,
     s: np.ndarray,
     blend: np.ndarray,
 ) -> np.ndarray:
     """`(T, S)` mean of the sensations most like each of `blend`, in the kernels near that step.
 
-    Near are the two kernels of the step and those that the graph joins to both.
+    Near are the two kernels of the step and those that the graph joins to both; on a step through
+    the air, both kernels.
     """
     joined = np.zeros((representation.num_targets,) * 2, dtype=bool)
     i, j = representation.edges.T
     joined[i, j] = joined[j, i] = True
     result = np.empty_like(blend)
-    step = _step(plan.waypoint_s, s)
+    step = steps(plan.waypoint_s, s)
     for number in np.unique(step):
         a, b = plan.nodes[number : number + 2]
         near = {b} if a == NO_KERNEL else {a, b, *np.flatnonzero(joined[a] & joined[b])}
-        felt = np.concatenate([kernel_sensation[representation.members(k)] for k in sorted(near)])
+        felt = np.concatenate(
+            [_dense(kernel_sensation[representation.members(k)]) for k in sorted(near)]
+        )
         rows = step == number
         count = min(_NUM_ALIKE, len(felt))
         likeness = blend[rows].astype(felt.dtype) @ felt.T
@@ -140,27 +145,31 @@ def _spread(waypoint_s: np.ndarray, at_waypoints: np.ndarray, s: np.ndarray) -> 
     return 4.0 * share * (1.0 - share) * apart[step] + _SPREAD_AT_WAYPOINT * apart.mean()
 
 
-def _step(waypoint_s: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """`(T,)` between which waypoint and the next each `s` lies."""
-    return np.searchsorted(waypoint_s, s, side="right").clip(1, max(len(waypoint_s) - 1, 1)) - 1
-
-
 def _share(waypoint_s: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`(T,)` of which step each `s` is part, and `(T,)` the share of it that is done."""
-    before = _step(waypoint_s, s)
+    before = steps(waypoint_s, s)
     after = np.minimum(before + 1, len(waypoint_s) - 1)
     length = waypoint_s[after] - waypoint_s[before]
     along = s - waypoint_s[before]
     return before, np.divide(along, length, out=np.zeros(len(s)), where=length > 0.0)
 
 
-def _blend(waypoint_s: np.ndarray, sensation: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """`(T, S)` linear from the `(W, S)` sensation at one waypoint to that at the next."""
-    before, share = _share(waypoint_s, s)
-    after = np.minimum(before + 1, len(waypoint_s) - 1)
+def _blend(plan: Plan, sensation: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """`(T, S)` linear from the `(W, S)` sensation at one waypoint to that at the next.
+
+    In the air it changes at once, halfway, so that smoothing mixes no touch with the next one.
+    """
+    before, share = _share(plan.waypoint_s, s)
+    after = np.minimum(before + 1, len(plan.waypoint_s) - 1)
+    if plan.in_air.any():
+        share = np.where(plan.in_air[before], np.round(share), share)
     return (1.0 - share[:, None]) * sensation[before] + share[:, None] * sensation[after]
 
 
 def _unit(sensation: np.ndarray) -> np.ndarray:
     norm = np.linalg.norm(sensation, axis=1, keepdims=True)
     return np.divide(sensation, norm, out=np.zeros(sensation.shape), where=norm > 0.0)
+
+
+def _dense(rows: csr_array | np.ndarray) -> np.ndarray:
+    return rows if isinstance(rows, np.ndarray) else rows.toarray()

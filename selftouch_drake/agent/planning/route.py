@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.planning.steps import square_steps
+from selftouch_drake.agent.representation.graphs import target_distances
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import LinkedNearest, linked_nearest
 
@@ -21,16 +22,6 @@ LEAP_SPACINGS = 1.25
 #: plans each on cube and torus, 300 targets, 2.8 % is out of contact without it, 0.7 % with the 8th
 #: power, and 0.6 % with the 16th, on paths 4 % longer; with 1000 targets all do equally well.
 LEAP_POWER = 16.0
-# The spacing of targets is their distance to this many-th neighbour, as on a surface.
-_SPACING_NEIGHBOUR = 6
-
-#: Kernels whose targets lie within this many spacings are linked, whether the quotient graph has an
-#: edge there or not. Of 200 plans on a torus (1000 targets), the cubed steps sum up to 1.49 along
-#: its edges alone and to 1.1 with these links; 1.4 to 2 spacings do as well.
-LINK_SPACINGS = 1.5
-# With few targets the spacing is so wide that it says nothing: sensations that have nothing in
-# common are sqrt(2) apart. Linked are those that have more in common than not.
-_MOST_APART = 1.0
 # How many configurations of one kernel a search may pass through, and how far apart they are (rad).
 # The first to arrive is not always the best to go on with: with 1, 4 and 8 of them the cubed steps
 # sum up to 1.3, 1.1 and 1.08.
@@ -48,7 +39,7 @@ class RouteGraph:
     """Linked kernels and their firm configurations, laid out for search.
 
     Attributes:
-        firm_q: `(J, F)` float32 rad, firm configurations, grouped by kernel, one row a joint.
+        firm_x: `(J, F)` float32 rad, firm configurations, scaled, by kernel, one row per joint.
         firm_offsets: `(K + 1,)` kernel k owns columns `firm_offsets[k]:firm_offsets[k + 1]`.
         link_offsets: `(K + 1,)` ways `link_offsets[k]:link_offsets[k + 1]` leave kernel k.
         link_kernel: `(2L,)` the kernel each way leads to.
@@ -56,7 +47,7 @@ class RouteGraph:
         nearest: for each way, the nearest firm configuration to each one of the kernel it leaves.
     """
 
-    firm_q: np.ndarray
+    firm_x: np.ndarray
     firm_offsets: np.ndarray
     link_offsets: np.ndarray
     link_kernel: np.ndarray
@@ -68,37 +59,23 @@ class RouteGraph:
         """Lays out `representation` and the `(L, 2)` links; once, for any number of routes."""
         num_kernels = representation.num_targets
         firm_rows = [firm_members(representation, k) for k in range(num_kernels)]
-        firm_q = representation.kernel_q[np.concatenate(firm_rows)].astype(np.float32)
+        firm_x = representation.kernel_x[np.concatenate(firm_rows)]
         firm_offsets = np.cumsum([0, *map(len, firm_rows)])
         tail, head = np.concatenate([links, links[:, ::-1]]).T
         order = np.lexsort((head, tail))
         ways = np.stack([tail, head], axis=1)[order]
         return cls(
-            firm_q=np.ascontiguousarray(firm_q.T),
+            firm_x=np.ascontiguousarray(firm_x.T),
             firm_offsets=firm_offsets,
             link_offsets=np.searchsorted(ways[:, 0], np.arange(num_kernels + 1)),
             link_kernel=np.ascontiguousarray(ways[:, 1]),
             link_row=order % max(len(links), 1),
-            nearest=linked_nearest(firm_q, firm_offsets, ways),
+            nearest=linked_nearest(firm_x, firm_offsets, ways),
         )
 
     def firm_configurations(self, kernel: int) -> np.ndarray:
-        """`(n, J)` rad, the firm configurations of a kernel."""
-        return self.firm_q[:, self.firm_offsets[kernel] : self.firm_offsets[kernel + 1]].T
-
-
-def near_links(representation: QuotientRepresentation) -> np.ndarray:
-    """`(L, 2)` the kernels between which plans may step, each pair once, in order.
-
-    The edges of the quotient graph are few enough to tell the body's shape by. Plans want every
-    step that may hold contact: neighbours by feel, however far apart in motor space, since where
-    the arm is decides which of them it reaches. The edges remain, so that all is joined.
-    """
-    distance, spacing = _target_distances(representation)
-    linked = distance <= min(LINK_SPACINGS * spacing, _MOST_APART)
-    i, j = representation.edges.T
-    linked[i, j] = True
-    return np.argwhere(np.triu(linked | linked.T, 1))
+        """`(n, J)` rad, the firm configurations of a kernel, scaled."""
+        return self.firm_x[:, self.firm_offsets[kernel] : self.firm_offsets[kernel + 1]].T
 
 
 def firm_members(representation: QuotientRepresentation, kernel: int) -> np.ndarray:
@@ -109,9 +86,10 @@ def firm_members(representation: QuotientRepresentation, kernel: int) -> np.ndar
     the third count as well, if they are not among the lightest quarter.
     """
     members = representation.members(kernel)
-    strength, q = representation.kernel_strength[members], representation.kernel_q[members]
+    strength = representation.kernel_strength[members]
+    x = representation.scaled(representation.kernel_q[members])
     strong = strength >= np.quantile(strength, 2 / 3)
-    apart, _ = cKDTree(q[strong]).query(q)
+    apart, _ = cKDTree(x[strong]).query(x)
     alone = (apart > _ALONE) & (strength >= np.quantile(strength, 0.25))
     return members.start + np.flatnonzero(strong | alone)
 
@@ -152,42 +130,34 @@ def leap_penalty(
     Returns:
         `(L,)` factors, 1 or more.
     """
-    distance, spacing = _target_distances(representation)
+    distance, spacing = target_distances(representation)
     i, j = links.T
     return np.maximum(1.0, distance[i, j] / (spacings * spacing)) ** power
 
 
-def _target_distances(representation: QuotientRepresentation) -> tuple[np.ndarray, float]:
-    """`(K, K)` how far apart target sensations are, and their spacing."""
-    targets = np.asarray(representation.target_sensations, dtype=float)
-    distance = np.sqrt(np.clip(2.0 - 2.0 * targets @ targets.T, 0.0, None))
-    neighbour = min(_SPACING_NEIGHBOUR, len(targets) - 1)
-    return distance, float(np.median(np.partition(distance, neighbour, axis=1)[:, neighbour]))
-
-
 def carried_route(
     graph: RouteGraph,
-    q_start: np.ndarray,
+    x_start: np.ndarray,
     start: int,
     goal: int,
-    goal_q: np.ndarray,
+    goal_x: np.ndarray,
     *,
     penalty: np.ndarray | None = None,
 ) -> np.ndarray | None:
     """Dijkstra that carries motor configurations to every kernel it reaches.
 
     A kernel is entered by its firm configuration nearest to the one carried by its parent, and
-    the step costs that distance cubed: what the arm would truly move, given where it is. Cubes
+    the step costs that distance cubed: what the agent would truly move, given where it is. Cubes
     prefer many short steps to one long one, which would leave the skin; higher powers hold contact
     no better, and only lengthen the path. A kernel may be entered more than once, by configurations
     that are far from each other.
 
     Args:
         graph: the linked kernels.
-        q_start: `(J,)` rad, a configuration of kernel `start`.
+        x_start: `(J,)` rad, a scaled configuration of kernel `start`.
         start: the kernel to leave.
         goal: the kernel to reach.
-        goal_q: `(n, J)` rad, the configurations by which the goal may be entered.
+        goal_x: `(n, J)` rad, the configurations by which the goal may be entered.
         penalty: `(L,)` positive factors on the cost of each link.
 
     Returns:
@@ -197,7 +167,7 @@ def carried_route(
         return np.array([start])
     factor = np.ones(len(graph.link_row)) if penalty is None else penalty[graph.link_row]
     route = _carry(
-        graph.firm_q,
+        graph.firm_x,
         graph.firm_offsets,
         graph.link_offsets,
         graph.link_kernel,
@@ -205,10 +175,10 @@ def carried_route(
         graph.nearest.row,
         graph.nearest.squared,
         factor.astype(np.float64),
-        np.asarray(q_start, dtype=np.float32),
+        np.asarray(x_start, dtype=np.float32),
         start,
         goal,
-        np.ascontiguousarray(goal_q.T, dtype=np.float32),
+        np.ascontiguousarray(goal_x.T, dtype=np.float32),
     )
     return route if len(route) else None
 
@@ -239,7 +209,7 @@ def _backtrack(parent: np.ndarray, start: int, goal: int) -> np.ndarray | None:
 
 @njit(cache=True)
 def _carry(
-    firm_q,
+    firm_x,
     firm_offsets,
     link_offsets,
     link_kernel,
@@ -247,13 +217,13 @@ def _carry(
     nearest_row,
     nearest_squared,
     factor,
-    q_start,
+    x_start,
     start,
     goal,
-    goal_q,
+    goal_x,
 ):
     """`(N,)` kernels on the cheapest way from `start` to `goal`; empty where there is none."""
-    num_firm, num_kernels = firm_q.shape[1], len(firm_offsets) - 1
+    num_firm, num_kernels = firm_x.shape[1], len(firm_offsets) - 1
     # Places are firm configurations, then the start and the goal.
     at_start, at_goal = num_firm, num_firm + 1
     cost = np.full(num_firm + 2, np.inf)
@@ -261,7 +231,7 @@ def _carry(
     place_kernel = np.empty(num_firm + 2, dtype=np.int64)
     visits = np.zeros(num_kernels, dtype=np.int64)
     visited = np.empty((num_kernels, _MAX_VISITS), dtype=np.int64)
-    squared = np.empty(max(np.max(np.diff(firm_offsets)), goal_q.shape[1]), dtype=firm_q.dtype)
+    squared = np.empty(max(np.max(np.diff(firm_offsets)), goal_x.shape[1]), dtype=firm_x.dtype)
     cost[at_start], place_kernel[at_start], place_kernel[at_goal] = 0.0, start, goal
     queue = [(0.0, at_start)]
     while len(queue) > 0:
@@ -272,12 +242,12 @@ def _carry(
             continue
         kernel = place_kernel[place]
         if place == at_start:
-            q = q_start
+            x = x_start
         else:
-            q = firm_q[:, place].copy()
+            x = firm_x[:, place].copy()
             new = visits[kernel] < _MAX_VISITS
             for visit in range(visits[kernel]):
-                apart = q - firm_q[:, visited[kernel, visit]]
+                apart = x - firm_x[:, visited[kernel, visit]]
                 new &= np.sum(apart * apart) > _APART**2
             if not new:
                 continue
@@ -286,13 +256,13 @@ def _carry(
         for way in range(link_offsets[kernel], link_offsets[kernel + 1]):
             there = link_kernel[way]
             if there == goal:
-                square_steps(goal_q, q, squared)
-                to, step = at_goal, np.min(squared[: goal_q.shape[1]])
+                square_steps(goal_x, x, squared)
+                to, step = at_goal, np.min(squared[: goal_x.shape[1]])
             elif visits[there] == _MAX_VISITS:
                 continue
             elif place == at_start:
-                firm = firm_q[:, firm_offsets[there] : firm_offsets[there + 1]]
-                square_steps(firm, q, squared)
+                firm = firm_x[:, firm_offsets[there] : firm_offsets[there + 1]]
+                square_steps(firm, x, squared)
                 nearest = np.argmin(squared[: firm.shape[1]])
                 to, step = firm_offsets[there] + nearest, squared[nearest]
             else:

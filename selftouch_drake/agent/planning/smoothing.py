@@ -17,25 +17,25 @@ KNOT_SPACING = 0.135
 _SAMPLES_PER_INTERVAL = 8
 
 
-def path_length(waypoints_q: np.ndarray) -> np.ndarray:
-    """`(W,)` rad, length of the polyline up to each of the `(W, J)` waypoints."""
-    steps = np.linalg.norm(np.diff(waypoints_q, axis=0), axis=1)
+def path_length(waypoints_x: np.ndarray) -> np.ndarray:
+    """`(W,)` rad, length of the polyline up to each of the `(W, J)` scaled waypoints."""
+    steps = np.linalg.norm(np.diff(waypoints_x, axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def polyline(waypoints_q: np.ndarray) -> BSpline:
-    """The straight path through the waypoints, over its length in rad.
+def polyline(waypoints: np.ndarray, waypoint_s: np.ndarray) -> BSpline:
+    """The straight path through the waypoints.
 
     Args:
-        waypoints_q: `(W, J)` rad, not all the same.
+        waypoints: `(W, J)` scaled or not, not all the same.
+        waypoint_s: `(W,)` rad, where on the path each is.
     """
-    s = path_length(waypoints_q)
-    moved = np.concatenate([[True], np.diff(s) > 0.0])
-    return BSpline(np.pad(s[moved], 1, mode="edge"), waypoints_q[moved], 1)
+    moved = np.concatenate([[True], np.diff(waypoint_s) > 0.0])
+    return BSpline(np.pad(waypoint_s[moved], 1, mode="edge"), waypoints[moved], 1)
 
 
 def smooth_path(
-    waypoints_q: np.ndarray,
+    waypoints_x: np.ndarray,
     *,
     knot_spacing: float = KNOT_SPACING,
     lower: np.ndarray | None = None,
@@ -48,29 +48,30 @@ def smooth_path(
     that clipping these keeps it within the limits and as smooth as it was.
 
     Args:
-        waypoints_q: `(W, J)` rad.
+        waypoints_x: `(W, J)` rad, scaled.
         knot_spacing: rad of path length, the longest interval between knots; larger is smoother.
-        lower: `(J,)` rad, no joint goes below this, unless a waypoint does.
-        upper: `(J,)` rad, no joint goes above this, unless a waypoint does.
+        lower: `(J,)` rad, scaled; no joint goes below this, unless a waypoint does.
+        upper: `(J,)` rad, scaled; no joint goes above this, unless a waypoint does.
 
     Returns:
         A clamped quintic B-spline over `[0, length]`, length of the polyline in rad; over
         `[0, 1]` and constant if there is nowhere to go.
     """
-    waypoints_q = np.asarray(waypoints_q, dtype=float)
-    ends = waypoints_q[[0, -1]]
-    length = path_length(waypoints_q)[-1]
+    waypoints_x = np.asarray(waypoints_x, dtype=float)
+    ends = waypoints_x[[0, -1]]
+    waypoint_s = path_length(waypoints_x)
+    length = waypoint_s[-1]
     if length == 0.0:
         knots = np.repeat([0.0, 1.0], DEGREE + 1)
         return BSpline(knots, np.repeat(ends[:1], DEGREE + 1, axis=0), DEGREE)
 
-    along = polyline(waypoints_q)
+    along = polyline(waypoints_x, waypoint_s)
     num_intervals = int(np.ceil(length / knot_spacing))
     path = smooth_curve(along, ends, length, num_intervals)
     if lower is not None:
-        path.c = np.maximum(path.c, np.minimum(lower, waypoints_q.min(axis=0)))
+        path.c = np.maximum(path.c, np.minimum(lower, waypoints_x.min(axis=0)))
     if upper is not None:
-        path.c = np.minimum(path.c, np.maximum(upper, waypoints_q.max(axis=0)))
+        path.c = np.minimum(path.c, np.maximum(upper, waypoints_x.max(axis=0)))
     return path
 
 

@@ -6,12 +6,12 @@ from numba import njit
 
 
 @njit(cache=True)
-def square_steps(candidates, q, squared):
-    """Writes the squared distance of each column of `(J, n)` candidates to q into `squared[:n]`."""
+def square_steps(candidates, x, squared):
+    """Writes the squared distance of each column of `(J, n)` candidates to x into `squared[:n]`."""
     count = candidates.shape[1]
     squared[:count] = 0.0
-    for joint in range(len(q)):  # joint by joint, so that the inner loop vectorises
-        at = q[joint]
+    for joint in range(len(x)):  # joint by joint, so that the inner loop vectorises
+        at = x[joint]
         for i in range(count):
             step = candidates[joint, i] - at
             squared[i] += step * step

@@ -1,6 +1,15 @@
 """What the agent makes of its experience: the quotient representation (paper, sections II, III)."""
 
-from selftouch_drake.agent.representation.graph import (
+from selftouch_drake.agent.representation.graphs import (
+    step_links,
+    surface_edges,
+    to_networkx,
+    without_vectors,
+)
+from selftouch_drake.agent.representation.joints import joint_scale
+from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
+from selftouch_drake.agent.representation.learner import Batches, QuotientLearner
+from selftouch_drake.agent.representation.neighbours import (
     DisconnectedWarning,
     complete_edges,
     component_labels,
@@ -9,21 +18,21 @@ from selftouch_drake.agent.representation.graph import (
     locally_scaled,
     neighbour_edges,
     quotient_pseudo_metric,
-    to_networkx,
-    write_graphml,
 )
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
-from selftouch_drake.agent.representation.learner import QuotientLearner
 from selftouch_drake.agent.representation.quantise import assign, target_sensations
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
+from selftouch_drake.agent.representation.sensations import kernel_sensations
 from selftouch_drake.agent.representation.set_distances import (
     SET_DISTANCES,
     SetDistance,
     set_distances,
 )
+from selftouch_drake.agent.representation.touches import felt_kernels
 
 __all__ = [
+    "LEAST_KERNELS",
     "SET_DISTANCES",
+    "Batches",
     "DisconnectedWarning",
     "KernelReservoir",
     "KernelSample",
@@ -34,12 +43,17 @@ __all__ = [
     "complete_edges",
     "component_labels",
     "connected_edges",
+    "felt_kernels",
     "geodesics",
+    "joint_scale",
+    "kernel_sensations",
     "locally_scaled",
     "neighbour_edges",
     "quotient_pseudo_metric",
     "set_distances",
+    "step_links",
+    "surface_edges",
     "target_sensations",
     "to_networkx",
-    "write_graphml",
+    "without_vectors",
 ]

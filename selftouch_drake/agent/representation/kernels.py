@@ -63,12 +63,12 @@ class KernelReservoir:
         """Adds the next rows of the experience.
 
         Args:
-            kernel: `(n,)` kernel of each row.
+            kernel: `(n,)` kernel of each row; -1 leaves a row out.
             columns: `(n, ...)` what to keep with the rows; the same names every time.
         """
         # One draw a row, in order: the i-th row has the i-th draw, however rows are cut.
         priority = self._random.random(len(kernel))
-        taken = np.flatnonzero(priority < self._highest[kernel])
+        taken = np.flatnonzero((kernel >= 0) & (priority < self._highest[kernel]))
         self._waiting.append(
             {
                 "kernel": np.asarray(kernel, dtype=np.int64)[taken],

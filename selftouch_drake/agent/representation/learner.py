@@ -12,16 +12,18 @@ from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.graph import (
+from selftouch_drake.agent.representation.graphs import surface_neighbours
+from selftouch_drake.agent.representation.joints import joint_scale
+from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
+from selftouch_drake.agent.representation.neighbours import (
     NUM_MUTUAL,
     component_labels,
     connected_edges,
-    neighbour_edges,
 )
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
 from selftouch_drake.agent.representation.quantise import (
     BLOCK,
     assign,
+    rare_cells,
     strength,
     target_sensations,
 )
@@ -29,17 +31,28 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import (
     MAX_QUERIES,
     SET_DISTANCES,
+    linked_nearest,
     set_distances,
+)
+from selftouch_drake.agent.representation.touches import (
+    by_chance,
+    kernel_parts,
+    nearby,
+    overlapping,
+    set_aside,
 )
 
 #: Rows that target sensations are learned from: 40 a target, when there are 1000.
 MAX_ROWS = 40_000
 
-#: Told the fraction done and what is being done.
+#: Targets are chosen anew so often at most, without the touches that hardly any other is like.
+_MOST_ROUNDS = 6
+
+#: Called with the fraction done and what is being done.
 Progress = Callable[[float, str], None]
 
 #: Gives the experience from its first row on, each time it is called: `(n, S)` sensations in N and
-#: `(n, J)` motor configurations in rad, in batches of any size.
+#: `(n, J)` motor configurations in the robot's units, in batches of any size.
 Batches = Callable[[], Iterable[tuple[np.ndarray, np.ndarray]]]
 
 
@@ -60,9 +73,9 @@ class QuotientLearner(BaseEstimator):
     Attributes:
         representation_: the `QuotientRepresentation`, not embedded yet.
         target_sensations_: `(K, S)` unit L2 norm.
-        component_: `(K,)` the part of the quotient graph that each kernel was in before parts were
-            joined; the largest is 0. All are 0 if the graph was connected.
-        bridges_: `(B, 2)` pairs of kernels i < j, the edges that joined the parts.
+        component_: `(K,)` the component of the quotient graph that each kernel was in before each
+            part of the body was joined; the largest is 0.
+        bridges_: `(B, 2)` pairs of kernels i < j, the edges that joined components of one part.
         n_features_in_: S, number of receptors.
         feature_names_in_: `(S,)` names of the receptors, if the sensations had any.
     """
@@ -94,8 +107,8 @@ class QuotientLearner(BaseEstimator):
 
         Args:
             sensation: `(n, S)` N, no row null.
-            q: `(n, J)` rad, the motor configurations in which they were felt.
-            progress: told the fraction done and the stage.
+            q: `(n, J)` the motor configurations in which they were felt, in the robot's units.
+            progress: called with the fraction done and the stage.
 
         Returns:
             self.
@@ -117,7 +130,7 @@ class QuotientLearner(BaseEstimator):
         Args:
             batches: called twice, gives the same experience each time; `ExperienceReader.touches`
                 is one.
-            progress: told the fraction done and the stage.
+            progress: called with the fraction done and the stage.
 
         Returns:
             self.
@@ -132,22 +145,36 @@ class QuotientLearner(BaseEstimator):
         quantise_seed, sample_seed = np.random.SeedSequence(seed).generate_state(2)
 
         some = KernelReservoir(1, MAX_ROWS, seed=int(quantise_seed))
-        for sensation, _ in _in_blocks(self._checked(batches())):
-            some.add(np.zeros(len(sensation), dtype=int), sensation=sensation)
+        for sensation, q in _in_blocks(self._checked(batches())):
+            some.add(
+                np.zeros(len(sensation), dtype=int), sensation=sensation, q=q.astype(np.float32)
+            )
             progress(0.0, "target sensations")
         if some.num_rows < self.num_targets:
             raise ValueError(
                 f"num_targets={self.num_targets}, but there are only {some.num_rows} sensations: "
                 "babble longer, or ask for fewer targets."
             )
-        targets = target_sensations(
-            some.sample().columns["sensation"],
-            self.num_targets,
-            progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
-        )
+        sample = some.sample().columns
+        overlap = overlapping(sample["sensation"])
+        chance = by_chance(sample["sensation"], overlap)
+        overlap = nearby(sample["sensation"], overlap)
+        kept = ~set_aside(sample["sensation"], overlap, chance)
+        if not kept.any():
+            raise ValueError(
+                "sensation touches several parts of the body in every row: babble until each is "
+                "touched alone."
+            )
+        sensation, q = sample["sensation"][kept], sample["q"][kept]
+        scale = joint_scale(q, sensation)
+        targets = self._targets(sensation, overlap, chance, progress)
         kernels = KernelReservoir(self.num_targets, self.max_kernel_size, seed=int(sample_seed))
+        num_set_aside = 0
         for sensation, q in _in_blocks(batches()):
             label, error = assign(sensation, targets)
+            left_out = set_aside(sensation, overlap, chance)
+            num_set_aside += int(left_out.sum())
+            label[left_out] = -1
             kernels.add(
                 label,
                 q=q.astype(np.float32),
@@ -161,31 +188,65 @@ class QuotientLearner(BaseEstimator):
                 f"batches gave {some.num_rows} rows, then {kernels.num_rows}: give the same "
                 "experience each time."
             )
-        self._learn_graph(targets, kernels.sample(), progress)
+        self._learn_graph(
+            kernels.sample(),
+            progress,
+            target_sensations=targets,
+            joint_scale=scale,
+            overlap=overlap,
+            num_touches=some.num_rows,
+            num_set_aside=num_set_aside,
+        )
         return self
 
-    def _learn_graph(self, targets: np.ndarray, sample: KernelSample, progress: Progress) -> None:
-        offsets, kernel_q = sample.offsets(len(targets)), sample.columns["q"]
+    def _targets(
+        self, sensation: np.ndarray, overlap: np.ndarray, chance: bool, progress: Progress
+    ) -> np.ndarray:
+        """`(K, S)` target sensations.
+
+        If two places are touched at once by chance, some of these touches are so near each other
+        that they are not told apart. They are few, and feel like nothing else: the farthest points
+        would be theirs. So targets that hardly any touch belongs to are given up, and their touches
+        with them.
+        """
+        for _ in range(_MOST_ROUNDS):
+            targets = target_sensations(
+                sensation,
+                self.num_targets,
+                progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
+            )
+            if not chance:
+                break
+            label, _ = assign(sensation, targets)
+            rare = rare_cells(label, kernel_parts(targets, overlap))
+            if not rare.any():
+                break
+            sensation = sensation[~rare[label]]
+        return targets
+
+    def _learn_graph(
+        self,
+        sample: KernelSample,
+        progress: Progress,
+        *,
+        target_sensations: np.ndarray,
+        joint_scale: np.ndarray,
+        overlap: np.ndarray,
+        **counts: int,
+    ) -> None:
+        targets, offsets = target_sensations, sample.offsets(len(target_sensations))
+        kernel_x = (sample.columns["q"] * joint_scale).astype(np.float32)
         (distance,) = set_distances(
-            kernel_q,
+            kernel_x,
             offsets,
             self.set_distance,
             max_queries=self.max_queries,
-            progress=lambda fraction: progress(0.3 + 0.4 * fraction, "set distances"),
+            progress=lambda fraction: progress(0.3 + 0.7 * fraction, "set distances"),
         )
-        # Firm configurations decide who is a neighbour and what a step costs: measured on plans,
-        # the quantile loses contact least as the one, the mean as the other.
-        firm, firm_offsets = _firm(sample, offsets)
-        near, step = set_distances(
-            kernel_q[firm],
-            firm_offsets,
-            "quantile",
-            "mean_nearest",
-            max_queries=self.max_queries,
-            progress=lambda fraction: progress(0.7 + 0.3 * fraction, "quotient graph"),
-        )
-        neighbours = neighbour_edges(near, self.num_neighbours)
+        part = kernel_parts(targets, overlap)
+        neighbours, near = surface_neighbours(distance, targets, part, self.num_neighbours)
         edges = connected_edges(neighbours, near)
+        progress(1.0, "quotient graph")
 
         self.target_sensations_ = targets
         self.component_ = component_labels(neighbours, len(targets))
@@ -194,18 +255,22 @@ class QuotientLearner(BaseEstimator):
         self.representation_ = QuotientRepresentation(
             target_sensations=targets,
             kernel_offsets=offsets,
-            kernel_q=kernel_q,
+            kernel_q=sample.columns["q"],
             kernel_row=sample.row,
             kernel_strength=sample.columns["strength"],
             kernel_error=sample.columns["error"],
+            joint_scale=joint_scale,
+            overlap=overlap,
+            part=part,
             set_distance=distance,
             edges=edges,
-            edge_cost=step[i, j],
+            edge_cost=_firm_steps(kernel_x, *_firm(sample, offsets), edges),
             embedding=np.full((len(targets), 3), np.nan),
+            **counts,
         )
 
     def predict(self, sensation: np.ndarray) -> np.ndarray:
-        """Tells the kernel of each sensation.
+        """The kernel of each sensation.
 
         Args:
             sensation: `(n, S)` N, no row null.
@@ -255,7 +320,7 @@ class QuotientLearner(BaseEstimator):
                 if found != width:
                     raise ValueError(
                         f"{name} row {row} has {found} {parts}, rows before {width}: give "
-                        "experience of one arm and one skin."
+                        "experience of one robot."
                     )
             row += len(sensation)
             yield sensation, q
@@ -307,6 +372,29 @@ def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.
         return parts[0]
     sensation, q = zip(*parts, strict=True)
     return np.concatenate(sensation), np.concatenate(q)
+
+
+def _firm_steps(
+    kernel_x: np.ndarray, firm: np.ndarray, firm_offsets: np.ndarray, edges: np.ndarray
+) -> np.ndarray:
+    """`(E,)` rad, mean distance from a firm configuration of one end to the nearest of the other.
+
+    There and back, as the paper's mean nearest distance.
+    """
+    ways = np.concatenate([edges, edges[:, ::-1]])
+    nearest = linked_nearest(kernel_x[firm], firm_offsets, ways)
+    step = np.sqrt(nearest.squared)
+    there, back = (
+        np.split(np.add.reduceat(step, nearest.offsets[:-1]), 2)
+        if len(edges)
+        else (
+            np.empty(0),
+            np.empty(0),
+        )
+    )
+    sizes = np.diff(firm_offsets)
+    i, j = edges.T
+    return ((there / sizes[i] + back / sizes[j]) / 2).astype(np.float32)
 
 
 def _firm(sample: KernelSample, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

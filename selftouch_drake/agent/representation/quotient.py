@@ -2,36 +2,51 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from selftouch_drake.files import load_arrays, save_arrays
+#: Kernels that a part needs before its shape and holes are looked for. Fewer are a fragment: the
+#: rim of a patch that was hardly touched, or a receptor that feels with no other.
+LEAST_KERNELS = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class QuotientRepresentation:
     """Motor kernel sets, their distances and the graph over them (paper, sections II and III).
 
-    K kernels over S receptors and J joints; R stored motor configurations in all.
+    K kernels over S receptors and J joints; R stored motor configurations in all. Motor
+    configurations are in the robot's units, which the agent does not know. All distances in motor
+    space are between scaled configurations, `q * joint_scale`, and have the unit "rad": that of a
+    joint whose scale is 1.
 
     Attributes:
         target_sensations: `(K, S)` target sensations, unit L2 norm.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
-        kernel_q: `(R, J)` rad, motor configurations, grouped by kernel.
+        kernel_q: `(R, J)` in the robot's units, motor configurations, grouped by kernel.
         kernel_row: `(R,)` row of each configuration in the experience.
         kernel_strength: `(R,)` N, L2 norm of the sensation felt there; firm touches are strong.
         kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
+        joint_scale: `(J,)` positive factors that make the joints comparable.
+        overlap: `(S, S)` bool, symmetric: receptors that feel one touch together; see
+            `touches.nearby`.
+        part: `(K,)` the part of the body that each kernel lies on; 0 has the most kernels.
         set_distance: `(K, K)` rad, symmetric quantile distance between kernel sets.
-        edges: `(E, 2)` pairs of neighbouring kernels, i < j, sorted: the quotient graph.
+        edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted; both are of
+            one part. See `graphs.surface_edges`.
         edge_cost: `(E,)` rad, mean nearest distance between the firm configurations of the two,
             those felt more strongly than the median of their kernel.
-        embedding: `(K, 3)` the recovered body, arbitrary unit and pose; NaN until it is embedded
-            by `selftouch_drake.agent.shape.embed_representation`.
+        embedding: `(K, 3)` each kernel's place in the recovered shape of its own part, in a pose
+            and unit of that part; NaN until `Body.embed` fills it, and in parts not recovered.
+        num_touches: rows of the experience.
+        num_set_aside: rows of the experience that touched several places at once and were left
+            out; see `touches.set_aside`.
 
     Raises:
-        ValueError: shapes disagree, indices are no whole numbers, or a kernel is empty.
+        ValueError: shapes disagree, numbers are of the wrong kind, or a kernel is empty.
     """
 
     target_sensations: np.ndarray
@@ -40,23 +55,28 @@ class QuotientRepresentation:
     kernel_row: np.ndarray
     kernel_strength: np.ndarray
     kernel_error: np.ndarray
+    joint_scale: np.ndarray
+    overlap: np.ndarray
+    part: np.ndarray
     set_distance: np.ndarray
     edges: np.ndarray
     edge_cost: np.ndarray
     embedding: np.ndarray
+    num_touches: int
+    num_set_aside: int = 0
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            array = getattr(self, field.name)
-            wanted = "iu" if field.name in _INDICES else "fiu"
+        for name in _ARRAYS:
+            array = getattr(self, name)
+            wanted, kind = _KINDS.get(name, ("fiu", "real"))
             if array.dtype.kind not in wanted:
-                kind = "whole" if wanted == "iu" else "real"
-                raise ValueError(f"{field.name} holds {array.dtype}, not {kind} numbers.")
+                raise ValueError(f"{name} holds {array.dtype}, not {kind} numbers.")
         # Of a bare number the length is 0, and its shape is refused below.
         num_kernels, num_edges, num_rows = (
             array.shape[0] if array.ndim else 0
             for array in (self.target_sensations, self.edges, self.kernel_q)
         )
+        num_receptors, num_joints = self.target_sensations.shape[1:2], self.kernel_q.shape[1:2]
         expected: dict[str, tuple[int | None, ...]] = {
             "target_sensations": (num_kernels, None),
             "kernel_offsets": (num_kernels + 1,),
@@ -64,6 +84,9 @@ class QuotientRepresentation:
             "kernel_row": (num_rows,),
             "kernel_strength": (num_rows,),
             "kernel_error": (num_rows,),
+            "joint_scale": num_joints,
+            "overlap": 2 * num_receptors,
+            "part": (num_kernels,),
             "set_distance": (num_kernels, num_kernels),
             "edges": (num_edges, 2),
             "edge_cost": (num_edges,),
@@ -84,41 +107,117 @@ class QuotientRepresentation:
             )
         if num_edges and (self.edges.min() < 0 or self.edges.max() >= num_kernels):
             raise ValueError(f"edges must join kernels 0 to {num_kernels - 1}.")
+        if not (np.isfinite(self.joint_scale).all() and (self.joint_scale > 0).all()):
+            raise ValueError(f"joint_scale is {self.joint_scale.tolist()}: give positive factors.")
+        _check_parts(self.part, self.edges)
 
     @property
     def num_targets(self) -> int:
         """K, the number of target sensations, kernel sets and nodes of the graph."""
         return len(self.target_sensations)
 
+    @property
+    def num_parts(self) -> int:
+        """Parts of the body, fragments of fewer than `LEAST_KERNELS` kernels left out; 1 or more.
+
+        They are parts 0 to `num_parts - 1`.
+        """
+        return max(int(np.sum(np.bincount(self.part) >= LEAST_KERNELS)), 1)
+
+    @property
+    def set_aside_share(self) -> float:
+        """Share of the touches that were left out because they touched several places."""
+        return self.num_set_aside / max(self.num_touches, 1)
+
+    @property
+    def kernel_x(self) -> np.ndarray:
+        """`(R, J)` rad, float32, the scaled motor configurations."""
+        return self.scaled(self.kernel_q).astype(np.float32)
+
+    def scaled(self, q: np.ndarray) -> np.ndarray:
+        """`(..., J)` rad, configurations as distances are measured between them."""
+        return np.asarray(q) * self.joint_scale
+
+    def unscaled(self, x: np.ndarray) -> np.ndarray:
+        """`(..., J)` in the robot's units, what `scaled` was made of."""
+        return np.asarray(x) / self.joint_scale
+
     def members(self, kernel: int) -> slice:
         """The rows of `kernel_*` that belong to `kernel`."""
         return slice(int(self.kernel_offsets[kernel]), int(self.kernel_offsets[kernel + 1]))
 
-    def save(self, path: Path | str) -> None:
-        """Writes the arrays to an `.npz` file, whole or not at all; equal arrays, equal bytes."""
-        save_arrays(Path(path), {f.name: getattr(self, f.name) for f in fields(self)})
+    def restricted(self, kernels: np.ndarray) -> QuotientRepresentation:
+        """The representation of some kernels alone.
+
+        Args:
+            kernels: `(n,)` rising.
+        """
+        if len(kernels) == self.num_targets:
+            return self
+        rows = np.concatenate([np.arange(self.num_rows)[self.members(k)] for k in kernels])
+        place = np.full(self.num_targets, -1)
+        place[kernels] = np.arange(len(kernels))
+        kept = (place[self.edges] >= 0).all(axis=1)
+        _, part = np.unique(self.part[kernels], return_inverse=True)
+        return dataclasses.replace(
+            self,
+            target_sensations=self.target_sensations[kernels],
+            kernel_offsets=np.cumsum([0, *np.diff(self.kernel_offsets)[kernels]]),
+            kernel_q=self.kernel_q[rows],
+            kernel_row=self.kernel_row[rows],
+            kernel_strength=self.kernel_strength[rows],
+            kernel_error=self.kernel_error[rows],
+            part=part,
+            set_distance=self.set_distance[np.ix_(kernels, kernels)],
+            edges=place[self.edges[kept]],
+            edge_cost=self.edge_cost[kept],
+            embedding=self.embedding[kernels],
+        )
+
+    @property
+    def num_rows(self) -> int:
+        """R, the number of stored motor configurations."""
+        return len(self.kernel_q)
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """All fields as arrays, by name."""
+        return {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
 
     @classmethod
-    def load(cls, path: Path | str) -> QuotientRepresentation:
-        """Reads what `save` wrote; keys of other names are left alone.
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> QuotientRepresentation:
+        """What `to_arrays` gave; other names are ignored.
 
         Raises:
-            FileNotFoundError: there is no such file.
-            ValueError: the file is damaged, or is not a representation.
+            ValueError: an array is missing, or does not fit the others; the text names it.
         """
-        names = [f.name for f in fields(cls)]
-        try:
-            arrays = load_arrays(Path(path), names)
-        except ValueError as error:
-            raise ValueError(f"{error} with `selftouch learn`") from error
-        try:
-            return cls(**{name: arrays[name] for name in names})
-        except ValueError as error:
-            reason = str(error).rstrip(".")
-            raise ValueError(
-                f"{path} is no quotient representation: {reason}; make it again with "
-                "`selftouch learn`"
-            ) from error
+        names = [field.name for field in fields(cls)]
+        if missing := [name for name in names if name not in arrays]:
+            raise ValueError(f"{', '.join(missing)} is missing.")
+        checked: dict[str, Any] = {name: np.asarray(arrays[name]) for name in _ARRAYS}
+        for name in _COUNTS:
+            count = np.asarray(arrays[name])
+            if count.shape != () or count.dtype.kind not in "iu" or count < 0:
+                raise ValueError(f"{name} is {count.tolist()}, not a whole number, 0 or more.")
+            checked[name] = int(count)
+        return cls(**checked)
 
 
-_INDICES = ("kernel_offsets", "kernel_row", "edges")
+_COUNTS = ("num_touches", "num_set_aside")
+_ARRAYS = tuple(f.name for f in fields(QuotientRepresentation) if f.name not in _COUNTS)
+#: Kinds of numbers, where they are not real ones.
+_KINDS = {
+    **dict.fromkeys(("kernel_offsets", "kernel_row", "part", "edges"), ("iu", "whole")),
+    "overlap": ("b", "truth"),
+}
+
+
+def _check_parts(part: np.ndarray, edges: np.ndarray) -> None:
+    if not len(part):
+        return
+    sizes = np.bincount(part) if part.min() >= 0 else np.zeros(1)
+    if (sizes == 0).any() or (np.diff(sizes) > 0).any():
+        raise ValueError("part must number the parts from 0 on, the largest first.")
+    i, j = edges.T
+    if (across := np.flatnonzero(part[i] != part[j])).size:
+        first = edges[across[0]].tolist()
+        raise ValueError(f"edges join kernels {first} of different parts.")

@@ -50,7 +50,7 @@ SET_DISTANCES: dict[str, SetDistance] = {
 
 
 def set_distances(
-    kernel_q: np.ndarray,
+    kernel_x: np.ndarray,
     kernel_offsets: np.ndarray,
     *names: str,
     max_queries: int = MAX_QUERIES,
@@ -62,11 +62,11 @@ def set_distances(
     strided ones) meet every configuration of every other set.
 
     Args:
-        kernel_q: `(R, J)` rad, configurations grouped by kernel.
+        kernel_x: `(R, J)` rad, scaled configurations grouped by kernel.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         names: of `SET_DISTANCES`.
         max_queries: configurations of a set that ask for their nearest.
-        progress: told the fraction done.
+        progress: called with the fraction done.
 
     Returns:
         For each name, `(K, K)` rad, float32, symmetric with a zero diagonal.
@@ -82,7 +82,7 @@ def set_distances(
     if (empty := np.flatnonzero(np.diff(offsets) <= 0)).size:
         raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from kernel_offsets.")
     kinds = [SET_DISTANCES[name] for name in names]
-    members = np.ascontiguousarray(kernel_q, dtype=np.float32)
+    members = np.ascontiguousarray(kernel_x, dtype=np.float32)
     num_kernels = len(offsets) - 1
     search = _nearest_squared(members.shape[1], False)
 
@@ -112,7 +112,7 @@ class LinkedNearest:
     Attributes:
         offsets: `(L + 1,)` link l has one entry for each configuration of the kernel it leaves,
             `offsets[l]:offsets[l + 1]`, in their order.
-        row: int32, the row in `kernel_q` of the nearest configuration.
+        row: int32, the row in `kernel_x` of the nearest configuration.
         squared: float32 rad^2, how far it is.
     """
 
@@ -122,16 +122,16 @@ class LinkedNearest:
 
 
 def linked_nearest(
-    kernel_q: np.ndarray, kernel_offsets: np.ndarray, links: np.ndarray
+    kernel_x: np.ndarray, kernel_offsets: np.ndarray, links: np.ndarray
 ) -> LinkedNearest:
     """For every configuration of a kernel, the nearest one of each kernel that it is linked to.
 
     Args:
-        kernel_q: `(R, J)` rad, configurations grouped by kernel.
+        kernel_x: `(R, J)` rad, scaled configurations grouped by kernel.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         links: `(L, 2)` the kernel that each link leaves, and the one it leads to.
     """
-    members = np.ascontiguousarray(kernel_q, dtype=np.float32)
+    members = np.ascontiguousarray(kernel_x, dtype=np.float32)
     kernel_offsets = np.asarray(kernel_offsets, dtype=np.int64)
     offsets = np.cumsum([0, *np.diff(kernel_offsets)[links[:, 0]]])
     row, squared = np.empty(offsets[-1], np.int32), np.empty(offsets[-1], np.float32)

@@ -1,5 +1,6 @@
-"""What the quotient graph tells of the body: its shape, topology and dimension (paper, IV)."""
+"""What the quotient graph says of the body: its shape, holes and dimension (paper, IV)."""
 
+from selftouch_drake.agent.shape.body import Body, RecoveredPart, recover
 from selftouch_drake.agent.shape.dimension import intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import (
     Embedding,
@@ -10,16 +11,9 @@ from selftouch_drake.agent.shape.embedding import (
     warn_of_misfit,
 )
 from selftouch_drake.agent.shape.homology import Topology, alpha_persistence, topology
-from selftouch_drake.agent.shape.metrics import (
-    METRICS,
-    BodyGraph,
-    Metric,
-    RecoveredBody,
-    embed_representation,
-    recover,
-)
+from selftouch_drake.agent.shape.metrics import METRICS, BodyGraph, Metric
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
-from selftouch_drake.agent.shape.surface import fitted_surface
+from selftouch_drake.agent.shape.surface import alpha_surface, fitted_surface, rolled_surface
 from selftouch_drake.agent.shape.unrolling import (
     Torsion,
     Turns,
@@ -31,23 +25,25 @@ from selftouch_drake.agent.shape.unrolling import (
 
 __all__ = [
     "METRICS",
+    "Body",
     "BodyGraph",
     "Embedding",
     "Metric",
     "MisfitWarning",
-    "RecoveredBody",
+    "RecoveredPart",
     "Topology",
     "Torsion",
     "Turns",
     "alpha_persistence",
+    "alpha_surface",
     "classical_embedding",
     "double_cover",
-    "embed_representation",
     "fitted_surface",
     "intrinsic_dimension",
     "landmarks",
     "quotient_coordinates",
     "recover",
+    "rolled_surface",
     "stress_embedding",
     "topology",
     "torsion",

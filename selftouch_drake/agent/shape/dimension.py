@@ -1,4 +1,4 @@
-"""The dimension of the recovered body: how fast its kernels are met when going out from one."""
+"""The dimension of a part of the body: how fast its kernels are met when going out from one."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ _SHARES = (0.01, 0.1)
 
 #: Neighbours in the smallest ball, if the share of a small body would be fewer.
 _LEAST_NEIGHBOURS = 3
+
+#: Kernels that growth can be measured on.
+LEAST_KERNELS = 50
 
 
 def intrinsic_dimension(distances: np.ndarray) -> float:
@@ -30,8 +33,10 @@ def intrinsic_dimension(distances: np.ndarray) -> float:
         ValueError: there are fewer than 50 kernels.
     """
     num_kernels = len(distances)
-    if num_kernels < 50:
-        raise ValueError(f"num_targets={num_kernels}: dimension needs at least 50 kernels.")
+    if num_kernels < LEAST_KERNELS:
+        raise ValueError(
+            f"num_targets={num_kernels}: dimension needs at least {LEAST_KERNELS} kernels."
+        )
     pairs = np.sort(distances[~np.eye(num_kernels, dtype=bool)])
     smallest, largest = _SHARES
     share = np.geomspace(max(smallest, _LEAST_NEIGHBOURS / num_kernels), largest, 20)

@@ -11,7 +11,7 @@ from scipy.linalg import eigh, inv
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.graph import geodesics
+from selftouch_drake.agent.representation.neighbours import geodesics
 
 # Sums in another order, by another number of threads, turn the axes of a symmetric body freely.
 _one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
@@ -142,13 +142,13 @@ def unbent_embedding(
 
 
 def warn_of_misfit(embedding: Embedding) -> None:
-    """Tells when a layout in three dimensions leaves much out.
+    """Warns when a layout in three dimensions leaves much out.
 
     A closed surface of distances along it is no flat thing, so that the fourth eigenvalue is never
     0. Beyond that it tells of shortcuts, of wrong lengths, or of a quotient space that is no body.
 
     Warns:
-        MisfitWarning: the fourth eigenvalue is above 0.15; the text tells it.
+        MisfitWarning: the fourth eigenvalue is above 0.15; the text gives it.
     """
     if embedding.fourth_eigenvalue > _MISFIT:
         warnings.warn(

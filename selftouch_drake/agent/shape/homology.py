@@ -24,19 +24,21 @@ _LATE = 4.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Topology:
-    """What persistent homology tells of a body.
+    """What persistent homology finds in a body.
 
     Attributes:
         betti: numbers of components, loops and voids: (1, 0, 1) for a ball's surface, (1, 2, 1)
             for a torus.
         margin: length of the shortest true bar over the longest false one; near 1 is unsure.
         scale: radius at which every true bar has just been born, in the unit of the points.
+        spacing: radius at which neighbours meet, in the unit of the points.
         diagram: three arrays `(bars, 2)` of births and deaths, for H0, H1 and H2.
     """
 
     betti: tuple[int, int, int]
     margin: float
     scale: float
+    spacing: float
     diagram: tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -74,6 +76,7 @@ def topology(points: np.ndarray) -> Topology:
         betti=(int(np.sum(h0[:, 1] > max(last_birth, covered))), loops, int(true.sum()) - loops),
         margin=margin,
         scale=1.01 * last_birth,
+        spacing=spacing,
         diagram=diagram,
     )
 
@@ -169,13 +172,17 @@ def delaunay(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         raise ValueError(f"points have shape {points.shape}: give at least 5 points, as (K, 3).")
     if not np.isfinite(points).all():
         raise ValueError("points hold NaN or infinity: embed the representation first.")
-    centred = points - points.mean(axis=0)
-    extent = np.linalg.svd(centred, compute_uv=False)
-    if extent[2] < 1e-6 * extent[0]:
+    if flat(points):
         raise ValueError("points lie in a plane: give points that spread in space.")
     jitter = np.random.default_rng(0).uniform(-1e-6, 1e-6, points.shape) * np.ptp(points)
     moved = points + jitter
     return moved, np.sort(Delaunay(moved).simplices, axis=1)
+
+
+def flat(points: np.ndarray) -> bool:
+    """Whether `(K, 3)` points lie in a plane, as an alpha complex in space needs them not to."""
+    extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(extent[2] < 1e-6 * extent[0])
 
 
 def circumspheres(points: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

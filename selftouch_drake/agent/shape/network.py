@@ -92,7 +92,7 @@ def train(
         batch: draws `(n, inputs)` float32.
         loss_slope: tells the slope of the loss in the outputs `(n, outputs)`.
         num_steps: of training.
-        progress: told the fraction done.
+        progress: called with the fraction done.
     """
     parameters = [*network.weights, *network.biases]
     hidden = range(1, len(network.weights) - 1)

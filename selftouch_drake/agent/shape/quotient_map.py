@@ -44,7 +44,7 @@ _FLOOR = {4: 1e-5, 8: 1e-11}
 
 
 def quotient_coordinates(
-    kernel_q: np.ndarray,
+    kernel_x: np.ndarray,
     kernel_offsets: np.ndarray,
     *,
     seed: int,
@@ -54,11 +54,11 @@ def quotient_coordinates(
     """Learns the quotient map and applies it to the motor configurations.
 
     Args:
-        kernel_q: `(R, J)` rad, configurations grouped by kernel.
+        kernel_x: `(R, J)` configurations grouped by kernel, scaled or not.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         seed: the same seed gives the same bytes, on one machine.
         num_steps: of training, each network.
-        progress: told the fraction done.
+        progress: called with the fraction done.
 
     Returns:
         `(R, D)` quotient coordinates, 3 to 16, each of unit variance across all kernels, those
@@ -70,13 +70,13 @@ def quotient_coordinates(
     sizes = np.diff(kernel_offsets)
     if sizes.max() < 2:
         raise ValueError(
-            "kernel_q holds one configuration a kernel: the learned metric needs kernels of "
+            "kernel_q holds one configuration per kernel: the learned metric needs kernels of "
             "several; babble longer, or ask for fewer targets."
         )
     rng = np.random.default_rng(seed)
-    deviation = kernel_q.std(axis=0)
+    deviation = kernel_x.std(axis=0)
     scale = np.where(deviation > 0, deviation, 1.0)
-    x = ((kernel_q - kernel_q.mean(axis=0)) / scale).astype(np.float32)
+    x = ((kernel_x - kernel_x.mean(axis=0)) / scale).astype(np.float32)
 
     def pairs(count: int) -> np.ndarray:
         """One configuration of each pair in the first half, its partner in the second."""

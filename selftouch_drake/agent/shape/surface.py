@@ -6,10 +6,49 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from selftouch_drake.agent.shape.homology import circumspheres, delaunay
+from selftouch_drake.agent.shape.homology import (
+    Topology,
+    alpha_filtration,
+    circumspheres,
+    delaunay,
+)
 
 
-def fitted_surface(points: np.ndarray, scale: float) -> np.ndarray:
+def fitted_surface(points: np.ndarray, found: Topology) -> np.ndarray:
+    """Finds the surface through the points: closed if they hold a void, else with a rim.
+
+    Args:
+        points: `(K, 3)`.
+        found: what `topology` found on these points.
+
+    Returns:
+        `(F, 3)` corners of each triangle; counterclockwise seen from outside if there is one.
+
+    Raises:
+        ValueError: the points are too few or lie in a plane.
+    """
+    if found.betti[2]:
+        return rolled_surface(points, found.scale)
+    # At the scale of a loop's birth triangles are missing still; two spacings cover the surface,
+    # as where components are counted.
+    return alpha_surface(points, max(found.scale, 2.0 * found.spacing))
+
+
+def alpha_surface(points: np.ndarray, scale: float) -> np.ndarray:
+    """`(F, 3)` the triangles of the alpha complex of `(K, 3)` points at a scale: it may have a rim.
+
+    Raises:
+        ValueError: the points are too few or lie in a plane.
+    """
+    triangles = [
+        simplex
+        for simplex, radius2 in zip(*alpha_filtration(points), strict=True)
+        if len(simplex) == 3 and radius2 <= scale**2
+    ]
+    return np.array(triangles, dtype=int).reshape(-1, 3)
+
+
+def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
     """Finds the surface on which a ball rolls round the points without falling between them.
 
     The ball comes from far away and goes from one Delaunay tetrahedron to the next through every

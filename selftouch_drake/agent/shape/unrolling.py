@@ -14,6 +14,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from selftouch_drake.geometry.farthest import farthest_points
+
 #: Points that loops are looked for on. Their covers hold two and four times as many.
 _NUM_LANDMARKS = 300
 
@@ -106,12 +108,7 @@ def landmarks(distances: np.ndarray, num_landmarks: int = _NUM_LANDMARKS) -> np.
         distances: `(K, K)`.
         num_landmarks: fewer are returned when there are fewer points.
     """
-    picked = [0]
-    nearest = distances[0].copy()
-    while len(picked) < min(num_landmarks, len(distances)):
-        picked.append(int(nearest.argmax()))
-        nearest = np.minimum(nearest, distances[picked[-1]])
-    return np.array(picked)
+    return farthest_points(lambda point: distances[point], num_landmarks)
 
 
 def torsion(distances: np.ndarray, largest: float = np.inf) -> Torsion:

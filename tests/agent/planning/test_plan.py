@@ -41,7 +41,7 @@ def test_a_plan_to_where_one_is_stays_there(ring, planner):
     assert plan.links.shape == (0,)
     assert plan.waypoint_s.tolist() == [0.0]
     assert np.allclose(plan.path([0.0, 1.0]), ring.kernel_q[0])
-    assert jerk_reduction(plan) == 1.0
+    assert jerk_reduction(plan, np.ones(3)) == 1.0
     assert np.allclose(
         predict_sensation(ring, plan, np.zeros(2)).sensation, ring.target_sensations[0]
     )
@@ -71,7 +71,7 @@ def test_the_literal_route_cuts_across_the_ring(ring):
 
 
 def test_smoothing_reduces_jerk(ring, planner):
-    assert jerk_reduction(planner.plan(ring.kernel_q[0], 0, 4)) > 20.0
+    assert jerk_reduction(planner.plan(ring.kernel_q[0], 0, 4), np.ones(3)) > 20.0
 
 
 def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planner):
@@ -100,15 +100,15 @@ def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planne
         ({"goal": 1.5}, "target 1.5 is not an index: give a whole number"),
         (
             {"q_start": np.zeros(2)},
-            "q_start has shape (2,): this representation needs (3,), one angle a joint",
+            "q_start has shape (2,): this representation needs (3,), one number per joint",
         ),
         (
             {"q_start": np.array([0.0, np.nan, 0.0])},
-            "q_start is [0.0, nan, 0.0]: give finite joint angles in rad",
+            "q_start is [0.0, nan, 0.0]: give finite numbers",
         ),
         (
             {"link_penalty": np.ones(3)},
-            "link_penalty has shape (3,): this representation needs (96,), one factor a link",
+            "link_penalty has shape (3,): this representation needs (96,), one factor per link",
         ),
         (
             {"link_penalty": np.zeros(96)},
@@ -128,7 +128,9 @@ def test_an_unreachable_goal_says_what_to_do(make_ring):
     feel = ring.target_sensations
     half = np.repeat([1.0, 0.0], 12)[:, None]
     apart = dataclasses.replace(
-        ring, target_sensations=np.hstack([half * feel, (1.0 - half) * feel])
+        ring,
+        target_sensations=np.hstack([half * feel, (1.0 - half) * feel]),
+        overlap=np.ones((24, 24), dtype=bool),
     )
     message = (
         "target 15 cannot be reached from target 0: the quotient graph does not connect them; "

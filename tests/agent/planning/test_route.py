@@ -11,9 +11,9 @@ from selftouch_drake.agent.planning.route import (
     firm_members,
     goal_members,
     leap_penalty,
-    near_links,
     shortest_route,
 )
+from selftouch_drake.agent.representation.graphs import step_links
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 
@@ -30,6 +30,10 @@ def laid_by_hand(configurations, edges, targets=None):
         kernel_row=np.arange(num_rows),
         kernel_strength=np.ones(num_rows),
         kernel_error=np.zeros(num_rows),
+        joint_scale=np.ones(1),
+        overlap=np.ones((num_kernels, num_kernels), dtype=bool),
+        part=np.zeros(num_kernels, dtype=int),
+        num_touches=num_rows,
         set_distance=np.zeros((num_kernels, num_kernels)),
         edges=edges,
         edge_cost=np.ones(len(edges)),
@@ -134,7 +138,7 @@ def test_routes_follow_edges_from_start_to_goal(seed, start, goal, make_ring):
 
 def test_links_join_what_feels_alike_and_what_the_graph_joins(make_ring):
     chord = make_ring(20, links=[(0, 9)])
-    links = {tuple(link) for link in near_links(chord).tolist()}
+    links = {tuple(link) for link in step_links(chord).tolist()}
     assert {(0, 9), (0, 1), (0, 2), (0, 19)} <= links
     assert (0, 10) not in links
     assert all(i < j for i, j in links)

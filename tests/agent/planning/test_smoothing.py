@@ -45,13 +45,13 @@ def test_a_straight_line_stays_straight():
     w = np.array([[0.0, 0.0], [1.0, 2.0], [2.0, 4.0]])
     path = smooth_path(w)
     s = np.linspace(0.0, path.t[-1], 100)
-    assert np.allclose(path(s), polyline(w)(s), atol=1e-9)
+    assert np.allclose(path(s), polyline(w, path_length(w))(s), atol=1e-9)
 
 
 def test_the_path_follows_the_polyline_and_rounds_its_corners():
     w = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
     path, s = smooth_path(w), np.linspace(0.0, 2.0, 400)
-    assert np.linalg.norm(path(s) - polyline(w)(s), axis=1).max() < 0.1
+    assert np.linalg.norm(path(s) - polyline(w, path_length(w))(s), axis=1).max() < 0.1
     loose = smooth_path(w, knot_spacing=0.5)
     assert np.abs(loose(s, 3)).max() < 0.2 * np.abs(path(s, 3)).max()
 

@@ -3,7 +3,8 @@ import re
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.planning import NO_KERNEL, Planner
+from selftouch_drake.agent.motions import NO_KERNEL
+from selftouch_drake.agent.planning import Planner
 
 
 @pytest.fixture(scope="module")
@@ -72,7 +73,7 @@ def test_a_tour_without_way_is_refused(ring, planner, targets, message):
 
 
 def test_a_start_outside_the_joint_limits_is_refused(ring):
-    limited = Planner(ring, lower=np.full(3, -1.2), upper=np.full(3, 1.2))
-    message = "q_start[1] is 1.3 rad: give one within the joint's limits, -1.2 to 1.2 rad"
+    limits = np.full(3, -1.2), np.full(3, 1.2)
+    message = "q_start[1] is 1.3: give one within the limits of the joint, -1.2 to 1.2"
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
-        limited.plan(np.array([0.0, 1.3, 0.0]), None, 0)
+        Planner(ring).plan(np.array([0.0, 1.3, 0.0]), None, 0, limits=limits)

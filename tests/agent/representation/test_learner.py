@@ -55,7 +55,7 @@ def test_edge_cost_is_between_firm_configurations(experience, representation):
     def firm(kernel):
         members = representation.members(kernel)
         order = np.argsort(-representation.kernel_strength[members])
-        return representation.kernel_q[members][order[: (len(order) + 1) // 2]]
+        return representation.kernel_x[members][order[: (len(order) + 1) // 2]]
 
     i, j = representation.edges[10]
     apart = np.linalg.norm(firm(i)[:, None] - firm(j)[None], axis=2)
@@ -63,10 +63,13 @@ def test_edge_cost_is_between_firm_configurations(experience, representation):
     assert representation.edge_cost[10] == pytest.approx(expected, rel=1e-4)
 
 
-def test_two_fits_save_the_same_bytes(experience, learner, tmp_path):
-    learner.representation_.save(tmp_path / "a.npz")
-    clone(learner).fit(*experience).representation_.save(tmp_path / "b.npz")
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
+def same_bytes(one, other):
+    here, there = one.to_arrays(), other.to_arrays()
+    return all(here[name].tobytes() == there[name].tobytes() for name in here)
+
+
+def test_two_fits_give_the_same_bytes(experience, learner):
+    assert same_bytes(learner.representation_, clone(learner).fit(*experience).representation_)
 
 
 def test_another_seed_gives_other_kernels(experience, learner):
@@ -124,15 +127,15 @@ def cut(arrays, *cuts):
 
 
 @pytest.mark.parametrize("cuts", [(1, 2, 50), (0, 3000, 3000), tuple(range(7, 6000, 701))])
-def test_batches_of_any_size_save_the_same_bytes(cuts, experience, learner, tmp_path, monkeypatch):
+def test_batches_of_any_size_give_the_same_bytes(cuts, experience, learner, monkeypatch):
     # A short reservoir and short blocks, so that rows are dropped and cut in both readings.
     monkeypatch.setattr("selftouch_drake.agent.representation.learner.MAX_ROWS", 900)
     monkeypatch.setattr("selftouch_drake.agent.representation.learner.BLOCK", 512)
     monkeypatch.setattr("selftouch_drake.agent.representation.kernels._LEAST_WAITING", 1000)
-    for name, batches in (("whole", cut(experience)), ("cut", cut(experience, *cuts))):
-        fitted = clone(learner).fit_batches(batches)
-        fitted.representation_.save(tmp_path / name)
-    assert (tmp_path / "whole").read_bytes() == (tmp_path / "cut").read_bytes()
+    whole, fitted = (
+        clone(learner).fit_batches(batches) for batches in (cut(experience), cut(experience, *cuts))
+    )
+    assert same_bytes(whole.representation_, fitted.representation_)
     assert fitted.representation_.kernel_row.max() > 5000
 
 
@@ -151,13 +154,12 @@ def test_experience_that_changes_between_readings_is_refused(experience):
         (
             "sensation",
             lambda s: s[:, :29],
-            "sensation row 4000 has 29 receptors, rows before 30: give experience of one arm and "
-            "one skin.",
+            "sensation row 4000 has 29 receptors, rows before 30: give experience of one robot.",
         ),
         (
             "q",
             lambda q: q[:, :4],
-            "q row 4000 has 4 joints, rows before 5: give experience of one arm and one skin.",
+            "q row 4000 has 4 joints, rows before 5: give experience of one robot.",
         ),
         (
             "sensation",
@@ -180,21 +182,46 @@ def test_a_batch_that_does_not_belong_is_named(experience, name, change, message
     assert str(error.value).startswith(message)
 
 
-def test_parts_of_the_graph_and_what_joined_them_are_told():
-    # Two bodies, far apart for the arm and for the skin.
+def line_of_skin(along):
+    return np.exp(-np.square(along[:, None] - np.linspace(0, 1, 12)) / 0.01)
+
+
+def test_components_of_one_part_and_what_joined_them_are_told():
+    # One skin that is touched at both ends, from far-off postures, and not between.
     rng = np.random.default_rng(0)
     there = rng.integers(0, 2, 4000)
-    along = rng.uniform(0, 1, 4000)
-    near = np.exp(-np.square(along[:, None] - np.linspace(0, 1, 12)) / 0.01)
-    sensation = np.hstack([near * (there[:, None] == 0), near * (there[:, None] == 1)])
-    q = np.stack([along + 100 * there, rng.uniform(0, 0.1, 4000)], axis=1)
+    along = rng.uniform(0, 0.3, 4000) + 0.7 * there
+    q = np.stack([along + 9 * there, rng.uniform(0, 0.1, 4000)], axis=1)
     with pytest.warns(DisconnectedWarning):
-        learner = QuotientLearner(40, random_state=0).fit(sensation, q)
-    body = learner.target_sensations_[:, :12].any(axis=1)
-    assert len(set(zip(learner.component_, body, strict=True))) == 2
+        learner = QuotientLearner(40, random_state=0).fit(line_of_skin(along), q)
+    end = learner.target_sensations_.argmax(axis=1) > 5
+    assert learner.representation_.part.tolist() == [0] * 40
+    assert len(set(zip(learner.component_, end, strict=True))) == 2
     ((i, j),) = learner.bridges_
-    assert body[i] != body[j]
+    assert end[i] != end[j]
     assert [i, j] in learner.representation_.edges.tolist()
+
+
+def test_two_skins_are_two_parts_that_no_edge_joins():
+    rng = np.random.default_rng(0)
+    there = rng.random(4000) < 0.3
+    along = rng.uniform(0, 1, 4000)
+    near = line_of_skin(along)
+    sensation = np.hstack([near * ~there[:, None], near * there[:, None]])
+    q = np.stack([along + there, rng.uniform(0, 0.1, 4000)], axis=1)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        learner = QuotientLearner(60, random_state=0).fit(sensation, q)
+    representation = learner.representation_
+    skin = representation.target_sensations[:, 12:].any(axis=1)
+    assert len(set(zip(representation.part, skin, strict=True))) == 2
+    sizes = np.bincount(representation.part)
+    assert sizes[0] >= sizes[1]
+    assert representation.num_parts == 2
+    i, j = representation.edges.T
+    assert (skin[i] == skin[j]).all()
+    assert learner.bridges_.shape == (0, 2)
+    assert representation.num_set_aside == 0
 
 
 def test_a_connected_graph_has_no_bridges(learner):

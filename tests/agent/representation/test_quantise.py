@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 
 from selftouch_drake.agent.representation.quantise import (
     assign,
-    farthest_points,
     target_sensations,
     unit,
 )
@@ -21,16 +20,6 @@ def test_assign_by_hand():
 def test_a_light_touch_is_felt_as_a_firm_one():
     firm = np.array([[0.3, 0.4, 0.0]])
     np.testing.assert_allclose(unit(firm * 1e-30), [[0.6, 0.8, 0.0]], atol=1e-6)
-
-
-def test_farthest_points_by_hand():
-    angle = np.radians([0.0, 10.0, 40.0, 90.0])
-    points = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    assert farthest_points(points, 3).tolist() == [0, 3, 2]
-
-
-def test_farthest_points_stop_at_the_distinct_ones():
-    assert len(farthest_points(np.repeat(np.eye(3), 4, axis=0), 10)) == 3
 
 
 @settings(max_examples=20, deadline=None)

@@ -1,6 +1,4 @@
 import dataclasses
-import time
-import zipfile
 
 import numpy as np
 import pytest
@@ -17,137 +15,96 @@ CONTRACT = {
     "edges",
     "edge_cost",
     "embedding",
+    "part",
+    "joint_scale",
 }
 
 
-def test_what_is_saved_is_loaded(representation, tmp_path):
-    representation.save(tmp_path / "representation.npz")
-    found = QuotientRepresentation.load(tmp_path / "representation.npz")
+def test_arrays_and_back_are_the_same(representation):
+    arrays = representation.to_arrays()
+    assert set(arrays) >= CONTRACT
+    found = QuotientRepresentation.from_arrays(arrays | {"stamp": np.array("other")})
     for field in dataclasses.fields(representation):
         here, there = getattr(representation, field.name), getattr(found, field.name)
-        assert here.dtype == there.dtype
+        assert type(here) is type(there)
         np.testing.assert_array_equal(here, there)
 
 
-def test_the_file_holds_the_contract_and_nothing_is_left_aside(representation, tmp_path):
-    representation.save(tmp_path / "representation.npz")
-    with np.load(tmp_path / "representation.npz") as archive:
-        assert set(archive.files) >= CONTRACT
-    assert [path.name for path in tmp_path.iterdir()] == ["representation.npz"]
-
-
-def test_equal_arrays_give_equal_bytes_at_any_time(representation, tmp_path, monkeypatch):
-    representation.save(tmp_path / "a.npz")
-    later = time.time() + 1e6
-    monkeypatch.setattr(time, "time", lambda: later)
-    representation.save(str(tmp_path / "b.npz"))
-    assert (tmp_path / "a.npz").read_bytes() == (tmp_path / "b.npz").read_bytes()
-    with zipfile.ZipFile(tmp_path / "a.npz") as archive:
-        assert {entry.date_time for entry in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
-
-
-def test_a_failed_save_leaves_the_file_of_before(representation, tmp_path, monkeypatch):
-    path = tmp_path / "representation.npz"
-    representation.save(path)
-    before = path.read_bytes()
-
-    def full_disk(file, **arrays):
-        file.write(b"PK")
-        raise OSError("No space left on device")
-
-    monkeypatch.setattr(np, "savez", full_disk)
-    with pytest.raises(OSError, match="No space"):
-        representation.save(path)
-    assert path.read_bytes() == before
-    assert [path.name for path in tmp_path.iterdir()] == ["representation.npz"]
-
-
-@pytest.mark.parametrize("share", [0.0, 0.01, 0.5, 0.99])
-def test_a_truncated_file_is_refused(representation, tmp_path, share):
-    path = tmp_path / "representation.npz"
-    representation.save(path)
-    whole = path.read_bytes()
-    path.write_bytes(whole[: int(share * len(whole))])
-    with pytest.raises(ValueError, match="selftouch learn") as error:
-        QuotientRepresentation.load(path)
-    assert str(error.value).startswith(f"{path} is damaged (")
-    assert str(error.value).endswith("); make it again with `selftouch learn`")
-
-
-def test_a_damaged_byte_is_refused(representation, tmp_path):
-    path = tmp_path / "representation.npz"
-    representation.save(path)
-    damaged = bytearray(path.read_bytes())
-    damaged[len(damaged) // 2] ^= 0xFF
-    path.write_bytes(damaged)
-    with pytest.raises(ValueError, match="selftouch learn"):
-        QuotientRepresentation.load(path)
-
-
-def test_foreign_files_are_refused(tmp_path):
-    np.savez(tmp_path / "other.npz", edges=np.zeros((0, 2)))
-    np.save(tmp_path / "bare.npy", np.zeros(3))
-    (tmp_path / "text.npz").write_text("kernels")
-    for name in ("other.npz", "bare.npy", "text.npz"):
-        with pytest.raises(ValueError, match="selftouch learn"):
-            QuotientRepresentation.load(tmp_path / name)
-
-
-def test_missing_keys_are_named(representation, tmp_path):
-    path = tmp_path / "representation.npz"
-    arrays = {f.name: getattr(representation, f.name) for f in dataclasses.fields(representation)}
+def test_missing_arrays_are_named(representation):
+    arrays = representation.to_arrays()
     del arrays["edges"], arrays["kernel_q"]
-    np.savez(path, **arrays)
-    with pytest.raises(ValueError, match="lacks") as error:
-        QuotientRepresentation.load(path)
-    assert str(error.value) == (
-        f"{path} lacks kernel_q, edges; make it again with `selftouch learn`"
-    )
-
-
-@pytest.mark.parametrize(
-    ("name", "array", "reason"),
-    [
-        ("embedding", np.zeros((5, 3)), "embedding has shape (5, 3), expected (120, 3)"),
-        ("kernel_offsets", np.array(3), "kernel_offsets has shape (), expected (121)"),
-        ("target_sensations", np.array(3), "target_sensations has shape (), expected "),
-        ("edges", np.full((9, 2), "x"), "edges holds <U1"),
-        ("kernel_q", np.full((9, 6), 1j), "kernel_q holds complex128"),
-        ("edges", np.zeros((9, 2)), "edges holds float64"),
-    ],
-)
-def test_arrays_that_are_something_else_are_refused(representation, tmp_path, name, array, reason):
-    arrays = {f.name: getattr(representation, f.name) for f in dataclasses.fields(representation)}
-    np.savez(tmp_path / "other.npz", **(arrays | {name: array}))
-    with pytest.raises(ValueError, match="selftouch learn") as error:
-        QuotientRepresentation.load(tmp_path / "other.npz")
-    assert str(error.value).startswith(
-        f"{tmp_path / 'other.npz'} is no quotient representation: {reason}"
-    )
-
-
-def test_pickles_are_not_run(representation, tmp_path):
-    arrays = {f.name: getattr(representation, f.name) for f in dataclasses.fields(representation)}
-    arrays["edges"] = np.array([{}], dtype=object)
-    np.savez(tmp_path / "evil.npz", **arrays)
-    with pytest.raises(ValueError, match="allow_pickle"):
-        QuotientRepresentation.load(tmp_path / "evil.npz")
-
-
-def test_a_missing_file_is_missing(tmp_path):
-    with pytest.raises(FileNotFoundError):
-        QuotientRepresentation.load(tmp_path / "nowhere.npz")
+    with pytest.raises(ValueError, match=r"^kernel_q, edges is missing\.$"):
+        QuotientRepresentation.from_arrays(arrays)
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"embedding": np.zeros((5, 3))}, "embedding has shape (5, 3), expected (120, 3)."),
-        ({"edges": np.array([[0, 120]]), "edge_cost": np.ones(1)}, "edges must join kernels 0 to"),
-        ({"kernel_offsets": np.zeros(121, int)}, "kernel_offsets must rise from 0 to"),
+        ({"kernel_offsets": np.array(3)}, "kernel_offsets has shape (), expected (121)."),
+        ({"target_sensations": np.array(3)}, "target_sensations has shape (), expected "),
+        ({"edges": np.full((9, 2), "x")}, "edges holds <U1, not whole numbers."),
+        ({"edges": np.zeros((9, 2))}, "edges holds float64, not whole numbers."),
+        ({"kernel_q": np.full((9, 6), 1j)}, "kernel_q holds complex128, not real numbers."),
+        ({"overlap": np.ones((30, 30))}, "overlap holds float64, not truth numbers."),
+        ({"overlap": np.ones((3, 3), bool)}, "overlap has shape (3, 3), expected (30, 30)."),
+        ({"joint_scale": np.ones(4)}, "joint_scale has shape (4,), expected (5)."),
+        ({"num_touches": np.array(-1)}, "num_touches is -1, not a whole number, 0 or more."),
+        ({"num_touches": np.array(1.5)}, "num_touches is 1.5, not a whole number, 0 or more."),
     ],
 )
-def test_shapes_that_disagree_are_refused(representation, change, message):
-    with pytest.raises(ValueError, match=r"shape|must") as error:
+def test_arrays_that_are_something_else_are_refused(representation, change, message):
+    with pytest.raises(ValueError, match=r".") as error:
+        QuotientRepresentation.from_arrays(representation.to_arrays() | change)
+    assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"edges": np.array([[0, 120]]), "edge_cost": np.ones(1)}, "edges must join kernels 0 to"),
+        ({"kernel_offsets": np.zeros(121, int)}, "kernel_offsets must rise from 0 to"),
+        (
+            {"joint_scale": np.array([1.0, 1.0, 0.0, 1.0, 1.0])},
+            "joint_scale is [1.0, 1.0, 0.0, 1.0, 1.0]: give positive factors.",
+        ),
+        ({"part": np.full(120, 1)}, "part must number the parts from 0 on, the largest first."),
+        ({"part": np.arange(120) > 9}, "part holds bool, not whole numbers."),
+        ({"part": np.repeat([0, 1], [20, 100])}, "part must number the parts from 0 on, the lar"),
+    ],
+)
+def test_values_that_disagree_are_refused(representation, change, message):
+    with pytest.raises(ValueError, match=r".") as error:
         dataclasses.replace(representation, **change)
     assert str(error.value).startswith(message)
+
+
+def test_edges_between_parts_are_refused(representation):
+    _, j = representation.edges[0]
+    part = np.zeros(120, dtype=int)
+    part[j] = 1
+    with pytest.raises(ValueError, match="of different parts"):
+        dataclasses.replace(representation, part=part)
+
+
+def test_scaled_configurations_go_back_to_the_same(representation):
+    scaled = dataclasses.replace(representation, joint_scale=np.array([1.0, 5.0, 0.2, 3.0, 0.7]))
+    x = scaled.scaled(scaled.kernel_q)
+    np.testing.assert_allclose(x[:, 1], 5.0 * scaled.kernel_q[:, 1])
+    np.testing.assert_allclose(scaled.unscaled(x), scaled.kernel_q, rtol=1e-12)
+    np.testing.assert_array_equal(scaled.kernel_x, x.astype(np.float32))
+
+
+def test_some_kernels_alone_keep_their_rows_and_edges(representation):
+    kernels = np.array([3, 40, 41, 100])
+    alone = representation.restricted(kernels)
+    assert alone.num_targets == 4
+    for place, kernel in enumerate(kernels):
+        here, there = alone.members(place), representation.members(kernel)
+        np.testing.assert_array_equal(alone.kernel_q[here], representation.kernel_q[there])
+        np.testing.assert_array_equal(alone.kernel_row[here], representation.kernel_row[there])
+    inside = np.isin(representation.edges, kernels).all(axis=1)
+    np.testing.assert_array_equal(kernels[alone.edges], representation.edges[inside])
+    np.testing.assert_array_equal(alone.edge_cost, representation.edge_cost[inside])
+    assert alone.set_distance[1, 2] == representation.set_distance[40, 41]
+    assert representation.restricted(np.arange(120)) is representation

@@ -6,15 +6,13 @@ from bodies import shape_error, sphere
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake import experiment
-from selftouch_drake.agent.representation import QuotientLearner, neighbour_edges
+from selftouch_drake.agent.representation import QuotientLearner, neighbour_edges, surface_edges
 from selftouch_drake.agent.shape import (
     METRICS,
-    embed_representation,
     intrinsic_dimension,
     recover,
     topology,
 )
-from selftouch_drake.agent.shape.metrics import surface_edges
 from selftouch_drake.agent.shape.revolute import revolute_coordinates
 
 
@@ -35,7 +33,7 @@ def true_positions(representation, place):
 
 @pytest.fixture(scope="module")
 def bodies(touched):
-    return {metric: recover(touched[0], metric) for metric in METRICS}
+    return {metric: recover(touched[0], metric, holes=False).parts[0] for metric in METRICS}
 
 
 @pytest.mark.parametrize(
@@ -71,9 +69,9 @@ def test_metrics_are_those_of_the_experiment():
 
 def test_the_same_seed_learns_the_same_on_any_number_of_threads(touched, bodies):
     with threadpool_limits(2, user_api="blas"):
-        again = recover(touched[0], "learned", seed=0)
+        again = recover(touched[0], "learned", seed=0, holes=False)
     np.testing.assert_array_equal(again.distances, bodies["learned"].distances)
-    np.testing.assert_array_equal(again.embedding.positions, bodies["learned"].embedding.positions)
+    np.testing.assert_array_equal(again.positions, bodies["learned"].positions)
 
 
 def test_learned_knows_no_sensation(touched, bodies):
@@ -81,7 +79,9 @@ def test_learned_knows_no_sensation(touched, bodies):
     blind = dataclasses.replace(
         representation, target_sensations=np.ones_like(representation.target_sensations)
     )
-    np.testing.assert_array_equal(recover(blind, "learned").distances, bodies["learned"].distances)
+    np.testing.assert_array_equal(
+        recover(blind, "learned", holes=False).distances, bodies["learned"].distances
+    )
 
 
 def test_sensations_keep_edges_on_the_surface(touched):
@@ -91,10 +91,10 @@ def test_sensations_keep_edges_on_the_surface(touched):
     far = np.argmax(np.linalg.norm(true - true[0], axis=1))
     distance = representation.set_distance.copy()
     distance[0, far] = distance[far, 0] = np.sort(distance[0])[8]
-    astray = dataclasses.replace(representation, set_distance=distance)
     pair = sorted([0, int(far)])
     assert pair in neighbour_edges(distance).tolist()
-    assert pair not in surface_edges(astray).tolist()
+    targets, part = representation.target_sensations, representation.part
+    assert pair not in surface_edges(distance, targets, part).tolist()
 
 
 def test_progress_rises_to_one(touched):
@@ -119,7 +119,7 @@ def test_who_knows_that_joints_turn_finds_the_place():
 
 def test_an_embedded_representation_is_otherwise_the_same(touched, bodies):
     representation, _ = touched
-    found = embed_representation(representation, "motor")
+    found = recover(representation, "motor", holes=False).embed(representation)
     assert np.isnan(representation.embedding).all()
     np.testing.assert_array_equal(found.embedding, bodies["motor"].embedding.positions)
     assert found.edges is representation.edges
@@ -136,10 +136,11 @@ def test_errors(touched):
     with pytest.raises(ValueError, match="one configuration") as error:
         recover(single, "learned")
     assert str(error.value) == (
-        "kernel_q holds one configuration a kernel: the learned metric needs kernels of several; "
-        "babble longer, or ask for fewer targets."
+        "kernel_q holds one configuration per kernel: the learned metric needs kernels of "
+        "several; babble longer, or ask for fewer targets."
     )
-    wide = dataclasses.replace(touched[0], kernel_q=np.zeros((len(touched[0].kernel_q), 8)))
+    kernel_q = np.zeros((len(touched[0].kernel_q), 8))
+    wide = dataclasses.replace(touched[0], kernel_q=kernel_q, joint_scale=np.ones(8))
     with pytest.raises(ValueError, match="8 joints") as error:
         recover(wide, "revolute_reference")
     assert str(error.value) == (

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from bodies import cube, sphere, torus
 
-from selftouch_drake.agent.shape import fitted_surface, topology
+from selftouch_drake.agent.shape import fitted_surface, rolled_surface, topology
 
 
 def euler(faces: np.ndarray) -> int:
@@ -25,7 +25,7 @@ def volume(points: np.ndarray, faces: np.ndarray) -> float:
     ids=["sphere", "cube", "torus"],
 )
 def test_the_surface_is_closed_outward_and_encloses_the_body(points, characteristic, solid):
-    faces = fitted_surface(points, topology(points).scale)
+    faces = fitted_surface(points, topology(points))
     directed = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     # Closed and consistently turned: every directed edge is met once, and once backwards.
     assert len(np.unique(directed, axis=0)) == len(directed)
@@ -37,14 +37,14 @@ def test_the_surface_is_closed_outward_and_encloses_the_body(points, characteris
 
 def test_a_wide_ball_does_not_enter_the_hole_of_a_torus():
     points = torus(300)
-    assert euler(fitted_surface(points, 10.0)) == 2
+    assert euler(rolled_surface(points, 10.0)) == 2
 
 
 def test_a_ball_that_falls_through_everywhere_leaves_nothing():
-    assert fitted_surface(sphere(100), 1e-3).shape == (0, 3)
+    assert rolled_surface(sphere(100), 1e-3).shape == (0, 3)
 
 
 def test_errors():
     with pytest.raises(ValueError, match="scale") as error:
-        fitted_surface(sphere(100), 0.0)
+        rolled_surface(sphere(100), 0.0)
     assert str(error.value) == "scale=0.0: give a positive radius, such as Topology.scale."

@@ -1,0 +1,235 @@
+"""The naive agent as one object: it learns, recovers its body, plans and remembers."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from selftouch_drake.agent.motions import Execution, Motion, Plan
+from selftouch_drake.agent.planning import (
+    KNOT_SPACING,
+    Limits,
+    Planner,
+    Prediction,
+    predict_sensation,
+)
+from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge
+from selftouch_drake.agent.representation import (
+    Batches,
+    QuotientLearner,
+    QuotientRepresentation,
+    felt_kernels,
+    kernel_sensations,
+)
+from selftouch_drake.agent.shape import Body, recover
+
+
+# No slots: the planner is built when it is first asked for, and kept.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Agent:
+    """A naive agent: it knows motor configurations and sensations, and nothing else.
+
+    It is immutable: what changes it returns another agent.
+
+    Attributes:
+        representation: what it made of its experience.
+        memory: what rehearsals have taught it.
+        kernel_sensation: `(R, S)` unit L2 norm, what was felt at each configuration of the
+            representation; predictions are five times nearer with it. None if it was not kept.
+        knot_spacing: rad of path length between knots of smooth paths; larger is smoother.
+    """
+
+    representation: QuotientRepresentation
+    memory: RehearsalMemory
+    kernel_sensation: csr_array | np.ndarray | None = None
+    knot_spacing: float = KNOT_SPACING
+
+    @classmethod
+    def of(
+        cls,
+        representation: QuotientRepresentation,
+        *,
+        memory: RehearsalMemory | None = None,
+        kernel_sensation: csr_array | np.ndarray | None = None,
+        knot_spacing: float = KNOT_SPACING,
+    ) -> Agent:
+        """An agent with a representation learned before; without `memory`, a blank one."""
+        return cls(
+            representation=representation,
+            memory=RehearsalMemory.blank(representation) if memory is None else memory,
+            kernel_sensation=kernel_sensation,
+            knot_spacing=knot_spacing,
+        )
+
+    @classmethod
+    def learn(
+        cls,
+        q: np.ndarray,
+        sensation: np.ndarray,
+        *,
+        num_targets: int = 500,
+        max_kernel_size: int = 1000,
+        seed: int = 0,
+    ) -> Agent:
+        """Learns from experience that is at hand.
+
+        Args:
+            q: `(n, J)` motor configurations, in the robot's units.
+            sensation: `(n, S)` N, what was felt there; no row null.
+            num_targets: K, number of target sensations.
+            max_kernel_size: most motor configurations kept in a kernel set.
+            seed: the same seed and experience give the same bytes.
+
+        Raises:
+            ValueError: the experience cannot be learned from; the text says why.
+        """
+        return cls.learn_batches(
+            lambda: [(sensation, q)],
+            num_targets=num_targets,
+            max_kernel_size=max_kernel_size,
+            seed=seed,
+        )
+
+    @classmethod
+    def learn_batches(cls, batches: Batches, *, seed: int = 0, **parameters: Any) -> Agent:
+        """Learns from experience of any size, in bounded memory.
+
+        Args:
+            batches: called three times, gives the same `(sensation, q)` each time.
+            seed: the same seed and experience give the same bytes, however it is cut.
+            parameters: as of `QuotientLearner`.
+
+        Raises:
+            ValueError: the experience cannot be learned from; the text says why.
+        """
+        learner = QuotientLearner(**{"num_targets": 500} | parameters, random_state=seed)
+        representation = learner.fit_batches(batches).representation_
+        sensations = (sensation for sensation, _ in batches())
+        return cls.of(
+            representation, kernel_sensation=kernel_sensations(representation, sensations)
+        )
+
+    def recover(self, metric: str = "learned", *, seed: int = 0) -> Body:
+        """Recovers the body: shape, holes and dimension of each of its parts."""
+        return recover(self.representation, metric, seed=seed)
+
+    def knowing(self, body: Body) -> Agent:
+        """The same agent, its representation embedded in the recovered `body`."""
+        return self._with(representation=body.embed(self.representation))
+
+    def felt(self, sensation: np.ndarray) -> int | None:
+        """The target sensation nearest to a `(S,)` sensation; None if nothing is felt."""
+        kernels = felt_kernels(self.representation, sensation)
+        return int(kernels[0]) if len(kernels) else None
+
+    def plan(self, start: int, goal: int, *, q_start: np.ndarray | None = None) -> Plan:
+        """Plans from one target sensation to another.
+
+        Args:
+            start: the target sensation that is felt.
+            goal: the target sensation to feel.
+            q_start: `(J,)` where the joints are; by default the configuration of `start` that feels
+                most like it.
+
+        Raises:
+            ValueError: as `Planner.plan_tour`.
+        """
+        return self.tour([start, goal], q_start=q_start)
+
+    def tour(
+        self,
+        targets: Sequence[int | None],
+        *,
+        q_start: np.ndarray | None = None,
+        limits: Limits | None = None,
+    ) -> Plan:
+        """Plans one continuous motion through several target sensations, in order.
+
+        Args:
+            targets: two or more; the first is felt at the start, None if nothing is.
+            q_start: `(J,)` where the joints are; by default the configuration of the first target
+                that feels most like it.
+            limits: of the joints; by default the range of experience.
+
+        Raises:
+            ValueError: as `Planner.plan_tour`.
+        """
+        if q_start is None:
+            q_start = self._typical(targets)
+        return self.planner.plan_tour(
+            q_start, targets, link_penalty=self.memory.link_penalty, limits=limits
+        )
+
+    def plan_from(
+        self, q_start: np.ndarray, felt: np.ndarray, goal: int, *, limits: Limits | None = None
+    ) -> Plan:
+        """Plans from any configuration, whether it touches or not.
+
+        Args:
+            q_start: `(J,)` where the joints are, in the robot's units.
+            felt: `(S,)` N, what is felt there.
+            goal: the target sensation to feel.
+            limits: of the joints; by default the range of experience.
+
+        Raises:
+            ValueError: as `Planner.plan_tour`.
+        """
+        return self.tour([self.felt(felt), goal], q_start=q_start, limits=limits)
+
+    def predict(self, plan: Plan, s: np.ndarray) -> Prediction:
+        """The sensation expected at path lengths `s` `(T,)` of a plan, in rad."""
+        return predict_sensation(self.representation, plan, s, self.kernel_sensation)
+
+    def motion(
+        self, plan: Plan, *, time_s: np.ndarray, s: np.ndarray, q: np.ndarray, v: np.ndarray
+    ) -> Motion:
+        """A plan that someone timed, with what the agent expects to feel; see `Motion`."""
+        expected = self.predict(plan, s)
+        return Motion.of(
+            plan,
+            time_s=time_s,
+            s=s,
+            q=q,
+            v=v,
+            predicted=expected.sensation,
+            predicted_spread=expected.spread,
+        )
+
+    def judge(self, execution: Execution) -> Try:
+        """What the agent itself makes of an executed plan."""
+        return judge(execution, self.representation)
+
+    def remember(self, lost_links: np.ndarray) -> Agent:
+        """The agent after one more try, which lost contact on `lost_links` `(n,)`."""
+        return self._with(memory=self.memory.after(lost_links))
+
+    def recalling(self, memory: RehearsalMemory) -> Agent:
+        """The same agent with another memory of rehearsals."""
+        return self._with(memory=memory)
+
+    @cached_property
+    def planner(self) -> Planner:
+        """The engine of all plans."""
+        return Planner(self.representation, knot_spacing=self.knot_spacing)
+
+    def _with(self, **changes: Any) -> Agent:
+        """Changes nothing that the planner depends on, so that it goes along."""
+        changed = dataclasses.replace(self, **changes)
+        if "planner" in vars(self):
+            vars(changed)["planner"] = self.planner
+        return changed
+
+    def _typical(self, targets: Sequence[int | None]) -> np.ndarray:
+        """`(J,)` the configuration that feels most like the first target."""
+        start = targets[0] if targets else None
+        if start is None:
+            raise ValueError("q_start is missing: say where the joints are if nothing is felt")
+        members = self.representation.members(self.planner.checked_target(start))
+        best = members.start + int(self.representation.kernel_error[members].argmin())
+        return self.representation.kernel_q[best].astype(float)

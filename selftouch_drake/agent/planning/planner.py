@@ -1,0 +1,293 @@
+"""The planner: from the motor configuration the agent is in to the sensation it wants."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Literal, get_args
+
+import numpy as np
+
+from selftouch_drake.agent.motions import NO_KERNEL, Plan
+from selftouch_drake.agent.planning.configurations import (
+    closest_configurations,
+    smoothest_configurations,
+)
+from selftouch_drake.agent.planning.route import (
+    RouteGraph,
+    carried_route,
+    goal_members,
+    leap_penalty,
+    shortest_route,
+)
+from selftouch_drake.agent.planning.smoothing import (
+    KNOT_SPACING,
+    path_length,
+    polyline,
+    smooth_path,
+)
+from selftouch_drake.agent.representation.graphs import step_links
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+
+RouteMethod = Literal["carried", "literal"]
+
+# Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline has no
+# limit as samples get denser, so that the figure means something only for a stated spacing.
+_JERK_SPACING = 0.02
+
+
+#: Lowest and highest motor configuration, `(J,)` each.
+Limits = tuple[np.ndarray, np.ndarray]
+
+
+class Planner:
+    """Plans over one quotient representation; built once, asked often.
+
+    Args:
+        representation: what the agent has learnt.
+        route: `carried` for Dijkstra on the quotient graph that carries a firm configuration
+            along, then the smoothest configurations; `literal` for the paper's shortest path on
+            the complete graph of `set_distance`, then the closest configurations.
+        knot_spacing: rad of path length between knots of the smooth path; larger is smoother.
+
+    Raises:
+        ValueError: if `route` is no such method or `knot_spacing` is not positive.
+    """
+
+    def __init__(
+        self,
+        representation: QuotientRepresentation,
+        *,
+        route: RouteMethod = "carried",
+        knot_spacing: float = KNOT_SPACING,
+    ) -> None:
+        if route not in get_args(RouteMethod):
+            raise ValueError(
+                f"route is {route!r}: choose one of {', '.join(get_args(RouteMethod))}"
+            )
+        if not knot_spacing > 0.0:
+            raise ValueError(f"knot_spacing is {knot_spacing} rad: choose a positive spacing")
+        self.representation = representation
+        self.route = route
+        self.knot_spacing = knot_spacing
+        self.links = step_links(representation)
+        self._graph = RouteGraph.of(representation, self.links)
+        self._leap_penalty = leap_penalty(representation, self.links)
+        self._kernel_x = representation.kernel_x
+        self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
+        self._link_row = {(int(i), int(j)): row for row, (i, j) in enumerate(self.links)}
+
+    def plan(
+        self,
+        q_start: np.ndarray,
+        start: int | None,
+        goal: int,
+        *,
+        link_penalty: np.ndarray | None = None,
+        limits: Limits | None = None,
+    ) -> Plan:
+        """Plans from a motor configuration to one target sensation; see `plan_tour`."""
+        return self.plan_tour(q_start, [start, goal], link_penalty=link_penalty, limits=limits)
+
+    def plan_tour(
+        self,
+        q_start: np.ndarray,
+        targets: Sequence[int | None],
+        *,
+        link_penalty: np.ndarray | None = None,
+        limits: Limits | None = None,
+    ) -> Plan:
+        """Plans one continuous motion through a list of target sensations.
+
+        Between parts of the body, and from a configuration in which nothing is felt, the agent goes
+        through the air: straight to the nearest firm touch it knows on the next goal's part, and
+        along links from there.
+
+        Args:
+            q_start: `(J,)` where the joints are, in the robot's units.
+            targets: the target sensation felt there, or None if nothing is, then one or more to
+                feel, in order. A goal that is felt already is a plan to stay.
+            link_penalty: `(L,)` factors on the cost of the links, above 1 where contact was lost
+                before; a literal route has no links and ignores it.
+            limits: no path leaves them, nor may it start outside. By default no path leaves the
+                range of experience, unless it starts outside.
+
+        Raises:
+            ValueError: if a target is out of range, there is none to feel, `q_start` or
+                `link_penalty` does not fit the representation, or no links join two targets of
+                one part.
+        """
+        q_start = self.checked_configuration(q_start, limits)
+        if len(targets) < 2:
+            raise ValueError(
+                f"targets is {list(targets)}: give the sensation felt now, or None, and one to feel"
+            )
+        here = None if targets[0] is None else self.checked_target(targets[0])
+        goals = [self.checked_target(goal) for goal in targets[1:]]
+        penalty = self._leap_penalty * self._checked_penalty(link_penalty)
+        nodes = [NO_KERNEL if here is None else here]
+        layers = [self.representation.scaled(q_start)[None]]
+        in_air: list[bool] = []
+        for goal in goals:
+            # The configuration that the legs before would end in decides where this one goes.
+            x = smoothest_configurations(layers)[-1]
+            if here is None or self._lifts_off(here, goal):
+                here, x = self._nearest_touch(x, goal)
+                nodes.append(here)
+                layers.append(x[None])
+                in_air.append(True)
+            after, candidates = self._leg(x, here, goal, penalty)
+            nodes += after
+            layers += candidates
+            in_air += [False] * len(after)
+            here = goal
+        chosen = closest_configurations if self.route == "literal" else smoothest_configurations
+        return self._through(q_start, nodes, in_air, chosen(layers), limits)
+
+    def _through(
+        self,
+        q_start: np.ndarray,
+        nodes: list[int],
+        in_air: list[bool],
+        waypoints_x: np.ndarray,
+        limits: Limits | None,
+    ) -> Plan:
+        """The plan through `(W, J)` scaled configurations of `nodes`."""
+        representation = self.representation
+        lower, upper = (representation.scaled(limit) for limit in limits or self._range)
+        path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, lower=lower, upper=upper)
+        path.c = representation.unscaled(path.c)
+        waypoints_q = representation.unscaled(waypoints_x)
+        waypoints_q[0] = path.c[0] = q_start
+        return Plan(
+            nodes=np.array(nodes),
+            links=np.array(
+                [self._link_row.get((min(a, b), max(a, b)), -1) for a, b in pairwise(nodes)],
+                dtype=np.int64,
+            ),
+            in_air=np.array(in_air, dtype=bool),
+            waypoints_q=waypoints_q,
+            waypoint_s=path_length(waypoints_x),
+            path=path,
+        )
+
+    def _lifts_off(self, here: int, goal: int) -> bool:
+        """Whether the way leads to another part; the literal route knows no parts."""
+        part = self.representation.part
+        return self.route != "literal" and bool(part[here] != part[goal])
+
+    def _leg(
+        self, x: np.ndarray, start: int, goal: int, penalty: np.ndarray
+    ) -> tuple[list[int], list[np.ndarray]]:
+        """The kernels after `start` on the way to `goal`, and the scaled candidates in each."""
+        representation = self.representation
+        goal_x = self._kernel_x[goal_members(representation, goal)]
+        if self.route == "literal":
+            nodes = shortest_route(representation.set_distance, start, goal)
+        else:
+            nodes = carried_route(self._graph, x, start, goal, goal_x, penalty=penalty)
+        if nodes is None:
+            raise ValueError(
+                f"target {goal} cannot be reached from target {start}: the quotient graph does not "
+                "connect them; babble longer, or learn with a larger num_neighbours"
+            )
+        after = nodes[1:].tolist()
+        if self.route == "literal":
+            return after, [self._kernel_x[representation.members(k)] for k in after]
+        firm = [self._graph.firm_configurations(k) for k in after[:-1]]
+        return after, firm + [goal_x] * bool(after)
+
+    def _nearest_touch(self, x: np.ndarray, goal: int) -> tuple[int, np.ndarray]:
+        """The firm scaled configuration nearest to `x` on the goal's part, and its kernel."""
+        graph, part = self._graph, self.representation.part
+        squared = np.square(graph.firm_x - x[:, None]).sum(axis=0)
+        of_firm = np.repeat(part, np.diff(graph.firm_offsets))
+        column = int(np.where(of_firm == part[goal], squared, np.inf).argmin())
+        kernel = int(np.searchsorted(graph.firm_offsets, column, side="right")) - 1
+        return kernel, graph.firm_x[:, column].astype(float)
+
+    def checked_target(self, target: int | None) -> int:
+        """The same as an int.
+
+        Raises:
+            ValueError: there is no such target sensation.
+        """
+        num_targets = self.representation.num_targets
+        try:
+            index = operator.index(target)  # type: ignore[arg-type]
+        except TypeError:
+            raise ValueError(f"target {target!r} is not an index: give a whole number") from None
+        if not 0 <= index < num_targets:
+            raise ValueError(
+                f"target {target} is out of range: "
+                f"this representation has targets 0 to {num_targets - 1}"
+            )
+        return index
+
+    def checked_configuration(
+        self, q_start: np.ndarray, limits: Limits | None = None
+    ) -> np.ndarray:
+        """The same as floats, if a plan may start there.
+
+        Raises:
+            ValueError: it has not one finite number per joint, or is outside the limits.
+        """
+        q_start = np.asarray(q_start, dtype=float)
+        num_joints = self.representation.kernel_q.shape[1]
+        if q_start.shape != (num_joints,):
+            raise ValueError(
+                f"q_start has shape {q_start.shape}: "
+                f"this representation needs ({num_joints},), one number per joint"
+            )
+        if not np.all(np.isfinite(q_start)):
+            raise ValueError(f"q_start is {q_start.tolist()}: give finite numbers")
+        if limits is not None:
+            lower, upper = limits
+            # Stored configurations are float32.
+            outside = np.flatnonzero((q_start < lower - 1e-6) | (q_start > upper + 1e-6))
+            if outside.size:
+                joint = outside[0]
+                raise ValueError(
+                    f"q_start[{joint}] is {q_start[joint]:g}: give one within the limits of the "
+                    f"joint, {lower[joint]:g} to {upper[joint]:g}"
+                )
+        return q_start
+
+    def _checked_penalty(self, link_penalty: np.ndarray | None) -> np.ndarray:
+        num_links = len(self.links)
+        if link_penalty is None:
+            return np.ones(num_links)
+        link_penalty = np.asarray(link_penalty, dtype=float)
+        if link_penalty.shape != (num_links,):
+            raise ValueError(
+                f"link_penalty has shape {link_penalty.shape}: "
+                f"this representation needs ({num_links},), one factor per link"
+            )
+        if not np.all(np.isfinite(link_penalty) & (link_penalty > 0.0)):
+            raise ValueError(
+                "link_penalty holds a factor that is not finite and positive: use 1 "
+                "for links without penalty"
+            )
+        return link_penalty
+
+
+def jerk_reduction(plan: Plan, joint_scale: np.ndarray) -> float:
+    """How many times smaller the jerk of the smooth path is than that of its polyline.
+
+    Both are sampled every 0.02 rad of path length; jerk is the root mean square of third
+    differences of scaled configurations. 1 if the polyline has no corner.
+
+    Args:
+        plan: the plan.
+        joint_scale: `(J,)` of the representation that the plan was made with.
+    """
+    if len(np.unique(plan.waypoint_s)) < 3:
+        return 1.0
+    length = plan.waypoint_s[-1]
+    s = np.linspace(0.0, length, max(5, int(length / _JERK_SPACING)))
+    rough, smooth = (
+        np.sqrt(np.mean(np.square(np.diff(path(s) * joint_scale, 3, axis=0))))
+        for path in (polyline(plan.waypoints_q, plan.waypoint_s), plan.path)
+    )
+    return float(rough / smooth)

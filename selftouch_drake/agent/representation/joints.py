@@ -1,0 +1,61 @@
+"""What makes joints comparable: how much each of them changes what is felt (naive).
+
+Motor configurations come in the robot's units, some in radians, others in metres, and the agent
+does not know which. Distances in motor space need one unit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import nnls
+
+from selftouch_drake.agent.representation.quantise import unit
+from selftouch_drake.agent.representation.set_distances import linked_nearest
+
+#: Root mean square over joints of the standard deviation of scaled configurations: that of the
+#: paper's arm in radians, so that lengths in "rad" mean what they mean for an arm.
+_SPREAD = 1.6
+
+#: Least influence of a joint, as a share of the largest (both squared): a joint that changes
+#: nothing that is felt still takes time to move.
+_LEAST_INFLUENCE = 0.02
+
+
+def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
+    """Finds the factor for each joint with which equal steps change a sensation equally.
+
+    Near configurations are paired, and the squared change of the sensation is fitted by a sum over
+    joints of the squared change of the joint. A change of unit of a joint changes its factor the
+    other way, and nothing else.
+
+    Args:
+        q: `(n, J)` motor configurations, a sample of the experience.
+        sensation: `(n, S)` N, what was felt there; no row null.
+
+    Returns:
+        `(J,)` positive; 1 for a joint that did not move.
+    """
+    deviation = q.std(axis=0, dtype=float)
+    moved = deviation > 0
+    scale = np.ones(q.shape[1])
+    if len(q) < 4 or not moved.any():
+        return scale
+    z = ((q - q.mean(axis=0, dtype=float))[:, moved] / deviation[moved]).astype(np.float32)
+    first, second = _near_pairs(z)
+    felt = unit(sensation)
+    change = np.square(felt[first] - felt[second]).sum(axis=1, dtype=float)
+    step = np.square(z[first] - z[second], dtype=float)
+    influence, _ = nnls(step, change)
+    if not influence.any():
+        influence = np.ones(len(influence))
+    influence = np.sqrt(np.maximum(influence, _LEAST_INFLUENCE * influence.max()))
+    scale[moved] = influence / deviation[moved] * _SPREAD / np.sqrt(np.mean(influence**2))
+    return scale
+
+
+def _near_pairs(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Each row of one half with the nearest of the other half, there and back."""
+    half = len(z) // 2
+    order = np.concatenate([np.arange(0, 2 * half, 2), np.arange(1, 2 * half, 2)])
+    nearest = linked_nearest(z[order], np.array([0, half, 2 * half]), np.array([[0, 1], [1, 0]]))
+    return order, order[nearest.row]

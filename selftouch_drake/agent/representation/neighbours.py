@@ -1,0 +1,176 @@
+"""Near neighbours, and shortest paths over them: what graphs over kernels are made of.
+
+The paper's graph is complete (section III). A complete graph takes chords through free space, so
+that the graphs used here are pruned to near neighbours. Both are a list of edges to the functions
+below.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
+
+#: Mutual nearest: two rings of a triangulated surface hold 18 kernels, one ring 6.
+NUM_MUTUAL = 12
+
+#: Nearest that are neighbours in any case: nearly one ring.
+NUM_KEPT = 5
+
+
+class DisconnectedWarning(UserWarning):
+    """A pruned graph fell apart, and was joined by its shortest bridges."""
+
+
+def complete_edges(num_kernels: int) -> np.ndarray:
+    """`(K (K - 1) / 2, 2)` every pair of kernels, i < j, sorted."""
+    return np.stack(np.triu_indices(num_kernels, 1), axis=1)
+
+
+def neighbour_edges(
+    distance: np.ndarray, num_mutual: int = NUM_MUTUAL, num_kept: int = NUM_KEPT
+) -> np.ndarray:
+    """Prunes the complete graph to near neighbours.
+
+    Two kernels are neighbours if each is among the `num_mutual` nearest of the other, which leaves
+    out the many pairs that only one side calls near; or if one is among the `num_kept` nearest of
+    the other, so that no kernel dangles.
+
+    Args:
+        distance: `(K, K)` symmetric; pairs at infinite distance are no neighbours.
+        num_mutual: 0 keeps the union of nearest only.
+        num_kept: 0 keeps the mutual nearest only.
+
+    Returns:
+        `(E, 2)` pairs i < j, sorted.
+    """
+    distance = np.array(distance, dtype=float)
+    np.fill_diagonal(distance, np.inf)
+    rank = np.argsort(np.argsort(distance, axis=1, kind="stable"), axis=1)
+    np.fill_diagonal(rank, len(distance))
+    near = np.maximum(rank, rank.T) < num_mutual
+    kept = np.minimum(rank, rank.T) < num_kept
+    return np.argwhere(np.triu((near | kept) & np.isfinite(distance), 1))
+
+
+def component_labels(edges: np.ndarray, num_kernels: int) -> np.ndarray:
+    """`(K,)` the component each kernel is in, the largest component being 0."""
+    _, label = connected_components(_sparse(edges, np.ones(len(edges)), num_kernels), False)
+    by_size = np.argsort(-np.bincount(label), kind="stable")
+    return np.argsort(by_size)[label]
+
+
+def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Adds the fewest and shortest bridges that make a graph connected.
+
+    Args:
+        edges: `(E, 2)` pairs i < j.
+        distance: `(K, K)` length of a bridge between two kernels; infinite where there may be
+            none, as between parts of the body.
+
+    Returns:
+        `(E + bridges, 2)` pairs i < j, sorted.
+
+    Warns:
+        DisconnectedWarning: bridges were added; the text gives sizes and members of the
+            components, and the bridges.
+    """
+    label = component_labels(edges, len(distance))
+    num_components = int(label.max()) + 1
+    if num_components == 1:
+        return edges
+    bridge = np.array(
+        [
+            [_closest_pair(distance, label == a, label == b) for b in range(num_components)]
+            for a in range(num_components)
+        ]
+    )
+    # A length of zero would be no edge to csgraph; a constant added to all leaves the tree as is.
+    length = 1.0 + distance[bridge[..., 0], bridge[..., 1]]
+    length[~np.isfinite(length)] = 0.0
+    tree = minimum_spanning_tree(np.triu(length, 1)).tocoo()
+    if not tree.nnz:
+        return edges
+    bridges = np.sort(bridge[tree.row, tree.col], axis=1)
+    warnings.warn(
+        f"the quotient graph fell into {num_components} parts ({_describe(label)}) and was joined "
+        f"by {'a bridge' if len(bridges) == 1 else f'{len(bridges)} bridges'} ({_pairs(bridges)}): "
+        "babble longer, or use more neighbours.",
+        DisconnectedWarning,
+        stacklevel=2,
+    )
+    return np.unique(np.concatenate([edges, bridges]), axis=0)
+
+
+def geodesics(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> np.ndarray:
+    """Lengths of the shortest paths between all pairs of kernels.
+
+    Args:
+        edges: `(E, 2)` pairs of kernels.
+        length: `(E,)` positive.
+        num_kernels: K.
+
+    Returns:
+        `(K, K)` symmetric; infinite between kernels that no path joins.
+    """
+    return dijkstra(_sparse(edges, length, num_kernels), directed=False)
+
+
+def quotient_pseudo_metric(minimum_distance: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """The quotient pseudo-metric: chains of jumps that move freely inside each kernel set.
+
+    Args:
+        minimum_distance: `(K, K)` rad, distance between the nearest configurations of two kernels.
+        edges: `(E, 2)` the jumps that are allowed; `complete_edges` for the literal definition.
+
+    Returns:
+        `(K, K)` rad, least sum of jumps.
+    """
+    return geodesics(edges, minimum_distance[edges[:, 0], edges[:, 1]], len(minimum_distance))
+
+
+def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Edge lengths in units of the spacing around their ends, `d / sqrt(s_i s_j)`.
+
+    The spacing `s_i` is the mean length of the edges at kernel i. Cells are evenly spaced in
+    sensation, so that neighbours should lie equally far apart wherever the arm is more or less
+    redundant.
+
+    Args:
+        length: `(E,)` positive.
+        edges: `(E, 2)` pairs of kernels.
+
+    Returns:
+        `(E,)` lengths, about 1.
+    """
+    i, j = edges.T
+    total = np.bincount(edges.ravel(), np.repeat(length, 2))
+    spacing = total / np.maximum(np.bincount(edges.ravel()), 1)
+    return length / np.sqrt(spacing[i] * spacing[j])
+
+
+def _sparse(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> csr_array:
+    # To csgraph a stored zero is an edge of length zero, and an absent entry no edge.
+    i, j = np.asarray(edges).reshape(-1, 2).T
+    return csr_array((np.asarray(length, dtype=float), (i, j)), shape=(num_kernels, num_kernels))
+
+
+def _closest_pair(distance: np.ndarray, inside_a: np.ndarray, inside_b: np.ndarray) -> list[int]:
+    a, b = np.flatnonzero(inside_a), np.flatnonzero(inside_b)
+    i, j = np.unravel_index(distance[np.ix_(a, b)].argmin(), (len(a), len(b)))
+    return [int(a[i]), int(b[j])]
+
+
+def _pairs(edges: np.ndarray) -> str:
+    return ", ".join(f"{i}-{j}" for i, j in edges[:5]) + (", ..." if len(edges) > 5 else "")
+
+
+def _describe(label: np.ndarray) -> str:
+    """Sizes and first members of the components, at most five of them."""
+    parts = []
+    for component, size in enumerate(np.bincount(label)[:5]):
+        first = int(np.flatnonzero(label == component)[0])
+        parts.append(f"{size} with kernel {first}")
+    return ", ".join(parts) + (", ..." if label.max() >= 5 else "")

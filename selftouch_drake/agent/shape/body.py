@@ -1,0 +1,193 @@
+"""The recovered body: shape, holes and dimension of each of its parts."""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from selftouch_drake.agent.representation.neighbours import geodesics
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.shape.dimension import LEAST_KERNELS, intrinsic_dimension
+from selftouch_drake.agent.shape.embedding import Embedding, warn_of_misfit
+from selftouch_drake.agent.shape.homology import Topology, flat, topology
+from selftouch_drake.agent.shape.metrics import METRICS, share_unlike
+
+#: A metric is not trusted if more of its steps than this join kernels that feel nothing in common.
+_MOST_UNLIKE = 0.05
+
+
+class DistrustWarning(UserWarning):
+    """A metric was not trusted on a part of the body, and another took its place."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecoveredPart:
+    """One part of the body by one metric: n kernels.
+
+    Attributes:
+        metric: the name of the metric that it was recovered by.
+        kernels: `(n,)` the kernels on it, rising.
+        distances: `(n, n)` along the part, in the metric's unit.
+        embedding: the kernels laid out in space, in a pose and unit of this part.
+        pieces: `(P, 3)` where the pieces of those kernels lie that were cut in pieces.
+        topology: its holes; None if they were not asked for, or all places lie in a plane.
+        dimension: its intrinsic dimension; None if it was not asked for, or has fewer than 50
+            kernels.
+    """
+
+    metric: str
+    kernels: np.ndarray
+    distances: np.ndarray
+    embedding: Embedding
+    pieces: np.ndarray
+    topology: Topology | None
+    dimension: float | None
+
+    @property
+    def positions(self) -> np.ndarray:
+        """`(n, 3)` the kernels laid out in space."""
+        return self.embedding.positions
+
+    @property
+    def places(self) -> np.ndarray:
+        """`(n + P, 3)` the kernels and then the pieces: the part, sampled without gaps."""
+        return np.concatenate([self.embedding.positions, self.pieces])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Body:
+    """The body by one metric: K kernels.
+
+    Attributes:
+        metric: its name in `METRICS`; on a part where it cannot be trusted, another took its place.
+        parts: the parts of the body, the largest first, fragments left out.
+        num_kernels: K.
+    """
+
+    metric: str
+    parts: tuple[RecoveredPart, ...]
+    num_kernels: int
+
+    @property
+    def positions(self) -> np.ndarray:
+        """`(K, 3)` each kernel in the pose and unit of its own part; NaN in fragments."""
+        positions = np.full((self.num_kernels, 3), np.nan)
+        for part in self.parts:
+            positions[part.kernels] = part.positions
+        return positions
+
+    @property
+    def distances(self) -> np.ndarray:
+        """`(K, K)` along the body; infinite between parts, and in fragments."""
+        distances = np.full((self.num_kernels,) * 2, np.inf)
+        np.fill_diagonal(distances, 0.0)
+        for part in self.parts:
+            distances[np.ix_(part.kernels, part.kernels)] = part.distances
+        return distances
+
+    def embed(self, representation: QuotientRepresentation) -> QuotientRepresentation:
+        """The representation that the body was recovered from, its `embedding` filled."""
+        return dataclasses.replace(representation, embedding=self.positions)
+
+    def warn_of_misfit(self) -> None:
+        """Warns of every part whose layout in space leaves much out.
+
+        Warns:
+            MisfitWarning: as `embedding.warn_of_misfit`.
+        """
+        for part in self.parts:
+            warn_of_misfit(part.embedding)
+
+
+def recover(
+    representation: QuotientRepresentation,
+    metric: str,
+    *,
+    seed: int = 0,
+    holes: bool = True,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> Body:
+    """Recovers each part of the body by a metric chosen by name.
+
+    Args:
+        representation: K kernels, 4 or more.
+        metric: a name in `METRICS`.
+        seed: of metrics that learn; the same seed gives the same bytes.
+        holes: look for holes and dimension too.
+        progress: called with the fraction done.
+
+    Raises:
+        ValueError: the metric is unknown, or the representation is too small for it.
+
+    Warns:
+        DistrustWarning: the metric is not to be trusted on a part.
+    """
+    if metric not in METRICS:
+        raise ValueError(f"metric {metric!r} is unknown: choose one of {', '.join(METRICS)}.")
+    num_parts = representation.num_parts
+    parts = []
+    for number in range(num_parts):
+
+        def of_part(fraction: float, number: int = number) -> None:
+            progress((number + fraction) / num_parts)
+
+        kernels = np.flatnonzero(representation.part == number)
+        found = _recovered(representation.restricted(kernels), kernels, metric, seed, of_part)
+        parts.append(_with_holes(found) if holes else found)
+        of_part(1.0)
+    return Body(metric=metric, parts=tuple(parts), num_kernels=representation.num_targets)
+
+
+def _recovered(
+    representation: QuotientRepresentation,
+    kernels: np.ndarray,
+    metric: str,
+    seed: int,
+    progress: Callable[[float], None],
+) -> RecoveredPart:
+    """A part, of the representation of its `kernels` alone."""
+    graph = METRICS[metric].graph(representation, seed, lambda fraction: progress(0.9 * fraction))
+    instead = METRICS[metric].instead
+    if instead is not None and (share := share_unlike(representation, graph)) > _MOST_UNLIKE:
+        warnings.warn(
+            f"the {metric} metric is not to be trusted on a part of {len(kernels)} kernels: "
+            f"{share:.0%} of its neighbours feel nothing in common; its shape is measured by the "
+            f"{instead} metric",
+            DistrustWarning,
+            stacklevel=3,
+        )
+        return _recovered(representation, kernels, instead, seed, progress)
+    num_kernels = len(kernels)
+    kernel = np.arange(num_kernels) if graph.kernel is None else graph.kernel
+    distances = geodesics(graph.edges, graph.length, len(kernel))
+    layout = METRICS[metric].layout(graph, distances)
+    # A kernel lies amid its pieces, and as far from others as they do on average.
+    number = np.bincount(kernel, minlength=num_kernels)
+    mean = csr_array(
+        (1.0 / number[kernel], (kernel, np.arange(len(kernel)))), shape=(num_kernels, len(kernel))
+    )
+    between = mean @ (mean @ distances).T
+    np.fill_diagonal(between, 0.0)
+    return RecoveredPart(
+        metric=metric,
+        kernels=kernels,
+        distances=between,
+        embedding=dataclasses.replace(layout, positions=mean @ layout.positions),
+        pieces=layout.positions[number[kernel] > 1],
+        topology=None,
+        dimension=None,
+    )
+
+
+def _with_holes(part: RecoveredPart) -> RecoveredPart:
+    enough = len(part.kernels) >= LEAST_KERNELS
+    return dataclasses.replace(
+        part,
+        topology=None if flat(part.places) else topology(part.places),
+        dimension=intrinsic_dimension(part.distances) if enough else None,
+    )

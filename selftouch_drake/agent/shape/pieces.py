@@ -1,0 +1,66 @@
+"""Wide cells cut in pieces, so that the body is sampled evenly.
+
+All targets are equally far apart in what is felt. Where receptors are missing, wide stretches of
+skin feel alike and are one kernel: a gap between the points of a layout, and a false loop round it.
+But a quotient map is smooth, and tells the motor configurations of such a kernel apart.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import csr_array
+from sklearn.cluster import KMeans
+
+from selftouch_drake.agent.representation.neighbours import neighbour_edges
+from selftouch_drake.agent.shape.cells import Cells
+
+#: Configurations that a piece has at least, on average: fewer do not tell how wide it is.
+_LEAST_SIZE = 20
+
+
+def cut_wide_cells(
+    coordinates: np.ndarray, offsets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cuts each cell that is twice as large as those around, or more, in pieces of their size.
+
+    The pieces are those of k-means in the cell's own tangent plane.
+
+    Args:
+        coordinates: `(R, D)` of a quotient map, grouped by kernel.
+        offsets: `(K + 1,)` of the kernels.
+
+    Returns:
+        `(R, D)` the same rows grouped by piece, `(P + 1,)` offsets of the pieces, and `(P,)` the
+        kernel that each is of, rising.
+    """
+    cells = Cells.of(coordinates, offsets)
+    sizes = np.diff(offsets)
+    number = np.minimum(_times_larger(cells).astype(int), sizes // _LEAST_SIZE)
+    piece = np.zeros(len(coordinates), dtype=int)
+    for kernel in np.flatnonzero(number > 1):
+        rows = slice(offsets[kernel], offsets[kernel + 1])
+        along = (coordinates[rows] - cells.mean[kernel]) @ cells.tangent[kernel]
+        piece[rows] = KMeans(number[kernel], n_init=4, random_state=0).fit_predict(along)
+    owner = np.repeat(np.arange(len(sizes)), sizes)
+    order = np.lexsort((piece, owner))
+    first = np.flatnonzero(np.diff(owner, prepend=-1) | np.diff(piece[order], prepend=-1))
+    return coordinates[order], np.append(first, len(coordinates)), owner[first]
+
+
+def _times_larger(cells: Cells) -> np.ndarray:
+    """`(K,)` area of each cell over the median of its neighbours, their neighbours, and itself."""
+    num_cells = len(cells.area)
+    i, j = neighbour_edges(cells.distances()).T
+    here = np.arange(num_cells)
+    step = csr_array(
+        (np.ones(2 * len(i) + num_cells), (np.r_[i, j, here], np.r_[j, i, here])),
+        shape=(num_cells, num_cells),
+    )
+    rings = (step @ step).tocsr()
+    typical = [
+        np.median(cells.area[rings.indices[start:stop]])
+        for start, stop in pairwise(rings.indptr.tolist())
+    ]
+    return cells.area / np.array(typical)

@@ -1,0 +1,72 @@
+"""Where motor kernel sets truly touch. The experimenter's side: reads the truth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.experience import Contacts
+
+#: Share of touches at one place from which on the quotient space is the surface of the skin. With
+#: two fingers on one hand it is the space of their poses: 71 % of the touches of two fingers 6 cm
+#: apart, and 92 % of two that are 34 cm apart, are at one place.
+LEAST_SINGLE = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class KernelTruth:
+    """Where the K kernels of a representation truly are.
+
+    Attributes:
+        skin: `(K,)` number of the skin that most of a kernel's contacts are on.
+        positions: `(K, 3)` m, the median of its contacts on that skin, in the frame of its link.
+        spread: `(K,)` m, root mean square distance of these contacts from their mean.
+        share_single: of all configurations of the kernels, those with one contact alone.
+    """
+
+    skin: np.ndarray
+    positions: np.ndarray
+    spread: np.ndarray
+    share_single: float
+
+    @property
+    def is_surface(self) -> bool:
+        """Whether a kernel is a place on a skin, so that a shape can be compared with it."""
+        return self.share_single >= LEAST_SINGLE
+
+
+def kernel_truth(representation: QuotientRepresentation, contacts: Contacts) -> KernelTruth:
+    """Where each motor kernel set truly touches.
+
+    Args:
+        representation: K kernels of R configurations in all.
+        contacts: those of each row of `kernel_q`, R in all, as `ExperienceReader.take_contacts`
+            gives them for `kernel_row`.
+
+    Raises:
+        ValueError: there are contacts of another number of rows, or a kernel has none at all.
+    """
+    if contacts.num_rows != len(representation.kernel_row):
+        raise ValueError(
+            f"contacts has {contacts.num_rows} rows, the kernels "
+            f"{len(representation.kernel_row)}; give one for each of kernel_row"
+        )
+    skin, positions, spread = [], [], []
+    for kernel in range(representation.num_targets):
+        rows = representation.members(kernel)
+        here = slice(*contacts.offsets[[rows.start, rows.stop]])
+        if here.start == here.stop:
+            raise ValueError(f"kernel {kernel} has no contact; the truth is of another experience")
+        pressed = int(np.bincount(contacts.skin[here]).argmax())
+        p_LC = contacts.p_LC[here][contacts.skin[here] == pressed].astype(float)
+        skin.append(pressed)
+        positions.append(np.median(p_LC, axis=0))
+        spread.append(np.sqrt(p_LC.var(axis=0).sum()))
+    return KernelTruth(
+        skin=np.array(skin),
+        positions=np.array(positions),
+        spread=np.array(spread),
+        share_single=float(np.mean(np.diff(contacts.offsets) == 1)),
+    )

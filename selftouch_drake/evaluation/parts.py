@@ -1,0 +1,222 @@
+"""The true parts of what can be touched of a robot's skins, and their holes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
+from selftouch_drake.evaluation.kernels import KernelTruth
+from selftouch_drake.experience import Contacts
+from selftouch_drake.geometry import ReceptiveFields, betti_of_patch, submesh, touched_patch
+
+#: Two patches on different skins are one part if there is a place on one of them, as large as a
+#: kernel, where at least this share of the touches press the other at the same time. Where a
+#: fingertip is caught between two skins that move against each other, it is a few in a hundred
+#: touches, and nowhere many.
+_LEAST_SHARED = 0.3
+# Touches that a place needs for its share to mean anything.
+_LEAST_TOUCHES = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TruePart:
+    """One connected part of what was touched.
+
+    Attributes:
+        skins: numbers of the skins it is on.
+        kernels: `(n,)` the kernels that truly lie on it.
+        betti: numbers of components, loops and voids of its surface, a patch with a rim where the
+            rest of the skin was not touched; None if it runs over several skins.
+    """
+
+    skins: tuple[int, ...]
+    kernels: np.ndarray
+    betti: tuple[int, int, int] | None
+
+
+class TouchCounts:
+    """How often each vertex of each skin was touched, and which patches were touched at once.
+
+    Args:
+        fields: of each skin.
+    """
+
+    def __init__(self, fields: Sequence[ReceptiveFields]):
+        self._trees = [cKDTree(f.vertices) for f in fields]
+        self._ends = np.cumsum([0, *(len(f.vertices) for f in fields)])
+        self.counts = [np.zeros(len(f.vertices), dtype=int) for f in fields]
+        self._together: list[np.ndarray] = []
+
+    def add(self, contacts: Contacts) -> None:
+        """Counts the contacts of more touches."""
+        vertex = self.vertices(contacts.skin, contacts.p_LC)
+        for skin, counts in enumerate(self.counts):
+            first, last = self._ends[skin : skin + 2]
+            mine = vertex[(vertex >= first) & (vertex < last)] - first
+            counts += np.bincount(mine, minlength=len(counts))
+        # One toucher on two skins at once: contacts are sorted by row, skin and toucher.
+        row, toucher = contacts.row, contacts.toucher
+        order = np.lexsort((contacts.skin, toucher, row))
+        a, b = order[:-1], order[1:]
+        same = (row[a] == row[b]) & (toucher[a] == toucher[b])
+        self._together.append(np.stack([vertex[a[same]], vertex[b[same]]], axis=1))
+
+    @property
+    def together(self) -> np.ndarray:
+        """`(n, 2)` vertices of two skins, numbered through, that one toucher pressed at once."""
+        return np.concatenate([np.zeros((0, 2), dtype=int), *self._together])
+
+    def vertices(self, skin: np.ndarray, p_LC: np.ndarray) -> np.ndarray:
+        """`(C,)` the vertex nearest to each point, numbered through all skins."""
+        found = np.zeros(len(skin), dtype=int)
+        for number, tree in enumerate(self._trees):
+            here = skin == number
+            if here.any():
+                found[here] = self._ends[number] + tree.query(p_LC[here])[1]
+        return found
+
+    @property
+    def ends(self) -> np.ndarray:
+        """`(skins + 1,)` where the vertices of each skin begin."""
+        return self._ends
+
+
+def count_touches(fields: Sequence[ReceptiveFields], contacts: Iterable[Contacts]) -> TouchCounts:
+    """How often each place of each skin was touched, of contacts in batches of any size."""
+    counts = TouchCounts(fields)
+    for batch in contacts:
+        counts.add(batch)
+    return counts
+
+
+def true_parts(
+    fields: Sequence[ReceptiveFields], counts: TouchCounts, truth: KernelTruth
+) -> list[TruePart]:
+    """The parts that an agent could find: connected patches of skin that were touched.
+
+    What is smaller than a disc as wide as kernels are apart is neither a hole nor a part; and parts
+    with too few kernels for a shape are left out, as the agent leaves them out.
+
+    Args:
+        fields: of each skin.
+        counts: of the touches.
+        truth: where the kernels are.
+
+    Returns:
+        The parts, the one with the most kernels first.
+    """
+    patch_of = np.full(counts.ends[-1], -1)
+    num_patches = 0
+    for skin, field in enumerate(fields):
+        num_kernels = max(int(np.sum(truth.skin == skin)), 1)
+        touched = counts.counts[skin] > 0
+        area = _area(field)[touched].sum()
+        radius = max(np.sqrt(area / num_kernels), 1.5 * _edge(field))
+        mask = touched_patch(field.vertices, field.faces, counts.counts[skin], radius=radius)
+        inside = field.faces[mask[field.faces].all(axis=1)]
+        label = _components(inside, len(field.vertices))
+        used = np.unique(inside)
+        number, of_vertex = np.unique(label[used], return_inverse=True)
+        patch_of[counts.ends[skin] + used] = num_patches + of_vertex
+        num_patches += len(number)
+    place_of = _nearest_kernel(fields, counts, truth)
+    group = _joined_patches(patch_of, counts, num_patches, place_of)
+    at = counts.vertices(truth.skin, truth.positions)
+    # A kernel at the ragged rim belongs to the patch that is nearest.
+    patch = _nearest_patch(at, patch_of, fields, counts)
+    parts = []
+    for number in np.unique(group):
+        patches = np.flatnonzero(group == number)
+        kernels = np.flatnonzero(np.isin(patch, patches))
+        if len(kernels) < LEAST_KERNELS:
+            continue
+        vertices = np.flatnonzero(np.isin(patch_of, patches))
+        skins = np.unique(np.searchsorted(counts.ends, vertices, side="right") - 1)
+        betti = None
+        if len(skins) == 1:
+            skin = int(skins[0])
+            mask = np.zeros(len(fields[skin].vertices), dtype=bool)
+            mask[vertices - counts.ends[skin]] = True
+            _, faces = submesh(fields[skin].vertices, fields[skin].faces, mask)
+            betti = betti_of_patch(faces)
+        parts.append(TruePart(skins=tuple(skins.tolist()), kernels=kernels, betti=betti))
+    return sorted(parts, key=lambda part: -len(part.kernels))
+
+
+def _joined_patches(
+    patch_of: np.ndarray, counts: TouchCounts, num_patches: int, place_of: np.ndarray
+) -> np.ndarray:
+    """`(patches,)` the number of the part that each patch belongs to.
+
+    Args:
+        patch_of: `(V,)` the patch of each vertex, -1 for none.
+        counts: of the touches.
+        num_patches: how many there are.
+        place_of: `(V,)` the kernel that is nearest to each vertex.
+    """
+    pairs = np.concatenate([counts.together, counts.together[:, ::-1]])
+    pairs = pairs[(patch_of[pairs] >= 0).all(axis=1)]
+    touches = np.bincount(place_of, np.concatenate(counts.counts))
+    together = coo_array(
+        (np.ones(len(pairs)), (place_of[pairs[:, 0]], patch_of[pairs[:, 1]])),
+        shape=(len(touches), num_patches),
+    ).toarray()
+    enough = (touches >= _LEAST_TOUCHES)[:, None]
+    place, patch = np.nonzero(enough & (together >= _LEAST_SHARED * touches[:, None]))
+    own = np.zeros(len(touches), dtype=int)
+    own[place_of[patch_of >= 0]] = patch_of[patch_of >= 0]
+    joined = coo_array((np.ones(len(place)), (own[place], patch)), shape=(num_patches, num_patches))
+    return connected_components(joined, directed=False)[1]
+
+
+def _nearest_kernel(
+    fields: Sequence[ReceptiveFields], counts: TouchCounts, truth: KernelTruth
+) -> np.ndarray:
+    """`(V,)` for each vertex the kernel that is nearest on its skin; K if there is none."""
+    nearest = np.full(counts.ends[-1], len(truth.skin))
+    for skin, field in enumerate(fields):
+        kernels = np.flatnonzero(truth.skin == skin)
+        if len(kernels):
+            own = slice(counts.ends[skin], counts.ends[skin + 1])
+            nearest[own] = kernels[cKDTree(truth.positions[kernels]).query(field.vertices)[1]]
+    return nearest
+
+
+def _nearest_patch(
+    at: np.ndarray, patch_of: np.ndarray, fields: Sequence[ReceptiveFields], counts: TouchCounts
+) -> np.ndarray:
+    found = patch_of[at]
+    skin = np.searchsorted(counts.ends, at, side="right") - 1
+    for number, field in enumerate(fields):
+        lost = np.flatnonzero((found < 0) & (skin == number))
+        own = np.arange(counts.ends[number], counts.ends[number + 1])
+        known = own[patch_of[own] >= 0]
+        if len(lost) and len(known):
+            tree = cKDTree(field.vertices[known - counts.ends[number]])
+            nearest = tree.query(field.vertices[at[lost] - counts.ends[number]])[1]
+            found[lost] = patch_of[known[nearest]]
+    return found
+
+
+def _components(faces: np.ndarray, num_vertices: int) -> np.ndarray:
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]).T
+    graph = coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(num_vertices,) * 2)
+    return connected_components(graph, directed=False)[1]
+
+
+def _area(field: ReceptiveFields) -> np.ndarray:
+    """`(V,)` m², the share of the surface that belongs to each vertex."""
+    a, b, c = field.vertices[field.faces].swapaxes(0, 1)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return np.bincount(field.faces.ravel(), np.repeat(area / 3, 3), len(field.vertices))
+
+
+def _edge(field: ReceptiveFields) -> float:
+    a, b, _ = field.vertices[field.faces].swapaxes(0, 1)
+    return float(np.linalg.norm(b - a, axis=1).mean())

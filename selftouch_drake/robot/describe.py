@@ -1,0 +1,102 @@
+"""A robot in words: what moves, what feels, what presses it, and what may run into what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+
+import numpy as np
+import trimesh
+
+from selftouch_drake.robot.links import scoped_name
+from selftouch_drake.robot.robot import Robot
+from selftouch_drake.robot.world import World
+
+# Pairs of links that are listed one by one.
+_MOST_PAIRS = 12
+
+
+def describe(world: World) -> str:
+    """What `selftouch robot` prints: joints with limits, skins, and what touches what."""
+    robot = world.robot
+    blocks = [
+        _table(_counted(robot.num_joints, "joint moves", "joints move"), _joints(world)),
+        _table(_counted(len(robot.skins), "skin", "skins"), _skins(robot)),
+        _table("What touches what", _touching(robot)),
+        _table(_rigid_title(len(robot.rigid_pairs)), _rigid(robot)),
+    ]
+    return "\n\n".join(blocks)
+
+
+def _joints(world: World) -> Iterator[tuple[str, ...]]:
+    robot, limits = world.robot, world.limits
+    for j, joint in enumerate(robot.joints):
+        unit = "rad" if robot.turns[j] else "m"
+        low, high = robot.lower[j], robot.upper[j]
+        span = f"{low:.3g} to {high:.3g} {unit}"
+        if not (np.isfinite(low) and np.isfinite(high)):
+            span = "no limits; babbles within one turn"
+        effort = limits.torque[j]
+        force = f"{effort:.3g} {'N·m' if robot.turns[j] else 'N'}"
+        yield (
+            scoped_name(robot.plant, joint),
+            "turns" if robot.turns[j] else "slides",
+            span,
+            force if np.isfinite(effort) else "any effort",
+        )
+
+
+def _skins(robot: Robot) -> Iterator[tuple[str, ...]]:
+    for number, skin in enumerate(robot.skins):
+        wall, fields = skin.model.wall, skin.model.fields
+        area = trimesh.Trimesh(wall.vertices, wall.faces, process=False).area
+        yield (
+            skin.model.name,
+            f"on {scoped_name(robot.plant, skin.link)}",
+            f"{1e4 * area:.0f} cm²",
+            f"{1e3 * wall.thickness:.0f} mm thick",
+            f"{fields.num_receptors} receptors",
+            "moves" if robot.kinematics.owner[number] >= 0 else "",
+        )
+
+
+def _touching(robot: Robot) -> Iterator[tuple[str, ...]]:
+    for t, toucher in enumerate(robot.touchers):
+        felt = [robot.skins[s].model.name for t_, s in robot.touching_pairs if t_ == t]
+        filtered = [k.model.name for k in robot.skins if k.model.name not in felt]
+        yield (
+            toucher.name,
+            f"on {scoped_name(robot.plant, toucher.link)}",
+            f"touches {', '.join(felt)}",
+            f"not {', '.join(filtered)}: next to it" if filtered else "",
+        )
+
+
+def _rigid_title(number: int) -> str:
+    if not number:
+        return "No rigid links can run into each other"
+    return f"{_counted(number, 'pair', 'pairs')} of rigid links must not run into each other"
+
+
+def _rigid(robot: Robot) -> Iterator[tuple[str, ...]]:
+    for pair in robot.rigid_pairs[:_MOST_PAIRS]:
+        a, b = (link.name() for link in pair.links)
+        yield a, b, f"at most {1e3 * pair.allowed_depth:.0f} mm deep"
+    if (more := len(robot.rigid_pairs) - _MOST_PAIRS) > 0:
+        yield (f"and {more} more",)
+
+
+def _table(title: str, rows: Iterable[tuple[str, ...]]) -> str:
+    cells = list(rows)
+    num_columns = max((len(row) for row in cells), default=0)
+    widths = [
+        max(len(row[column]) for row in cells if column < len(row)) for column in range(num_columns)
+    ]
+    lines = [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=False)).rstrip()
+        for row in cells
+    ]
+    return "\n".join([title, *(f"  {line}" for line in lines)])
+
+
+def _counted(number: int, one: str, several: str) -> str:
+    return f"{number} {one if number == 1 else several}"

@@ -1,0 +1,149 @@
+"""From forces on the skin to what the receptors of a real skin read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtri
+
+from selftouch_drake.experiment import Experiment, Imperfections
+from selftouch_drake.geometry import ReceptiveFields
+from selftouch_drake.robot.skins import SkinModel
+
+# In standard deviations of the additive noise; see `Imperfections.threshold`.
+_SILENCE = 6.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImperfectSkins:
+    """What the receptors of all skins read where perfect skins feel something.
+
+    Attributes:
+        skins: for each skin the columns of a sensation that are its own, and its imperfections.
+    """
+
+    skins: tuple[tuple[slice, ImperfectSkin], ...]
+
+    @staticmethod
+    def of(experiment: Experiment, skins: Sequence[SkinModel]) -> ImperfectSkins | None:
+        """The imperfections of the skins of `experiment`; None if all are perfect."""
+        ends = np.cumsum([0, *(skin.fields.num_receptors for skin in skins)]).tolist()
+        found = []
+        for number, skin in enumerate(skins):
+            imperfect = ImperfectSkin.of(experiment, number, skin)
+            if imperfect is not None:
+                found.append((slice(ends[number], ends[number + 1]), imperfect))
+        return ImperfectSkins(skins=tuple(found)) if found else None
+
+    def __call__(self, sensation: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """`(N, S)` N, what is read where perfect skins feel `sensation` at `q` `(N, J)`."""
+        read = np.array(sensation, dtype=float)
+        for columns, skin in self.skins:
+            read[:, columns] = skin(sensation[:, columns], q)
+        return read
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImperfectSkin:
+    """What the receptors of one skin read where a perfect skin feels something.
+
+    Noise is a function of the seed and of the motor configuration, so that kinematic and dynamic
+    worlds agree, in any order and after any crash.
+
+    Attributes:
+        flaws: what the skin does to a sensation.
+        leak: `(S, S)` rows that sum to one: where what leaks from a receptor goes.
+        alive: `(S,)` which receptors read anything.
+        seed: of the noise, 64 bits.
+    """
+
+    flaws: Imperfections
+    leak: np.ndarray
+    alive: np.ndarray
+    seed: int
+
+    @staticmethod
+    def of(experiment: Experiment, number: int, skin: SkinModel) -> ImperfectSkin | None:
+        """The imperfections of skin `number` of `experiment`; None if it is perfect."""
+        flaws = experiment.skins[skin.name].imperfections
+        fields, num_receptors = skin.fields, skin.fields.num_receptors
+        if flaws == Imperfections():
+            return None
+        # The first skin's stream is the one of the time when there was one skin.
+        which = (number,) if number else ()
+        chance = np.random.default_rng(experiment.random_stream("skin", 0, *which))
+        alive = np.ones(num_receptors, dtype=bool)
+        num_dead = round(flaws.dead * num_receptors)
+        alive[chance.choice(num_receptors, num_dead, replace=False)] = False
+        (seed,) = experiment.random_stream("skin", 1, *which).generate_state(1, np.uint64)
+        return ImperfectSkin(flaws=flaws, leak=_leak(fields), alive=alive, seed=int(seed))
+
+    @property
+    def threshold(self) -> float:
+        """N, below which a reading counts as none."""
+        given = self.flaws.threshold
+        return _SILENCE * self.flaws.additive_noise if given is None else given
+
+    def __call__(self, sensation: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """What is read where a perfect skin feels `sensation`.
+
+        Args:
+            sensation: `(N, S)` N.
+            q: `(N, J)` rad or m, the configurations in which it is felt.
+
+        Returns:
+            `(N, S)` N, not negative; rows of zeros where nothing is felt.
+        """
+        flaws = self.flaws
+        read = np.array(sensation, dtype=float)
+        if flaws.cross_talk:
+            read += flaws.cross_talk * (read @ self.leak - read)
+        touched = np.flatnonzero(read.any(axis=1))
+        if flaws.multiplicative_noise and len(touched):
+            error = standard_noise(q[touched], read.shape[1], seed=self.seed)
+            read[touched] *= 1 + flaws.multiplicative_noise * error
+        if flaws.additive_noise:
+            read += flaws.additive_noise * standard_noise(q, read.shape[1], seed=self.seed + 1)
+        if flaws.saturation is not None:
+            np.minimum(read, flaws.saturation, out=read)
+        if flaws.quantisation:
+            # If the quantisation step underflows, readings stay unquantised.
+            with np.errstate(over="ignore"):
+                steps = read / flaws.quantisation
+            read = np.where(np.isfinite(steps), flaws.quantisation * np.round(steps), read)
+        read[(read < self.threshold) | (read < 0)] = 0.0
+        read[:, ~self.alive] = 0.0
+        return read
+
+
+def _leak(fields: ReceptiveFields) -> np.ndarray:
+    overlap = (fields.vertex_weights.T @ fields.vertex_weights).toarray()
+    np.fill_diagonal(overlap, 0.0)
+    return overlap / overlap.sum(axis=1, keepdims=True)
+
+
+def standard_noise(q: np.ndarray, width: int, *, seed: int) -> np.ndarray:
+    """`(N, width)` standard normal numbers, each row decided by the seed and by its `q` `(N, J)`.
+
+    Configurations count as they are stored, in float32. A counter-based generator: the mixing
+    function of SplitMix64 (Steele, Lea and Flood 2014) over seed, configuration and column.
+    """
+    state = np.full(len(q), seed & _ALL_BITS, dtype=np.uint64)
+    for bits in np.ascontiguousarray(q, dtype=np.float32).view(np.uint32).T:
+        state = _mixed(state ^ bits)
+    columns = _GOLDEN * np.arange(1, width + 1, dtype=np.uint64)
+    bits = _mixed(state[:, None] + columns)
+    return ndtri(((bits >> np.uint64(11)) + 0.5) * 2.0**-53)
+
+
+_ALL_BITS = 2**64 - 1
+_GOLDEN = np.uint64(0x9E3779B97F4A7C15)
+
+
+def _mixed(bits: np.ndarray) -> np.ndarray:
+    bits = bits + _GOLDEN
+    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    return bits ^ (bits >> np.uint64(31))

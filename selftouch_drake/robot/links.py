@@ -1,0 +1,154 @@
+"""Links, frames and joints of a robot by name, and the geometry that its model gives a link."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+import trimesh
+from pydrake.geometry import (
+    Box,
+    Capsule,
+    Convex,
+    Cylinder,
+    Ellipsoid,
+    GeometryId,
+    Mesh,
+    Role,
+    SceneGraphInspector,
+    Shape,
+    Sphere,
+)
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, Frame, FrameIndex, Joint, RigidBody
+
+from selftouch_drake.experiment import ExperimentError, closest
+
+# Faces of a quarter of a round primitive's outline, enough for a shape that is made anew.
+_SECTIONS = 32
+
+
+def find_link(plant: MultibodyPlant, name: str, field: str) -> RigidBody:
+    """The body called `name`, scoped (`model::link`) or bare where it is unique.
+
+    Raises:
+        ExperimentError: there is none, or several; the text names `field`.
+    """
+    return _named(plant, all_links(plant), name, field, "link")
+
+
+def find_frame(plant: MultibodyPlant, name: str, field: str) -> Frame:
+    """The frame called `name`; errors as of `find_link`."""
+    frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
+    return _named(plant, frames, name, field, "frame")
+
+
+def find_joint(plant: MultibodyPlant, name: str, field: str) -> Joint:
+    """The joint called `name`; errors as of `find_link`."""
+    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
+    return _named(plant, joints, name, field, "joint")
+
+
+def all_links(plant: MultibodyPlant) -> list[RigidBody]:
+    """Every body of a plant, the world first."""
+    return [plant.get_body(BodyIndex(index)) for index in range(plant.num_bodies())]
+
+
+def scoped_name(plant: MultibodyPlant, element: Any) -> str:
+    """`model::name`."""
+    instance = plant.GetModelInstanceName(element.model_instance())
+    return f"{instance}::{element.name()}"
+
+
+def _named(plant: MultibodyPlant, elements: Iterable, name: str, field: str, kind: str):
+    known = list(elements)
+    found = [e for e in known if scoped_name(plant, e) == name]
+    found = found or [e for e in known if e.name() == name]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        scoped = " or ".join(scoped_name(plant, e) for e in found)
+        raise ExperimentError(
+            f"{field} is {name!r}; {len(found)} models have such a {kind}: write {scoped}"
+        )
+    names = {e.name() for e in known} | {scoped_name(plant, e) for e in known}
+    hint = (
+        closest(name, names) or f"it has {', '.join(sorted(e.name() for e in known if e.name()))}"
+    )
+    raise ExperimentError(f"{field} is {name!r}; the robot has no such {kind}: {hint}")
+
+
+def link_geometries(
+    plant: MultibodyPlant, inspector: SceneGraphInspector, link: RigidBody, role: Role
+) -> list[GeometryId]:
+    """The geometries that the model gives a link, in a role."""
+    frame_id = plant.GetBodyFrameIdOrThrow(link.index())
+    return list(inspector.GetGeometries(frame_id, role))
+
+
+def pieces_in_link(
+    inspector: SceneGraphInspector, geometries: Iterable[GeometryId]
+) -> list[trimesh.Trimesh]:
+    """Each geometry as a triangle mesh, m, in the frame of its link.
+
+    Raises:
+        ValueError: a geometry has no extent of its own, as a half space.
+    """
+    pieces = []
+    for geometry in geometries:
+        piece = as_mesh(inspector.GetShape(geometry))
+        piece.apply_transform(inspector.GetPoseInFrame(geometry).GetAsMatrix4())
+        pieces.append(piece)
+    return pieces
+
+
+def as_mesh(shape: Shape) -> trimesh.Trimesh:
+    """A shape of Drake's as a triangle mesh in its own frame.
+
+    Raises:
+        ValueError: it has no triangles, as a half space, or its file cannot be read.
+    """
+    for kind, make in _MESHES.items():
+        if isinstance(shape, kind):
+            return make(shape)
+    raise ValueError(
+        f"{type(shape).__name__} has no closed surface; give the link another geometry"
+    )
+
+
+def _capsule(shape: Capsule) -> trimesh.Trimesh:
+    # trimesh centres it, as Drake does.
+    return trimesh.creation.capsule(
+        height=shape.length(), radius=shape.radius(), count=(_SECTIONS, _SECTIONS)
+    )
+
+
+def _ellipsoid(shape: Ellipsoid) -> trimesh.Trimesh:
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    ball.apply_scale([shape.a(), shape.b(), shape.c()])
+    return ball
+
+
+def _from_file(shape: Mesh | Convex) -> trimesh.Trimesh:
+    # Parsers make none that is held in memory.
+    mesh = trimesh.load_mesh(shape.source().path(), process=False)
+    if not isinstance(mesh, trimesh.Trimesh):
+        mesh = mesh.to_mesh()
+    mesh = trimesh.Trimesh(mesh.vertices * np.asarray(_scale3(shape)), mesh.faces)
+    return mesh.convex_hull if isinstance(shape, Convex) else mesh
+
+
+def _scale3(shape: Mesh | Convex) -> np.ndarray:
+    return np.asarray(shape.scale3() if hasattr(shape, "scale3") else [shape.scale()] * 3)
+
+
+_MESHES: dict[type, Callable[[Any], trimesh.Trimesh]] = {
+    Sphere: lambda s: trimesh.creation.icosphere(subdivisions=4, radius=s.radius()),
+    Box: lambda s: trimesh.creation.box(extents=s.size()),
+    Cylinder: lambda s: trimesh.creation.cylinder(s.radius(), s.length(), sections=4 * _SECTIONS),
+    Capsule: _capsule,
+    Ellipsoid: _ellipsoid,
+    Mesh: _from_file,
+    Convex: _from_file,
+}

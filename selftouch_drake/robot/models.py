@@ -1,0 +1,390 @@
+"""From model directives to what Drake's parser takes, and every file that decides the robot."""
+
+from __future__ import annotations
+
+import contextlib
+import difflib
+import functools
+import hashlib
+import json
+import logging
+import sys
+import xml.dom.expatbuilder
+import xml.dom.minidom
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+from xml.parsers.expat import ExpatError
+
+from pydrake.common.yaml import yaml_dump_typed
+from pydrake.multibody.parsing import (
+    LoadModelDirectives,
+    ModelDirectives,
+    ModelInstanceInfo,
+    PackageMap,
+    Parser,
+    ProcessModelDirectives,
+)
+from pydrake.multibody.plant import MultibodyPlant
+
+from selftouch_drake.files import write_text_whole
+from selftouch_drake.resources import MODELS
+from selftouch_drake.robot.meshes import DRAKE_SUFFIXES, MeshError, as_obj, cache_folder
+
+# The package of the shipped models, which is always there.
+SHIPPED = "selftouch_drake"
+
+
+class ModelError(ValueError):
+    """A user's mistake in a robot's models: the text names the file and the remedy."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RobotModel:
+    """A robot as Drake loads it.
+
+    Attributes:
+        directives: ready for `ProcessModelDirectives`; where meshes were converted, they name
+            copies of models in the cache.
+        packages: absolute roots of `package://` URIs, by name.
+        files: every file whose content decides the robot, as its author wrote it: directives,
+            models, what they include, and meshes.
+    """
+
+    directives: ModelDirectives
+    packages: Mapping[str, Path]
+    files: tuple[Path, ...]
+
+
+def load_model(
+    directives: str,
+    packages: Mapping[str, str],
+    announce: Callable[[str], None] | None = None,
+) -> RobotModel:
+    """Finds a robot's models, and converts meshes that Drake refuses.
+
+    Args:
+        directives: a `package://` or `file://` URI, or a path, of a file of model directives.
+        packages: roots of `package://` URIs by name; `{prefix}` in a root stands for `sys.prefix`,
+            where wheels put shared data.
+        announce: called with one line if meshes were converted.
+
+    Raises:
+        ModelError: a file or a package is not found, or cannot be read.
+        MeshError: a mesh cannot be converted.
+    """
+    finder = _Finder(_package_roots(packages))
+    path = finder.path(directives, Path.cwd(), what="robot.directives")
+    reader = _Reader(finder)
+    loaded, _ = reader.directives(path)
+    if reader.num_converted and announce is not None:
+        number = f"{reader.num_converted} mesh" + ("es" if reader.num_converted > 1 else "")
+        announce(f"converted {number} to OBJ into {cache_folder() / 'meshes'}")
+    return RobotModel(directives=loaded, packages=finder.roots, files=tuple(reader.files))
+
+
+def parse(plant: MultibodyPlant, model: RobotModel) -> list[ModelInstanceInfo]:
+    """Adds a robot to a plant.
+
+    Raises:
+        ModelError: a model does not parse; the text is Drake's own, in one line.
+    """
+    parser = Parser(plant)
+    for name, root in model.packages.items():
+        parser.package_map().Add(name, str(root))
+    with _one_line("robot.directives cannot be loaded"):
+        return ProcessModelDirectives(model.directives, parser)
+
+
+def digests(files: Iterable[Path]) -> dict[str, str]:
+    """SHA-256 of the content of each file, by its path."""
+    result = {}
+    for path in files:
+        stat = path.stat()
+        result[str(path)] = _digest(path, stat.st_mtime_ns, stat.st_size)
+    return result
+
+
+# By what changes with the content, because a robot is loaded several times in one run.
+@functools.lru_cache(maxsize=4096)
+def _digest(path: Path, mtime_ns: int, size: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _package_roots(packages: Mapping[str, str]) -> dict[str, Path]:
+    roots = {SHIPPED: MODELS.resolve()}
+    own = PackageMap()
+    for name, given in packages.items():
+        field = f"robot.packages.{name}"
+        if name in roots or own.Contains(name):
+            raise ModelError(f"{field} has the name of a package that is always there; rename it")
+        root = Path(given.replace("{prefix}", sys.prefix)).expanduser().resolve()
+        if not root.is_dir():
+            raise ModelError(
+                f"{field} is {given!r}, and {root} is no folder; give the root of the package, or "
+                "install what it comes with"
+            )
+        roots[name] = root
+    return roots
+
+
+class _Finder:
+    """Finds the files that URIs and paths name."""
+
+    def __init__(self, roots: Mapping[str, Path]):
+        self.roots = roots
+        self._drake = PackageMap()
+
+    def path(self, uri: str, folder: Path, *, what: str) -> Path:
+        """The file that `uri` names; a relative path starts at `folder`.
+
+        Raises:
+            ModelError: the package is unknown, or there is no such file; the text begins with
+                `what`.
+        """
+        scheme, separator, rest = uri.partition("://")
+        if not separator:
+            path = folder / uri
+        elif scheme == "file":
+            path = Path(rest)
+        elif scheme in ("package", "model"):
+            name, _, inside = rest.partition("/")
+            path = self._root(name, uri, what) / inside
+        else:
+            raise ModelError(f"{what} is {uri!r}; give a path, or package://NAME/PATH")
+        if not path.exists():
+            raise ModelError(f"{what} is {uri!r}, and there is no file {path}")
+        return path.resolve()
+
+    def _root(self, name: str, uri: str, what: str) -> Path:
+        if name in self.roots:
+            return self.roots[name]
+        if self._drake.Contains(name):
+            with _one_line(f"{what} is {uri!r}"):  # Drake downloads what it does not hold.
+                return Path(self._drake.GetPath(name))
+        known = [*self.roots, *self._drake.GetPackageNames()]
+        close = difflib.get_close_matches(name, known, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
+        raise ModelError(
+            f"{what} is {uri!r}; there is no package {name!r} in robot.packages: {hint}"
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Reference:
+    """A place in a model file that names another file.
+
+    Attributes:
+        uri: as it stands there.
+        folder: where it starts if it is relative.
+        taken: the suffixes that Drake takes; None for a file that is itself a model.
+        write: puts another name in its place.
+    """
+
+    uri: str
+    folder: Path
+    taken: frozenset[str] | None
+    write: Callable[[str], None]
+
+
+class _Reader:
+    """Walks from directives to meshes, and notes every file on the way.
+
+    A model that names a mesh that Drake refuses is copied into the cache, where it names the
+    converted mesh. What names a copied file is copied in its turn.
+    """
+
+    def __init__(self, finder: _Finder):
+        self._find = finder.path
+        self._open: list[Path] = []
+        self.files: dict[Path, None] = {}  # an ordered set
+        self.num_converted = 0
+
+    def directives(self, path: Path) -> tuple[ModelDirectives, bool]:
+        """Directives with absolute files in them, and whether one of these is a copy."""
+        any_copied = False
+        with self._reading(path):
+            with _one_line(f"directives {path} cannot be read"):
+                loaded = LoadModelDirectives(str(path))
+            for directive in loaded.directives:
+                entry = directive.add_model or directive.add_directives
+                if entry is None:
+                    continue
+                file = place = self._find(entry.file, path.parent, what=f"file in {path}")
+                if directive.add_model:
+                    place = self.model(file)
+                else:
+                    nested, copied = self.directives(file)
+                    if copied:
+                        place = _cached_copy(file.name, yaml_dump_typed(nested))
+                any_copied |= place != file
+                entry.file = f"file://{place}"  # Drake does not decode what as_uri quotes
+        return loaded, any_copied
+
+    def model(self, path: Path) -> Path:
+        """Reads a model file; returns where Drake is to read it, which may be a copy."""
+        with self._reading(path):
+            find_references = _FORMATS.get(path.suffix.lower())
+            if find_references is None:  # Drake says what is wrong with it.
+                return path
+            document = _read_xml(path)
+            if path.suffix.lower() == ".xml":
+                self._join_included(document, document, path.parent)
+            references = list(find_references(document, path.parent))
+            files, places = [], []
+            for reference in references:
+                file = self._find(reference.uri, reference.folder, what=f"file in {path}")
+                files.append(file)
+                places.append(self._place(file, reference.taken))
+        if files == places:
+            return path
+        for reference, place in zip(references, places, strict=True):
+            # All of them: a relative path would start in the cache.
+            reference.write(str(place))
+        return _cached_copy(path.name, document.toxml())
+
+    def _place(self, file: Path, taken: frozenset[str] | None) -> Path:
+        """Where Drake is to read a file that a model names."""
+        if taken is None:
+            return self.model(file)
+        self.files |= dict.fromkeys([file, *_buffers(file)])
+        if file.suffix.lower() in taken:
+            return file
+        place, is_new = as_obj(file)
+        self.num_converted += is_new
+        return place
+
+    def _join_included(self, document: xml.dom.minidom.Document, part: Any, folder: Path) -> None:
+        """Puts what MJCF files include in its place; all paths start at the main file."""
+        for include in list(part.getElementsByTagName("include")):
+            name = include.getAttribute("file")
+            file = self._find(name, folder, what="file of an <include>")
+            with self._reading(file):
+                root: Any = _read_xml(file).documentElement
+                included = document.importNode(root, True)
+                self._join_included(document, included, folder)
+            for child in list(included.childNodes):
+                include.parentNode.insertBefore(child, include)
+            include.parentNode.removeChild(include)
+
+    @contextlib.contextmanager
+    def _reading(self, path: Path) -> Iterator[None]:
+        if path in self._open:
+            raise ModelError(f"{path} includes itself; leave that out")
+        self.files[path] = None
+        self._open.append(path)
+        yield
+        self._open.pop()
+
+
+def _read_xml(path: Path) -> xml.dom.minidom.Document:
+    try:
+        # Without namespaces, because models use prefixes that they do not declare.
+        return xml.dom.expatbuilder.parse(str(path), namespaces=False)
+    except (ExpatError, ValueError, OSError) as error:
+        raise ModelError(f"model {path} is no XML that can be read: {error}") from None
+
+
+def _urdf_references(document: xml.dom.minidom.Document, folder: Path) -> Iterator[_Reference]:
+    for tag, taken in (("mesh", DRAKE_SUFFIXES), ("texture", _IMAGES)):
+        yield from _attributes(document, tag, "filename", folder, taken)
+
+
+def _sdf_references(document: xml.dom.minidom.Document, folder: Path) -> Iterator[_Reference]:
+    for parent, taken in (("mesh", DRAKE_SUFFIXES), ("include", None)):
+        for element in document.getElementsByTagName(parent):
+            for uri in element.getElementsByTagName("uri"):
+                yield from _texts(uri, folder, taken)
+    for element in document.getElementsByTagName("drake:diffuse_map"):
+        yield from _texts(element, folder, _IMAGES)
+
+
+def _mjcf_references(document: xml.dom.minidom.Document, folder: Path) -> Iterator[_Reference]:
+    for compiler in document.getElementsByTagName("compiler"):
+        folder = folder / (compiler.getAttribute("meshdir") or compiler.getAttribute("assetdir"))
+    yield from _attributes(document, "mesh", "file", folder, frozenset({".obj"}))
+
+
+def _attributes(
+    document: xml.dom.minidom.Document, tag: str, name: str, folder: Path, taken: frozenset[str]
+) -> Iterator[_Reference]:
+    for element in document.getElementsByTagName(tag):
+        if uri := element.getAttribute(name):
+            write = functools.partial(element.setAttribute, name)
+            yield _Reference(uri=uri, folder=folder, taken=taken, write=write)
+
+
+def _texts(
+    element: xml.dom.minidom.Element, folder: Path, taken: frozenset[str] | None
+) -> Iterator[_Reference]:
+    text = element.firstChild
+    if isinstance(text, xml.dom.minidom.Text) and text.data.strip():
+        write = functools.partial(setattr, text, "data")
+        yield _Reference(uri=text.data.strip(), folder=folder, taken=taken, write=write)
+
+
+_IMAGES = frozenset({".png", ".jpg", ".jpeg", ".ktx2"})
+_FORMATS: dict[str, Callable[[xml.dom.minidom.Document, Path], Iterator[_Reference]]] = {
+    ".urdf": _urdf_references,
+    ".sdf": _sdf_references,
+    ".xml": _mjcf_references,
+}
+
+
+def _buffers(path: Path) -> list[Path]:
+    """The files that hold the vertices of a glTF file."""
+    if path.suffix.lower() != ".gltf":
+        return []
+    try:
+        buffers = json.loads(path.read_bytes()).get("buffers", [])
+        names = [buffer.get("uri", "data:") for buffer in buffers]
+    except (ValueError, AttributeError) as error:
+        raise ModelError(f"mesh {path} is no glTF that can be read: {error}") from None
+    files = [path.parent / unquote(name) for name in names if not name.startswith("data:")]
+    return [file.resolve() for file in files if file.is_file()]
+
+
+def _cached_copy(name: str, text: str) -> Path:
+    """Keeps a rewritten file in the cache; the same text is the same file."""
+    path = cache_folder() / "models" / hashlib.sha256(text.encode()).hexdigest() / name
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text_whole(path, text)
+    return path
+
+
+class _Records(logging.Handler):
+    """Keeps what is logged."""
+
+    def __init__(self):
+        super().__init__()
+        self.records: list[logging.LogRecord] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.records.append(record)
+
+
+@contextlib.contextmanager
+def _one_line(what: str) -> Iterator[None]:
+    """Makes one line of what Drake raises, and keeps what it logs from the terminal.
+
+    Drake warns of everything in a model that it does not use, as of the whole `contact` of MJCF.
+    """
+    log = logging.getLogger("drake")
+    kept, propagates = _Records(), log.propagate
+    log.addHandler(kept)
+    log.propagate = False
+    try:
+        yield
+    except (MeshError, ModelError):
+        raise
+    # Some of Drake's checks log what is wrong and then raise SystemExit.
+    except (Exception, SystemExit) as error:
+        errors = [r.getMessage() for r in kept.records if r.levelno >= logging.ERROR]
+        reason = " ".join("; ".join(errors or [str(error)]).split())
+        raise ModelError(f"{what}: {reason[:500]}") from error
+    finally:
+        log.removeHandler(kept)
+        log.propagate = propagates

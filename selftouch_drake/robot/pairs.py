@@ -1,0 +1,280 @@
+"""Which pairs of a robot's parts may touch, which must not collide, and which are filtered."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometryId,
+    GeometrySet,
+    HalfSpace,
+    Role,
+    SceneGraph,
+)
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
+from pydrake.systems.framework import Context
+
+from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.robot.kinematics import moving_joints
+from selftouch_drake.robot.links import all_links, link_geometries
+from selftouch_drake.robot.skins import SkinModel
+
+# m; joints nearer to each other than this turn at one place.
+_ONE_PLACE = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WornSkin:
+    """A skin on a link of a plant.
+
+    Attributes:
+        model: the skin, in the frame of its link.
+        link: the body that wears it, frame L.
+        geometry_id: its collision geometry.
+    """
+
+    model: SkinModel
+    link: RigidBody
+    geometry_id: GeometryId
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Toucher:
+    """What presses skins, on a link of a plant.
+
+    Attributes:
+        name: as the experiment calls it.
+        link: the body that it is on.
+        frame: the frame of a ball, or of the link.
+        geometry_ids: its collision geometry; of a link that wears a skin, the skin's.
+    """
+
+    name: str
+    link: RigidBody
+    frame: Frame
+    geometry_ids: tuple[GeometryId, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RigidPair:
+    """Two links whose own geometries must not run into each other.
+
+    Attributes:
+        links: the two bodies.
+        geometry_ids: the geometries of each.
+        allowed_depth: m, deeper than this the posture is impossible: the experiment's depth, and
+            the soft skins that cover the two.
+    """
+
+    links: tuple[RigidBody, RigidBody]
+    geometry_ids: tuple[tuple[GeometryId, ...], tuple[GeometryId, ...]]
+    allowed_depth: float
+
+
+class Neighbours:
+    """Which links are one (welded together), and which are next to each other in the tree.
+
+    Next to each other are two links with one joint between them, or several that turn at one place,
+    as in a spherical wrist: the links between those have no length. So are links between which
+    there are only massless ones, which a parser puts between several joints of one body. The
+    models may name more, in collision filter groups.
+
+    Args:
+        plant: finalized.
+        scene_graph: with the filters of the models.
+        own: of `own_geometries`.
+    """
+
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        scene_graph: SceneGraph,
+        own: Mapping[BodyIndex, tuple[GeometryId, ...]],
+    ):
+        self._inspector, self._own = scene_graph.model_inspector(), own
+        self._group: dict[int, int] = {}
+        for number, bodies in enumerate(_welded_groups(plant)):
+            for body in bodies:
+                self._group[body] = number
+        context = plant.CreateDefaultContext()
+        joints = moving_joints(plant)
+        ends = [(self.of(j.parent_body()), self.of(j.child_body())) for j in joints]
+        # For each joint the links that it, or a joint before it at the same place, starts from.
+        starts: list[set[int]] = []
+        for joint, (parent, _) in zip(joints, ends, strict=True):
+            starts.append({parent})
+            for before, (_, child) in enumerate(ends):
+                if child == parent and (
+                    _at_one_place(joints[before], joint, context)
+                    or not _welded_mass(plant, joint.parent_body())
+                ):
+                    starts[-1] |= starts[before]
+        self._adjacent = {
+            pair
+            for (_, child), reached in zip(ends, starts, strict=True)
+            for parent in reached
+            for pair in ((parent, child), (child, parent))
+        }
+
+    def of(self, link: RigidBody) -> int:
+        """The number of the group of links that move as one."""
+        return self._group[int(link.index())]
+
+    def are_neighbours(self, a: RigidBody, b: RigidBody) -> bool:
+        """Whether two links are one, or next to each other, or filtered by their models."""
+        return (
+            self.of(a) == self.of(b)
+            or (self.of(a), self.of(b)) in self._adjacent
+            or self._are_filtered(a, b)
+        )
+
+    def _are_filtered(self, a: RigidBody, b: RigidBody) -> bool:
+        ends = self._own.get(a.index()), self._own.get(b.index())
+        # A filter group has all geometries of a link, or none.
+        return all(ends) and self._inspector.CollisionFiltered(*(ids[0] for ids in ends if ids))
+
+
+def _at_one_place(before: Joint, joint: Joint, context: Context) -> bool:
+    """Whether two joints in a row turn about axes that meet, give or take `_ONE_PLACE`."""
+    if not (isinstance(before, RevoluteJoint) and isinstance(joint, RevoluteJoint)):
+        return False
+    X_BJ = joint.frame_on_parent().CalcPose(context, before.frame_on_child())
+    return float(np.linalg.norm(X_BJ.translation())) < _ONE_PLACE
+
+
+def _welded_mass(plant: MultibodyPlant, link: RigidBody) -> float:
+    """kg, of a link and those that are welded to it."""
+    return sum(body.default_mass() for body in plant.GetBodiesWeldedTo(link))
+
+
+def _welded_groups(plant: MultibodyPlant) -> list[set[int]]:
+    left = set(range(plant.num_bodies()))
+    groups = []
+    while left:
+        body = plant.get_body(BodyIndex(min(left)))
+        groups.append({int(b.index()) for b in plant.GetBodiesWeldedTo(body)} | {int(body.index())})
+        left -= groups[-1]
+    return groups
+
+
+def touching_pairs(
+    neighbours: Neighbours, touchers: Sequence[Toucher], worn: Sequence[WornSkin]
+) -> tuple[tuple[int, int], ...]:
+    """`(toucher, skin)` numbers of those that may touch: all but neighbours in the tree.
+
+    Raises:
+        ExperimentError: a skin or a toucher has no partner.
+    """
+    pairs = tuple(
+        (t, s)
+        for t, toucher in enumerate(touchers)
+        for s, skin in enumerate(worn)
+        if not neighbours.are_neighbours(toucher.link, skin.link)
+    )
+    _require_partners(pairs, touchers, worn)
+    return pairs
+
+
+def _require_partners(
+    pairs: Sequence[tuple[int, int]], touchers: Sequence[Toucher], worn: Sequence[WornSkin]
+) -> None:
+    # A skin that presses another one feels it, too.
+    feeling = {s for _, s in pairs} | {
+        s
+        for s, skin in enumerate(worn)
+        for t, _ in pairs
+        if skin.geometry_id in touchers[t].geometry_ids
+    }
+    for s, skin in enumerate(worn):
+        if s not in feeling:
+            raise ExperimentError(
+                f"skins.{skin.model.name} can never feel: all that touches is on its own link or "
+                "on one next to it; add something to touching"
+            )
+    touching = {t for t, _ in pairs}
+    for t, toucher in enumerate(touchers):
+        if t not in touching:
+            raise ExperimentError(
+                f"touching.{toucher.name} can never touch: every skin is on its own link or on one "
+                "next to it; leave it out, or add a skin"
+            )
+
+
+def own_geometries(
+    plant: MultibodyPlant, scene_graph: SceneGraph
+) -> dict[BodyIndex, tuple[GeometryId, ...]]:
+    """The collision geometries of each link that has any, before skins and touchers are added.
+
+    A half space, as the floor of a MuJoCo file, is no part of a robot and is left out.
+    """
+    inspector = scene_graph.model_inspector()
+    found = {
+        link.index(): tuple(
+            geometry
+            for geometry in link_geometries(plant, inspector, link, Role.kProximity)
+            if not isinstance(inspector.GetShape(geometry), HalfSpace)
+        )
+        for link in all_links(plant)
+    }
+    return {index: geometries for index, geometries in found.items() if geometries}
+
+
+def rigid_pairs(
+    plant: MultibodyPlant,
+    neighbours: Neighbours,
+    own: Mapping[BodyIndex, tuple[GeometryId, ...]],
+    experiment: Experiment,
+    worn: Sequence[WornSkin],
+) -> Iterator[RigidPair]:
+    """Pairs of links with collision geometry of their own that are no neighbours.
+
+    A skin that lies on its link's own geometry makes the outer layer of that geometry soft.
+
+    Args:
+        plant: finalized.
+        neighbours: links that may overlap.
+        own: of `own_geometries`.
+        experiment: gives the depth that is allowed.
+        worn: the skins.
+    """
+    for a, b in itertools.combinations(own, 2):
+        links = plant.get_body(a), plant.get_body(b)
+        if not neighbours.are_neighbours(*links):
+            yield RigidPair(
+                links=links,
+                geometry_ids=(own[a], own[b]),
+                allowed_depth=experiment.robot.collision_depth
+                + sum(_softness(link, worn) for link in links),
+            )
+
+
+def _softness(link: RigidBody, worn: Sequence[WornSkin]) -> float:
+    """m, how deep a link's own geometry is soft."""
+    thickness = (
+        skin.model.wall.thickness
+        for skin in worn
+        if skin.link.index() == link.index() and skin.model.is_own_geometry
+    )
+    return max(thickness, default=0.0)
+
+
+def leave_to_collide(
+    scene_graph: SceneGraph,
+    worn: Sequence[WornSkin],
+    touchers: Sequence[Toucher],
+    pairs: Sequence[tuple[int, int]],
+) -> None:
+    """Leaves touchers and skins to collide, and nothing else."""
+    inspector = scene_graph.model_inspector()
+    everything = GeometrySet(inspector.GetAllGeometryIds(Role.kProximity))
+    filters = scene_graph.collision_filter_manager()
+    filters.Apply(CollisionFilterDeclaration().ExcludeWithin(everything))
+    for t, s in pairs:
+        toucher = GeometrySet(list(touchers[t].geometry_ids))
+        skin = GeometrySet([worn[s].geometry_id])
+        filters.Apply(CollisionFilterDeclaration().AllowBetween(toucher, skin))

@@ -1,0 +1,206 @@
+"""A robot in Drake: what moves, which skins it wears, what presses them and what may collide."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import GeometryId, HydroelasticContactRepresentation, SceneGraph
+from pydrake.multibody.plant import ContactModel, DiscreteContactApproximation, MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, Joint, PdControllerGains
+
+from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.experiment import Toucher as ToucherFields
+from selftouch_drake.robot.kinematics import Kinematics, moving_joints
+from selftouch_drake.robot.links import find_frame, find_link, scoped_name
+from selftouch_drake.robot.models import RobotModel, load_model, parse
+from selftouch_drake.robot.moving import fix_joints
+from selftouch_drake.robot.pairs import (
+    Neighbours,
+    RigidPair,
+    Toucher,
+    WornSkin,
+    leave_to_collide,
+    own_geometries,
+    rigid_pairs,
+    touching_pairs,
+)
+from selftouch_drake.robot.skins import SkinModel
+from selftouch_drake.robot.tactile_skin import RegisterSkin
+from selftouch_drake.robot.touchers import register_ball, register_shapes
+
+# rad, how far babbling turns a joint that turns without limits.
+TURN = 2 * np.pi
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Robot:
+    """Handles into a finalized plant that holds one robot with its skins.
+
+    Attributes:
+        plant: the plant, discrete, with hydroelastic contact; its positions are q.
+        scene_graph: where its geometry is.
+        joints: the J joints that move, in the order of q.
+        skins: in the order of the experiment, as their readings are in a sensation.
+        touchers: in the order of the experiment.
+        touching_pairs: `(toucher, skin)` numbers of those that may touch.
+        rigid_pairs: links that must not run into each other.
+        kinematics: of the frames of the links that wear skins, then those of the touchers.
+    """
+
+    plant: MultibodyPlant
+    scene_graph: SceneGraph
+    joints: tuple[Joint, ...]
+    skins: tuple[WornSkin, ...]
+    touchers: tuple[Toucher, ...]
+    touching_pairs: tuple[tuple[int, int], ...]
+    rigid_pairs: tuple[RigidPair, ...]
+    kinematics: Kinematics
+
+    @property
+    def num_joints(self) -> int:
+        """J."""
+        return len(self.joints)
+
+    @property
+    def joint_names(self) -> list[str]:
+        """J names, in the order of q; `model::name` where several models have such a joint."""
+        names = [joint.name() for joint in self.joints]
+        return [
+            name if names.count(name) == 1 else scoped_name(self.plant, joint)
+            for name, joint in zip(names, self.joints, strict=True)
+        ]
+
+    @property
+    def turns(self) -> np.ndarray:
+        """`(J,)` bool, whether each joint turns (rad) or slides (m)."""
+        return self.kinematics.turns
+
+    @property
+    def lower(self) -> np.ndarray:
+        """`(J,)` rad or m, lower joint limits; infinite where a joint turns on and on."""
+        return self.plant.GetPositionLowerLimits()
+
+    @property
+    def upper(self) -> np.ndarray:
+        """`(J,)` rad or m, upper joint limits; infinite where a joint turns on and on."""
+        return self.plant.GetPositionUpperLimits()
+
+    @property
+    def babbled_range(self) -> tuple[np.ndarray, np.ndarray]:
+        """`(J,)` and `(J,)`: where babbling stays, one turn where a joint has no limits."""
+        lower, upper = self.lower, self.upper
+        start = np.where(np.isfinite(upper), upper - TURN, -TURN / 2)
+        start = np.where(np.isfinite(lower), lower, start)
+        return start, np.where(np.isfinite(upper), upper, start + TURN)
+
+    def skin_positions(self, q: np.ndarray) -> np.ndarray:
+        """`(N, skins, 3, 4)` poses of the links that wear skins at `q` `(N, J)`."""
+        return self.kinematics.poses(q)[:, : len(self.skins)]
+
+    def toucher_positions(self, q: np.ndarray) -> np.ndarray:
+        """`(N, touchers, 3)` m, the touchers' frames in the world at `q` `(N, J)`."""
+        return self.kinematics.positions(q)[:, len(self.skins) :]
+
+
+def MakeRobot(experiment: Experiment, skins: Sequence[SkinModel], scene_graph: SceneGraph) -> Robot:
+    """Builds the plant of `experiment` and registers it with `scene_graph`.
+
+    Only pairs of toucher and skin collide; all others are filtered, because every pair that Drake
+    need not look at is time. Rigid links of the robot that may run into each other are listed, for
+    `collisions.CollisionCheck` and the dynamic world.
+
+    Raises:
+        ExperimentError: the experiment names what the robot does not have, or a joint that cannot
+            move; nothing can touch a skin.
+    """
+    plant = MultibodyPlant(time_step=experiment.execution.time_step)
+    plant.set_name("plant")
+    plant.set_contact_model(ContactModel.kHydroelasticWithFallback)
+    plant.set_contact_surface_representation(HydroelasticContactRepresentation.kPolygon)
+    # Peak forces are a third of those of SAP, and contact is held as well.
+    plant.set_discrete_contact_approximation(DiscreteContactApproximation.kLagged)
+    # Contact results and state of one instant, so that (q, sensation) is a pair.
+    plant.SetUseSampledOutputPorts(False)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    model = robot_model(experiment)
+    parse(plant, model)
+    fix_joints(plant, experiment, model)
+    own = own_geometries(plant, scene_graph)
+
+    worn = []
+    for skin in skins:
+        link = find_link(plant, skin.link, f"skins.{skin.name}.link")
+        geometry_id = RegisterSkin(
+            plant,
+            link,
+            skin.wall,
+            hydroelastic_modulus=skin.hydroelastic_modulus,
+            name=f"skin_{skin.name}",
+            visible=False,
+        )
+        worn.append(WornSkin(model=skin, link=link, geometry_id=geometry_id))
+    touchers = [
+        _add_toucher(plant, scene_graph, name, toucher, worn, own)
+        for name, toucher in experiment.touching.items()
+    ]
+    _give_gains(plant, experiment)
+    plant.Finalize()
+
+    neighbours = Neighbours(plant, scene_graph, own)
+    pairs = touching_pairs(neighbours, touchers, worn)
+    rigid = tuple(rigid_pairs(plant, neighbours, own, experiment, worn))
+    leave_to_collide(scene_graph, worn, touchers, pairs)
+    frames = [skin.link.body_frame() for skin in worn] + [t.frame for t in touchers]
+    return Robot(
+        plant=plant,
+        scene_graph=scene_graph,
+        joints=tuple(moving_joints(plant)),
+        skins=tuple(worn),
+        touchers=tuple(touchers),
+        touching_pairs=pairs,
+        rigid_pairs=rigid,
+        kinematics=Kinematics.of(plant, frames),
+    )
+
+
+def robot_model(experiment: Experiment) -> RobotModel:
+    """The models of an experiment's robot, found and made fit for Drake."""
+    return load_model(experiment.robot.directives, experiment.robot.packages)
+
+
+def _give_gains(plant: MultibodyPlant, experiment: Experiment) -> None:
+    gains = PdControllerGains(p=experiment.execution.stiffness, d=experiment.execution.damping)
+    for actuator in plant.GetJointActuatorIndices():
+        plant.get_mutable_joint_actuator(actuator).set_controller_gains(gains)
+
+
+def _add_toucher(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    name: str,
+    described: ToucherFields,
+    worn: Sequence[WornSkin],
+    own: Mapping[BodyIndex, tuple[GeometryId, ...]],
+) -> Toucher:
+    field = f"touching.{name}"
+    if described.link is None:
+        frame = find_frame(plant, str(described.frame), f"{field}.frame")
+        ids = (register_ball(plant, name, frame, float(described.radius or 0.0)),)
+        return Toucher(name=name, link=frame.body(), frame=frame, geometry_ids=ids)
+    link = find_link(plant, described.link, f"{field}.link")
+    ids = tuple(skin.geometry_id for skin in worn if skin.link.index() == link.index())
+    if not ids:
+        if link.index() not in own:
+            raise ExperimentError(
+                f"{field}.link is {described.link!r}, which has no collision geometry; give it "
+                "some in its model, or give a ball by frame and radius"
+            )
+        try:
+            ids = register_shapes(
+                plant, name, link, own[link.index()], scene_graph.model_inspector()
+            )
+        except ValueError as error:
+            raise ExperimentError(f"{field}.link is {described.link!r}: {error}") from error
+    return Toucher(name=name, link=link, frame=link.body_frame(), geometry_ids=ids)

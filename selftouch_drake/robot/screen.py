@@ -1,0 +1,337 @@
+"""Says which touchers cannot touch which skins, so that contact need not be computed.
+
+Exact in one direction: what it rejects is out of reach. Each toucher is stood for by balls that
+cover it, each skin by a grid of distances to its wall.
+
+Most configurations of a random walk touch nothing. Those cost what it takes to place the touchers
+and to see that they are outside the skins' boxes, many configurations at a time: the innermost
+loops run over `_LANES` of them, for the processor's vector instructions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+import trimesh
+from pydrake.geometry import Sphere
+from pydrake.math import RigidTransform, RotationMatrix
+from scipy.spatial import cKDTree
+
+from selftouch_drake.geometry import HollowSkin, farthest_points, wall_points
+from selftouch_drake.robot.kinematics import Kinematics
+from selftouch_drake.robot.pairs import Toucher
+from selftouch_drake.robot.robot import Robot
+from selftouch_drake.robot.touchers import touching_triangles
+
+# m, edge of a cell of the grid; larger where a skin is so large that its grid would have more than
+# `_MOST_CELLS` along one side.
+_CELL = 0.005
+_MOST_CELLS = 160
+# Balls that stand for a toucher which is none: more fit closer, fewer are quicker to ask.
+_NUM_BALLS = 12
+# Configurations at a time.
+_LANES = 32
+# m, more than positions are off by for want of digits in `_sines`.
+_ROUNDING = 1e-6
+
+_compiled = numba.njit(cache=True, nogil=True, error_model="numpy")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WallGrid:
+    """How far the cells of a grid are from a skin's wall, in the frame that carries the skin.
+
+    The wall is stood for by points on its outer, middle and inner layer. A ball that touches the
+    wall from outside is within its radius of a layer, and a point inside the wall is within half
+    the longest step from layer to layer; a triangle whose edges are no longer than e is nowhere
+    farther than e / sqrt(3) from its corners; and a point of a cell is within half the cell's
+    diagonal of its centre.
+
+    Attributes:
+        origin: `(3,)` m, the corner of the first cell.
+        cell: m, edge of a cell.
+        reach: `(x, y, z)` float32 m: a ball whose centre is in this cell and whose radius is
+            smaller does not touch the wall; 0 where any ball may.
+        box: `(6,)` m, the lowest and highest coordinates of the wall.
+    """
+
+    origin: np.ndarray
+    cell: float
+    reach: np.ndarray
+    box: np.ndarray
+
+    @staticmethod
+    def of(wall: HollowSkin, X_CL: RigidTransform, largest_radius: float) -> WallGrid:
+        """The grid for balls up to `largest_radius` m.
+
+        Args:
+            wall: in the frame L of its link.
+            X_CL: that frame in the frame C that carries it.
+            largest_radius: m.
+        """
+        corners = X_CL.multiply(wall.tet_vertices.T).T
+        extent = float(np.ptp(corners, axis=0).max()) + 2 * largest_radius
+        cell = max(_CELL, extent / _MOST_CELLS)
+        points = X_CL.multiply(wall_points(wall, cell).T).T
+        inside = np.linalg.norm(wall.vertices - wall.inner_vertices, axis=1).max() / 4
+        slack = cell / np.sqrt(3) + cell * np.sqrt(3) / 2
+        margin = max(largest_radius, inside) + slack
+        origin = points.min(axis=0) - margin
+        shape = np.ceil((points.max(axis=0) + margin - origin) / cell).astype(int)
+        centres = origin + cell * (np.indices(shape).reshape(3, -1).T + 0.5)
+        distance, _ = cKDTree(points).query(centres, distance_upper_bound=margin)
+        reach = distance - slack
+        reach[reach <= inside] = 0.0
+        return WallGrid(
+            origin=origin,
+            cell=cell,
+            # Rounded down, never up: what is rejected is out of reach.
+            reach=np.nextafter(reach.astype(np.float32), -np.inf).reshape(shape),
+            box=np.concatenate([corners.min(axis=0), corners.max(axis=0)]),
+        )
+
+
+def covering_balls(toucher: Toucher, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+    """Balls that cover a toucher.
+
+    Returns:
+        `(B, 3)` m, centres in the toucher's frame, and `(B,)` m, radii.
+    """
+    inspector = robot.scene_graph.model_inspector()
+    worn = {skin.geometry_id: skin.model.wall for skin in robot.skins}
+    X_FL = toucher.frame.GetFixedPoseInBodyFrame().inverse()
+    clouds, slacks, balls = [], [], []
+    for geometry_id in toucher.geometry_ids:
+        shape = inspector.GetShape(geometry_id)
+        X_FG = X_FL.multiply(inspector.GetPoseInFrame(geometry_id))
+        if geometry_id in worn:
+            wall = worn[geometry_id]
+            clouds.append(X_FL.multiply(wall_points(wall, 0.01).T).T)
+            half_step = np.linalg.norm(wall.vertices - wall.inner_vertices, axis=1).max() / 4
+            slacks.append(half_step + 0.01 / np.sqrt(3))
+        elif isinstance(shape, Sphere):
+            balls.append((X_FG.translation(), shape.radius()))
+        else:
+            mesh = trimesh.Trimesh(*touching_triangles(shape), process=False)
+            spacing = max(float(mesh.extents.min()) / 8, 0.002)
+            fine, _ = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, spacing)
+            clouds.append(X_FG.multiply(fine.T).T)
+            slacks.append(spacing / np.sqrt(3))
+    if clouds:
+        cloud = np.concatenate(clouds)
+        slack = np.repeat(slacks, [len(c) for c in clouds])
+        chosen = farthest_points(
+            lambda k: np.linalg.norm(cloud - cloud[k], axis=1), min(_NUM_BALLS, len(cloud))
+        )
+        distance, owner = cKDTree(cloud[chosen]).query(cloud)
+        for ball, centre in enumerate(cloud[chosen]):
+            mine = owner == ball
+            balls.append((centre, float((distance[mine] + slack[mine]).max())))
+    return np.array([c for c, _ in balls]), np.array([r for _, r in balls])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Chain:
+    """A robot's joints, each with a frame C that it carries, whose z axis is the joint's axis.
+
+    Attributes:
+        parent: `(J,)` the joint before each one; -1 for none.
+        X_PF: `(J, 3, 4)` where C is at 0, in the frame that the parent carries.
+        X_CL: for each frame of the robot's kinematics, its pose in the frame that carries it.
+        owner: `(L,)` the joint that carries each of those; -1 for the world.
+    """
+
+    parent: np.ndarray
+    X_PF: np.ndarray
+    X_CL: tuple[RigidTransform, ...]
+    owner: np.ndarray
+
+    @staticmethod
+    def of(kinematics: Kinematics) -> _Chain:
+        """Turns the frames of the joints so that all axes are z."""
+        R_JC = [RotationMatrix.MakeFromOneVector(axis, 2) for axis in kinematics.axis_F]
+
+        def carried(X: np.ndarray, joint: int) -> RigidTransform:
+            R_CJ = R_JC[joint].inverse() if joint >= 0 else RotationMatrix()
+            return RigidTransform(R_CJ, [0, 0, 0]).multiply(
+                RigidTransform(RotationMatrix.ProjectToRotationMatrix(X[:, :3]), X[:, 3])
+            )
+
+        X_PF = [
+            carried(X, parent).multiply(RigidTransform(R, [0, 0, 0])).GetAsMatrix34()
+            for X, parent, R in zip(kinematics.X_PF, kinematics.parent, R_JC, strict=True)
+        ]
+        return _Chain(
+            parent=kinematics.parent,
+            X_PF=np.array(X_PF),
+            X_CL=tuple(map(carried, kinematics.X_JL, kinematics.owner)),
+            owner=kinematics.owner,
+        )
+
+
+class TouchScreen:
+    """The screen of one robot."""
+
+    def __init__(self, robot: Robot):
+        chain = _Chain.of(robot.kinematics)
+        num_skins = len(robot.skins)
+        self._chain, self._turns = chain, robot.kinematics.turns
+        self._pairs = np.array(robot.touching_pairs, dtype=np.int64).reshape(-1, 2)
+        balls = [
+            _with_bound(X_CT.multiply(centre.T).T, radius)
+            for X_CT, (centre, radius) in zip(
+                chain.X_CL[num_skins:],
+                (covering_balls(toucher, robot) for toucher in robot.touchers),
+                strict=True,
+            )
+        ]
+        self._ball_ends = np.cumsum([0, *(len(b) for b in balls)])
+        self._balls = np.concatenate(balls)
+        largest = float(self._balls[:, 3].max())
+        grids = [
+            WallGrid.of(skin.model.wall, X_CL, largest)
+            for skin, X_CL in zip(robot.skins, chain.X_CL, strict=False)
+        ]
+        self._boxes = np.array([grid.box for grid in grids])
+        self._grids = np.array([[*grid.origin, grid.cell] for grid in grids])
+        self._shapes = np.array([grid.reach.shape for grid in grids])
+        self._grid_ends = np.cumsum([0, *(grid.reach.size for grid in grids)])
+        self._reach = np.concatenate([grid.reach.ravel() for grid in grids])
+
+    def near(self, q: np.ndarray) -> np.ndarray:
+        """`(N, P)` bool, which of the touching pairs might touch at `q` `(N, J)`."""
+        lanes = np.zeros((q.shape[1], -(-len(q) // _LANES) * _LANES))
+        lanes[:, : len(q)] = q.T
+        found = np.zeros((lanes.shape[1], len(self._pairs)), dtype=np.bool_)
+        _near(
+            lanes, self._chain.parent, self._chain.X_PF, self._turns, self._chain.owner,
+            self._pairs, self._ball_ends, self._balls, self._boxes, self._grids, self._shapes,
+            self._grid_ends, self._reach, found,
+        )  # fmt: skip
+        return found[: len(q)]
+
+
+def _with_bound(centre: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """`(B, 4)` balls, before them one that holds all of them if they are several."""
+    radius = radius + _ROUNDING
+    balls = np.column_stack([centre, radius])
+    if len(balls) == 1:
+        return balls
+    middle = (centre.min(axis=0) + centre.max(axis=0)) / 2
+    reach = (np.linalg.norm(centre - middle, axis=1) + radius).max()
+    return np.concatenate([[[*middle, reach]], balls])
+
+
+@_compiled
+def _near(
+    lanes, parent, X_PF, turns, owner, pairs, ball_ends, balls, boxes, grids, shapes, grid_ends,
+    reach, found,
+):  # fmt: skip
+    # The world, then what each joint carries: 12 numbers of `_LANES` configurations each.
+    X = np.zeros((len(parent) + 1) * 12 * _LANES)
+    for i in range(3):
+        for lane in range(_LANES):
+            X[5 * i * _LANES + lane] = 1.0
+    sine, cosine, shift = np.empty(_LANES), np.empty(_LANES), np.empty(_LANES)
+    apart, num_skins = np.empty(_LANES), len(boxes)
+    for start in range(0, lanes.shape[1], _LANES):
+        for joint in range(len(parent)):
+            _move(lanes[joint, start : start + _LANES], turns[joint], sine, cosine, shift)
+            _carry(X, parent[joint], joint, X_PF, sine, cosine, shift)
+        for pair in range(len(pairs)):
+            toucher, skin = pairs[pair, 0], pairs[pair, 1]
+            carrier, pressed = owner[num_skins + toucher], owner[skin]
+            first, last = ball_ends[toucher], ball_ends[toucher + 1]
+            _apart(X, carrier, pressed, balls, first, boxes, skin, apart)
+            for lane in range(_LANES):
+                if apart[lane] <= balls[first, 3] ** 2:
+                    found[start + lane, pair] = _may_meet(
+                        X, carrier, pressed, lane, balls, first, last, grids[skin], shapes[skin],
+                        reach[grid_ends[skin] : grid_ends[skin + 1]],
+                    )  # fmt: skip
+
+
+@_compiled
+def _move(q, turns, sine, cosine, shift):
+    """Sine and cosine of an angle, good to 1e-10, or the shift of a joint that slides."""
+    for lane in range(_LANES):
+        # Within half a turn, and of that a quarter, for which few terms do; then doubled twice.
+        # Adding and taking away this number rounds to an integer.
+        turn = (q[lane] * (0.5 / np.pi) + 6755399441055744.0) - 6755399441055744.0
+        x = 0.25 * q[lane] - 0.5 * np.pi * turn
+        z = x * x
+        s = 1 - z * (1 / 20) * (1 - z * (1 / 42) * (1 - z * (1 / 72) * (1 - z * (1 / 110))))
+        s = x * (1 - z * (1 / 6) * s)
+        s, c = 2 * s * np.sqrt(1 - s * s), 1 - 2 * s * s
+        sine[lane] = 2 * s * c if turns else 0.0
+        cosine[lane] = 1 - 2 * s * s if turns else 1.0
+        shift[lane] = 0.0 if turns else q[lane]
+
+
+@_compiled
+def _carry(X, parent, joint, X_PF, sine, cosine, shift):
+    """Places what a joint carries. Indices are unsigned, or no vector instructions come of it."""
+    lanes = np.uint64(_LANES)
+    two, three = lanes + lanes, lanes + lanes + lanes
+    for i in range(3):
+        before = np.uint64(((parent + 1) * 12 + 4 * i) * _LANES)
+        after = np.uint64(((joint + 1) * 12 + 4 * i) * _LANES)
+        x0, x1, x2 = X_PF[joint, 0, 0], X_PF[joint, 1, 0], X_PF[joint, 2, 0]
+        y0, y1, y2 = X_PF[joint, 0, 1], X_PF[joint, 1, 1], X_PF[joint, 2, 1]
+        z0, z1, z2 = X_PF[joint, 0, 2], X_PF[joint, 1, 2], X_PF[joint, 2, 2]
+        p0, p1, p2 = X_PF[joint, 0, 3], X_PF[joint, 1, 3], X_PF[joint, 2, 3]
+        for lane in range(lanes):
+            a, b = X[before + lane], X[before + lanes + lane]
+            c, d = X[before + two + lane], X[before + three + lane]
+            x, y, z = a * x0 + b * x1 + c * x2, a * y0 + b * y1 + c * y2, a * z0 + b * z1 + c * z2
+            X[after + lane] = x * cosine[lane] + y * sine[lane]
+            X[after + lanes + lane] = y * cosine[lane] - x * sine[lane]
+            X[after + two + lane] = z
+            X[after + three + lane] = a * p0 + b * p1 + c * p2 + d + z * shift[lane]
+
+
+@_compiled
+def _apart(X, carrier, pressed, balls, ball, boxes, skin, apart):
+    """Writes the squared distance from the centre of a ball to the box of a skin, m²."""
+    lanes = np.uint64(_LANES)
+    x, y, z = balls[ball, 0], balls[ball, 1], balls[ball, 2]
+    for i in range(3):
+        low, high = boxes[skin, i], boxes[skin, 3 + i]
+        for lane in range(lanes):
+            along = 0.0
+            for k in range(3):
+                c = np.uint64(((carrier + 1) * 12 + 4 * k) * _LANES) + lane
+                s = np.uint64(((pressed + 1) * 12 + 4 * k) * _LANES) + lane
+                away = X[c] * x + X[c + lanes] * y + X[c + lanes + lanes] * z
+                away += X[c + lanes + lanes + lanes] - X[s + lanes + lanes + lanes]
+                along += X[s + np.uint64(i) * lanes] * away
+            beyond = max(max(low - along, along - high), 0.0)
+            apart[lane] = beyond * beyond + (apart[lane] if i else 0.0)
+
+
+@_compiled
+def _may_meet(X, carrier, pressed, lane, balls, first, last, grid, shape, reach):
+    """Whether one of the balls `first` to `last` is within reach of a skin in one configuration."""
+    t, s = (carrier + 1) * 12 * _LANES + lane, (pressed + 1) * 12 * _LANES + lane
+    for ball in range(first, last):
+        inside, place = True, 0
+        for i in range(3):
+            along = -grid[i]
+            for k in range(3):
+                away = X[t + (4 * k + 3) * _LANES] - X[s + (4 * k + 3) * _LANES]
+                for j in range(3):
+                    away += X[t + (4 * k + j) * _LANES] * balls[ball, j]
+                along += X[s + (4 * k + i) * _LANES] * away
+            step = int(np.floor(along / grid[3]))
+            inside &= 0 <= step < shape[i]
+            place = place * shape[i] + step
+        touching = inside and reach[place] <= balls[ball, 3]
+        # The first of several balls holds the others.
+        if ball == first and last - first > 1:
+            if not touching:
+                return False
+        elif touching:
+            return True
+    return False

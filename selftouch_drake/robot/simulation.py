@@ -1,0 +1,225 @@
+"""One simulation of a robot that is told where to go: for plans, live play and babbling."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import LogVectorOutput
+from pydrake.trajectories import PiecewisePolynomial
+
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.robot.joints import slip
+from selftouch_drake.robot.skins import SkinModel
+from selftouch_drake.robot.sources import Babbler, PathSource, Walk
+from selftouch_drake.robot.station import MakeDynamicStation
+
+# s, between two entries of the log: five tactile readings in the time of a human's reaction to one.
+LOG_PERIOD = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Log:
+    """What happened in a stretch of simulation.
+
+    Attributes:
+        time_s: `(T,)` s, every log period.
+        q: `(T, J)` rad or m, where the joints truly were.
+        v: `(T, J)` rad/s or m/s.
+        felt: `(T, S)` N, sensations.
+        torque: `(N, J)` N·m or N, of the actuators, at every step of the plant.
+        q_steps: `(N, J)` rad or m, at every step of the plant.
+    """
+
+    time_s: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    felt: np.ndarray
+    torque: np.ndarray
+    q_steps: np.ndarray
+
+
+class Simulation:
+    """A robot under dynamics that follows paths, or babbles; all its state is in its context.
+
+    Args:
+        experiment: the experiment whose robot acts.
+        skins: its skins.
+        meshcat: where to show it.
+        log_period: s, between two entries of the log.
+        babbles: whether a `Babbler` commands it, and not a path.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        skins: Sequence[SkinModel],
+        meshcat: Meshcat | None = None,
+        *,
+        log_period: float = LOG_PERIOD,
+        babbles: bool = False,
+    ):
+        builder = DiagramBuilder()
+        station = MakeDynamicStation(experiment, skins, meshcat)
+        self.robot = station.robot
+        num_joints = self.robot.num_joints
+        # Joints that have slipped read more than they are; while babbling none has.
+        self._slip = np.zeros(num_joints) if babbles else slip(experiment, num_joints)
+        builder.AddNamedSystem("station", station.diagram)
+        if babbles:
+            self._source: Babbler | PathSource = builder.AddNamedSystem(
+                "babbler",
+                Babbler(num_joints=num_joints, period_s=experiment.babbling.step_duration),
+            )
+        else:
+            self._source = builder.AddNamedSystem("path_source", PathSource(num_joints))
+        builder.Connect(
+            self._source.GetOutputPort("desired_state"),
+            station.diagram.GetInputPort("desired_state"),
+        )
+        self._logs = {
+            name: LogVectorOutput(station.diagram.GetOutputPort(port), builder, publish_period=step)
+            for name, port, step in (
+                ("state", "state", log_period),
+                ("sensation", "sensation", log_period),
+                ("torque", "torque", experiment.execution.time_step),
+                ("state_steps", "state", experiment.execution.time_step),
+            )
+        }
+        self.diagram = builder.Build()
+        self._simulator = Simulator(self.diagram)
+        self._context = self._simulator.get_mutable_context()
+        self._station_context = station.diagram.GetMyContextFromRoot(self._context)
+        self._state = station.diagram.GetOutputPort("state")
+        self._sensation = station.diagram.GetOutputPort("sensation")
+
+    @property
+    def time_s(self) -> float:
+        """s, since `rest_at`, `follow` or `babble`."""
+        return self._context.get_time()
+
+    @property
+    def q(self) -> np.ndarray:
+        """`(J,)` rad or m, where the joints truly are."""
+        return self._state.Eval(self._station_context)[: self.robot.num_joints]
+
+    @property
+    def q_commanded(self) -> np.ndarray:
+        """`(J,)` rad or m, where the joints are commanded to be, as they read.
+
+        Where something presses on a skin, the joints stay behind their command.
+        """
+        desired = self._source.GetOutputPort("desired_state")
+        source_context = self._source.GetMyContextFromRoot(self._context)
+        return desired.Eval(source_context)[: self.robot.num_joints] + self._slip
+
+    @property
+    def felt(self) -> np.ndarray:
+        """`(S,)` N, the sensation."""
+        return self._sensation.Eval(self._station_context)
+
+    def rest_at(self, q: np.ndarray) -> None:
+        """Puts the robot at rest at `(J,)` q, as its joints read, and starts its time there."""
+        q = np.asarray(q, dtype=float)
+        self._begin(PiecewisePolynomial((q - self._slip)[:, None]), q - self._slip)
+
+    def follow(
+        self, time_s: np.ndarray, q: np.ndarray, v: np.ndarray, *, jump: bool = False
+    ) -> None:
+        """Begins a motion at time 0, from where the robot is.
+
+        Args:
+            time_s: `(T,)` s, from 0.
+            q: `(T, J)` rad or m, as the joints read.
+            v: `(T, J)` rad/s or m/s.
+            jump: whether the robot is put at rest where the motion starts.
+        """
+        q = q - self._slip
+        path = PiecewisePolynomial.CubicHermite(time_s, q.T, v.T)
+        self._begin(path, q[0] if jump else None)
+
+    def babble(self, walk: Walk) -> None:
+        """Puts the robot at rest where a walk begins, and lets it walk."""
+        if not isinstance(self._source, Babbler):
+            raise TypeError("this simulation follows paths; make one with babbles=True")
+        self._context.SetTime(0.0)
+        source_context = self._source.GetMyMutableContextFromRoot(self._context)
+        self._source.SetWalk(source_context, walk)
+        self._put(self._source.GetOutputPort("q").Eval(source_context))
+        self._restart()
+        # Where a walk begins was not walked to.
+        self._clear_logs()
+
+    def advance(self, duration: float) -> None:
+        """Lets the world go on for `duration` s, in step with the clock if a rate is set."""
+        self._simulator.AdvanceTo(self.time_s + duration)
+
+    def advance_to(self, time_s: float) -> None:
+        """Lets the world go on to a time."""
+        self._simulator.AdvanceTo(time_s)
+
+    def set_rate(self, rate: float) -> None:
+        """Lets the world go on `rate` times as fast as the clock, if it can; 0 is as it can."""
+        self._simulator.set_target_realtime_rate(rate)
+        self._simulator.ResetStatistics()
+
+    def take_log(self) -> Log:
+        """What happened since the last call, or since the motion began; the log starts over."""
+        found = {name: log.FindMutableLog(self._context) for name, log in self._logs.items()}
+        num_joints = self.robot.num_joints
+        state = found["state"].data().T
+        log = Log(
+            time_s=found["state"].sample_times().copy(),
+            q=state[:, :num_joints].copy(),
+            v=state[:, num_joints:].copy(),
+            felt=found["sensation"].data().T.copy(),
+            torque=found["torque"].data().T.copy(),
+            q_steps=found["state_steps"].data().T[:, :num_joints].copy(),
+        )
+        for each in found.values():
+            each.Clear()
+        return log
+
+    def execute(self, time_s: np.ndarray, q: np.ndarray, v: np.ndarray) -> Log:
+        """Puts the robot at rest where a motion starts, and lets it follow to its end.
+
+        Args:
+            time_s: `(T,)` s, from 0, every `LOG_PERIOD` but for the last, which may be earlier.
+            q: `(T, J)` rad or m.
+            v: `(T, J)` rad/s or m/s.
+
+        Returns:
+            What happened until the end of the period in which the motion ends: T entries, if the
+            world logs every `LOG_PERIOD`.
+        """
+        self.follow(time_s, q, v, jump=True)
+        self.advance_to(LOG_PERIOD * (len(time_s) - 1))
+        return self.take_log()
+
+    def _begin(self, path: PiecewisePolynomial, q: np.ndarray | None) -> None:
+        if not isinstance(self._source, PathSource):
+            raise TypeError("this simulation babbles; make one with babbles=False")
+        self._context.SetTime(0.0)
+        self._source.SetPath(self._source.GetMyMutableContextFromRoot(self._context), path)
+        if q is not None:
+            self._put(q)
+        self._restart()
+
+    def _put(self, q: np.ndarray) -> None:
+        plant = self.robot.plant
+        context = plant.GetMyMutableContextFromRoot(self._context)
+        plant.SetPositions(context, q)
+        plant.SetVelocities(context, np.zeros(self.robot.num_joints))
+
+    def _restart(self) -> None:
+        """Begins time anew: what the skins felt late before this moment is what they feel now."""
+        self._clear_logs()
+        self._simulator.Initialize()
+
+    def _clear_logs(self) -> None:
+        for log in self._logs.values():
+            log.FindMutableLog(self._context).Clear()

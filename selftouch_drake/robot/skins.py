@@ -1,0 +1,161 @@
+"""From an experiment to the skins of its robot, each in the frame of its link."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from pydrake.geometry import Role, SceneGraph
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import RigidBody
+
+from selftouch_drake.experiment import SHAPES, Experiment, ExperimentError, Skin, Surface
+from selftouch_drake.geometry import (
+    HollowSkin,
+    ReceptiveFields,
+    closed_surface,
+    hollow_skin,
+    place_receptors,
+    receptive_fields,
+    surfaces,
+)
+from selftouch_drake.robot.links import find_link, link_geometries, pieces_in_link
+from selftouch_drake.robot.models import load_model, parse
+
+# The surfaces that are the link's own.
+_ROLES = {"collision": Role.kProximity, "visual": Role.kIllustration}
+_MAKE: dict[str, Callable[..., trimesh.Trimesh]] = {
+    "sphere": surfaces.sphere,
+    "cube": surfaces.cube,
+    "torus": surfaces.torus,
+    "ellipsoid": surfaces.ellipsoid,
+    "cylinder": surfaces.cylinder,
+    "capsule": surfaces.capsule,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SkinModel:
+    """A skin in the frame L of the link that wears it, m.
+
+    Attributes:
+        name: as the experiment calls it.
+        link: the name of the link.
+        wall: the hollow skin.
+        fields: its receptors' fields.
+        hydroelastic_modulus: Pa.
+        is_own_geometry: whether it lies on the geometry that the model gives its link, so that
+            nothing gets inside.
+    """
+
+    name: str
+    link: str
+    wall: HollowSkin
+    fields: ReceptiveFields
+    hydroelastic_modulus: float
+    is_own_geometry: bool
+
+
+def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:
+    """The skins of an experiment, in its order.
+
+    Raises:
+        ValueError: a skin cannot be made; the text names the field, the value and the remedy.
+    """
+    scene_graph = SceneGraph()
+    plant = MultibodyPlant(time_step=0.0)
+    plant.RegisterAsSourceForSceneGraph(scene_graph)
+    parse(plant, load_model(experiment.robot.directives, experiment.robot.packages))
+    balls = [t.radius for t in experiment.touching.values() if t.radius is not None]
+    return tuple(
+        _made(experiment, number, name, skin, plant, scene_graph, min(balls, default=None))
+        for number, (name, skin) in enumerate(experiment.skins.items())
+    )
+
+
+def receptor_skin(skins: tuple[SkinModel, ...]) -> np.ndarray:
+    """`(S,)` int8, the number of the skin that each reading of a sensation comes from."""
+    sizes = [skin.fields.num_receptors for skin in skins]
+    return np.repeat(np.arange(len(skins), dtype=np.int8), sizes)
+
+
+def _made(
+    experiment: Experiment,
+    number: int,
+    name: str,
+    skin: Skin,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    smallest_ball: float | None,
+) -> SkinModel:
+    link = find_link(plant, skin.link, f"skins.{name}.link")
+    own = skin.surface.shape in _ROLES
+    try:
+        surface = _outer_surface(skin.surface, link, plant, scene_graph)
+        # Only a hollow body has an inside for a ball to get into.
+        inspector = scene_graph.model_inspector()
+        filled = own or bool(link_geometries(plant, inspector, link, Role.kProximity))
+        wall = hollow_skin(surface, skin.thickness, None if filled else smallest_ball)
+        p_LS = place_receptors(
+            surface,
+            skin.num_receptors,
+            _receptor_seed(experiment, number),
+            unevenness=skin.unevenness,
+        )
+        fields = receptive_fields(surface, p_LS, width=skin.field_width)
+    except ExperimentError:
+        raise
+    except ValueError as error:
+        # Geometry names its own arguments, and knows no experiment.
+        raise ExperimentError(f"skins.{name}.{_without_skin(str(error))}") from error
+    return SkinModel(
+        name=name,
+        link=skin.link,
+        wall=wall,
+        fields=fields,
+        hydroelastic_modulus=skin.hydroelastic_modulus,
+        is_own_geometry=own,
+    )
+
+
+def _without_skin(text: str) -> str:
+    return text.removeprefix("skin.")
+
+
+def _receptor_seed(experiment: Experiment, number: int) -> int:
+    """The first skin's is the experiment's own, as it was when there was one."""
+    if number == 0:
+        return experiment.seed
+    (seed,) = experiment.random_stream("skin", 2, number).generate_state(1)
+    return int(seed)
+
+
+def _outer_surface(
+    wanted: Surface, link: RigidBody, plant: MultibodyPlant, scene_graph: SceneGraph
+) -> trimesh.Trimesh:
+    """The closed outer surface that is described, in the frame of `link`."""
+    if wanted.shape in _ROLES:
+        inspector = scene_graph.model_inspector()
+        geometries = link_geometries(plant, inspector, link, _ROLES[wanted.shape])
+        if not geometries:
+            raise ValueError(
+                f"surface is {wanted.shape!r}, but link {link.name()!r} has no such geometry; give "
+                "it some in its model, or give a shape or a mesh"
+            )
+        surface = closed_surface(
+            pieces_in_link(inspector, geometries), resolution=wanted.resolution
+        )
+    elif wanted.shape == "mesh":
+        surface = surfaces.mesh_file(
+            str(wanted.mesh), resolution=wanted.resolution, scale=wanted.scale
+        )
+    else:
+        dimensions = [getattr(wanted, name) for name in SHAPES[wanted.shape]]
+        surface = _MAKE[wanted.shape](*dimensions, resolution=wanted.resolution)
+    if any(wanted.translation) or any(wanted.rpy_deg):
+        X_LA = RigidTransform(RollPitchYaw(np.radians(wanted.rpy_deg)), wanted.translation)
+        surface = trimesh.Trimesh(X_LA.multiply(surface.vertices.T).T, surface.faces, process=False)
+    return surface

@@ -1,0 +1,201 @@
+"""What presses skins: rigid balls at frames, and links' own shapes made rigid."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import trimesh
+from pydrake.common import MemoryFile
+from pydrake.geometry import (
+    AddContactMaterial,
+    AddRigidHydroelasticProperties,
+    Box,
+    Capsule,
+    Cylinder,
+    Ellipsoid,
+    GeometryId,
+    InMemoryMesh,
+    Mesh,
+    ProximityProperties,
+    SceneGraphInspector,
+    Shape,
+    Sphere,
+)
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import Frame, RigidBody
+
+from selftouch_drake.geometry import closed_surface
+from selftouch_drake.robot.links import as_mesh
+
+# What the geometry of every toucher is called, before its name.
+_PREFIX = "touching_"
+# As the skin's: friction changes no reading, only the effort.
+FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
+# A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch costs a
+# seventh of what it does with 128, and a sensation differs by a cosine distance of 1e-5 (median) or
+# 8e-4 (95 %), where one target sensation is 1e-2 from the next.
+_DIAMETERS = 1.0
+# Triangles are pressed on a skin so many at a time: a ball is one patch.
+PATCH = 8
+# Faces round a cylinder.
+_SECTIONS = 12
+# What Drake cuts such a ball into, of radius 1: corners on the axes.
+_OCTAHEDRON = trimesh.Trimesh(
+    np.concatenate([np.eye(3), -np.eye(3)]),
+    [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]],
+    process=False,
+)
+# m, finer triangles of a touching mesh cost time, and no skin feels them.
+_FINEST = 0.008
+
+
+class RigidMesh(NamedTuple):
+    """A toucher's triangles in its link's frame, in patches.
+
+    Attributes:
+        points: `(P, 3)` m, corners, those of each patch together.
+        point_ends: where the corners of each patch start and end.
+        faces: `(F, 3)` corners, outward by the right hand, counted from the patch's first.
+        face_ends: where the faces of each patch start and end.
+        normals: `(F, 3)` unit vectors.
+        areas: `(F,)` m², twice the area.
+    """
+
+    points: np.ndarray
+    point_ends: np.ndarray
+    faces: np.ndarray
+    face_ends: np.ndarray
+    normals: np.ndarray
+    areas: np.ndarray
+
+
+def register_ball(plant: MultibodyPlant, name: str, frame: Frame, radius: float) -> GeometryId:
+    """Gives a frame's link a rigid ball about the frame's origin, called `touching_NAME`.
+
+    Args:
+        plant: not yet finalized.
+        name: of the toucher.
+        frame: fixed to a link.
+        radius: m.
+    """
+    X_LG = frame.GetFixedPoseInBodyFrame()
+    hint = 2 * radius * _DIAMETERS
+    return _register(plant, frame.body(), X_LG, Sphere(radius), f"{_PREFIX}{name}", hint)
+
+
+def register_shapes(
+    plant: MultibodyPlant,
+    name: str,
+    link: RigidBody,
+    geometries: Iterable[GeometryId],
+    inspector: SceneGraphInspector,
+) -> tuple[GeometryId, ...]:
+    """Gives a link rigid copies of collision geometries of its own, called `touching_NAME_0` etc.
+
+    Args:
+        plant: not yet finalized.
+        name: of the toucher.
+        link: the link.
+        geometries: its own, from its model.
+        inspector: of the scene graph that holds them.
+
+    Raises:
+        ValueError: a geometry has no closed surface, as a half space.
+    """
+    ids = []
+    for number, geometry in enumerate(geometries):
+        mesh = _own_mesh(inspector.GetShape(geometry))
+        X_LG = inspector.GetPoseInFrame(geometry)
+        ids.append(_register(plant, link, X_LG, mesh, f"{_PREFIX}{name}_{number}"))
+    return tuple(ids)
+
+
+def touching_triangles(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles that Drake gives a toucher's shape.
+
+    Returns:
+        `(V, 3)` m, in the shape's frame, and `(F, 3)` corners, outward by the right hand.
+    """
+    if isinstance(shape, Sphere):
+        return shape.radius() * _OCTAHEDRON.vertices, np.array(_OCTAHEDRON.faces)
+    lines = shape.source().in_memory().mesh_file.contents().decode().splitlines()
+    vertices = [line.split()[1:] for line in lines if line.startswith("v ")]
+    faces = [line.split()[1:] for line in lines if line.startswith("f ")]
+    return np.array(vertices, dtype=float), np.array(faces, dtype=int) - 1
+
+
+def _register(
+    plant: MultibodyPlant,
+    link: RigidBody,
+    X_LG: RigidTransform,
+    shape: Shape,
+    name: str,
+    hint: float = 1.0,
+) -> GeometryId:
+    properties = ProximityProperties()
+    AddContactMaterial(friction=FRICTION, properties=properties)
+    AddRigidHydroelasticProperties(resolution_hint=hint, properties=properties)
+    return plant.RegisterCollisionGeometry(link, X_LG, shape, name, properties)
+
+
+def _own_mesh(shape: Shape) -> Mesh:
+    """A shape as a mesh of its own, with triangles no finer than a skin can feel."""
+    if isinstance(shape, Sphere):
+        surface = _ellipsoid([shape.radius()] * 3)
+    elif isinstance(shape, Ellipsoid):
+        surface = _ellipsoid([shape.a(), shape.b(), shape.c()])
+    elif isinstance(shape, Cylinder):
+        surface = trimesh.creation.cylinder(shape.radius(), shape.length(), sections=_SECTIONS)
+    elif isinstance(shape, Capsule):
+        surface = trimesh.creation.capsule(
+            shape.length(), shape.radius(), count=[_SECTIONS, _SECTIONS // 2]
+        )
+    else:
+        surface = as_mesh(shape)
+        if not isinstance(shape, Box):
+            finest = max(_FINEST, float(surface.extents.min()) / 6)
+            surface = closed_surface([surface], resolution=finest)
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in surface.vertices.tolist()]
+    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in surface.faces.tolist()]
+    text = "\n".join(lines) + "\n"
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".obj", "touching")))
+
+
+def _ellipsoid(semi_axes: Sequence[float]) -> trimesh.Trimesh:
+    """An octahedron, cut once more, with its corners on an ellipsoid: 32 triangles."""
+    ball = _OCTAHEDRON.subdivide()
+    directions = ball.vertices / np.linalg.norm(ball.vertices, axis=1, keepdims=True)
+    return trimesh.Trimesh(directions * semi_axes, ball.faces, process=False)
+
+
+def rigid_mesh(vertices: np.ndarray, faces: np.ndarray) -> RigidMesh:
+    """Cuts a mesh `(V, 3)` m, `(F, 3)` into patches of faces that lie together."""
+    faces = faces[np.linalg.norm(_normals(vertices[faces]), axis=1) > 0]
+    patches, left = [], [np.arange(len(faces))]
+    centres = vertices[faces].mean(axis=1)
+    while left:
+        patch = left.pop()
+        if len(patch) <= PATCH:
+            patches.append(patch)
+        else:
+            along = centres[patch, np.ptp(centres[patch], axis=0).argmax()]
+            left += np.array_split(patch[np.argsort(along, kind="stable")], 2)
+    own = [np.unique(faces[patch], return_inverse=True) for patch in patches]
+    normals = _normals(vertices[faces[np.concatenate(patches)]])
+    areas = np.linalg.norm(normals, axis=1)
+    return RigidMesh(
+        points=vertices[np.concatenate([points for points, _ in own])],
+        point_ends=np.cumsum([0, *(len(points) for points, _ in own)]),
+        faces=np.concatenate([local.reshape(-1, 3) for _, local in own]),
+        face_ends=np.cumsum([0, *(len(patch) for patch in patches)]),
+        normals=normals / areas[:, None],
+        areas=areas,
+    )
+
+
+def _normals(corners: np.ndarray) -> np.ndarray:
+    """`(F, 3)` m², normals of triangles `(F, 3, 3)`, twice as long as the area."""
+    return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

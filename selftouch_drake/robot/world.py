@@ -1,0 +1,55 @@
+"""The world of an experiment, each part built when first asked for."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.robot.limits import JointLimits
+from selftouch_drake.robot.probe import ContactProbe
+from selftouch_drake.robot.robot import Robot
+from selftouch_drake.robot.simulation import Simulation
+from selftouch_drake.robot.skins import SkinModel, make_skins, receptor_skin
+
+
+class World:
+    """Skins, contact without time, and the simulation of one experiment.
+
+    Args:
+        experiment: the experiment.
+    """
+
+    def __init__(self, experiment: Experiment):
+        self.experiment = experiment
+
+    @cached_property
+    def skins(self) -> tuple[SkinModel, ...]:
+        """The skins, each in the frame of its link."""
+        return make_skins(self.experiment)
+
+    @property
+    def receptor_skin(self) -> np.ndarray:
+        """`(S,)` the number of the skin that each reading comes from."""
+        return receptor_skin(self.skins)
+
+    @cached_property
+    def probe(self) -> ContactProbe:
+        """What is felt at given configurations, without time."""
+        return ContactProbe(self.experiment, self.skins)
+
+    @property
+    def robot(self) -> Robot:
+        """The robot, as the probe has it."""
+        return self.probe.robot
+
+    @cached_property
+    def limits(self) -> JointLimits:
+        """What the robot and its motions may do."""
+        return JointLimits.of(self.robot, self.experiment.execution)
+
+    @cached_property
+    def simulation(self) -> Simulation:
+        """Where plans are executed."""
+        return Simulation(self.experiment, self.skins)

@@ -1,0 +1,143 @@
+"""How an agent moves its robot: it plans, someone times the plan, the robot follows it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.motions import Execution, Motion, Plan
+from selftouch_drake.agent.planning import jerk_reduction
+from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, rehearse
+from selftouch_drake.robot import LOG_PERIOD, Log, World
+from selftouch_drake.robot.timing import time_path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Query:
+    """A motion that was asked for.
+
+    Attributes:
+        motion: the timed plan, with what the agent expects to feel.
+        seconds: s, what planning and timing took.
+        jerk_reduction: how many times less jerk it has than straight steps between kernels.
+    """
+
+    motion: Motion
+    seconds: float
+    jerk_reduction: float
+
+
+class Pilot:
+    """An agent in its world: plans become motions, and motions are executed.
+
+    Args:
+        agent: who plans; rehearsals put an agent with more memory in its place.
+        world: its world.
+    """
+
+    def __init__(self, agent: Agent, world: World):
+        self.agent = agent
+        self.world = world
+        # Built before the first query, of which the time is taken.
+        self._limits = world.limits
+        _ = agent.planner
+
+    def plan(self, *targets: int) -> Query:
+        """Plans through two or more target sensations, in order.
+
+        The motion starts at a configuration of the first, drawn from the seed.
+
+        Raises:
+            ValueError: as `Agent.tour`.
+        """
+        q_start = self._some_configuration(*targets)
+        return self._queried(lambda: self.agent.tour(targets, q_start=q_start))
+
+    def plan_from(self, q_start: np.ndarray, goal: int) -> Query:
+        """Plans from any configuration, touching or not.
+
+        Args:
+            q_start: `(J,)` rad or m, where the joints are.
+            goal: the target sensation to reach.
+
+        Raises:
+            ValueError: as `Agent.tour`, or `q_start` is outside the limits of the joints.
+        """
+        limits = self.world.robot.lower, self.world.robot.upper
+        q_start = self.agent.planner.checked_configuration(q_start, limits)
+        (felt,) = self.world.probe.sensations(q_start[None])
+        return self.plan_feeling(q_start, felt, goal)
+
+    def plan_feeling(self, q_start: np.ndarray, felt: np.ndarray, goal: int) -> Query:
+        """As `plan_from`, where it is known what is felt.
+
+        Args:
+            q_start: `(J,)` rad or m, where the joints are.
+            felt: `(S,)` N, what is felt there.
+            goal: the target sensation to reach.
+        """
+        limits = self.world.robot.lower, self.world.robot.upper
+        return self._queried(lambda: self.agent.plan_from(q_start, felt, goal, limits=limits))
+
+    def execute(self, motion: Motion) -> tuple[Execution, Log]:
+        """Lets the robot follow a motion from its start; the log has every step of the plant."""
+        log = self.world.simulation.execute(motion.time_s, motion.q, motion.v)
+        execution = Execution(
+            motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
+        )
+        return execution, log
+
+    def rehearse(
+        self, start: int, goal: int, *, max_tries: int, known: Try | None = None
+    ) -> list[Try]:
+        """Plans and executes until contact is never lost; the agent remembers what it learned.
+
+        Args:
+            start: the target sensation to leave.
+            goal: the target sensation to reach.
+            max_tries: most executions.
+            known: a try from before; the same motion is not executed again.
+
+        Returns:
+            The tries, in order.
+        """
+
+        def attempt(memory: RehearsalMemory) -> Try:
+            self.agent = self.agent.recalling(memory)
+            motion = self.plan(start, goal).motion
+            if known is not None and np.array_equal(motion.q, known.execution.motion.q):
+                return known
+            execution, _ = self.execute(motion)
+            return self.agent.judge(execution)
+
+        tries, memory = rehearse(attempt, self.agent.memory, max_tries=max_tries)
+        self.agent = self.agent.recalling(memory)
+        return tries
+
+    def _queried(self, make_plan: Callable[[], Plan]) -> Query:
+        began = time.perf_counter()
+        plan = make_plan()
+        timed = time_path(
+            plan.path,
+            velocity_limit=self._limits.velocity,
+            acceleration_limit=self._limits.acceleration,
+            rate_hz=1 / LOG_PERIOD,
+        )
+        seconds = time.perf_counter() - began
+        motion = self.agent.motion(plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v)
+        return Query(
+            motion=motion,
+            seconds=seconds,
+            jerk_reduction=jerk_reduction(plan, self.agent.representation.joint_scale),
+        )
+
+    def _some_configuration(self, *targets: int) -> np.ndarray:
+        """Where the joints are when it is asked: any configuration of the first kernel."""
+        representation = self.agent.representation
+        members = representation.kernel_q[representation.members(targets[0])]
+        stream = self.world.experiment.random_stream("start", *targets)
+        return members[np.random.default_rng(stream).integers(len(members))].astype(float)

@@ -1,0 +1,371 @@
+"""The one table of the figures in `metrics.json`: what each means, its unit, who makes it.
+
+The report, the headline and the stages read it; a stage that runs again drops the figures of the
+stages after it. A figure that means nothing for an experiment, as the error of shape with two
+fingers on one hand, is absent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """One figure of `metrics.json`.
+
+    Attributes:
+        key: its name there.
+        meaning: one line.
+        unit: `%` for a share, which is stored as 0 to 1; empty for a plain number.
+        stage: the stage that makes it: babble, learn or evaluate.
+        section: its heading in the report.
+        target: which value is good, in a few words; empty where none is better than another.
+        headline: its name in the headline; empty if it is not there.
+    """
+
+    key: str
+    meaning: str
+    unit: str
+    stage: str
+    section: str
+    target: str = ""
+    headline: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reading:
+    """One figure of a run, ready to be read.
+
+    Attributes:
+        key: its name in `metrics.json`.
+        value: the number with its unit, as text.
+        meaning: one line.
+        target: which value is good; empty where none is better than another.
+    """
+
+    key: str
+    value: str
+    meaning: str
+    target: str = ""
+
+
+# Heading, stage, then of each figure: key, unit, meaning, target.
+_BABBLING = (
+    ("babbling_num_samples", "", "motor configurations kept because they touched", ""),
+    ("babbling_num_steps", "", "steps of random walk it took to find them", ""),
+    ("babbling_touch_rate", "%", "share of the steps that touched", ""),
+    (
+        "babbling_num_impossible",
+        "",
+        "steps that touched in a posture the robot cannot take; not kept",
+        "",
+    ),
+    ("babbling_touches_by_skin", "", "touches of each skin", "above 0 for each"),
+    ("babbling_force_median_N", "N", "force of a typical touch", ""),
+    ("babbling_force_max_N", "N", "force of the hardest touch", ""),
+    ("babbling_wall_s", "s", "time it took", ""),
+)
+_COVERAGE = (
+    (
+        "coverage_share_10_touches",
+        "%",
+        "skin where each fingertip-wide spot has 10 touches",
+        "100 %",
+    ),
+    ("coverage_share_100_touches", "%", "skin where each has 100 touches", "near 100 %"),
+    ("coverage_evenness", "", "entropy of touches over area; 1 is perfectly even", "above 0.9"),
+)
+_LEARNING = (
+    ("representation_num_targets", "", "target sensations, each with one motor kernel set", ""),
+    ("representation_num_set_aside", "", "touches of two places at once, which were left out", ""),
+    ("kernel_size_min", "", "configurations in the smallest kernel set", "above 20"),
+    ("kernel_size_median", "", "configurations in a typical kernel set", ""),
+    ("kernel_size_max", "", "configurations in the largest kernel set", ""),
+    ("graph_component_sizes", "", "kernels in each component of the graph", ""),
+    ("graph_bridges", "", "edges that joined components of one part, the shortest there are", ""),
+    ("learning_wall_s", "s", "time it took", ""),
+)
+_FOUND = (
+    ("parts_found", "", "parts of its body that no touch joins", "as many as parts_true"),
+    (
+        "topology_betti",
+        "",
+        "components, loops and voids of its body",
+        "1, 0, 1 for a ball; 1, 2, 1 for a torus",
+    ),
+    (
+        "topology_betti_by_part",
+        "",
+        "components, loops and voids of each part",
+        "as topology_betti_true_by_part",
+    ),
+    (
+        "topology_margin",
+        "",
+        "weakest true hole over strongest false one; near 1 is unsure",
+        "above 2",
+    ),
+    (
+        "embedding_fourth_eigenvalue",
+        "%",
+        "what three dimensions leave out of its shape",
+        "below 15 %",
+    ),
+    (
+        "intrinsic_dimension",
+        "",
+        "dimension of its body; 2 is a surface",
+        "1.8 to 2.4, with one finger",
+    ),
+    ("intrinsic_dimension_by_part", "", "dimension of each part", "1.8 to 2.4"),
+    ("shape_metric_by_part", "", "the metric that each part was recovered by", ""),
+)
+_TRUTH = (
+    ("parts_true", "", "parts that can be touched, in truth", ""),
+    (
+        "topology_betti_true_by_part",
+        "",
+        "components, loops and voids of what was touched of each part",
+        "",
+    ),
+    (
+        "kernel_spread_median_m",
+        "m",
+        "how far apart the true touches of a kernel set lie",
+        "a receptor's spacing or less: 0.02 to 0.05 m",
+    ),
+    (
+        "kernel_spread_worst_m",
+        "m",
+        "the same for the widest kernel set",
+        "at most twice the median",
+    ),
+    (
+        "neighbour_agreement",
+        "%",
+        "of the 6 nearest kernels, those truly among the 12 nearest",
+        "above 90 %",
+    ),
+    (
+        "shape_rms_fraction",
+        "%",
+        "error of the recovered body, as a share of its extent",
+        "below 5 %",
+    ),
+    ("shape_rms_fraction_by_skin", "%", "the same for each skin", "below 6 %"),
+    ("shape_rms_fraction_by_metric", "%", "the same for each way to measure distance", ""),
+    ("trustworthiness", "", "near on the recovered body is near on the real one; 1 is always", ""),
+    ("continuity", "", "near on the real body is near on the recovered one; 1 is always", ""),
+    (
+        "distance_distortion_median_fraction",
+        "%",
+        "error of a typical distance along the recovered body, up to scale",
+        "",
+    ),
+    ("distance_distortion_p95_fraction", "%", "the same for the worst of twenty", ""),
+    (
+        "distance_distortion_median_fraction_by_metric",
+        "%",
+        "error of a typical distance for each way to measure distance",
+        "",
+    ),
+)
+_PLANNING = (
+    ("planning_num_pairs", "", "random pairs of start and goal sensation", ""),
+    ("planning_reach_rate", "%", "plans that end in the goal sensation", "100 %"),
+    ("planning_contact_mean", "%", "share of a plan in contact with the skin", "above 99 %"),
+    ("planning_contact_worst", "%", "the same for the worst plan", "above 90 %"),
+    (
+        "planning_impossible_postures",
+        "",
+        "samples of plans in which rigid parts run into each other",
+        "0",
+    ),
+    (
+        "planning_prediction_error_mean",
+        "",
+        "cosine distance between predicted and felt sensation",
+        "below 0.05",
+    ),
+    (
+        "planning_jerk_reduction",
+        "×",
+        "times less jerk than straight steps between kernels",
+        "above 10",
+    ),
+    (
+        "planning_fingertip_jerk_reduction",
+        "×",
+        "the same for the paths in space of what touches",
+        "",
+    ),
+    ("planning_query_ms_median", "ms", "time to plan", "below 100 ms"),
+    ("planning_query_ms_p95", "ms", "the same for the slowest of twenty", ""),
+)
+_EXECUTION = (
+    ("execution_num_pairs", "", "plans executed by the robot", ""),
+    ("execution_reach_rate", "%", "executions that end in the goal sensation", "100 %"),
+    ("execution_contact_mean", "%", "share of an execution in contact with the skin", "above 99 %"),
+    ("execution_contact_worst", "%", "the same for the worst execution", "above 90 %"),
+    (
+        "execution_impossible_postures",
+        "",
+        "steps of the plant in which rigid parts run into each other",
+        "0",
+    ),
+    (
+        "execution_tracking_rms_rad",
+        "rad",
+        "between commanded and measured joints that turn",
+        "below 0.01 rad",
+    ),
+    (
+        "execution_tracking_rms_m",
+        "m",
+        "between commanded and measured joints that slide",
+        "below 0.005 m",
+    ),
+    (
+        "execution_prediction_error_mean",
+        "",
+        "cosine distance between predicted and felt sensation",
+        "below 0.05",
+    ),
+    ("execution_prediction_within_50", "%", "felt within the band that was to hold half", "50 %"),
+    ("execution_prediction_within_90", "%", "felt within the band that was to hold 90 %", "90 %"),
+    ("execution_force_max_N", "N", "strongest total force on the skin", "below 30 N: a firm touch"),
+    (
+        "execution_position_of_limit",
+        "%",
+        "of its range, the most that any joint took",
+        "at most 100 %",
+    ),
+    (
+        "execution_velocity_of_limit",
+        "%",
+        "of the speed allowed, the most commanded",
+        "at most 100 %",
+    ),
+    ("execution_acceleration_of_limit", "%", "the same of the acceleration", "at most 100 %"),
+    ("execution_torque_of_limit", "%", "the same of the torque, as measured", "at most 100 %"),
+    (
+        "execution_time_off_skin_s",
+        "s",
+        "time off the skin by more than a fingertip's radius",
+        "0 s",
+    ),
+    (
+        "execution_fingertip_jerk_reduction",
+        "×",
+        "times less jerk of the measured paths in space",
+        "",
+    ),
+)
+_REHEARSAL = (
+    ("rehearsal_reach_rate", "%", "rehearsed motions that end in the goal sensation", "100 %"),
+    ("rehearsal_contact_mean", "%", "share of a rehearsed motion in contact", "above 99.5 %"),
+    ("rehearsal_contact_worst", "%", "the same for the worst motion", "above 95 %"),
+    ("rehearsal_first_try_contact_mean", "%", "at first try, remembering the pairs before", ""),
+    ("rehearsal_tries_mean", "", "tries until contact was never lost", ""),
+    (
+        "rehearsal_time_off_skin_s",
+        "s",
+        "time off the skin by more than a fingertip's radius",
+        "0 s",
+    ),
+)
+_SECTIONS = (
+    ("Babbling", "babble", _BABBLING),
+    ("Coverage of the skin", "evaluate", _COVERAGE),
+    ("Learning", "learn", _LEARNING),
+    ("What the agent found out about its body", "learn", _FOUND),
+    ("Against the truth", "evaluate", _TRUTH),
+    ("Plans, checked without dynamics", "evaluate", _PLANNING),
+    ("Plans, executed under dynamics", "evaluate", _EXECUTION),
+    ("The same after rehearsal", "evaluate", _REHEARSAL),
+)
+_HEADLINE = {
+    "shape_rms_fraction": "shape error",
+    "parts_found": "parts",
+    "topology_betti": "components, loops, voids",
+    "topology_betti_by_part": "components, loops, voids by part",
+    "intrinsic_dimension": "dimension",
+    "execution_contact_mean": "contact held",
+    "execution_reach_rate": "goals reached",
+    "execution_prediction_error_mean": "prediction error",
+}
+#: Every figure that a stage makes, in the order of the report.
+FIGURES = tuple(
+    Figure(
+        key=key,
+        meaning=meaning,
+        unit=unit,
+        stage=stage,
+        section=section,
+        target=target,
+        headline=_HEADLINE.get(key, ""),
+    )
+    for section, stage, entries in _SECTIONS
+    for key, unit, meaning, target in entries
+)
+
+
+def keys_of(*stages: str) -> frozenset[str]:
+    """The figures that some stages make."""
+    return frozenset(figure.key for figure in FIGURES if figure.stage in stages)
+
+
+def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
+    """All figures of a run by section, in order; sections without a figure are left out.
+
+    Args:
+        metrics: what `RunDirectory.metrics` returns. Figures of unknown name come last.
+    """
+    found: dict[str, list[Reading]] = {}
+    for figure in FIGURES:
+        if figure.key in metrics:
+            reading = Reading(
+                key=figure.key,
+                value=_text(metrics[figure.key], figure.unit),
+                meaning=figure.meaning,
+                target=figure.target,
+            )
+            found.setdefault(figure.section, []).append(reading)
+    known = {figure.key for figure in FIGURES}
+    others = [
+        Reading(key=key, value=_text(value, ""), meaning="")
+        for key, value in metrics.items()
+        if key not in known
+    ]
+    return found | ({"Others": others} if others else {})
+
+
+def headline(metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The few figures that sum a run up, as far as they are known: name and value."""
+    by_key = {figure.key: figure for figure in FIGURES}
+    return [
+        (name, _text(metrics[key], by_key[key].unit))
+        for key, name in _HEADLINE.items()
+        if key in metrics
+    ]
+
+
+def _text(value: Any, unit: str) -> str:
+    if value is None:
+        return "unknown"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_text(entry, unit)}" for name, entry in value.items())
+    if isinstance(value, list):
+        nested = any(isinstance(entry, list) for entry in value)
+        return ("; " if nested else ", ").join(_text(entry, unit) for entry in value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    if unit == "%":
+        return f"{100 * value:.1f} %"
+    number = f"{value:,}" if isinstance(value, int) else f"{value:,.3g}"
+    if isinstance(value, float) and abs(value) >= 1000:
+        number = f"{value:,.0f}"
+    return f"{number} {unit}".rstrip()

@@ -1,0 +1,92 @@
+"""What decides the experience of a run, and what is learned from it, each as one short text.
+
+Of models and meshes the content counts, not where they lie: a run may move to another machine, and
+whoever edits a model cannot mix two robots in one store.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from selftouch_drake.experiment import Experiment, ExperimentError, shown
+from selftouch_drake.files import content_digest
+
+# What of `execution` decides how the joints follow the walk.
+_CONTROLLER = ("time_step", "stiffness", "damping")
+
+#: SHA-256 of the content of each file that decides the robot and its skins, by its path.
+Digests = Mapping[str, str]
+
+
+def model_digests(
+    experiment: Experiment, announce: Callable[[str], None] | None = None
+) -> dict[str, str]:
+    """The content of every file that decides the robot and its skins, as it is now.
+
+    Args:
+        experiment: whose directives, models and meshes are read.
+        announce: called with one line if meshes were converted for Drake.
+
+    Raises:
+        ExperimentError: the mesh file of a skin is not there.
+        ModelError: a file is not found, or cannot be read.
+    """
+    from selftouch_drake.robot.models import load_model
+
+    robot = experiment.robot
+    model = load_model(robot.directives, robot.packages, announce)
+    meshes = _skin_meshes(experiment)
+    for name, file in meshes.items():
+        if not file.is_file():
+            raise ExperimentError(
+                f"skins.{name}.surface.mesh is {shown(str(file))}; there is no such file: mend the "
+                "path"
+            )
+    return {str(file): content_digest(file) for file in [*model.files, *meshes.values()]}
+
+
+def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
+    """Identifies what decides the experience: seed, robot, skins, what touches and babbling.
+
+    Noise of the joints counts if there is any, and under dynamics the joint controllers do.
+
+    Args:
+        experiment: the experiment.
+        digests: of its files, as `model_digests` returns them.
+    """
+    fields = dataclasses.asdict(experiment)
+    for name, mesh in _skin_meshes(experiment).items():
+        fields["skins"][name]["surface"]["mesh"] = digests.get(str(mesh))
+    kept: dict[str, Any] = {key: fields[key] for key in ("seed", "babbling")}
+    kept["models"] = list(digests.values())
+    kept["robot"] = {key: fields["robot"][key] for key in ("joints", "collision_depth")}
+    # Their order counts: that of the readings in a sensation, and of the numbers in the truth.
+    kept |= {key: list(fields[key].items()) for key in ("skins", "touching")}
+    if experiment.joints.noise:
+        kept["joints"] = experiment.joints.noise
+    if experiment.babbling.mode == "dynamic":
+        kept["controller"] = {key: fields["execution"][key] for key in _CONTROLLER}
+    return _digest(kept)
+
+
+def learning_fingerprint(experiment: Experiment, experience: str) -> str:
+    """Identifies what decides what is learned: the experience and the representation."""
+    return _digest([experience, dataclasses.asdict(experiment.representation)])
+
+
+def _skin_meshes(experiment: Experiment) -> dict[str, Path]:
+    """The mesh file of each skin that has one."""
+    return {
+        name: Path(skin.surface.mesh)
+        for name, skin in experiment.skins.items()
+        if skin.surface.mesh is not None
+    }
+
+
+def _digest(fields: Any) -> str:
+    return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()[:16]

@@ -1,0 +1,308 @@
+"""What the agent of a run made: written whole, read back checked. The only place that does either.
+
+Files that come of learning carry a stamp of what they were learned from; those of another
+experience or version are refused, and the text says what to do.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from contextlib import ExitStack
+
+import networkx as nx
+import numpy as np
+
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.motions import Execution, Motion
+from selftouch_drake.agent.rehearsal import ForeignMemoryError, RehearsalMemory
+from selftouch_drake.agent.representation import (
+    QuotientRepresentation,
+    kernel_sensations,
+    to_networkx,
+    without_vectors,
+)
+from selftouch_drake.agent.shape import Body, Embedding, RecoveredPart, Topology
+from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.files import load_arrays, save_arrays, written_whole
+from selftouch_drake.run.directory import RunDirectory, RunError
+
+Arrays = Mapping[str, np.ndarray]
+
+
+def load_agent(run: RunDirectory, *, predicts: bool = True) -> Agent:
+    """The agent of a run that has learned, with what rehearsals have taught it.
+
+    Args:
+        run: the run.
+        predicts: whether it foretells what it will feel; all of the experience is read for that.
+
+    Raises:
+        RunError: the run has learned nothing, or something else.
+        ValueError: a file is damaged.
+    """
+    representation = load_representation(run)
+    felt = None
+    if predicts:
+        batches = ExperienceReader(run.experience).batches("sensation")
+        felt = kernel_sensations(representation, batches)
+    return Agent.of(
+        representation,
+        memory=load_memory(run, representation),
+        kernel_sensation=felt,
+        knot_spacing=run.experiment.planning.knot_spacing,
+    )
+
+
+def load_representation(run: RunDirectory) -> QuotientRepresentation:
+    """The representation of a run that has learned.
+
+    Raises:
+        RunError: there is none, or it is of another experiment.
+        ValueError: the file is damaged.
+    """
+    file, remedy = run.representation, f"run `selftouch learn {run.path}`"
+    if not file.exists():
+        raise RunError(f"{run.path} has learned nothing yet; {remedy}")
+    arrays = load_arrays(file)
+    try:
+        representation = QuotientRepresentation.from_arrays(arrays)
+    except ValueError as error:
+        raise RunError(f"{file} is no representation: {_reason(error)}; {remedy}") from None
+    found = representation.target_sensations.shape
+    wanted = (run.experiment.representation.num_targets, run.experiment.num_receptors)
+    if found != wanted:
+        raise RunError(
+            f"{file} has {found[0]} targets over {found[1]} receptors, the experiment {wanted[0]} "
+            f"over {wanted[1]}; {remedy}"
+        )
+    run.require_stamp(file, arrays)
+    return representation
+
+
+def save_learned(
+    run: RunDirectory, representation: QuotientRepresentation, body: Body, forget=lambda: None
+) -> None:
+    """Keeps what was learned: all of it, or nothing.
+
+    Args:
+        run: the run.
+        representation: embedded in the body.
+        body: as recovered from it.
+        forget: called when the new files are written aside and take the place of the old next.
+    """
+    stamp = run.stamp()
+    # What was learned before stays as it is until the new is whole.
+    with ExitStack() as files:
+        for file, arrays in (
+            (run.representation, representation.to_arrays()),
+            (run.topology, _topology_arrays(body)),
+            (run.body_distances, {"distances": body.distances.astype(np.float32)}),
+        ):
+            save_arrays(files.enter_context(written_whole(file)), arrays | stamp)
+        forget()
+
+
+def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body:
+    """The body that `learn` recovered.
+
+    Raises:
+        RunError: it is not there, or of another experiment.
+        ValueError: a file is damaged.
+    """
+    remedy = f"run `selftouch learn {run.path}`"
+    read: list[dict[str, np.ndarray]] = []
+    for file, names in ((run.topology, ["num_parts"]), (run.body_distances, ["distances"])):
+        try:
+            read.append(load_arrays(file, names))
+        except FileNotFoundError:
+            raise RunError(f"{file} is not there; {remedy}") from None
+        run.require_stamp(file, read[-1])
+    arrays, distances = read[0], read[1]["distances"]
+    num_kernels = representation.num_targets
+    if distances.shape != (num_kernels, num_kernels):
+        raise RunError(
+            f"{run.body_distances} has shape {distances.shape}, not {(num_kernels, num_kernels)}; "
+            f"{remedy}"
+        )
+    try:
+        parts = tuple(
+            _part_from(arrays, number, representation, distances)
+            for number in range(int(arrays["num_parts"]))
+        )
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        raise RunError(f"{run.topology} is no topology: {_reason(error)}; {remedy}") from None
+    metric = run.experiment.representation.metric
+    return Body(metric=metric, parts=parts, num_kernels=num_kernels)
+
+
+def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> RehearsalMemory:
+    """What a run remembers of its rehearsals; blank if there were none.
+
+    Raises:
+        RunError: the file is none of this run.
+    """
+    file = run.rehearsal
+    if not file.exists():
+        return RehearsalMemory.blank(representation)
+    try:
+        return RehearsalMemory.from_arrays(load_arrays(file), representation)
+    except ForeignMemoryError:
+        raise RunError(
+            f"{file} remembers rehearsals with another representation; delete it, and rehearse "
+            "again"
+        ) from None
+    except ValueError as error:
+        if str(file) in str(error):
+            raise
+        raise RunError(f"{file} is no memory of rehearsals: {_reason(error)}; delete it") from None
+
+
+def save_memory(run: RunDirectory, memory: RehearsalMemory) -> None:
+    """Keeps what rehearsals have taught."""
+    save_arrays(run.rehearsal, memory.to_arrays())
+
+
+def save_plan(run: RunDirectory, plan: Motion | Execution, *targets: int | str) -> None:
+    """Keeps a motion, executed or not, under the targets that name it."""
+    save_arrays(run.plan(*targets), plan.to_arrays() | run.stamp())
+
+
+def load_motion(run: RunDirectory, *targets: int | str) -> Motion:
+    """A stored motion, executed or not.
+
+    Args:
+        run: a run that has planned.
+        targets: of the plan, in order; `"free", GOAL` for one from any configuration.
+
+    Raises:
+        RunError: there is no such plan, or it was made of something else that was learned.
+        ValueError: the file is damaged.
+    """
+    return _load_plan(run, Motion, targets)
+
+
+def load_execution(run: RunDirectory, *targets: int | str) -> Execution:
+    """A stored motion with what became of it; arguments and errors as of `load_motion`."""
+    return _load_plan(run, Execution, targets)
+
+
+def stored_pairs(run: RunDirectory) -> list[tuple[int, int]]:
+    """Start and goal of all stored plans between two target sensations, in order."""
+    names = (path.stem.split("-") for path in (run.path / "plans").glob("*-*.npz"))
+    return sorted((int(n[0]), int(n[1])) for n in names if len(n) == 2 and all(map(_digits, n)))
+
+
+def was_executed(run: RunDirectory, *targets: int | str) -> bool:
+    """Whether a stored plan was executed."""
+    return "felt" in load_arrays(run.plan(*targets))
+
+
+def export_graph(run: RunDirectory, representation: QuotientRepresentation) -> None:
+    """Writes the quotient graph as GraphML, for tools of others."""
+    graph = without_vectors(to_networkx(representation))
+    with written_whole(run.path / "quotient_graph.graphml") as aside:
+        nx.write_graphml(graph, aside)
+
+
+def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
+    file, (what, options) = run.plan(*targets), _described(*targets)
+    remedy = f"with `selftouch plan {run.path} {options}`"
+    if not file.exists():
+        raise RunError(f"{run.path} has no {what}; make one {remedy}")
+    arrays = load_arrays(file)
+    run.require_stamp(file, arrays, remedy=f"make it again {remedy}")
+    if kind is Execution and "felt" not in arrays:
+        raise RunError(f"{run.path} has not executed its {what}; run `selftouch execute`")
+    try:
+        plan = kind.from_arrays(arrays)
+    except ValueError as error:
+        raise RunError(f"{file} is no plan: {_reason(error)}; make it again {remedy}") from None
+    motion = plan.motion if kind is Execution else plan
+    if motion.predicted.shape[1] != run.experiment.num_receptors:
+        raise RunError(f"{file} is no plan of this skin; make it again {remedy}")
+    return plan
+
+
+def _reason(error: Exception) -> str:
+    """What is wrong with the content of a file: on one line, and short whatever it holds."""
+    text = " ".join(str(error).split()).rstrip(".")
+    return text if len(text) <= 200 else f"{text[:200]}..."
+
+
+def _described(start: int | str, *goals: int | str) -> tuple[str, str]:
+    """A plan in words, and the options that ask for it."""
+    if start == "free":
+        return f"free plan to {goals[-1]}", f"--from-q Q --to {goals[-1]}"
+    if len(goals) > 1:
+        through = ",".join(map(str, (start, *goals)))
+        return f"plan through {through}", f"--through {through}"
+    return f"plan from {start} to {goals[0]}", f"--from {start} --to {goals[0]}"
+
+
+def _digits(text: str) -> bool:
+    return text.isascii() and text.isdigit()
+
+
+def _named(number: int, name: str) -> str:
+    """An array of one part: plain names are of the first part, as when there is one."""
+    return name if number == 0 else f"part_{number}_{name}"
+
+
+def _topology_arrays(body: Body) -> dict[str, np.ndarray]:
+    """The parts of a body, but for what the representation and the distances hold."""
+    arrays = {"num_parts": np.array(len(body.parts))}
+    for number, part in enumerate(body.parts):
+        name = functools.partial(_named, number)
+        arrays[name("metric")] = np.array(part.metric)
+        arrays[name("kernels")] = part.kernels
+        arrays[name("pieces")] = part.pieces
+        arrays[name("stress")] = np.array(part.embedding.stress)
+        arrays[name("spectrum")] = part.embedding.spectrum
+        if part.dimension is not None:
+            arrays[name("dimension")] = np.array(part.dimension)
+        if part.topology is None:
+            continue
+        found = part.topology
+        arrays[name("betti")] = np.array(found.betti)
+        arrays[name("scales")] = np.array([found.margin, found.scale, found.spacing])
+        for dimension, bars in enumerate(found.diagram):
+            arrays[name(f"diagram_{dimension}")] = bars
+    return arrays
+
+
+def _part_from(
+    arrays: Arrays, number: int, representation: QuotientRepresentation, distances: np.ndarray
+) -> RecoveredPart:
+    def array(name: str) -> np.ndarray:
+        return arrays[_named(number, name)]
+
+    def has(name: str) -> bool:
+        return _named(number, name) in arrays
+
+    kernels = array("kernels")
+    found = None
+    if has("betti"):
+        margin, scale, spacing = array("scales").tolist()
+        components, loops, voids = array("betti").tolist()
+        h0, h1, h2 = (array(f"diagram_{dimension}") for dimension in range(3))
+        found = Topology(
+            betti=(components, loops, voids),
+            margin=margin,
+            scale=scale,
+            spacing=spacing,
+            diagram=(h0, h1, h2),
+        )
+    return RecoveredPart(
+        metric=str(array("metric")),
+        kernels=kernels,
+        distances=distances[np.ix_(kernels, kernels)],
+        embedding=Embedding(
+            positions=representation.embedding[kernels],
+            stress=float(array("stress")),
+            spectrum=array("spectrum"),
+        ),
+        pieces=array("pieces"),
+        topology=found,
+        dimension=float(array("dimension")) if has("dimension") else None,
+    )

@@ -1,0 +1,314 @@
+"""What there is to show of a run: each part read when first asked for, or missing with a reason."""
+
+from __future__ import annotations
+
+import contextlib
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import trimesh
+from pydrake.geometry import SceneGraph
+from scipy.spatial.distance import cdist
+
+from selftouch_drake.agent.motions import Execution, Motion
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_surface
+from selftouch_drake.evaluation import (
+    KernelTruth,
+    TouchCounts,
+    align,
+    count_touches,
+    kernel_truth,
+    touch_density,
+)
+from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.files import load_arrays
+from selftouch_drake.robot import MakeRobot, Robot, Touches, World
+from selftouch_drake.robot.models import ModelError
+from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.figures import Reading, headline, readings
+from selftouch_drake.run.knowledge import (
+    load_body,
+    load_execution,
+    load_motion,
+    load_representation,
+    stored_pairs,
+    was_executed,
+)
+from selftouch_drake.run.stages import make_world
+from selftouch_drake.show import MissingError, RecoveredSkin, RobotShape, SkinSurface, TouchSample
+from selftouch_drake.show.skins import all_moved, as_one
+
+# Skins that fewer of a part's kernels are on do not count as its own.
+_LEAST_SHARE = 0.05
+
+
+class Material:
+    """Everything that figures, report, recording and live play are made of.
+
+    Args:
+        run: the run.
+        world: its world, if it was built already.
+
+    Raises:
+        MissingError: by every part whose stage has not run.
+    """
+
+    def __init__(self, run: RunDirectory, world: World | None = None):
+        self.run = run
+        self._known_world = world
+
+    def require_sound(self) -> None:
+        """Reads every file that there is, before anything is made of any.
+
+        Raises:
+            ValueError: one is damaged, or of another experiment.
+        """
+        for name in ("metrics", "skins", "representation", "body", "kernel_truth"):
+            with contextlib.suppress(MissingError):
+                getattr(self, name)
+        with contextlib.suppress(MissingError):
+            self._truth.num_rows  # noqa: B018 - refuses damaged shards
+        for pair in self.pairs:
+            self.motion(*pair)
+
+    @property
+    def experiment(self) -> Experiment:
+        """The experiment of the run."""
+        return self.run.experiment
+
+    @cached_property
+    def metrics(self) -> dict[str, Any]:
+        """The metrics of the run; empty before the first stage is done."""
+        return self.run.metrics()
+
+    @property
+    def readings(self) -> dict[str, list[Reading]]:
+        """The metrics by section of the report."""
+        return readings(self.metrics)
+
+    @property
+    def headline(self) -> list[tuple[str, str]]:
+        """The few metrics that sum the run up: name and value."""
+        return headline(self.metrics)
+
+    @cached_property
+    def world(self) -> World:
+        """The world of the experiment."""
+        if self._known_world is not None:
+            return self._known_world
+        try:
+            return make_world(self.run)
+        except ModelError as error:
+            raise MissingError(str(error)) from None
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot, without the probe of contact, which takes longer to build."""
+        return MakeRobot(self.experiment, self.world.skins, SceneGraph())
+
+    @cached_property
+    def shape(self) -> RobotShape:
+        """What is drawn of the robot."""
+        return RobotShape(self.robot, self.experiment.touching)
+
+    def touches_at(self, q: np.ndarray) -> Touches:
+        """What touches what at configurations `(N, J)`."""
+        return self.world.probe.touches(q)
+
+    @cached_property
+    def skins(self) -> tuple[SkinSurface, ...]:
+        """The skins, each in the frame of its link."""
+        names = list(self.experiment.skins)
+        kinds = ("vertices", "faces", "p_LS")
+        if not self.run.skin.exists():
+            raise MissingError("the skins are not there; run `selftouch babble`")
+        wanted = [f"{name}_{kind}" for name in names for kind in kinds]
+        arrays = load_arrays(self.run.skin, [*wanted, "made_for"])
+        if str(arrays["made_for"]) != str(self.run.body_stamp()["made_for"]):
+            raise RunError(
+                f"{self.run.skin} is of another experiment or version; run `selftouch babble "
+                f"{self.run.path / 'experiment.yaml'} --out {self.run.path}`"
+            )
+        skins, first = [], 0
+        for name in names:
+            vertices, faces, p_LS = (arrays[f"{name}_{kind}"] for kind in kinds)
+            skins.append(
+                SkinSurface(name=name, vertices=vertices, faces=faces, receptors=p_LS, first=first)
+            )
+            first += len(p_LS)
+        return tuple(skins)
+
+    @cached_property
+    def home(self) -> np.ndarray:
+        """`(skins, 3, 4)` poses of the skins' links in the posture that is the model's default."""
+        plant = self.robot.plant
+        q = plant.GetPositions(plant.CreateDefaultContext())
+        return self.robot.skin_positions(q[None])[0]
+
+    @cached_property
+    def touch_density(self) -> list[np.ndarray]:
+        """`(V,)` touches / cm² at the vertices of each skin."""
+        return [
+            touch_density(skin.vertices, skin.faces, counts)
+            for skin, counts in zip(self.skins, self._touch_counts.counts, strict=True)
+        ]
+
+    def touch_sample(self, count: int) -> TouchSample:
+        """About `count` of the touches."""
+        num_touches = self._truth.num_rows
+        rows = np.arange(0, num_touches, max(num_touches // count, 1))
+        contacts = self._truth.take_contacts(rows)
+        return TouchSample(
+            places=self._at_home(contacts.skin, contacts.p_LC),
+            num_drawn=len(rows),
+            num_touches=num_touches,
+        )
+
+    @cached_property
+    def representation(self) -> QuotientRepresentation:
+        """What the agent has learned."""
+        if not self.run.representation.exists():
+            raise MissingError("nothing was learned yet; run `selftouch learn`")
+        return load_representation(self.run)
+
+    @cached_property
+    def body(self) -> Body:
+        """The body that the agent recovered."""
+        if not self.run.topology.exists():
+            raise MissingError("the recovered body is not there; run `selftouch learn`")
+        return load_body(self.run, self.representation)
+
+    @cached_property
+    def kernel_truth(self) -> KernelTruth:
+        """Where the kernels truly are."""
+        representation, run = self.representation, self.run
+        try:
+            require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
+        except StoreError as error:
+            raise MissingError(str(error)) from None
+        return kernel_truth(representation, self._truth.take_contacts(representation.kernel_row))
+
+    @cached_property
+    def true_distances(self) -> np.ndarray:
+        """`(K, K)` m between the true places of kernels; NaN between those on different skins."""
+        truth = self.kernel_truth
+        same = truth.skin[:, None] == truth.skin
+        return np.where(same, cdist(truth.positions, truth.positions), np.nan)
+
+    @cached_property
+    def recovered(self) -> tuple[RecoveredSkin, ...]:
+        """The recovered parts, each on its skins at home."""
+        truth = self.kernel_truth
+        if not truth.is_surface:
+            raise MissingError(
+                f"{1 - truth.share_single:.0%} of the touches are at several places at once: what "
+                "they stand for is no surface (paper, section IV)"
+            )
+        found = [self._recovered(number, part) for number, part in enumerate(self.body.parts)]
+        parts = tuple(part for part in found if part is not None)
+        if not parts:
+            raise MissingError("no surface goes through the recovered body; babble longer")
+        return parts
+
+    @cached_property
+    def kernel_places(self) -> np.ndarray:
+        """`(K, 3)` m, each kernel where the recovered body has it; NaN in fragments."""
+        places = np.full((self.representation.num_targets, 3), np.nan)
+        for part in self.recovered:
+            places[self.body.parts[part.part].kernels] = part.positions
+        return places
+
+    def skins_of(self, kernels: np.ndarray) -> list[int]:
+        """Numbers of the skins that some kernels truly are on, the one with the most first."""
+        counts = np.bincount(self.kernel_truth.skin[kernels])
+        order = np.argsort(-counts, kind="stable")
+        return order[counts[order] > _LEAST_SHARE * len(kernels)].tolist()
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Start and goal of all plans from one sensation to another, in order."""
+        return stored_pairs(self.run)
+
+    @cached_property
+    def shown_pair(self) -> tuple[int, int]:
+        """The plan that is shown: the longest of those executed, else the longest of all."""
+        if not self.pairs:
+            raise MissingError("nothing was planned yet; run `selftouch plan`")
+
+        def length(pair: tuple[int, int]) -> tuple[bool, int]:
+            return was_executed(self.run, *pair), len(self.motion(*pair).nodes)
+
+        return max(self.pairs, key=length)
+
+    def motion(self, *targets: int | str) -> Motion:
+        """A plan, executed or not; the targets name it, in order."""
+        if not (file := self.run.plan(*targets)).exists():
+            raise MissingError(f"plan {file.stem} is not there; run `selftouch plan`")
+        return load_motion(self.run, *targets)
+
+    def execution(self, *targets: int | str) -> Execution:
+        """A plan that was executed."""
+        self.motion(*targets)
+        if not was_executed(self.run, *targets):
+            name = self.run.plan(*targets).stem
+            raise MissingError(f"plan {name} was not executed; run `selftouch execute`")
+        return load_execution(self.run, *targets)
+
+    @property
+    def _truth(self) -> ExperienceReader:
+        """Where the touches of the experience truly were."""
+        if not any(self.run.truth.glob("part-*.parquet")):
+            raise MissingError("the truth is not there; run `selftouch babble`")
+        return ExperienceReader(self.run.truth)
+
+    @cached_property
+    def _touch_counts(self) -> TouchCounts:
+        return count_touches([s.fields for s in self.world.skins], self._truth.contacts())
+
+    def _at_home(self, skin: np.ndarray, p_LC: np.ndarray) -> np.ndarray:
+        """`(C, 3)` m, points of skins in the frames of their links, with the skins at home."""
+        pose = self.home[skin]
+        return np.einsum("nij,nj->ni", pose[:, :, :3], p_LC) + pose[:, :, 3]
+
+    def _recovered(self, number: int, part: RecoveredPart) -> RecoveredSkin | None:
+        """A part laid on its skins; None if no surface goes through it."""
+        if part.topology is None:
+            return None
+        faces = fitted_surface(part.places, part.topology)
+        if not len(faces):
+            return None
+        truth = self.kernel_truth
+        true = self._at_home(truth.skin[part.kernels], truth.positions[part.kernels])
+        places = align(part.positions, true, part.places)
+        closed = bool(part.topology.betti[2])
+        if closed:
+            faces = _closed_outward(places, faces)
+        else:
+            faces = _outward(places, faces, as_one(all_moved(self.skins, self.home)))
+        return RecoveredSkin(
+            part=number,
+            skins=tuple(self.skins_of(part.kernels)),
+            places=places,
+            num_kernels=len(part.kernels),
+            faces=faces,
+            closed=closed,
+        )
+
+
+def _closed_outward(places: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Faces of a closed surface, turned if it was mirrored when it was laid on the skin."""
+    a, b, c = places[faces].transpose(1, 0, 2)
+    mirrored = np.einsum("fi,fi->", np.cross(a, b), c) < 0
+    return faces[:, ::-1] if mirrored else faces
+
+
+def _outward(places: np.ndarray, faces: np.ndarray, skin: SkinSurface) -> np.ndarray:
+    """Faces of a surface with a rim, each turned as the skin is where it is nearest."""
+    mesh = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
+    _, nearest = mesh.kdtree.query(places[faces].mean(axis=1))
+    a, b, c = places[faces].transpose(1, 0, 2)
+    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), mesh.vertex_normals[nearest]) < 0
+    return np.where(inward[:, None], faces[:, ::-1], faces)

@@ -1,0 +1,150 @@
+"""What a person looks at of a run: figures, a recording and the report in its folder, live play."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from selftouch_drake.agent.motions import Motion
+from selftouch_drake.files import write_text_whole
+from selftouch_drake.robot import World
+from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.knowledge import load_agent
+from selftouch_drake.run.material import Material
+from selftouch_drake.show import (
+    MissingError,
+    Picture,
+    Recording,
+    draw_figures,
+    play_live,
+    recording_page,
+    report_page,
+)
+
+# Called with the fraction done and what is being drawn.
+Progress = Callable[[float, str], None]
+
+
+def silent(fraction: float, doing: str) -> None:
+    """Reports progress to nobody."""
+
+
+def write_figures(
+    run: RunDirectory,
+    progress: Progress = silent,
+    *,
+    world: World | None = None,
+    vector: bool = False,
+    skipped: Callable[[str, str], None] = lambda name, reason: None,
+) -> list[Path]:
+    """Draws the figures whose data exist into the run's `figures` folder.
+
+    Args:
+        run: the run, with any of its stages done.
+        progress: called with the fraction done and what is being drawn.
+        world: its world, if it was built already.
+        vector: whether to write each as PDF as well, for papers.
+        skipped: called with the name of each figure that cannot be drawn, and the reason.
+
+    Returns:
+        The PNG files written, in the order of the paper.
+
+    Raises:
+        ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
+    """
+    material = Material(run, world)
+    material.require_sound()
+    return draw_figures(material, run.figures, progress, vector=vector, skipped=skipped)
+
+
+def write_recording(
+    run: RunDirectory,
+    *targets: int | str,
+    path: Path | None = None,
+    world: World | None = None,
+) -> Path:
+    """Records an executed plan into a page that needs no network.
+
+    Args:
+        run: the run.
+        targets: target sensations from the first to the last that the plan leads through; the first
+            is `"free"` if it begins in any configuration.
+        path: the page; the run's `playback.html` by default.
+        world: its world, if it was built already.
+
+    Raises:
+        MissingError: the plan was not executed.
+    """
+    path = run.playback if path is None else path
+    write_text_whole(path, recording_page(Material(run, world), targets))
+    return path
+
+
+def write_report(
+    run: RunDirectory,
+    progress: Progress = silent,
+    *,
+    world: World | None = None,
+    vector: bool = False,
+) -> Path:
+    """Draws the figures and the recording of a run, and writes its `report.html`.
+
+    Args:
+        run: the run, with any of its stages done.
+        progress: called with the fraction done and what is being drawn.
+        world: its world, if it was built already.
+        vector: whether to write the figures as PDF as well.
+
+    Raises:
+        ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
+    """
+    material = Material(run, world)
+    material.require_sound()
+    reasons: dict[str, str] = {}
+    written = draw_figures(
+        material,
+        run.figures,
+        lambda fraction, doing: progress(0.7 * fraction, doing),
+        vector=vector,
+        skipped=reasons.__setitem__,
+    )
+    pictures = {name: Picture(missing=reason) for name, reason in reasons.items()}
+    pictures |= {path.stem: Picture.of(path) for path in written}
+    progress(0.7, "recording")
+    try:
+        write_text_whole(run.playback, recording_page(material, material.shown_pair))
+        recording = Recording(file=run.playback.name)
+    except MissingError as reason:
+        run.playback.unlink(missing_ok=True)
+        recording = Recording(missing=str(reason))
+    progress(0.9, "report")
+    write_text_whole(run.report, report_page(material, pictures, recording))
+    progress(1.0, "reported")
+    return run.report
+
+
+def play(
+    run: RunDirectory, *, port: int | None = None, announce: Callable[[str], None] = print
+) -> None:
+    """Shows the agent of a run live in a browser, until its `end` button or Ctrl-C.
+
+    Args:
+        run: a run that has learned.
+        port: of the page; by default the first free one from 7000 on.
+        announce: called with where to look, and then with a line about every motion.
+
+    Raises:
+        ValueError: the run has not learned, or the port is taken.
+    """
+    # What is missing is reported before a page is opened.
+    agent = load_agent(run)
+    material = Material(run)
+    pilot = Pilot(agent, material.world)
+
+    def motion_from(q_start: np.ndarray, felt: np.ndarray, goal: int) -> Motion:
+        return pilot.plan_feeling(q_start, felt, goal).motion
+
+    play_live(material, motion_from, port=port, announce=announce)

@@ -1,0 +1,35 @@
+"""The world of a run: its robot as Drake builds it, from the models that the run was begun with."""
+
+from __future__ import annotations
+
+from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.robot import World
+from selftouch_drake.run.directory import RunDirectory
+
+
+def build_world(experiment: Experiment) -> World:
+    """The world of an experiment, with its robot built.
+
+    Raises:
+        ExperimentError: Drake refuses it; the text is Drake's own.
+        ValueError: the experiment names what the robot does not have, or a skin cannot be made.
+    """
+    world = World(experiment)
+    try:
+        _ = world.robot
+    # Some of Drake's checks log what is wrong and then raise SystemExit.
+    except (RuntimeError, SystemExit) as error:
+        reason = " ".join(str(error).split())[:500]
+        raise ExperimentError(f"robot.directives gives what Drake refuses: {reason}") from error
+    return world
+
+
+def make_world(run: RunDirectory) -> World:
+    """The world of a run.
+
+    Raises:
+        RunError: a model was edited since the run was begun.
+        ValueError: as `build_world`.
+    """
+    run.require_models()
+    return build_world(run.experiment)

@@ -1,0 +1,1 @@
+"""Recordings and live play: what moves, in Meshcat."""

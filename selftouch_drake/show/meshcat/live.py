@@ -1,0 +1,258 @@
+"""The live agent: it plans and slides, in a browser, to whatever sensation is asked of it."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+
+import numpy as np
+from pydrake.geometry import Meshcat
+
+from selftouch_drake.agent.motions import Motion
+from selftouch_drake.evaluation import cosine_distance
+from selftouch_drake.geometry import farthest_points
+from selftouch_drake.robot import Simulation
+from selftouch_drake.show.material import Material
+from selftouch_drake.show.meshcat.braking import BRAKING_S, braked
+from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
+from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.paths import SkinPath, touch_paths
+
+# Controls, as the browser labels them.
+TARGET, SPEED = "target sensation", "speed"
+ANOTHER, TOUR, END = "another sensation", "tour on/off", "end"
+# s, from one look at the controls to the next, and from frame to frame.
+FRAME_S = 1 / 30
+# s, at rest between the motions of a tour.
+_REST_S = 1.0
+# Stops of a tour: as unlike as can be, so that it goes all over the body.
+_NUM_STOPS = 24
+# Frames from one drawing of the trace to the next.
+_TRACE_EVERY = 6
+# What the paths of a motion are called.
+_PLAN = "plan"
+
+#: Plans and times a motion: from a configuration `(J,)` in which a sensation `(S,)` N is felt, to a
+#: target sensation. Raises ValueError if there is none.
+MotionFrom = Callable[[np.ndarray, np.ndarray, int], Motion]
+
+
+class LiveShow:
+    """An agent in Meshcat with controls, advanced frame by frame.
+
+    It rests on its skin until a sensation is asked for, by the slider, a button or the tour, then
+    plans and slides there. Another target interrupts a motion: the agent slows down on its path,
+    and plans from where it comes to rest.
+
+    Args:
+        meshcat: where it is shown.
+        material: of a run that has learned.
+        motion_from: the agent's plans.
+        announce: called with a line about every motion.
+
+    Attributes:
+        simulation: the robot.
+    """
+
+    def __init__(
+        self,
+        meshcat: Meshcat,
+        material: Material,
+        motion_from: MotionFrom,
+        announce: Callable[[str], None] = lambda line: None,
+    ):
+        self._known = known = material.representation
+        self._motion_from, self._announce, self._meshcat = motion_from, announce, meshcat
+        self._material = material
+        self._full = firm_touch(known)
+        self._scene = MeshcatScene(meshcat, material)
+        self._scene.draw_legend(self._full)
+        self.simulation = Simulation(material.experiment, material.world.skins, meshcat)
+        self.simulation.rest_at(self._firm_configuration(0))
+        targets = known.target_sensations
+        self._stops = farthest_points(
+            lambda row: np.linalg.norm(targets - targets[row], axis=1), _NUM_STOPS
+        ).tolist()
+        self._motion: Motion | None = None
+        self._braking = False
+        self._log: list[tuple[np.ndarray, np.ndarray, int]] = []
+        self._goal, self._rested_s = 0, 0.0
+        self._touring = True
+        self._add_controls()
+        self._say("tour: Open Controls (upper right) to choose a sensation")
+
+    @property
+    def goal(self) -> int:
+        """The target sensation that was last asked for."""
+        return self._goal
+
+    @property
+    def moving(self) -> bool:
+        """Whether a motion is under way, or coming to rest."""
+        return self._motion is not None or self._braking
+
+    @property
+    def ended(self) -> bool:
+        """Whether the end was asked for."""
+        return self._meshcat.GetButtonClicks(END) > 0
+
+    def step(self) -> None:
+        """Goes on by one frame: reads the controls, acts, and shows what is felt."""
+        wanted = self._wanted()
+        if wanted is not None:
+            self._goal, self._rested_s = wanted, 0.0
+            self._meshcat.SetSliderValue(TARGET, wanted)
+            if self._motion is not None:
+                self._brake(self._motion)
+            elif not self._braking:
+                self._begin()
+        self.simulation.advance(FRAME_S * self._rate)
+        felt = self._show()
+        if self._braking:
+            if self.simulation.time_s > BRAKING_S:
+                self._braking = False
+                self._begin()
+        elif self._motion is not None:
+            self._follow(self._motion, felt)
+        else:
+            self._rested_s += FRAME_S
+
+    def _firm_configuration(self, kernel: int) -> np.ndarray:
+        members = self._known.members(kernel)
+        firm = np.argmin(np.abs(self._known.kernel_strength[members] - self._full))
+        return self._known.kernel_q[members][firm].astype(float)
+
+    def _add_controls(self) -> None:
+        meshcat, last = self._meshcat, self._known.num_targets - 1
+        meshcat.AddSlider(TARGET, 0, last, 1, 0, "ArrowLeft", "ArrowRight")
+        meshcat.AddSlider(SPEED, 0.25, 4.0, 0.25, 1.0)
+        meshcat.AddButton(ANOTHER, "KeyA")
+        meshcat.AddButton(TOUR, "KeyT")
+        meshcat.AddButton(END, "Escape")
+        self._clicks = dict.fromkeys((ANOTHER, TOUR), 0)
+        self._rate = 1.0
+        self.simulation.set_rate(self._rate)
+
+    def _wanted(self) -> int | None:
+        """The sensation to go to now; None if there is nothing new to do."""
+        rate = self._meshcat.GetSliderValue(SPEED)
+        if rate != self._rate:
+            self._rate = rate
+            self.simulation.set_rate(rate)
+        if self._clicked(TOUR):
+            self._touring = not self._touring
+            self._say(f"tour {'on' if self._touring else 'off'}")
+        chosen = round(self._meshcat.GetSliderValue(TARGET))
+        if self._clicked(ANOTHER):
+            chosen = self._next_stop()
+        if chosen != self._goal:
+            self._touring = False
+            return chosen
+        if self._touring and not self.moving and self._rested_s >= _REST_S:
+            return self._next_stop()
+        return None
+
+    def _clicked(self, button: str) -> bool:
+        before, self._clicks[button] = self._clicks[button], self._meshcat.GetButtonClicks(button)
+        return self._clicks[button] > before
+
+    def _next_stop(self) -> int:
+        self._stops.append(self._stops.pop(0))
+        return self._stops[0] if self._stops[0] != self._goal else self._stops[1]
+
+    def _brake(self, motion: Motion) -> None:
+        self.simulation.follow(*braked(motion, self.simulation.time_s))
+        self._motion, self._braking = None, True
+
+    def _begin(self) -> None:
+        simulation, robot = self.simulation, self.simulation.robot
+        q_start = np.clip(simulation.q_commanded, robot.lower, robot.upper)
+        try:
+            motion = self._motion_from(q_start, simulation.felt, self._goal)
+        except ValueError as reason:
+            self._say(str(reason))
+            return
+        through = ", through the air" if motion.in_air.any() else ""
+        self._say(f"to sensation {self._goal}{through}")
+        self._scene.clear_paths(_PLAN)
+        self._scene.draw_path(_PLAN, self._paths(motion.q), len(motion.q))
+        simulation.follow(motion.time_s, motion.q, motion.v)
+        self._motion, self._log = motion, []
+
+    def _show(self) -> np.ndarray:
+        """Shows where the robot is and what it feels, which is returned: `(S,)` N."""
+        felt, robot = self.simulation.felt, self.simulation.robot
+        q = self.simulation.q[None]
+        self._scene.move(robot.skin_positions(q)[0])
+        self._scene.move_balls(robot.toucher_positions(q)[0])
+        self._scene.show_felt(felt / self._full)
+        if felt.any():
+            self._scene.show_here(self._nearest(felt))
+        return felt
+
+    def _nearest(self, felt: np.ndarray) -> int:
+        return int(np.argmax(self._known.target_sensations @ felt))
+
+    def _follow(self, motion: Motion, felt: np.ndarray) -> None:
+        """Shows what was expected for now, and ends the motion when its time is over."""
+        row = min(int(np.searchsorted(motion.time_s, self.simulation.time_s)), len(motion.s) - 1)
+        self._scene.show_expected(motion.predicted[row])
+        self._log.append((felt.copy(), self.simulation.q.copy(), row))
+        over = self.simulation.time_s > motion.time_s[-1]
+        if over or len(self._log) % _TRACE_EVERY == 2:
+            q = np.array([entry[1] for entry in self._log])
+            self._scene.draw_trace(_PLAN, self._paths(q))
+        if over:
+            self._finish(motion)
+
+    def _finish(self, motion: Motion) -> None:
+        felt, rows = np.array([e[0] for e in self._log]), [e[2] for e in self._log]
+        expected, meant = motion.predicted[rows], motion.touching[rows]
+        touching = np.any(felt, axis=1)
+        there = self._nearest(felt[-1])
+        end = "reached" if there == self._goal else f"came to {there}"
+        if not touching[-1]:
+            end = "came off the skin"
+        where = "" if meant.all() else " where touch was expected"
+        contact = touching[meant].mean() if meant.any() else 1.0
+        text = f"sensation {self._goal}: {end}, in contact {contact:.0%}{where}"
+        both = touching & expected.any(axis=1)
+        if both.any():
+            likeness = 1.0 - cosine_distance(felt[both], expected[both]).mean()
+            text += f"\nlikeness to what it expected: cosine {likeness:.2f}"
+        self._say(text)
+        self._motion = None
+
+    def _paths(self, q: np.ndarray) -> list[SkinPath]:
+        return touch_paths(self._material.shape, self._material.touches_at, q)
+
+    def _say(self, text: str) -> None:
+        self._announce(text.replace("\n", "; "))
+        self._scene.write_status(text)
+
+
+def play_live(
+    material: Material,
+    motion_from: MotionFrom,
+    *,
+    port: int | None = None,
+    announce: Callable[[str], None] = print,
+) -> None:
+    """Shows an agent live in a browser, until its `end` button or Ctrl-C.
+
+    Args:
+        material: of a run that has learned.
+        motion_from: the agent's plans.
+        port: of the page; by default the first free one from 7000 on.
+        announce: called with where to look, and then with a line about every motion.
+
+    Raises:
+        ValueError: the port is taken.
+    """
+    meshcat = open_meshcat(port)
+    show = LiveShow(meshcat, material, motion_from, announce)
+    announce(f"{material.experiment.name}, live at {meshcat.web_url()} (Ctrl-C to end)")
+    with contextlib.suppress(KeyboardInterrupt):
+        while not show.ended:
+            show.step()
+    announce("ended")

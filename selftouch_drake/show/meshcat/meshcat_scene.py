@@ -1,0 +1,240 @@
+"""What stands in Meshcat, live and in recordings: the robot's skins three times, side by side.
+
+In the middle the real ones, on the robot, whose receptors show what is felt; to the left the same
+skins showing what the agent expects to feel; to the right the body that the agent recovered, with
+the sensation that it feels marked in red. Meshcat records and changes transforms and properties,
+no objects: whatever is to change is drawn here once. All that belongs to a skin is drawn below one
+path, whose transform follows the skin's link.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from pydrake.geometry import Meshcat, MeshcatAnimation, Sphere
+from pydrake.math import RigidTransform
+from pydrake.perception import BaseField, Fields, PointCloud
+
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.show.material import Material, MissingError
+from selftouch_drake.show.meshcat.receptors import key_frames, linear_light, rgba
+from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
+from selftouch_drake.show.meshcat.stage import VIEW, draw_balls, set_stage
+from selftouch_drake.show.meshcat.text_meshes import put_legend, put_text
+from selftouch_drake.show.paths import SkinPath, evenly_spaced
+from selftouch_drake.show.skins import all_moved, as_one, moved
+from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, VERMILION
+
+# The three stand this many times their size apart.
+_APART = 1.55
+# Of the places where moving skins are, this share on each side may overlap with the neighbours.
+_RARE = 0.03
+# Postures of the experience that show where the skins move.
+_NUM_POSTURES = 200
+# Between lines of text, as a share of the size.
+_LINE = 0.18
+# Paths of the real skins, of the expected ones, and of the recovered body.
+FELT, EXPECTED, RECOVERED_BODY = "/skins", "/expected", "/recovered"
+
+
+def firm_touch(representation: QuotientRepresentation) -> float:
+    """N, the L2 norm of a firm touch: the reading that is shown in the strongest colour.
+
+    Executed plans run through the firmer half of each kernel, whose middle this is; six
+    plans on the cube pressed with 0.97 to 1.08 times as much (medians). A receptor that feels all
+    of it is at the end of the scale, and an expected sensation, which has no strength, is shown as
+    if it were so firm.
+    """
+    return float(np.quantile(representation.kernel_strength, 0.75))
+
+
+class MeshcatScene:
+    """Draws all that is shown, and moves and colours what changes.
+
+    Args:
+        meshcat: where it is drawn.
+        material: of a run that has learned.
+
+    Attributes:
+        size: m, of the body, or of what its parts move over.
+        kernel_places: `(K, 3)` m, the kernels on the recovered body, NaN in fragments; None if
+            there is no recovered body.
+    """
+
+    def __init__(self, meshcat: Meshcat, material: Material):
+        self._meshcat = meshcat
+        self._skins = material.skins
+        home = as_one(all_moved(material.skins, material.home))
+        low, high = home.vertices.min(axis=0), home.vertices.max(axis=0)
+        middle = (low + high) / 2
+        width, lowest = _reach(material, middle)
+        self.size = max(float((high - low).max()), width / _APART)
+        self._under = middle + (lowest - 0.22 * self.size) * VIEW.axes[1]
+        self._aside = _APART * self.size * VIEW.axes[0]
+        self._felt = SkinDrawing(meshcat, FELT, material.skins)
+        self._expected = SkinDrawing(meshcat, EXPECTED, material.skins)
+        meshcat.SetTransform(EXPECTED, RigidTransform(-self._aside))
+        self.move(material.home)
+        self._balls = draw_balls(meshcat, material.shape)
+        self.kernel_places = self._draw_recovered(material)
+        self._write_titles()
+        set_stage(meshcat, VIEW, middle, self.size)
+
+    def move(self, poses: np.ndarray) -> None:
+        """Puts the skins where their links are: `(skins, 3, 4)`."""
+        self._felt.move(poses)
+        self._expected.move(poses)
+
+    def move_balls(self, p_WT: np.ndarray) -> None:
+        """Puts the balls that the model does not draw at `(touchers, 3)` m."""
+        for number, path in self._balls.items():
+            self._meshcat.SetTransform(path, RigidTransform(p_WT[number]))
+
+    def show_felt(self, felt: np.ndarray) -> None:
+        """Shows a sensation `(S,)` on the real skins, 1 in the strongest colour."""
+        self._felt.show(felt)
+
+    def show_expected(self, expected: np.ndarray) -> None:
+        """Shows an expected sensation `(S,)` beside them."""
+        self._expected.show(expected)
+
+    def show_here(self, kernel: int) -> None:
+        """Marks a kernel on the recovered body, if it is there."""
+        if self.kernel_places is not None and np.isfinite(self.kernel_places[kernel]).all():
+            here = RigidTransform(self.kernel_places[kernel])
+            self._meshcat.SetTransform(f"{RECOVERED_BODY}/here", here)
+
+    def record(
+        self,
+        recording: MeshcatAnimation,
+        *,
+        poses: np.ndarray,
+        p_WT: np.ndarray,
+        felt: np.ndarray,
+        expected: np.ndarray,
+        kernel: np.ndarray,
+    ) -> None:
+        """Records what changes, frame by frame.
+
+        Args:
+            recording: to add to.
+            poses: `(frames, skins, 3, 4)` of the skins' links.
+            p_WT: `(frames, touchers, 3)` m, of what touches.
+            felt: `(frames, S)` as of `show_felt`.
+            expected: `(frames, S)` as of `show_expected`.
+            kernel: `(frames,)` the kernel that is felt, or was felt last.
+        """
+        for number, path in self._balls.items():
+            for frame, place in enumerate(p_WT[:, number]):
+                recording.SetTransform(frame, path, RigidTransform(place))
+        self._felt.record(recording, poses, felt)
+        self._expected.record(recording, poses, expected)
+        if self.kernel_places is not None:
+            for frame in key_frames(kernel):
+                place = self.kernel_places[kernel[frame]]
+                if np.isfinite(place).all():
+                    here = RigidTransform(place)
+                    recording.SetTransform(frame, f"{RECOVERED_BODY}/here", here)
+
+    def draw_path(self, name: str, paths: Sequence[SkinPath], num_rows: int) -> None:
+        """Draws the planned paths over the skins, from green to blue; `name` tells plans apart."""
+        for number, path in enumerate(paths):
+            root = f"{self.path_root(path, name)}/path_{number}"
+            self._draw_dots(root, path, BLUE, spacing=0.008, point_size=0.007)
+            for end, row, color in (("start", 0, GREEN), ("goal", num_rows - 1, BLUE)):
+                if (place := path.at(row)) is not None:
+                    self._meshcat.SetObject(f"{root}/{end}", Sphere(0.014), rgba(color))
+                    self._meshcat.SetTransform(f"{root}/{end}", RigidTransform(place))
+
+    def draw_trace(self, name: str, paths: Sequence[SkinPath]) -> None:
+        """Draws the paths that were truly taken, in orange."""
+        for number, path in enumerate(paths):
+            root = f"{self.path_root(path, name)}/trace_{number}"
+            self._draw_dots(root, path, ORANGE, spacing=0.004, point_size=0.005)
+
+    def clear_paths(self, name: str) -> None:
+        """Removes the paths of a plan."""
+        for root in self.path_roots(name):
+            self._meshcat.Delete(root)
+
+    def path_roots(self, name: str) -> list[str]:
+        """Where the paths of a plan are drawn, one place per skin."""
+        return [f"{FELT}/{skin.name}/{name}" for skin in self._skins]
+
+    def path_root(self, path: SkinPath, name: str) -> str:
+        """Where one path of a plan is drawn: it moves with the skin that it is on."""
+        return self.path_roots(name)[path.skin]
+
+    def write_status(self, text: str) -> None:
+        """Writes one or two lines below everything."""
+        self._write("/status", text, line=2)
+
+    def draw_legend(self, full: float) -> None:
+        """Draws the scale of the colours, up to `full` N, below the body's title."""
+        centre = self._under - _LINE * self.size * VIEW.axes[1]
+        width = 0.8 * self.size
+        put_legend(self._meshcat, "/legend", full, centre, VIEW, width=width, color=rgba(INK))
+
+    def _draw_recovered(self, material: Material) -> np.ndarray | None:
+        try:
+            parts, places = material.recovered, material.kernel_places
+        except MissingError:
+            return None
+        self._meshcat.SetTransform(RECOVERED_BODY, RigidTransform(self._aside))
+        typical = float(np.median([skin.extent for skin in self._skins]))
+        for part in parts:
+            path = f"{RECOVERED_BODY}/part_{part.part}"
+            color = rgba(RECOVERED, 0.4)
+            # A sheet is seen from both sides.
+            faces = part.faces if part.closed else np.vstack([part.faces, part.faces[:, ::-1]])
+            self._meshcat.SetTriangleMesh(f"{path}/surface", part.places.T, faces.T, color)
+            cloud = _cloud(part.positions, RECOVERED)
+            self._meshcat.SetObject(f"{path}/kernels", cloud, point_size=0.025 * typical)
+        ball = Sphere(0.04 * typical)
+        self._meshcat.SetObject(f"{RECOVERED_BODY}/here", ball, rgba(VERMILION))
+        return places
+
+    def _draw_dots(
+        self, path: str, points: SkinPath, color: str, *, spacing: float, point_size: float
+    ) -> None:
+        dots = np.concatenate([evenly_spaced(s, spacing) for s in points.stretches()])
+        self._meshcat.SetObject(f"{path}/dots", _cloud(dots, color), point_size=point_size)
+
+    def _write(self, path: str, text: str, *, aside: np.ndarray | float = 0.0, line: int = 0):
+        centre = self._under + aside - _LINE * self.size * line * VIEW.axes[1]
+        size = 0.08 * self.size
+        put_text(self._meshcat, path, text, centre, VIEW, size=size, color=rgba(INK))
+
+    def _write_titles(self) -> None:
+        self._write("/titles/expected", "what it expects to feel", aside=-self._aside)
+        self._write("/titles/felt", "what it feels")
+        if self.kernel_places is not None:
+            self._write("/titles/recovered", "its body, as it recovered it", aside=self._aside)
+
+
+def _reach(material: Material, middle: np.ndarray) -> tuple[float, float]:
+    """m, how wide the skins are or mostly move in the picture, and how far below `middle`."""
+    home = VIEW.project(as_one(all_moved(material.skins, material.home)).vertices - middle)
+    width, lowest = float(np.ptp(home[:, 0])), float(home[:, 1].min())
+    q = material.representation.kernel_q
+    some = q[:: max(len(q) // _NUM_POSTURES, 1)].astype(float)
+    poses = material.robot.skin_positions(some)
+    if np.ptp(poses, axis=0).max() < 1e-9:
+        return width, lowest
+    # As many points as the outline of a picture needs.
+    outlines = [skin.vertices[:: max(len(skin.vertices) // 200, 1)] for skin in material.skins]
+    places = [
+        moved(outline, pose) for number, outline in enumerate(outlines) for pose in poses[:, number]
+    ]
+    right, up, _ = VIEW.project(np.concatenate(places) - middle).T
+    left_end, right_end = np.quantile(right, [_RARE, 1.0 - _RARE])
+    return max(width, float(right_end - left_end)), min(lowest, float(np.quantile(up, _RARE)))
+
+
+def _cloud(points: np.ndarray, color: str) -> PointCloud:
+    cloud = PointCloud(len(points), Fields(BaseField.kXYZs | BaseField.kRGBs))
+    cloud.mutable_xyzs()[:] = points.T
+    cloud.mutable_rgbs()[:] = 255 * linear_light(np.array(to_rgb(color)))[:, None]
+    return cloud

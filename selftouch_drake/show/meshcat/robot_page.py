@@ -1,0 +1,107 @@
+"""A robot in a browser, with a slider for each joint, showing what it feels in each posture."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform
+
+from selftouch_drake.robot import World
+from selftouch_drake.show.meshcat.receptors import rgba
+from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
+from selftouch_drake.show.meshcat.stage import VIEW, RobotDrawing, draw_balls, set_stage
+from selftouch_drake.show.meshcat.text_meshes import put_text
+from selftouch_drake.show.robot_shape import RobotShape
+from selftouch_drake.show.skins import all_moved, as_one, surfaces_of
+from selftouch_drake.show.style import INK
+
+END = "end"
+# s, from one look at the sliders to the next.
+_FRAME_S = 1 / 30
+# N, the reading that is shown in the strongest colour: a firm touch.
+_FULL = 2.0
+
+
+class RobotPage:
+    """A robot that takes the posture of its sliders.
+
+    Args:
+        meshcat: where it is shown.
+        world: of the robot.
+
+    Attributes:
+        meshcat: where it is shown.
+        status: what is written below the robot.
+    """
+
+    def __init__(self, meshcat: Meshcat, world: World):
+        self.meshcat, self._world = meshcat, world
+        self._robot = robot = world.robot
+        self._drawing = RobotDrawing(meshcat, world.experiment, world.skins)
+        skins = surfaces_of(world.skins)
+        self._skins = SkinDrawing(meshcat, "/skins", skins)
+        self._balls = draw_balls(meshcat, RobotShape(robot, world.experiment.touching))
+        self._q = robot.plant.GetPositions(robot.plant.CreateDefaultContext())
+        lower, upper = robot.babbled_range
+        for name, low, high, value in zip(robot.joint_names, lower, upper, self._q, strict=True):
+            meshcat.AddSlider(name, low, high, (high - low) / 200, value)
+        meshcat.AddButton(END, "Escape")
+        home = as_one(all_moved(skins, robot.skin_positions(self._q[None])[0]))
+        low, high = home.vertices.min(axis=0), home.vertices.max(axis=0)
+        self._size = float((high - low).max())
+        self._under = (low + high) / 2 - 0.75 * self._size * VIEW.axes[1]
+        self.status = ""
+        set_stage(meshcat, VIEW, (low + high) / 2, self._size)
+        self.show(self._q)
+
+    @property
+    def ended(self) -> bool:
+        """Whether the end was asked for."""
+        return self.meshcat.GetButtonClicks(END) > 0
+
+    def step(self) -> None:
+        """Takes the posture of the sliders, if they have moved."""
+        q = np.array([self.meshcat.GetSliderValue(name) for name in self._robot.joint_names])
+        if not np.array_equal(q, self._q):
+            self.show(q)
+
+    def show(self, q: np.ndarray) -> None:
+        """Shows the robot at `(J,)` q, and what it feels there."""
+        self._q = q
+        self._drawing.put(q)
+        self._skins.move(self._robot.skin_positions(q[None])[0])
+        places = self._robot.toucher_positions(q[None])[0]
+        for number, path in self._balls.items():
+            self.meshcat.SetTransform(path, RigidTransform(places[number]))
+        (felt,) = self._world.probe.sensations(q[None])
+        self._skins.show(felt / _FULL)
+        (depth,) = self._world.probe.collision_depth(q[None])
+        status = f"feels {felt.sum():.1f} N" if felt.any() else "touches nothing"
+        if depth > 0:
+            status = "rigid parts run into each other: no posture of this robot"
+        if status != self.status:
+            size = 0.08 * self._size
+            put_text(self.meshcat, "/status", status, self._under, VIEW, size=size, color=rgba(INK))
+            self.status = status
+
+
+def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None:
+    """Shows a robot in a browser, until its `end` button or Ctrl-C.
+
+    Args:
+        world: of the robot.
+        announce: called with where to look.
+    """
+    meshcat = open_meshcat()
+    page = RobotPage(meshcat, world)
+    announce(f"{world.experiment.name} at {meshcat.web_url()} (Ctrl-C to end)")
+    with contextlib.suppress(KeyboardInterrupt):
+        while not page.ended:
+            page.step()
+            time.sleep(_FRAME_S)
+    announce("ended")

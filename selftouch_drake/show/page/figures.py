@@ -1,0 +1,189 @@
+"""All figures of a run: which there are, what they are drawn from, and writing them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from selftouch_drake.files import written_whole
+from selftouch_drake.show.material import Material, MissingError
+from selftouch_drake.show.page import (
+    coverage_figure,
+    graph_figures,
+    motion_figures,
+    path_figure,
+    robot_figure,
+    sensation_figures,
+    shape_figures,
+)
+from selftouch_drake.show.paths import touch_paths
+from selftouch_drake.show.skins import SkinSurface, all_moved
+from selftouch_drake.show.style import DPI
+
+# Touches that are drawn one by one, about: as many as one can tell apart.
+_NUM_DOTS = 6000
+# Postures among which the one is chosen that the agent is drawn in.
+_NUM_POSTURES = 400
+
+
+def agent(material: Material) -> Figure:
+    """The agent as it touches itself, its joints well clear of its skins."""
+    known, robot = material.representation, material.robot
+    q = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
+    poses = robot.skin_positions(q)
+    clear = robot_figure.clearest(material.shape.joints(q), material.skins, poses)
+    skins = all_moved(material.skins, poses[clear])
+    return robot_figure.agent(skins, material.shape.at(q[clear]))
+
+
+def coverage(material: Material) -> Figure:
+    """Where babbling touched the skins."""
+    density, sample = material.touch_density, material.touch_sample(_NUM_DOTS)
+    return coverage_figure.coverage(_skins(material), density, sample)
+
+
+def sensations(material: Material) -> Figure:
+    """A few target sensations on the skins."""
+    targets = material.representation.target_sensations
+    return sensation_figures.sensations(_skins(material), targets)
+
+
+def kernels(material: Material) -> Figure:
+    """Sizes, likeness and firmness of the motor kernel sets."""
+    known = material.representation
+    return sensation_figures.kernels(
+        np.diff(known.kernel_offsets), known.kernel_error, known.kernel_strength
+    )
+
+
+def distance_matrix(material: Material) -> Figure:
+    """Distances between kernel sets, against the truth where it is there."""
+    known = material.representation
+    try:
+        true = material.true_distances
+    except MissingError:
+        return graph_figures.distance_matrix(known.set_distance)
+    return graph_figures.distance_matrix(known.set_distance, true)
+
+
+def quotient_graph(material: Material) -> Figure:
+    """The quotient graph in the embedding."""
+    known, parts = material.representation, [part.kernels for part in material.body.parts]
+    return graph_figures.quotient_graph(known.embedding, known.edges, known.edge_cost, parts)
+
+
+def body_shape(material: Material) -> Figure:
+    """The body and the body that the agent recovered (paper, figure 3)."""
+    error = material.metrics.get("shape_rms_fraction")
+    return shape_figures.body_shape(_skins(material), material.recovered, rms_fraction=error)
+
+
+def persistence(material: Material) -> Figure:
+    """Components, loops and voids of each part of the recovered body."""
+    found = [part.topology for part in material.body.parts if part.topology is not None]
+    if not found:
+        raise MissingError("no part of the recovered body is a surface; babble longer")
+    return shape_figures.persistence(
+        [topology.diagram for topology in found], betti=[topology.betti for topology in found]
+    )
+
+
+def plan_path(material: Material) -> Figure:
+    """One plan over the skins (paper, figure 4)."""
+    motion = material.motion(*material.shown_pair)
+    paths, known = (
+        [
+            path.moved(material.home[path.skin])
+            for path in touch_paths(material.shape, material.touches_at, q)
+        ]
+        for q in (motion.q, motion.waypoints_q)
+    )
+    if not paths:
+        raise MissingError("the plan that is shown touches nothing; plan and evaluate again")
+    return path_figure.plan_path(_skins(material), paths, known, len(motion.q))
+
+
+def felt_and_predicted(material: Material) -> Figure:
+    """What was felt along that plan, and what had been predicted."""
+    return motion_figures.felt_and_predicted(material.execution(*material.shown_pair))
+
+
+def contact_and_tracking(material: Material) -> Figure:
+    """Force and tracking along that plan."""
+    robot, execution = material.robot, material.execution(*material.shown_pair)
+    return motion_figures.contact_and_tracking(execution, robot.joint_names, robot.turns)
+
+
+# In the order of the paper. The name is that of the file.
+FIGURES: dict[str, Callable[[Material], Figure]] = {
+    "agent": agent,
+    "coverage": coverage,
+    "sensations": sensations,
+    "kernels": kernels,
+    "distance_matrix": distance_matrix,
+    "quotient_graph": quotient_graph,
+    "body_shape": body_shape,
+    "persistence": persistence,
+    "plan_path": plan_path,
+    "felt_and_predicted": felt_and_predicted,
+    "contact_and_tracking": contact_and_tracking,
+}
+
+
+def draw_figures(
+    material: Material,
+    folder: Path,
+    progress: Callable[[float, str], None] = lambda fraction, doing: None,
+    *,
+    vector: bool = False,
+    skipped: Callable[[str, str], None] = lambda name, reason: None,
+) -> list[Path]:
+    """Draws the figures whose data exist.
+
+    Args:
+        material: of a run with any of its stages done.
+        folder: where they go.
+        progress: called with the fraction done and what is being drawn.
+        vector: whether to write each as PDF as well, for papers: words, lines and marks as such,
+            shaded bodies as pictures.
+        skipped: called with the name of each figure that cannot be drawn, and the reason.
+
+    Returns:
+        The PNG files written, in the order of `FIGURES`. A figure that cannot be drawn any more is
+        removed, so that none shows what is no longer true.
+    """
+    folder.mkdir(exist_ok=True)
+    written = []
+    for number, (name, draw) in enumerate(FIGURES.items()):
+        progress(number / len(FIGURES), name.replace("_", " "))
+        path, for_papers = (folder / f"{name}.{kind}" for kind in ("png", "pdf"))
+        # A PDF of before is not asked for now, and may no longer be true.
+        for_papers.unlink(missing_ok=True)
+        try:
+            figure = draw(material)
+        except MissingError as reason:
+            path.unlink(missing_ok=True)
+            skipped(name, str(reason))
+            continue
+        _write(figure, path, dpi=DPI, metadata={"Software": None})
+        if vector:
+            _write(figure, for_papers, dpi=2 * DPI, metadata={"CreationDate": None})
+        written.append(path)
+    return written
+
+
+def _skins(material: Material) -> list[SkinSurface]:
+    """The skins where they are drawn."""
+    return all_moved(material.skins, material.home)
+
+
+def _write(figure: Figure, path: Path, *, dpi: int, metadata: dict[str, None]) -> None:
+    # Letters stay letters in a PDF, as journals ask.
+    with written_whole(path) as aside, mpl.rc_context({"pdf.fonttype": 42}):
+        figure.savefig(
+            aside, format=path.suffix[1:], dpi=dpi, bbox_inches="tight", metadata=metadata
+        )

@@ -1,0 +1,149 @@
+"""Pictures of the representation: distances between kernel sets, and the quotient graph."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize, to_rgba_array
+from matplotlib.figure import Figure
+
+from selftouch_drake.show.page.scene import add_scene, fit_height, share_scale
+from selftouch_drake.show.style import AMOUNT, INK, styled
+from selftouch_drake.show.view import View
+
+# Parts in a row of the graph's picture.
+_COLUMNS = 4
+
+
+@styled
+def distance_matrix(set_distance: np.ndarray, true_distance: np.ndarray | None = None) -> Figure:
+    """Distances between all kernel sets, in an order that the agent could find itself.
+
+    Args:
+        set_distance: `(K, K)` rad, symmetric.
+        true_distance: `(K, K)` m, between the true positions of the kernels; NaN between those on
+            different skins.
+    """
+    num_panels = 1 if true_distance is None else 2
+    figure = Figure(figsize=(5.2 * num_panels, 4.3), layout="constrained")
+    axes = figure.subplots(1, num_panels, squeeze=False)[0]
+    order = spectral_order(set_distance)
+    image = axes[0].imshow(set_distance[np.ix_(order, order)], interpolation="nearest")
+    figure.colorbar(image, ax=axes[0], label="set distance (rad)", shrink=0.85)
+    axes[0].set(
+        xlabel="kernel set, in spectral order",
+        ylabel="kernel set, in spectral order",
+        title="How far the joints must move between kernels",
+    )
+    if true_distance is not None:
+        i, j = np.nonzero(np.triu(np.isfinite(true_distance), k=1))
+        bins = axes[1].hexbin(
+            100 * true_distance[i, j], set_distance[i, j], gridsize=45, bins="log", linewidths=0
+        )
+        figure.colorbar(bins, ax=axes[1], label="pairs of kernels", shrink=0.85)
+        axes[1].set(
+            xlabel="true distance (cm)", ylabel="set distance (rad)", title="Against the truth"
+        )
+    return figure
+
+
+@styled
+def quotient_graph(
+    embedding: np.ndarray, edges: np.ndarray, edge_cost: np.ndarray, parts: Sequence[np.ndarray]
+) -> Figure:
+    """The quotient graph, laid out as the agent embeds it.
+
+    One part is shown from the front and from above; several, each in its own unit, from the front.
+
+    Args:
+        embedding: `(K, 3)` arbitrary unit and pose of each part; NaN in fragments.
+        edges: `(E, 2)` pairs of kernels.
+        edge_cost: `(E,)` rad.
+        parts: the kernels of each part.
+    """
+    low, high = np.quantile(edge_cost, [0.02, 0.98]) if len(edge_cost) else (0.0, 1.0)
+    norm = Normalize(low, max(high, low + 1e-9))
+    if len(parts) == 1:
+        figure = Figure(figsize=(9.6, 4.3), layout="constrained")
+        grid = figure.add_gridspec(1, 2)
+        panels = [
+            (grid[0], View(), "The quotient graph, embedded", parts[0]),
+            (grid[1], View(elevation=80.0), "from above", parts[0]),
+        ]
+    else:
+        rows, columns = -(-len(parts) // _COLUMNS), min(len(parts), _COLUMNS)
+        figure = Figure(figsize=(10.0, 0.4 + 2.9 * rows), layout="constrained")
+        grid = figure.add_gridspec(rows, columns)
+        panels = [
+            (grid[n // columns, n % columns], View(), f"part {n}: {len(part)} kernels", part)
+            for n, part in enumerate(parts)
+        ]
+    for where, view, title, part in panels:
+        ax = add_scene(figure, where, title)
+        inside = np.isin(edges, part).all(axis=1)
+        picture = view.project(embedding - embedding[part].mean(axis=0))
+        _draw_graph(ax, picture, part, edges[inside], edge_cost[inside], norm)
+    if len(parts) == 1:
+        share_scale(figure.axes)
+        fit_height(figure)
+    figure.colorbar(
+        ScalarMappable(norm, AMOUNT),
+        ax=figure.axes,
+        label="cost of an edge (rad)",
+        shrink=0.7,
+        extend="both",
+    )
+    return figure
+
+
+def spectral_order(distance: np.ndarray) -> np.ndarray:
+    """`(K,)` an order in which near things are near: along the graph's slowest vibration.
+
+    That is the Fiedler vector of the Laplacian of similarities that fall off over the distance to
+    the tenth nearest.
+    """
+    tenth = np.sort(distance, axis=1)[:, min(10, len(distance) - 1)]
+    width = max(float(np.median(tenth)), 1e-12)
+    similarity = np.exp(-np.square(distance / width))
+    degree = 1 / np.sqrt(similarity.sum(axis=1))
+    _, vectors = np.linalg.eigh(degree[:, None] * similarity * degree)
+    return np.argsort(vectors[:, -2] * degree) if len(distance) > 1 else np.array([0])
+
+
+def _draw_graph(
+    ax: Axes,
+    picture: np.ndarray,
+    part: np.ndarray,
+    edges: np.ndarray,
+    edge_cost: np.ndarray,
+    norm: Normalize,
+) -> None:
+    near = _from_far_to_near(picture[edges, 2].mean(axis=1))
+    order = np.argsort(near)
+    lines = LineCollection(
+        list(picture[edges[order], :2]),
+        array=edge_cost[order],
+        norm=norm,
+        cmap=AMOUNT,
+        alpha=0.15 + 0.85 * near[order] ** 1.5,
+        linewidths=0.4 + 1.1 * near[order],
+    )
+    ax.add_collection(lines)
+    x, y, nearness = picture[part].T
+    near = _from_far_to_near(nearness)
+    ax.scatter(
+        x, y, s=2 + 14 * near**2, linewidths=0, zorder=3,
+        color=to_rgba_array([INK] * len(near), 0.1 + 0.9 * near**1.5),
+    )  # fmt: skip
+    ax.autoscale_view()
+
+
+def _from_far_to_near(nearness: np.ndarray) -> np.ndarray:
+    """Scales to 0 for the farthest and 1 for the nearest."""
+    if not len(nearness):
+        return nearness
+    return (nearness - nearness.min()) / (np.ptp(nearness) or 1.0)

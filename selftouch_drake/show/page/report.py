@@ -1,0 +1,110 @@
+"""The report of a run: one page with its whole story, for readers who were not there."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from selftouch_drake.experiment import dump_experiment
+from selftouch_drake.show.material import Material, MissingError
+from selftouch_drake.show.page.tables import (
+    joint_rows,
+    part_rows,
+    plan_rows,
+    skin_rows,
+    toucher_rows,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Picture:
+    """A figure as the page shows it, or why it does not.
+
+    Attributes:
+        image: the PNG as base64; empty if there is none.
+        missing: the reason why there is none.
+    """
+
+    image: str = ""
+    missing: str = ""
+
+    @staticmethod
+    def of(path: Path) -> Picture:
+        """The picture in a PNG file."""
+        return Picture(image=base64.b64encode(path.read_bytes()).decode("ascii"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """The recording beside the page, or why there is none.
+
+    Attributes:
+        file: its name.
+        missing: the reason why there is none.
+    """
+
+    file: str = ""
+    missing: str = ""
+
+
+def report_page(material: Material, pictures: Mapping[str, Picture], recording: Recording) -> str:
+    """The report of a run as HTML that holds all it shows and asks nothing of a network.
+
+    What was not made yet is named, with the command that makes it.
+
+    Args:
+        material: of the run, with any of its stages done.
+        pictures: by the names of `FIGURES`.
+        recording: of the plan that is shown.
+    """
+    plans = list(plan_rows(material))
+    return _template().render(
+        experiment=material.experiment,
+        settings=dump_experiment(material.experiment),
+        pictures=pictures,
+        headline=material.headline,
+        readings=material.readings,
+        parts=_parts(material),
+        plans=plans,
+        flights=any(plan.num_flights for plan in plans),
+        shown=material.shown_pair if material.pairs else None,
+        recording=recording,
+        **_robot(material),
+    )
+
+
+def _robot(material: Material) -> dict[str, Any]:
+    try:
+        return {
+            "joints": joint_rows(material),
+            "skins": skin_rows(material),
+            "touchers": toucher_rows(material),
+            "robot_missing": "",
+        }
+    except MissingError as reason:
+        return {"joints": [], "skins": [], "touchers": [], "robot_missing": str(reason)}
+
+
+def _parts(material: Material) -> Sequence[Any]:
+    """The rows of the table of parts; none where there is one part on one skin."""
+    try:
+        rows = part_rows(material)
+    except MissingError:
+        return ()
+    return rows if len(rows) > 1 or len(material.experiment.skins) > 1 else ()
+
+
+def _template():
+    environment = Environment(
+        loader=PackageLoader("selftouch_drake.show.page", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2")

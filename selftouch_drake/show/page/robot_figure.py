@@ -1,0 +1,175 @@
+"""The agent: its robot, the skins that it wears and what touches them (paper, figure 2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from selftouch_drake.show.page.scene import (
+    add_scene,
+    draw,
+    fit_height,
+    scale_bar,
+    unhidden,
+    visible,
+)
+from selftouch_drake.show.page.solids import balls, rod, shell, surface
+from selftouch_drake.show.robot_shape import DrawnRobot
+from selftouch_drake.show.skins import SkinSurface, as_one, moved
+from selftouch_drake.show.style import (
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    PALE,
+    SKIN,
+    VERMILION,
+    styled,
+)
+from selftouch_drake.show.view import View
+
+# Sizes as shares of the whole picture's: joints, several joints in one point, rods, and the longest
+# edge of what is sorted by depth.
+_JOINT, _JOINTS, _ROD, _EDGE = 0.036, 0.028, 0.02, 0.025
+# Degrees above the horizon, and round the vertical: never along an axis, where boxes look flat.
+_ELEVATION = 18.0
+_AZIMUTHS = [quarter + angle for quarter in (-90, 0, 90, 180) for angle in (22, 34, 45, 56, 68)]
+# How far from its centre the housing of a joint ends, as such a share.
+_HOUSING = 0.06
+# A ball that touches is drawn at least so large, as a share of the whole picture.
+_BALL = 0.016
+# m, of a large robot marks are no larger than of one of this size.
+_LARGEST = 1.1
+
+
+@styled
+def agent(skins: Sequence[SkinSurface], robot: DrawnRobot) -> Figure:
+    """The agent: skins, receptors, joints and what touches (paper, figure 2).
+
+    Args:
+        skins: in the world.
+        robot: in the same posture.
+    """
+    skin = as_one(skins)
+    size = min(_size(skin, robot), _LARGEST)
+    links = [(link.vertices, link.faces) for link in robot.links]
+    everything = [*links, (skin.vertices, skin.faces)]
+    view = _view(robot, everything, size)
+    figure = Figure(figsize=(5.6, 5.0), layout="constrained")
+    ax = add_scene(figure, figure.add_gridspec(1, 1)[0])
+    draw(
+        ax,
+        view,
+        surface(skin.vertices, skin.faces, SKIN),
+        *(
+            shell(link.vertices, link.faces, VERMILION if link.touches else PALE, _EDGE * size)
+            for link in robot.links
+        ),
+        *(rod(a, b, _ROD * size, PALE) for a, b in robot.rods),
+    )
+    seen = visible(skin.receptors, skin.vertices, skin.faces, view, others=links)
+    radius = 0.012 * float(np.median([each.extent for each in skins]))
+    draw(ax, view, balls(skin.receptors[seen], radius, INK), zorder=2)
+    marks = _draw_joints(ax, view, robot, everything, size)
+    _draw_balls(ax, view, robot, everything, size)
+    scale_bar(ax)
+    if len(robot.balls) or any(link.touches for link in robot.links):
+        marks.append((VERMILION, "what touches"))
+    marks.append((INK, f"receptors ({len(skin.receptors)})"))
+    if np.ptp(ax.get_ylim()) < 0.8 * np.ptp(ax.get_xlim()):
+        fit_height(figure, margin=0.6)
+    handles = [ax.scatter([], [], s=30, color=color, label=label) for color, label in marks]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(marks), columnspacing=1.2)
+    return figure
+
+
+def clearest(joints: np.ndarray, skins: Sequence[SkinSurface], skin_poses: np.ndarray) -> int:
+    """The posture in which the joints are farthest from the skins, so that one sees them.
+
+    Args:
+        joints: `(N, J, 3)` m, in the world, in N postures.
+        skins: each in the frame of its link.
+        skin_poses: `(N, skins, 3, 4)`.
+    """
+    middles = [skin.vertices.mean(axis=0) for skin in skins]
+    centres = np.array(
+        [[moved(m, X) for m, X in zip(middles, Xs, strict=True)] for Xs in skin_poses]
+    )
+    distance = np.linalg.norm(joints[:, :, None] - centres[:, None], axis=3)
+    # What a joint keeps from a skin in every posture says nothing.
+    varies = np.ptp(distance, axis=0) > 1e-6
+    if not varies.any():
+        return 0
+    return int(distance[:, varies].min(axis=1).argmax())
+
+
+def _view(
+    robot: DrawnRobot, everything: Sequence[tuple[np.ndarray, np.ndarray]], size: float
+) -> View:
+    """The side from which most joints and balls are seen, and apart from one another."""
+    joints = np.unique(robot.joints.round(6), axis=0)
+    places = np.concatenate([joints, robot.balls])
+    lift = np.concatenate([np.full(len(joints), _HOUSING * size), 1.5 * _ball_radii(robot, size)])
+    # What touches matters most.
+    weight = np.repeat([1.0, 2.0], [len(joints), len(robot.balls)])
+
+    def score(view: View) -> float:
+        picture = view.project(places)[:, :2]
+        apart = np.linalg.norm(picture[:, None] - picture, axis=2) + np.diag([np.inf] * len(places))
+        seen = unhidden(places + lift[:, None] * view.towards, everything, view)
+        return float((weight * np.minimum(apart.min(axis=1), 0.2 * size))[seen].sum())
+
+    return max((View(_ELEVATION, azimuth) for azimuth in _AZIMUTHS), key=score)
+
+
+def _ball_radii(robot: DrawnRobot, size: float) -> np.ndarray:
+    return np.maximum(robot.radii, _BALL * size)
+
+
+def _size(skin: SkinSurface, robot: DrawnRobot) -> float:
+    points = [skin.vertices, robot.joints, robot.balls, *(link.vertices for link in robot.links)]
+    return float(np.ptp(np.concatenate([p.reshape(-1, 3) for p in points]), axis=0).max())
+
+
+def _draw_joints(
+    ax: Axes,
+    view: View,
+    robot: DrawnRobot,
+    everything: Sequence[tuple[np.ndarray, np.ndarray]],
+    size: float,
+) -> list[tuple[str, str]]:
+    """Marks the joints that nothing hides; returns colour and name of each kind that there is."""
+    places, which = np.unique(robot.joints.round(6), axis=0, return_inverse=True)
+    number = np.bincount(which.ravel())
+    turns = np.array([robot.turns[which.ravel() == k].all() for k in range(len(places))])
+    # Through the housing of the joint itself, but not through another link.
+    seen = unhidden(places + _HOUSING * size * view.towards, everything, view)
+    kinds = (
+        (turns & (number < 3), _JOINT, BLUE, "joints that turn"),
+        (turns & (number >= 3), _JOINTS, GREEN, "three in one point"),
+        (~turns, _JOINT, ORANGE, "joints that slide"),
+    )
+    solids = [
+        balls(places[those & seen], radius * size, color, detail=3)
+        for those, radius, color, _ in kinds
+    ]
+    draw(ax, view, *solids, zorder=3)
+    return [(color, label) for those, _, color, label in kinds if those.any()]
+
+
+def _draw_balls(
+    ax: Axes,
+    view: View,
+    robot: DrawnRobot,
+    everything: Sequence[tuple[np.ndarray, np.ndarray]],
+    size: float,
+) -> None:
+    """Draws the balls that touch over everything, those that nothing hides."""
+    if not len(robot.balls):
+        return
+    radii = _ball_radii(robot, size)
+    seen = unhidden(robot.balls + 1.5 * radii[:, None] * view.towards, everything, view)
+    draw(ax, view, balls(robot.balls[seen], radii[seen], VERMILION, detail=3), zorder=4)

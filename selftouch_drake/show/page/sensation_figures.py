@@ -1,0 +1,123 @@
+"""Pictures of what the agent feels: target sensations on its skin, and the kernels behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import trimesh
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+
+from selftouch_drake.geometry import farthest_points
+from selftouch_drake.show.page.scene import (
+    add_scene,
+    draw,
+    fit_height,
+    scale_bar,
+    share_scale,
+    visible,
+)
+from selftouch_drake.show.page.solids import balls, surface
+from selftouch_drake.show.skins import SkinSurface
+from selftouch_drake.show.style import BLUE, GREEN, MUTED, PRESSURE, SKIN, styled
+from selftouch_drake.show.view import View
+
+# Panels in a row: more are too small to be read.
+_MOST_SHOWN = 6
+
+
+@styled
+def sensations(
+    skins: Sequence[SkinSurface], target_sensations: np.ndarray, *, num_shown: int = 4
+) -> Figure:
+    """A few target sensations, each on the skin that feels it and seen from its own side.
+
+    Args:
+        skins: in one frame.
+        target_sensations: `(K, S)` unit L2 norm.
+        num_shown: how many are drawn at least; they are as unlike as can be, and of all skins.
+    """
+    wanted = max(num_shown, min(len(skins), _MOST_SHOWN))
+    chosen = _unlike(skins, target_sensations, wanted)
+    felt = target_sensations[[kernel for kernel, _ in chosen]]
+    norm = Normalize(0.0, float(felt.max()) or 1.0)
+
+    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
+    grid = figure.add_gridspec(1, len(chosen))
+    for column, (kernel, number) in enumerate(chosen):
+        skin = skins[number]
+        title = f"sensation {kernel}" + (f"\non {skin.name}" if len(skins) > 1 else "")
+        ax = add_scene(figure, grid[column], title)
+        _draw_sensation(ax, skin, target_sensations[kernel, skin.readings], norm)
+    if len(skins) == 1:
+        share_scale(figure.axes)
+        fit_height(figure)
+        scale_bar(figure.axes[0])
+    else:
+        for ax in figure.axes:
+            scale_bar(ax)
+    figure.colorbar(
+        ScalarMappable(norm, PRESSURE), ax=figure.axes, label="share of the sensation", shrink=0.7
+    )
+    return figure
+
+
+@styled
+def kernels(sizes: np.ndarray, error: np.ndarray, strength: np.ndarray) -> Figure:
+    """How many motor configurations a kernel set holds, how alike they feel, and how firmly.
+
+    Args:
+        sizes: `(K,)` configurations in each kernel set.
+        error: `(R,)` cosine distance from the sensation felt to the target sensation.
+        strength: `(R,)` N, L2 norm of the sensation felt.
+    """
+    figure = Figure(figsize=(10.0, 2.7), layout="constrained")
+    size, likeness, force = figure.subplots(1, 3)
+    panels = (
+        (size, sizes, "configurations in a kernel set", "kernel sets", BLUE),
+        (likeness, error, "cosine distance to the target sensation", "configurations", BLUE),
+        (force, strength, "strength of the touch (N)", "configurations", GREEN),
+    )
+    for ax, values, xlabel, ylabel, color in panels:
+        top = float(np.quantile(values, 0.995))
+        ax.hist(np.minimum(values, top), bins=40, color=color)
+        middle = float(np.median(values))
+        ax.axvline(middle, color=MUTED, linewidth=1.0)
+        ax.set(xlabel=xlabel, ylabel=ylabel, title=f"median {middle:.3g}")
+        ax.set_xlim(left=0.0)
+    return figure
+
+
+def _unlike(
+    skins: Sequence[SkinSurface], target_sensations: np.ndarray, wanted: int
+) -> list[tuple[int, int]]:
+    """Target sensations as unlike as can be, from each skin in turn, and the skins they are on."""
+    strength = np.stack([target_sensations[:, s.readings].sum(axis=1) for s in skins], axis=1)
+    skin = strength.argmax(axis=1)
+    rounds: list[tuple[int, int, int]] = []
+    for number in range(len(skins)):
+        here = np.flatnonzero(skin == number)
+        rows = target_sensations[here]
+        if len(here):
+            order = farthest_points(_distances(rows), wanted)
+            rounds += [(turn, number, int(here[k])) for turn, k in enumerate(order)]
+    return [(kernel, number) for _, number, kernel in sorted(rounds)[:wanted]]
+
+
+def _distances(rows: np.ndarray) -> Callable[[int], np.ndarray]:
+    return lambda row: np.linalg.norm(rows - rows[row], axis=1)
+
+
+def _draw_sensation(ax: Axes, skin: SkinSurface, felt: np.ndarray, norm: Normalize) -> None:
+    mesh = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
+    _, nearest = mesh.kdtree.query(skin.receptors)
+    direction = felt @ mesh.vertex_normals[nearest]
+    height = np.degrees(np.arcsin(direction[2] / max(np.linalg.norm(direction), 1e-9)))
+    view = View.facing(direction + 1e-9, elevation=float(np.clip(height, -35.0, 50.0)))
+    draw(ax, view, surface(skin.vertices, skin.faces, SKIN))
+    seen = visible(skin.receptors, skin.vertices, skin.faces, view)
+    colors = PRESSURE(norm(felt[seen]))[:, :3]
+    draw(ax, view, balls(skin.receptors[seen], 0.026 * skin.extent, colors), zorder=2)

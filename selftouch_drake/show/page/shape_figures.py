@@ -1,0 +1,184 @@
+"""Pictures of what the agent found out: its body's shape (paper, figure 3) and holes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from selftouch_drake.show.material import RecoveredSkin
+from selftouch_drake.show.page.scene import (
+    add_scene,
+    draw,
+    fit_height,
+    outline,
+    scale_bar,
+    share_scale,
+    visible,
+)
+from selftouch_drake.show.page.solids import Solid, balls, surface
+from selftouch_drake.show.skins import SkinSurface, as_one
+from selftouch_drake.show.style import BLUE, GREEN, INK, MUTED, ORANGE, RECOVERED, SKIN, styled
+from selftouch_drake.show.view import View
+
+_VIEW = View()
+# Bars drawn for each dimension; the rest are shorter.
+_MOST_BARS = 24
+_KINDS = tuple(zip(("components", "loops", "voids"), (ORANGE, BLUE, GREEN), strict=True))
+# Parts in a row of the picture of their holes.
+_COLUMNS = 3
+
+
+@styled
+def body_shape(
+    skins: Sequence[SkinSurface],
+    parts: Sequence[RecoveredSkin],
+    *,
+    rms_fraction: float | None = None,
+) -> Figure:
+    """The body, the body that the agent recovered, and both in one (paper, figure 3).
+
+    Args:
+        skins: in one frame.
+        parts: the recovered parts, each laid on its skins in the same frame.
+        rms_fraction: error of the recovered positions, as a share of the body's extent.
+    """
+    skin = as_one(skins)
+    figure = Figure(figsize=(10.5, 4.0), layout="constrained")
+    grid = figure.add_gridspec(1, 3, wspace=0.04)
+
+    real = surface(skin.vertices, skin.faces, SKIN)
+    ax = add_scene(figure, grid[0])
+    draw(ax, _VIEW, real)
+    seen = visible(skin.receptors, skin.vertices, skin.faces, _VIEW)
+    draw(ax, _VIEW, balls(skin.receptors[seen], 0.018 * _typical(skins), BLUE), zorder=2)
+    where = "its skin" if len(skins) == 1 else f"{len(skins)} skins"
+    ax.set_title(f"The body\n{len(skin.receptors)} receptors on {where}", loc="center")
+
+    fitted = [_fitted(part) for part in parts]
+    ax = add_scene(figure, grid[1])
+    draw(ax, _VIEW, *fitted)
+    num_kernels = _draw_kernels(ax, parts, 0.011 * _typical(skins))
+    pieces = "" if len(parts) == 1 else f" in {len(parts)} parts"
+    ax.set_title(
+        f"The body the agent recovered\n{num_kernels} sensations{pieces}, fitted surface",
+        loc="center",
+    )
+
+    ax = add_scene(figure, grid[2])
+    draw(ax, _VIEW, *fitted)
+    draw(ax, _VIEW, real, opacity=0.38, zorder=2)
+    outline(ax, _VIEW, skin.vertices, skin.faces, zorder=3)
+    error = "" if rms_fraction is None else f"\nerror {rms_fraction:.1%} of its extent (RMS)"
+    ax.set_title(f"Both{error}", loc="center")
+
+    share_scale(figure.axes)
+    fit_height(figure)
+    scale_bar(figure.axes[0])
+    return figure
+
+
+@styled
+def persistence(
+    diagrams: Sequence[Sequence[np.ndarray]], *, betti: Sequence[Sequence[int]] | None = None
+) -> Figure:
+    """The persistence of components, loops and voids, as a diagram and as bars; of parts, as bars.
+
+    Args:
+        diagrams: of each part the births and deaths `(bars, 2)` for H0, H1 and H2; a death may be
+            infinite.
+        betti: of each part how many of each are held to be true.
+    """
+    counts = [None] * len(diagrams) if betti is None else list(betti)
+    if len(diagrams) == 1:
+        figure = Figure(figsize=(8.6, 3.8), layout="constrained")
+        diagram, bars = figure.subplots(1, 2, width_ratios=(1, 1.35))
+        _draw_diagram(diagram, diagrams[0])
+        _draw_bars(bars, diagrams[0])
+        bars.set(
+            xlabel="radius of the balls round the kernels (unit of the recovered body)",
+            title="How long each lives",
+        )
+        bars.legend(handles=_handles(counts[0]), loc="center right")
+        return figure
+    rows, columns = -(-len(diagrams) // _COLUMNS), min(len(diagrams), _COLUMNS)
+    figure = Figure(figsize=(3.6 * columns, 0.8 + 2.4 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for part, (ax, diagram, count) in enumerate(zip(axes, diagrams, counts, strict=False)):
+        _draw_bars(ax, diagram)
+        held = "" if count is None else f": {', '.join(map(str, count))}"
+        ax.set(title=f"part {part}{held}")
+    for ax in axes[len(diagrams) :]:
+        ax.set_axis_off()
+    figure.supxlabel("radius of the balls round the kernels (unit of each part)", fontsize=9)
+    figure.legend(handles=_handles(None), loc="outside lower right", ncols=3, fontsize=8)
+    return figure
+
+
+def _typical(skins: Sequence[SkinSurface]) -> float:
+    """m, the extent of a typical skin, which marks are drawn in proportion to."""
+    return float(np.median([skin.extent for skin in skins]))
+
+
+def _fitted(part: RecoveredSkin) -> Solid:
+    solid = surface(part.places, part.faces, RECOVERED, cuts=2)
+    return solid if part.closed else solid.both_sides()
+
+
+def _draw_kernels(ax: Axes, parts: Sequence[RecoveredSkin], radius: float) -> int:
+    """Draws the kernels that nothing hides, and returns how many there are in all."""
+    offsets = np.cumsum([0, *(len(part.places) for part in parts)])
+    places = np.concatenate([part.places for part in parts])
+    faces = np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=False)])
+    sheet = np.concatenate([np.full(len(part.places), not part.closed) for part in parts])
+    kernels = np.concatenate([part.positions for part in parts])
+    seen = visible(kernels, places, faces, _VIEW, sheet=sheet)
+    draw(ax, _VIEW, balls(kernels[seen], radius, INK), zorder=2)
+    return len(kernels)
+
+
+def _end(diagram: Sequence[np.ndarray]) -> float:
+    """Where the axis ends: beyond every death."""
+    finite = np.concatenate([d[np.isfinite(d)] for d in diagram] + [np.zeros(1)])
+    return 1.08 * float(finite.max()) or 1.0
+
+
+def _draw_diagram(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
+    end = _end(diagram)
+    ax.plot([0, end], [0, end], color=MUTED, linewidth=0.8)
+    for pairs, (_, color) in zip(diagram, _KINDS, strict=True):
+        birth, death = pairs[:, 0], np.minimum(pairs[:, 1], end)
+        ax.scatter(birth, death, s=16, color=color, alpha=0.75, linewidths=0, zorder=3)
+    ax.set(
+        xlabel="born at radius (unit of the recovered body)",
+        ylabel="filled at radius (same unit)",
+        xlim=(-0.03 * end, end),
+        ylim=(-0.03 * end, 1.03 * end),
+        aspect="equal",
+        title="Each hole is a point; far from the line is real",
+    )
+
+
+def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
+    end, row = _end(diagram), 0
+    for pairs, (_, color) in zip(diagram, _KINDS, strict=True):
+        birth, death = pairs[:, 0], np.minimum(pairs[:, 1], end)
+        longest = np.argsort(birth - death, kind="stable")[:_MOST_BARS]
+        rows = row + np.arange(len(longest))
+        ax.hlines(rows, birth[longest], death[longest], color=color, linewidth=2.0)
+        row += len(longest) + 2
+    ax.set(xlim=(-0.01 * end, end), yticks=[])
+    ax.invert_yaxis()
+    ax.spines["left"].set_visible(False)
+
+
+def _handles(betti: Sequence[int] | None) -> list[Line2D]:
+    """Of the legend: a line per kind of hole, with how many are held to be true."""
+    counts = ["", "", ""] if betti is None else [f": {number}" for number in betti]
+    return [
+        Line2D([], [], color=color, linewidth=2.5, label=f"{kind}{count}")
+        for (kind, color), count in zip(_KINDS, counts, strict=True)
+    ]

@@ -1,0 +1,108 @@
+"""The paths of what touches, over the skins that it slides on."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from selftouch_drake.robot import Touches
+from selftouch_drake.show.robot_shape import RobotShape
+from selftouch_drake.show.skins import moved
+
+# Instants for which contact may be lost while a path goes on: a tenth of a second of a motion.
+_LONGEST_GAP = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SkinPath:
+    """Where one thing that touches is along a motion, seen from the skin that it slides on.
+
+    In the frame of the skin's link, so that a body that moves stands still.
+
+    Attributes:
+        toucher: its name.
+        skin: number of the skin.
+        points: `(n, 3)` m, one after another.
+        rows: `(n,)` the instants of the motion, rising.
+    """
+
+    toucher: str
+    skin: int
+    points: np.ndarray
+    rows: np.ndarray
+
+    def moved(self, pose: np.ndarray) -> SkinPath:
+        """The same path with its frame put at a pose `(3, 4)`."""
+        return dataclasses.replace(self, points=moved(self.points, pose))
+
+    def stretches(self) -> list[np.ndarray]:
+        """The points `(m, 3)` of each stretch without a break; at a break it touches elsewhere."""
+        return np.split(self.points, np.flatnonzero(np.diff(self.rows) > 1) + 1)
+
+    def at(self, row: int) -> np.ndarray | None:
+        """`(3,)` m, where it is at an instant; None if it is on another skin."""
+        found = np.flatnonzero(self.rows == row)
+        return self.points[found[0]] if len(found) else None
+
+
+def touch_paths(
+    shape: RobotShape, touches_at: Callable[[np.ndarray], Touches], q: np.ndarray
+) -> list[SkinPath]:
+    """What touches, over the skins that it slides on, along a motion.
+
+    Where balls touch one skin, all of their path is shown, in contact or not. Otherwise a path is
+    where its toucher presses a skin: of a ball the path of its centre, of anything else that of the
+    centre of pressure.
+
+    Args:
+        shape: of the robot.
+        touches_at: what touches what at configurations `(N, J)`; not asked for balls on one skin.
+        q: `(T, J)` motor configurations.
+    """
+    robot, radii = shape.robot, shape.ball_radii
+    X_WL, p_WT = robot.skin_positions(q), robot.toucher_positions(q)
+    if len(robot.skins) == 1 and None not in radii:
+        every = np.arange(len(q))
+        return [
+            SkinPath(
+                toucher=toucher.name,
+                skin=0,
+                points=_in_frames(p_WT[:, number], X_WL[:, 0]),
+                rows=every,
+            )
+            for number, toucher in enumerate(robot.touchers)
+        ]
+    touches = touches_at(q)
+    names = [t.name for t in robot.touchers] + [skin.model.name for skin in robot.skins]
+    paths = []
+    for toucher, skin in sorted(set(zip(touches.toucher, touches.skin, strict=True))):
+        here = (touches.toucher == toucher) & (touches.skin == skin)
+        rows, points = touches.row[here], touches.p_LC[here]
+        if toucher < len(radii) and radii[toucher] is not None:
+            rows = _without_gaps(rows)
+            points = _in_frames(p_WT[rows, toucher], X_WL[rows, skin])
+        paths.append(SkinPath(toucher=names[toucher], skin=int(skin), points=points, rows=rows))
+    return paths
+
+
+def evenly_spaced(path: np.ndarray, spacing: float) -> np.ndarray:
+    """`(N, 3)` points along a polyline `(T, 3)`, `spacing` apart, both in metres."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+    at = np.linspace(0.0, length[-1], 2 + int(length[-1] / spacing))
+    return np.stack([np.interp(at, length, axis) for axis in path.T], axis=1)
+
+
+def _in_frames(p_W: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
+    """`(N, 3)` points of the world, each in a frame of its own `(N, 3, 4)`."""
+    return np.einsum("ni,nij->nj", p_W - X_WL[:, :, 3], X_WL[:, :, :3])
+
+
+def _without_gaps(rows: np.ndarray) -> np.ndarray:
+    """Rising rows with those between that are missing for a short while."""
+    every = np.arange(rows[0], rows[-1] + 1)
+    before = rows[np.searchsorted(rows, every, side="right") - 1]
+    after = rows[np.searchsorted(rows, every)]
+    return every[after - before <= _LONGEST_GAP]

@@ -1,0 +1,179 @@
+"""A robot as it is drawn: its links, joints and the balls that touch, in any posture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+from pydrake.geometry import Role
+from pydrake.multibody.tree import Frame, RigidBody
+
+from selftouch_drake.experiment import Toucher
+from selftouch_drake.robot import Robot
+from selftouch_drake.robot.kinematics import Kinematics
+from selftouch_drake.robot.links import all_links, link_geometries, pieces_in_link
+from selftouch_drake.show.skins import moved
+
+# m, finer triangles are not seen in a picture; a link of very many has larger ones.
+_FINEST, _MOST_FACES = 0.0025, 4000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinkShape:
+    """What a model draws of a link.
+
+    Attributes:
+        vertices: `(V, 3)` m, in the world.
+        faces: `(F, 3)` indices.
+        touches: whether it is what presses skins.
+    """
+
+    vertices: np.ndarray
+    faces: np.ndarray
+    touches: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DrawnRobot:
+    """A robot in one posture, in the world.
+
+    Attributes:
+        links: those that are drawn as their model has them.
+        rods: `(n, 2, 3)` m, ends of those that the model draws nothing of.
+        joints: `(J, 3)` m, where the moving joints are.
+        turns: `(J,)` bool, whether each turns or slides.
+        balls: `(B, 3)` m, centres of the balls that touch.
+        radii: `(B,)` m.
+    """
+
+    links: Sequence[LinkShape]
+    rods: np.ndarray
+    joints: np.ndarray
+    turns: np.ndarray
+    balls: np.ndarray
+    radii: np.ndarray
+
+
+class RobotShape:
+    """What is drawn of a robot, ready for any posture.
+
+    A link is drawn by its visual geometry, or by its collision geometry if it has no other. Links
+    whose skin lies on their own geometry are left to their skin.
+
+    Args:
+        robot: the robot.
+        touching: what touches, as the experiment has it.
+
+    Attributes:
+        robot: the robot.
+        ball_radii: m, of each toucher that is a ball; None of the others.
+    """
+
+    def __init__(self, robot: Robot, touching: Mapping[str, Toucher]):
+        self.robot = robot
+        self.ball_radii = tuple(touching[toucher.name].radius for toucher in robot.touchers)
+        self._meshes = _drawn_meshes(robot)
+        links = [link for link, _ in self._meshes]
+        pairs = list(zip(robot.touchers, self.ball_radii, strict=True))
+        self._touching = {int(t.link.index()) for t, radius in pairs if radius is None}
+        balls = [toucher for toucher, radius in pairs if radius is not None]
+        frames: list[Frame] = [joint.frame_on_parent() for joint in robot.joints]
+        frames += [ball.frame for ball in balls] + [link.body_frame() for link in links]
+        self._kinematics = Kinematics.of(robot.plant, frames)
+        self._ends = np.cumsum([len(robot.joints), len(balls)])
+
+    def joints(self, q: np.ndarray) -> np.ndarray:
+        """`(N, J, 3)` m, the joints in the world at `q` `(N, J)`."""
+        return self._kinematics.positions(q)[:, : self._ends[0]]
+
+    def at(self, q: np.ndarray) -> DrawnRobot:
+        """The robot at `(J,)` q."""
+        (poses,) = self._kinematics.poses(np.asarray(q, dtype=float)[None])
+        joints, balls, links = np.split(poses, self._ends)
+        shapes = [
+            LinkShape(
+                vertices=moved(np.asarray(mesh.vertices), pose),
+                faces=np.asarray(mesh.faces),
+                touches=int(link.index()) in self._touching,
+            )
+            for (link, mesh), pose in zip(self._meshes, links, strict=True)
+        ]
+        return DrawnRobot(
+            links=shapes,
+            rods=self._rods(joints[:, :, 3], balls[:, :, 3]),
+            joints=joints[:, :, 3],
+            turns=self.robot.turns,
+            balls=balls[:, :, 3],
+            radii=np.array([radius for radius in self.ball_radii if radius is not None]),
+        )
+
+    def bare_balls(self) -> dict[int, float]:
+        """m, radii of the balls that touch where the model draws nothing, by number of toucher."""
+        drawn = self.at(np.zeros(len(self.robot.joints)))
+        vertices = np.concatenate([np.full((1, 3), np.inf), *(s.vertices for s in drawn.links)])
+        numbers = [number for number, radius in enumerate(self.ball_radii) if radius is not None]
+        return {
+            number: float(radius)
+            for number, ball, radius in zip(numbers, drawn.balls, drawn.radii, strict=True)
+            if np.linalg.norm(vertices - ball, axis=1).min() > 1.5 * radius
+        }
+
+    def _rods(self, joints: np.ndarray, balls: np.ndarray) -> np.ndarray:
+        """From joint to joint, and to balls, where nothing else is drawn in between."""
+        owner = self._kinematics.owner
+        drawn = {int(joint) for joint in owner[self._ends[1] :]}
+        ends = [*joints, *balls]
+        rods = [
+            (joints[before], ends[k])
+            for k, before in enumerate(owner[: self._ends[1]])
+            if before >= 0
+            and int(before) not in drawn
+            and np.linalg.norm(ends[k] - joints[before]) > 1e-6
+        ]
+        return np.array(rods).reshape(-1, 2, 3)
+
+
+def _drawn_meshes(robot: Robot) -> list[tuple[RigidBody, trimesh.Trimesh]]:
+    """The links that are drawn as their model has them, each in its own frame."""
+    inspector = robot.scene_graph.model_inspector()
+    added = {skin.geometry_id for skin in robot.skins}
+    added |= {geometry for toucher in robot.touchers for geometry in toucher.geometry_ids}
+    covered = {int(s.link.index()) for s in robot.skins if s.model.is_own_geometry}
+    meshes = []
+    for link in all_links(robot.plant)[1:]:
+        if int(link.index()) in covered:
+            continue
+        for role in (Role.kIllustration, Role.kProximity):
+            all_of_link = link_geometries(robot.plant, inspector, link, role)
+            own = [geometry for geometry in all_of_link if geometry not in added]
+            try:
+                pieces = pieces_in_link(inspector, own)
+            except ValueError:  # a half space has no end to draw
+                pieces = []
+            if pieces:
+                meshes.append((link, _coarse(_joined(pieces))))
+                break
+    return meshes
+
+
+def _joined(pieces: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
+    offsets = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
+    return trimesh.Trimesh(
+        np.concatenate([piece.vertices for piece in pieces]),
+        np.concatenate([p.faces + o for p, o in zip(pieces, offsets, strict=False)]),
+        process=False,
+    )
+
+
+def _coarse(mesh: trimesh.Trimesh, cell: float = _FINEST) -> trimesh.Trimesh:
+    """The mesh with all vertices in one cell of a grid, in m, joined in one."""
+    _, number = np.unique((mesh.vertices / cell).round(), axis=0, return_inverse=True)
+    number = number.ravel()
+    share = 1.0 / np.bincount(number)
+    vertices = np.stack([np.bincount(number, axis) * share for axis in mesh.vertices.T], axis=1)
+    faces = number[mesh.faces]
+    a, b, c = faces.T
+    joined = trimesh.Trimesh(vertices, faces[(a != b) & (b != c) & (c != a)], process=False)
+    return joined if len(joined.faces) <= _MOST_FACES else _coarse(mesh, 2 * cell)

@@ -1,0 +1,82 @@
+"""Skins as they are drawn: closed surfaces with receptors, put where their links are."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from selftouch_drake.robot import SkinModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SkinSurface:
+    """The outer surface of one skin, in some frame; at first in that of the link that wears it.
+
+    Attributes:
+        name: as the experiment calls it.
+        vertices: `(V, 3)` m.
+        faces: `(F, 3)` indices, outward by the right hand.
+        receptors: `(S, 3)` m, places of its receptors, on the surface.
+        first: number of its first receptor in a sensation; the others follow.
+    """
+
+    name: str
+    vertices: np.ndarray
+    faces: np.ndarray
+    receptors: np.ndarray
+    first: int = 0
+
+    @property
+    def readings(self) -> slice:
+        """Where its readings are in a sensation."""
+        return slice(self.first, self.first + len(self.receptors))
+
+    @property
+    def extent(self) -> float:
+        """m, its longest side along an axis."""
+        return float(np.ptp(self.vertices, axis=0).max())
+
+    def moved(self, pose: np.ndarray) -> SkinSurface:
+        """The same skin with the frame that it is in put at a pose `(3, 4)`."""
+        return dataclasses.replace(
+            self, vertices=moved(self.vertices, pose), receptors=moved(self.receptors, pose)
+        )
+
+
+def surfaces_of(skins: Sequence[SkinModel]) -> tuple[SkinSurface, ...]:
+    """The skins of a world, each in the frame of its link."""
+    firsts = np.cumsum([0, *(skin.fields.num_receptors for skin in skins)])
+    return tuple(
+        SkinSurface(
+            name=skin.name,
+            vertices=skin.fields.vertices,
+            faces=skin.fields.faces,
+            receptors=skin.fields.p_LS,
+            first=int(first),
+        )
+        for skin, first in zip(skins, firsts, strict=False)
+    )
+
+
+def moved(points: np.ndarray, pose: np.ndarray) -> np.ndarray:
+    """`(..., 3)` points of a frame whose pose `(3, 4)` is a rotation and a translation, outside."""
+    return points @ pose[:, :3].T + pose[:, 3]
+
+
+def all_moved(skins: Sequence[SkinSurface], poses: np.ndarray) -> list[SkinSurface]:
+    """Each skin at its own pose `(skins, 3, 4)`."""
+    return [skin.moved(pose) for skin, pose in zip(skins, poses, strict=True)]
+
+
+def as_one(skins: Sequence[SkinSurface]) -> SkinSurface:
+    """Skins in one frame as one surface of several pieces."""
+    offsets = np.cumsum([0, *(len(skin.vertices) for skin in skins)])
+    return SkinSurface(
+        name="",
+        vertices=np.concatenate([skin.vertices for skin in skins]),
+        faces=np.concatenate([s.faces + o for s, o in zip(skins, offsets, strict=False)]),
+        receptors=np.concatenate([skin.receptors for skin in skins]),
+    )

@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+from bodies import shape_error
+from skins import touch
+
+from selftouch_drake.agent.representation import QuotientLearner
+from selftouch_drake.agent.shape import fitted_surface, recover
+
+
+@pytest.fixture(scope="module")
+def three():
+    """A sphere, a bowl and a tube, and where each kernel truly is."""
+    q, sensation, skin, place = touch(["sphere", "cap", "tube"], 30_000)
+    representation = QuotientLearner(420, random_state=0).fit(sensation, q).representation_
+    rows = [representation.kernel_row[representation.members(k)] for k in range(420)]
+    of_kernel = np.array([np.bincount(skin[r]).argmax() for r in rows])
+    true = np.array([np.median(place[r], axis=0) for r in rows])
+    return representation, of_kernel, true
+
+
+@pytest.mark.parametrize("metric", ["motor", "sensorimotor"])
+def test_every_part_has_its_own_shape_holes_and_dimension(three, metric):
+    representation, skin, true = three
+    body = recover(representation, metric)
+    assert representation.num_parts == len(body.parts) == 3
+    found = {}
+    for part in body.parts:
+        (number,) = np.unique(skin[part.kernels])
+        found[int(number)] = part.topology.betti
+        assert shape_error(part.positions, true[part.kernels]) < 0.1
+        assert 1.5 < part.dimension < 2.6
+    assert found == {0: (1, 0, 1), 1: (1, 0, 0), 2: (1, 1, 0)}
+    assert np.array_equal(body.positions[body.parts[1].kernels], body.parts[1].positions)
+    embedded = body.embed(representation)
+    assert np.isfinite(embedded.embedding).all()
+    assert np.isfinite(body.distances).sum() == sum(len(p.kernels) ** 2 for p in body.parts)
+
+
+def test_a_part_of_several_is_recovered_as_if_it_were_alone(three):
+    representation, _, _ = three
+    part = recover(representation, "motor", holes=False).parts[2]
+    alone = recover(representation.restricted(part.kernels), "motor", holes=False)
+    np.testing.assert_array_equal(alone.parts[0].distances, part.distances)
+    np.testing.assert_array_equal(alone.parts[0].positions, part.positions)
+    assert alone.parts[0].topology is alone.parts[0].dimension is None
+
+
+def test_a_patch_has_a_surface_with_a_rim(three):
+    representation, skin, _ = three
+    for part in recover(representation, "sensorimotor").parts:
+        faces = fitted_surface(part.places, part.topology)
+        directed = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        _, met = np.unique(directed, axis=0, return_counts=True)
+        closed = skin[part.kernels[0]] == 0
+        assert (met >= 2).all() == closed
+        assert len(np.unique(faces)) > 0.95 * len(part.places)
+        if not closed:
+            # A sheet: hardly an edge is met by more than two triangles.
+            assert np.mean(met <= 2) > 0.8
+
+
+def test_a_fragment_is_kept_but_not_recovered():
+    q, sensation, _, _ = touch(["sphere"], 8000)
+    # A receptor that is touched alone, elsewhere.
+    rng = np.random.default_rng(0)
+    spot = np.zeros((400, sensation.shape[1] + 2), dtype=np.float32)
+    spot[:, -2:] = rng.uniform(0.5, 1.0, (400, 2))
+    sensation = np.vstack([np.pad(sensation, ((0, 0), (0, 2))), spot])
+    q = np.vstack([q, rng.uniform(3.0, 3.2, (400, 5))])
+    representation = QuotientLearner(150, random_state=0).fit(sensation, q).representation_
+    sizes = np.bincount(representation.part)
+    assert len(sizes) == 2
+    assert 0 < sizes[1] < 12
+    assert representation.num_parts == 1
+    body = recover(representation, "motor")
+    assert len(body.parts) == 1
+    lost = np.isnan(body.positions).all(axis=1)
+    np.testing.assert_array_equal(lost, representation.part == 1)

@@ -1,0 +1,96 @@
+"""Skins touched by points, with no world: what the agent is given, and where it truly touched.
+
+Motor configurations are the point in space, and two joints that change nothing.
+"""
+
+import numpy as np
+
+
+def fibonacci(num_points: int) -> np.ndarray:
+    i = np.arange(num_points) + 0.5
+    z = 1 - 2 * i / num_points
+    turn = i * np.pi * (1 + np.sqrt(5))
+    flat = np.sqrt(1 - z**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
+
+
+def on_sphere(rng: np.random.Generator, num_points: int) -> np.ndarray:
+    points = rng.normal(size=(num_points, 3))
+    return points / np.linalg.norm(points, axis=1, keepdims=True)
+
+
+def on_cap(rng: np.random.Generator, num_points: int) -> np.ndarray:
+    """A bowl, a third of a sphere: a patch with one rim."""
+    points = on_sphere(rng, 8 * num_points)
+    return points[points[:, 2] > 0.35][:num_points]
+
+
+def on_tube(rng: np.random.Generator, num_points: int) -> np.ndarray:
+    """A tube open at both ends, as wide as it is long."""
+    turn, z = rng.uniform(-np.pi, np.pi, num_points), rng.uniform(-1.0, 1.0, num_points)
+    return np.stack([np.cos(turn), np.sin(turn), z], axis=1)
+
+
+SHAPES = {"sphere": on_sphere, "cap": on_cap, "tube": on_tube}
+
+
+def receptors(shape: str, num: int) -> np.ndarray:
+    """Evenly spread over the whole shape, by farthest points."""
+    points = SHAPES[shape](np.random.default_rng(1), 40 * num)
+    picked = [0]
+    distance = np.linalg.norm(points - points[0], axis=1)
+    while len(picked) < num:
+        picked.append(int(distance.argmax()))
+        distance = np.minimum(distance, np.linalg.norm(points - points[picked[-1]], axis=1))
+    return points[picked]
+
+
+def readings(points: np.ndarray, sensors: np.ndarray, width: float) -> np.ndarray:
+    """Fields that reach as far as `width`, falling to 0."""
+    apart = np.linalg.norm(points[:, None] - sensors, axis=2)
+    return np.clip(1.0 - apart / width, 0.0, None)
+
+
+def touch(shapes, num_rows, *, num_receptors=60, double=0.0, width=0.75, seed=0):
+    """Touches of several skins that lie 6 apart along the first joint.
+
+    Args:
+        shapes: one of `SHAPES` for each skin.
+        num_rows: touches, spread over the skins alike.
+        num_receptors: of each skin.
+        double: share of the touches that a second hand, of three more joints, adds a touch to.
+        width: of the receptors' fields.
+        seed: of all.
+
+    Returns:
+        `(n, J)` q, `(n, S)` sensation, `(n,)` the skin and `(n, 3)` the place touched there.
+    """
+    rng = np.random.default_rng(seed)
+
+    def hand():
+        skin = rng.integers(len(shapes), size=num_rows)
+        place = np.empty((num_rows, 3))
+        for number, shape in enumerate(shapes):
+            here = skin == number
+            place[here] = SHAPES[shape](rng, here.sum())
+        felt = np.concatenate(
+            [
+                readings(place, receptors(shape, num_receptors), width) * (skin == n)[:, None]
+                for n, shape in enumerate(shapes)
+            ],
+            axis=1,
+        )
+        at = place + 6.0 * skin[:, None] * np.array([1.0, 0.0, 0.0])
+        return skin, place, felt * rng.uniform(0.2, 1.0, (num_rows, 1)), at
+
+    skin, place, sensation, at = hand()
+    q = [at, rng.uniform(-0.3, 0.3, (num_rows, 2))]
+    if double:
+        _, _, more, elsewhere = hand()
+        both = rng.random(num_rows) < double
+        sensation = sensation + more * both[:, None]
+        # A hand that touches nothing is anywhere.
+        q.append(np.where(both[:, None], elsewhere, rng.uniform(-2.0, 8.0, (num_rows, 3))))
+    kept = sensation.any(axis=1)
+    columns = (np.concatenate(q, axis=1).astype(np.float32), sensation.astype(np.float32))
+    return (*(c[kept] for c in columns), skin[kept], place[kept])

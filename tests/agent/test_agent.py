@@ -1,0 +1,225 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.sparse import issparse
+from skins import SHAPES, readings, receptors, touch
+
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.motions import NO_KERNEL, Execution
+from selftouch_drake.agent.representation import felt_kernels
+
+NUM_ROWS = 40_000
+
+
+@pytest.fixture(scope="module")
+def experience():
+    return touch(["sphere", "tube"], NUM_ROWS)
+
+
+@pytest.fixture(scope="module")
+def agent(experience):
+    q, sensation, _, _ = experience
+    return Agent.learn(q, sensation, num_targets=240, seed=0)
+
+
+def on_part(agent, part, count, seed=0):
+    kernels = np.flatnonzero(agent.representation.part == part)
+    return np.random.default_rng(seed).choice(kernels, count, replace=False).tolist()
+
+
+def felt_by(q):
+    """What `touch` would feel: nothing off both skins by more than a tenth."""
+    place, parts = q[:, :3].astype(float), []
+    for number, shape in enumerate(SHAPES[name] for name in ("sphere", "tube")):
+        at = place - 6.0 * number * np.array([1.0, 0.0, 0.0])
+        off = np.linalg.norm(at if number == 0 else at[:, :2], axis=1) - 1.0
+        near = (np.abs(off) < 0.1) & (np.abs(at[:, 2]) < 1.1)
+        name = "sphere" if shape is SHAPES["sphere"] else "tube"
+        parts.append(readings(at, receptors(name, 60), 0.75) * near[:, None])
+    return np.concatenate(parts, axis=1)
+
+
+def carried_out(agent, plan, num=400):
+    s = np.linspace(0.0, plan.waypoint_s[-1], num)
+    q, v = plan.path(s), np.zeros((num, plan.waypoints_q.shape[1]))
+    motion = agent.motion(plan, time_s=s, s=s, q=q, v=v)
+    return Execution(motion=motion, felt=felt_by(q), q_measured=q, v_measured=v, torque=v)
+
+
+def test_an_agent_learns_recovers_plans_and_remembers(agent):
+    assert agent.representation.num_targets == 240
+    body = agent.recover("learned")
+    assert [part.topology.betti for part in body.parts] in (
+        [(1, 0, 1), (1, 1, 0)],
+        [(1, 1, 0), (1, 0, 1)],
+    )
+    knowing = agent.knowing(body)
+    assert np.isfinite(knowing.representation.embedding).all()
+    assert np.isnan(agent.representation.embedding).all()
+
+    start, goal = on_part(agent, 0, 2)
+    plan = agent.plan(start, goal)
+    assert (plan.nodes[0], plan.goal) == (start, goal)
+    assert not plan.in_air.any()
+    before = agent.memory.link_penalty.copy()
+    wiser = agent.remember(plan.links)
+    assert np.array_equal(agent.memory.link_penalty, before)
+    assert (wiser.memory.link_penalty[plan.links] == 8.0).all()
+    assert wiser.planner is agent.planner
+    other = wiser.plan(start, goal, q_start=plan.waypoints_q[0])
+    assert not set(other.links) & set(plan.links) or len(plan.links) == 1
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        agent.memory = None
+
+
+def test_planned_motions_stay_on_the_skin_and_feel_as_foretold(agent):
+    for seed in range(6):
+        start, goal = on_part(agent, seed % 2, 2, seed)
+        execution = carried_out(agent, agent.plan(start, goal))
+        assert execution.contact > 0.9
+        one = agent.judge(execution)
+        assert one.reached
+        felt, predicted = execution.felt, execution.motion.predicted
+        rows = felt.any(axis=1)
+        felt = felt[rows] / np.linalg.norm(felt[rows], axis=1, keepdims=True)
+        assert np.mean(1.0 - np.sum(felt * predicted[rows], axis=1)) < 0.05
+
+
+def test_between_parts_the_agent_lifts_off_and_lands_again(agent):
+    (start,), (goal,) = on_part(agent, 0, 1, seed=3), on_part(agent, 1, 1, seed=3)
+    plan = agent.plan(start, goal)
+    (air,) = np.flatnonzero(plan.in_air)
+    part = agent.representation.part
+    left, landed = plan.nodes[air : air + 2]
+    assert part[left] == part[start]
+    assert part[landed] == part[goal]
+    assert plan.links[air] == -1
+    assert (np.delete(plan.links, air) >= 0).all()
+    # It flies straight, from where it is to the nearest firm touch over there.
+    step = np.linalg.norm(np.diff(plan.waypoints_q[air : air + 2], axis=0))
+    assert 2.0 < step < 8.0
+    execution = carried_out(agent, plan)
+    touching = execution.motion.touching
+    assert 0 < touching.sum() < len(touching)
+    assert not execution.motion.predicted[~touching].any()
+    assert execution.motion.predicted[touching].any(axis=1).all()
+    # What is not felt in the air is not lost.
+    assert execution.contact > 0.9 > execution.felt.any(axis=1).mean()
+    assert agent.judge(execution).reached
+
+
+def test_a_tour_may_leave_a_part_and_come_back(agent):
+    (a, b), (c,) = on_part(agent, 0, 2), on_part(agent, 1, 1)
+    plan = agent.tour([a, c, b])
+    assert plan.in_air.sum() == 2
+    assert [n for n in plan.nodes if n in (a, b, c)] == [a, c, b] or c in plan.nodes
+
+
+@pytest.mark.parametrize("part", [0, 1])
+def test_a_free_start_lands_on_the_part_of_its_goal(agent, part):
+    (goal,) = on_part(agent, part, 1)
+    q_start = np.array([3.0, 0.0, 2.0, 0.0, 0.0])
+    plan = agent.plan_from(q_start, np.zeros(120), goal)
+    assert plan.nodes[0] == NO_KERNEL
+    assert plan.in_air.tolist() == [True] + [False] * (len(plan.links) - 1)
+    assert agent.representation.part[plan.nodes[1]] == part
+    assert np.array_equal(plan.waypoints_q[0], q_start)
+
+
+def test_a_plan_from_a_touch_begins_with_what_is_felt(agent, experience):
+    q, sensation, _, _ = experience
+    start = agent.felt(sensation[7])
+    goal = int(np.flatnonzero(agent.representation.part == agent.representation.part[start])[3])
+    assert agent.plan_from(q[7], sensation[7], goal).nodes[0] == start
+    with pytest.raises(ValueError, match="limits of the joint"):
+        agent.plan_from(q[7], sensation[7], goal, limits=(np.full(5, 50.0), np.full(5, 60.0)))
+
+
+def test_nothing_felt_needs_a_configuration(agent):
+    assert agent.felt(np.zeros(120)) is None
+    with pytest.raises(ValueError, match=r"^q_start is missing"):
+        agent.tour([None, 3])
+
+
+def test_batches_give_the_same_agent(agent, experience):
+    q, sensation, _, _ = experience
+    cuts = [100, 101, 7000]
+    again = Agent.learn_batches(
+        lambda: zip(np.split(sensation, cuts), np.split(q, cuts), strict=True), num_targets=240
+    )
+    here, there = agent.representation.to_arrays(), again.representation.to_arrays()
+    assert all(here[name].tobytes() == there[name].tobytes() for name in here)
+    assert issparse(again.kernel_sensation)
+    assert (again.kernel_sensation != agent.kernel_sensation).nnz == 0
+    row = agent.representation.kernel_row[11]
+    felt = sensation[row] / np.linalg.norm(sensation[row])
+    np.testing.assert_allclose(again.kernel_sensation[[11]].toarray()[0], felt, rtol=1e-5)
+
+
+def test_another_unit_of_a_joint_changes_nothing_but_the_unit(agent, experience):
+    q, sensation, _, _ = experience
+    unit = np.array([1.0, 1000.0, 0.2, 5.0, 1.0], dtype=np.float32)
+    other = Agent.learn(unit * q, sensation, num_targets=240, seed=0)
+    ours, theirs = agent.representation, other.representation
+    np.testing.assert_allclose(theirs.joint_scale * unit, ours.joint_scale, rtol=1e-3)
+    np.testing.assert_array_equal(theirs.kernel_row, ours.kernel_row)
+    np.testing.assert_allclose(theirs.set_distance, ours.set_distance, rtol=1e-3, atol=1e-4)
+    start, goal = on_part(agent, 0, 2)
+    here, there = agent.plan(start, goal), other.plan(start, goal)
+    np.testing.assert_array_equal(there.nodes, here.nodes)
+    np.testing.assert_allclose(there.waypoint_s, here.waypoint_s, rtol=1e-3)
+    s = np.linspace(0.0, min(here.waypoint_s[-1], there.waypoint_s[-1]), 50)
+    np.testing.assert_allclose(there.path(s) / unit, here.path(s), atol=1e-2)
+
+
+def test_two_hands_that_rarely_touch_at_once_are_told_apart():
+    q, sensation, skin, _ = touch(["sphere", "tube", "cap"], 12_000, double=0.03, seed=1)
+    agent = Agent.learn(q, sensation, num_targets=200)
+    representation = agent.representation
+    assert representation.num_parts == 3
+    # A ninth of the second touches falls on the first.
+    assert 0.02 < representation.set_aside_share < 0.032
+    # No target is of two touches.
+    for kernel in range(200):
+        assert len(np.unique(skin[representation.kernel_row[representation.members(kernel)]])) == 1
+    both = sensation[:, :60].any(axis=1) & sensation[:, 60:120].any(axis=1)
+    kernels = felt_kernels(representation, sensation[both][0])
+    assert len(set(representation.part[kernels])) == 2
+    assert agent.felt(sensation[both][0]) == kernels[0]
+
+
+def test_two_touches_that_are_the_rule_are_kept():
+    q, sensation, _, _ = touch(["sphere"], 12_000, double=0.5)
+    representation = Agent.learn(q, sensation, num_targets=200).representation
+    assert representation.num_set_aside == 0
+    assert representation.num_parts == 1
+
+
+def test_touches_that_run_from_skin_to_skin_join_them():
+    # Two halves of one sphere, each with receptors of its own.
+    q, sensation, _, _ = touch(["sphere"], 12_000)
+    order = np.argsort(receptors("sphere", 60)[:, 2])
+    representation = Agent.learn(q, sensation[:, order], num_targets=100).representation
+    assert representation.num_parts == 1
+    assert representation.num_set_aside == 0
+
+
+@pytest.mark.parametrize("noise", ["multiplied", "dead", "added"])
+def test_a_skin_with_flaws_is_one_part(noise):
+    q, sensation, _, _ = touch(["sphere"], 20_000, num_receptors=100, width=0.5)
+    rng = np.random.default_rng(0)
+    if noise == "multiplied":
+        sensation = sensation * rng.normal(1.0, 0.05, sensation.shape)
+    elif noise == "dead":
+        sensation = sensation * (rng.random(100) > 0.05)
+    else:
+        sensation = sensation + rng.normal(0.0, 0.01, sensation.shape)
+        sensation = np.where(sensation > 0.06, sensation, 0.0)
+    kept = sensation.any(axis=1)
+    representation = Agent.learn(
+        q[kept], np.maximum(sensation[kept], 0.0), num_targets=100
+    ).representation
+    assert representation.num_parts == 1
+    assert np.mean(representation.part == 0) == 1.0
+    assert representation.set_aside_share < 0.001

@@ -1,0 +1,139 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from selftouch_drake.agent.motions import NO_KERNEL, Execution, Motion, Plan
+
+T, W, J, S = 9, 4, 2, 5
+
+
+@pytest.fixture
+def plan():
+    knots = np.array([0, 0, 1, 2, 3, 3], dtype=float)
+    waypoints_q = np.array([[0, 0], [1, 0], [1, 1], [1, 2]], dtype=float)
+    return Plan(
+        nodes=np.array([NO_KERNEL, 3, 5, 2]),
+        links=np.array([-1, 7, -1]),
+        in_air=np.array([True, False, True]),
+        waypoints_q=waypoints_q,
+        waypoint_s=np.arange(4.0),
+        path=BSpline(knots, waypoints_q, 1),
+    )
+
+
+@pytest.fixture
+def motion(plan):
+    return Motion.of(
+        plan,
+        time_s=np.linspace(0.0, 1.0, T),
+        s=np.linspace(0.0, 3.0, T),
+        q=np.zeros((T, J)),
+        v=np.zeros((T, J)),
+        predicted=np.zeros((T, S)),
+        predicted_spread=np.zeros(T),
+    )
+
+
+@pytest.fixture
+def execution(motion):
+    felt = np.zeros((T, S))
+    felt[4] = 1.0
+    return Execution(
+        motion=motion, felt=felt, q_measured=motion.q, v_measured=motion.v, torque=np.ones((30, J))
+    )
+
+
+def same(one, other):
+    here, there = one.to_arrays(), other.to_arrays()
+    return here.keys() == there.keys() and all(np.array_equal(here[n], there[n]) for n in here)
+
+
+def test_arrays_and_back_are_the_same(plan, motion, execution):
+    more = {"stamp": np.array("x")}
+    again = Plan.from_arrays(plan.to_arrays() | more)
+    assert same(again, plan)
+    assert np.array_equal(again.path(1.7), plan.path(1.7))
+    assert same(Motion.from_arrays(motion.to_arrays() | more), motion)
+    assert same(Execution.from_arrays(execution.to_arrays() | more), execution)
+    # An execution holds its motion.
+    assert same(Motion.from_arrays(execution.to_arrays()), motion)
+
+
+def test_the_names_are_those_of_the_files(execution):
+    assert set(execution.to_arrays()) == {
+        *("nodes", "links", "in_air", "waypoints_q", "waypoint_s"),
+        *("time_s", "s", "q", "v", "predicted", "predicted_spread"),
+        *("felt", "q_measured", "v_measured", "torque"),
+    }
+
+
+def test_touch_is_expected_where_the_agent_is_not_in_the_air(motion, execution):
+    # At s = 0, 0.375, 0.75, 1.125, 1.5, 1.875, 2.25, 2.625, 3: on the last step it lands at 3.
+    assert motion.touching.tolist() == [False] * 3 + [True] * 3 + [False] * 2 + [True]
+    assert motion.step.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
+    assert execution.contact == 1 / 4
+    assert motion.goal == execution.motion.goal == 2
+
+
+def test_a_motion_that_stays_touches():
+    stays = Motion(
+        nodes=np.array([3]),
+        links=np.empty(0, int),
+        in_air=np.empty(0, bool),
+        waypoints_q=np.zeros((1, J)),
+        waypoint_s=np.zeros(1),
+        time_s=np.arange(2.0),
+        s=np.zeros(2),
+        q=np.zeros((2, J)),
+        v=np.zeros((2, J)),
+        predicted=np.zeros((2, S)),
+        predicted_spread=np.zeros(2),
+    )
+    assert stays.touching.tolist() == [True, True]
+
+
+NOT_A_NUMBER = np.full((T, J), np.nan)
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "message"),
+    [
+        ("links", np.zeros(4, int), "links has shape (4,), not (3,): it does not fit"),
+        ("in_air", np.zeros(3), "in_air holds what is no truth value"),
+        ("nodes", np.zeros(4), "nodes holds what is no whole number"),
+        ("waypoints_q", np.zeros(4), "waypoints_q has shape (4,), not (4, 0): it does not fit"),
+        ("waypoints_q", np.zeros((4, 3)), "q has shape (9, 2), not (9, 3): it does not fit"),
+        ("v", NOT_A_NUMBER, "v holds what is no finite number"),
+        ("predicted_spread", np.zeros(8), "predicted_spread has shape (8,), not (9,): it does not"),
+        ("felt", np.zeros((9, 6)), "felt has shape (9, 6), not (9, 5): it does not fit"),
+        ("torque", np.zeros((9, 3)), "torque has shape (9, 3), not (9, 2): it does not fit"),
+        ("q_measured", np.zeros((8, 2)), "q_measured has shape (8, 2), not (9, 2): it does not"),
+        ("time_s", np.array(["x"] * 9), "time_s holds what is no finite number"),
+    ],
+)
+def test_what_does_not_fit_is_named(execution, name, array, message):
+    with pytest.raises(ValueError, match=r".") as error:
+        Execution.from_arrays(execution.to_arrays() | {name: array})
+    assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize("name", ["nodes", "predicted", "torque"])
+def test_what_is_missing_is_named(execution, name):
+    arrays = execution.to_arrays()
+    del arrays[name]
+    with pytest.raises(ValueError, match=f"^{name} is missing$"):
+        Execution.from_arrays(arrays)
+
+
+def test_a_path_that_is_none_is_refused(plan):
+    arrays = plan.to_arrays() | {"path_knots": np.zeros(2)}
+    with pytest.raises(ValueError, match=r"^path_control does not fit path_knots$"):
+        Plan.from_arrays(arrays)
+
+
+def test_motions_are_frozen(plan, motion, execution):
+    for one in (plan, motion, execution):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(one, dataclasses.fields(one)[0].name, None)

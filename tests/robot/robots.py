@@ -1,0 +1,158 @@
+"""Robots for tests: those of the shipped experiments, and small ones in SDF text."""
+
+import functools
+
+import numpy as np
+import yaml
+
+from selftouch_drake.experience import random_walk
+from selftouch_drake.experiment import experiment_from_fields, load_experiment
+from selftouch_drake.robot import MakeKinematicStation, World
+
+SHIPPED = ("cube", "torus_two_fingers", "turning_body", "gantry", "two_arms", "infant")
+
+
+@functools.cache
+def shipped(name):
+    """The world of a shipped experiment."""
+    return World(load_experiment(name))
+
+
+class KinematicStation:
+    """Asks Drake's diagram about every configuration: slow, without screen and batches."""
+
+    def __init__(self, world):
+        made = MakeKinematicStation(world.experiment, world.skins)
+        self.diagram, self.robot = made.diagram, made.robot
+        self._context = self.diagram.CreateDefaultContext()
+        self._q = self.diagram.GetInputPort("q").FixValue(
+            self._context, np.zeros(self.robot.num_joints)
+        )
+
+    def sensations(self, q):
+        """`(N, S)` N, at `(N, J)` configurations."""
+        return np.array([self._at(row, "sensation") for row in q])
+
+    def query(self, q):
+        """Drake's query object at one configuration."""
+        return self._at(q, "query_object")
+
+    def _at(self, q, port):
+        self._q.GetMutableData().get_mutable_value().SetFromVector(q)
+        return self.diagram.GetOutputPort(port).Eval(self._context)
+
+
+@functools.cache
+def kinematic_station(world):
+    """The kinematic station of a world."""
+    return KinematicStation(world)
+
+
+def anywhere(robot, number, seed):
+    """`(number, J)` configurations all over the range in which a robot babbles."""
+    return np.random.default_rng(seed).uniform(*robot.babbled_range, (number, robot.num_joints))
+
+
+def free(world, q):
+    """Those of the configurations `q` in which nothing touches and no rigid parts meet."""
+    apart = ~world.probe.sensations(q).any(axis=1)
+    q = q[apart]
+    return q[world.probe.collision_depth(q) == 0]
+
+
+@functools.cache
+def configurations(world):
+    """Some all over the place, and some of a walk, which stays where it touches for a while."""
+    walk = random_walk(world.experiment, world.robot, 1)
+    return np.concatenate([anywhere(world.robot, 2000, seed=1), walk.steps(4000)])
+
+
+@functools.cache
+def touches(world):
+    """`(N, J)` configurations that touch, and `(N, S)` what is felt there."""
+    q = anywhere(world.robot, 8000, seed=3).astype(np.float32)
+    felt = world.probe.sensations(q)
+    rows = np.flatnonzero(felt.any(axis=1))
+    return q[rows], felt[rows]
+
+
+def link(name, *geometries, mass=1.0, pose=""):
+    """SDF of a link; its geometries are both collision and visual."""
+    shapes = "".join(
+        f"<{role} name='{role}_{k}'>{geometry}</{role}>"
+        for k, geometry in enumerate(geometries)
+        for role in ("collision", "visual")
+    )
+    moment = 0.01 * mass
+    inertia = "".join(
+        f"<{axis}>{moment if axis[1] == axis[2] else 0}</{axis}>"
+        for axis in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    )
+    inertial = f"<inertial><mass>{mass}</mass><inertia>{inertia}</inertia></inertial>"
+    return f"<link name='{name}'>{_pose(pose)}{inertial}{shapes}</link>"
+
+
+def joint(name, kind, parent, child, axis="0 0 1", limits=(-1, 1), pose="", **more):
+    """SDF of a joint; `more` are further limits, as `effort`; `pose` is on the child."""
+    bounds = {} if limits is None else {"lower": limits[0], "upper": limits[1]}
+    text = "".join(f"<{key}>{value}</{key}>" for key, value in {**bounds, **more}.items())
+    return (
+        f"<joint name='{name}' type='{kind}'>{_pose(pose)}"
+        f"<parent>{parent}</parent><child>{child}</child>"
+        f"<axis><xyz>{axis}</xyz><limit>{text}</limit></axis></joint>"
+    )
+
+
+def shape(kind, pose="", **dimensions):
+    """SDF of a geometry, as `shape("box", size="1 1 1")`."""
+    text = "".join(f"<{key}>{value}</{key}>" for key, value in dimensions.items())
+    return f"{_pose(pose)}<geometry><{kind}>{text}</{kind}></geometry>"
+
+
+def carried(name, *geometries, parent="base", reach=100.0):
+    """SDF of a link that six joints carry anywhere: rails along x, y, z, and turns about them."""
+    steps = [f"{name}_{part}" for part in ("x", "y", "z", "roll", "pitch")]
+    chain = [parent, *steps, name]
+    axes = ("1 0 0", "0 1 0", "0 0 1")
+    kinds = ["prismatic"] * 3 + ["continuous"] * 3
+    joints = [
+        joint(f"{child}_joint", kind, before, child, axis, (-reach, reach) if k < 3 else None)
+        for k, (kind, before, child, axis) in enumerate(
+            zip(kinds, chain[:-1], chain[1:], axes * 2, strict=True)
+        )
+    ]
+    links = [link(step, mass=0.1) for step in steps]
+    return "".join([*links, link(name, *geometries), *joints])
+
+
+def write(folder, *parts, weld="base", defaults=None):
+    """Writes a model `robot` of these parts, and directives that weld a link of it to the world.
+
+    `defaults` are the joints' default positions by name.
+    """
+    folder.mkdir(exist_ok=True)
+    (folder / "robot.sdf").write_text(
+        f"<sdf version='1.9'><model name='robot'>{''.join(parts)}</model></sdf>"
+    )
+    add = {"name": "robot", "file": "robot.sdf"}
+    if defaults:
+        add["default_joint_positions"] = {name: [value] for name, value in defaults.items()}
+    welds = [{"add_weld": {"parent": "world", "child": f"robot::{weld}"}}] if weld else []
+    directives = folder / "robot.dmd.yaml"
+    directives.write_text(yaml.safe_dump({"directives": [{"add_model": add}, *welds]}))
+    return directives
+
+
+def build(folder, *parts, skins, touching, weld="base", defaults=None, **fields):
+    """The world of a robot of these parts."""
+    directives = write(folder, *parts, weld=weld, defaults=defaults)
+    robot = {"directives": str(directives), **fields.pop("robot", {})}
+    return World(
+        experiment_from_fields(
+            {"name": "test", "robot": robot, "skins": skins, "touching": touching, **fields}
+        )
+    )
+
+
+def _pose(pose):
+    return f"<pose>{pose}</pose>" if pose else ""

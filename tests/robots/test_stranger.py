@@ -1,0 +1,41 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.robot import World
+
+DATA = Path(__file__).parent / "data"
+
+
+@pytest.fixture(scope="module")
+def humanoid():
+    gymnasium = pytest.importorskip("gymnasium")
+    packages = {"gymnasium": str(Path(gymnasium.__file__).parent)}
+    return World(load_experiment(DATA / "humanoid.yaml", {"robot": {"packages": packages}}))
+
+
+def test_mujoco_file_loads_as_it_is(humanoid):
+    robot = humanoid.robot
+    assert robot.num_joints == robot.plant.num_positions() == robot.plant.num_actuators() == 17
+    assert np.isfinite(robot.lower).all()
+    assert np.isfinite(robot.upper).all()
+
+
+def test_stranger_feels_its_hands(humanoid):
+    robot = humanoid.robot
+    postures = np.random.default_rng(0).uniform(*robot.babbled_range, (4000, robot.num_joints))
+    touches = humanoid.probe.touches(postures)
+    possible = humanoid.probe.collision_depth(postures[touches.row]) == 0
+    assert possible.sum() > 20
+    felt = touches.sensation[touches.row[possible]]
+    assert (felt.sum(axis=1) > 0).all()
+
+
+def test_links_of_one_body_s_joints_and_the_floor_are_no_obstacles(humanoid):
+    pairs = {tuple(link.name() for link in pair.links) for pair in humanoid.robot.rigid_pairs}
+    assert ("torso", "left_lower_arm") in pairs
+    # Three joints lie between pelvis and thigh, with massless links between them.
+    assert ("pelvis", "left_thigh") not in pairs
+    assert not any("world" in pair for pair in pairs)

@@ -1,0 +1,360 @@
+"""Plans, tours, free starts and rehearsals of a small run, from Python and the command line."""
+
+import dataclasses
+import re
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from selftouch_drake.agent.motions import NO_KERNEL
+from selftouch_drake.agent.rehearsal import RehearsalMemory, best
+from selftouch_drake.cli import main
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.robot import World
+from selftouch_drake.run import stages
+from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.figures import FIGURES
+from selftouch_drake.run.knowledge import (
+    load_agent,
+    load_execution,
+    load_memory,
+    load_motion,
+    load_representation,
+    save_memory,
+    stored_pairs,
+    was_executed,
+)
+from selftouch_drake.run.trial_figures import trial_figures, trial_table
+from selftouch_drake.run.trials import random_pairs, try_pairs
+
+SMALL = {
+    "babbling": {"num_samples": 3000, "walk_size": 1500},
+    "representation": {"num_targets": 60, "metric": "motor"},
+    "execution": {"max_tries": 3},
+    "evaluation": {"num_pairs": 2},
+}
+LIMITS = "q_start[1] is -1.5: give one within the limits of the joint, -1 to 2.6"
+
+
+@pytest.fixture(scope="module")
+def learned(tmp_path_factory):
+    experiment = load_experiment("cube", SMALL)
+    run = RunDirectory.create(tmp_path_factory.mktemp("runs") / "cube", experiment)
+    world = World(experiment)
+    with ThreadPoolExecutor(1) as executor:
+        stages.babble(run, world, executor)
+    stages.learn(run)
+    return run, world
+
+
+@pytest.fixture
+def run(learned, tmp_path):
+    shutil.copytree(learned[0].path, tmp_path / "run")
+    return RunDirectory.open(tmp_path / "run")
+
+
+@pytest.fixture(scope="module")
+def world(learned):
+    return learned[1]
+
+
+def told(capsys, *arguments):
+    """Exit status, and what was said on stdout and stderr."""
+    with pytest.raises(SystemExit) as end:
+        main([str(a) for a in arguments])
+    said = capsys.readouterr()
+    return end.value.code, said.out, said.err
+
+
+def representation_of(run):
+    return load_representation(run)
+
+
+def test_a_tour_is_planned_and_executed_as_one_motion(run, world):
+    motion = stages.plan(run, world, 3, 20, 41)
+    assert motion.nodes[0] == 3
+    assert motion.goal == 41
+    assert 20 in motion.nodes
+    assert not was_executed(run, 3, 20, 41)
+    done = stages.execute(run, world, 3, 20, 41)
+    assert was_executed(run, 3, 20, 41)
+    stored = load_execution(run, 3, 20, 41)
+    np.testing.assert_array_equal(stored.felt, done.execution.felt)
+    np.testing.assert_array_equal(stored.motion.q, motion.q)
+    again = stages.plan(run, world, 3, 20, 41)
+    np.testing.assert_array_equal(again.q, motion.q)
+
+
+def test_plans_keep_the_limits_of_each_joint(run):
+    world = World(run.experiment)
+    slow = np.array([1.0, 0.2, 1.0, 1.0, 1.0, 1.0])
+    vars(world)["limits"] = dataclasses.replace(world.limits, velocity=slow)
+    motion = stages.plan(run, world, 3, 41)
+    assert np.abs(motion.v).max(axis=0)[1] <= 0.2
+    assert np.abs(motion.v).max() > 0.2
+
+
+def test_a_robot_in_the_air_goes_to_touch(run, world):
+    q_start = np.array([0.1, -0.5, 0.3, 0.0, 0.0, 0.0])
+    motion = stages.plan_from(run, world, q_start, 20)
+    assert motion.nodes[0] == NO_KERNEL
+    assert motion.in_air[0]
+    np.testing.assert_allclose(motion.q[0], q_start)
+    done = stages.execute(run, world, "free", 20)
+    assert not done.execution.felt[0].any()
+    assert done.execution.felt.any()
+    # The way through the air is no contact that was lost.
+    air = ~motion.touching
+    assert air[0]
+    assert not done.execution.felt[air].any(axis=1).all()
+    touched = done.execution.felt[~air].any(axis=1)
+    assert done.contact == pytest.approx(touched.mean())
+
+
+def test_a_robot_that_touches_starts_from_what_it_feels(run, world):
+    known = representation_of(run)
+    q_start = known.kernel_q[known.members(7)][0].astype(float)
+    assert stages.plan_from(run, world, q_start, 20).nodes[0] == 7
+
+
+def test_a_start_outside_the_limits_is_refused(run, world):
+    with pytest.raises(ValueError, match=f"^{re.escape(LIMITS)}$"):
+        stages.plan_from(run, world, np.array([0.1, -1.5, 0.3, 0.0, 0.0, 0.0]), 20)
+
+
+def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):
+    tries = stages.rehearse(run, world, 3, 20, max_tries=3)
+    assert 1 <= len(tries) <= 3
+    memory = load_memory(run, representation_of(run))
+    assert memory.num_tries == len(tries)
+    for one in tries:
+        assert np.all(memory.link_penalty[one.lost_links] > 1.0)
+    kept = load_agent(run, predicts=False).judge(load_execution(run, 3, 20))
+    assert (kept.reached, kept.contact) == (best(tries).reached, best(tries).contact)
+    assert (kept.reached, kept.contact) >= (tries[0].reached, tries[0].contact)
+
+
+def test_later_plans_keep_off_what_rehearsals_lost(run, world):
+    before = stages.plan(run, world, 3, 20)
+    save_memory(run, RehearsalMemory.blank(representation_of(run)).after(before.links))
+    after = stages.plan(run, world, 3, 20)
+    assert not np.array_equal(after.nodes, before.nodes)
+
+
+def test_to_learn_again_is_to_forget_rehearsals(run):
+    save_memory(run, RehearsalMemory.blank(representation_of(run)))
+    stages.learn(run)
+    assert not run.rehearsal.exists()
+
+
+def test_a_memory_that_does_not_belong_is_refused(run):
+    save_memory(run, RehearsalMemory.blank(representation_of(run)))
+    arrays = load_arrays(run.rehearsal)
+    save_arrays(run.rehearsal, arrays | {"belongs_to": np.array("another")})
+    with pytest.raises(RunError) as error:
+        load_agent(run)
+    assert str(error.value) == (
+        f"{run.rehearsal} remembers rehearsals with another representation; delete it, and "
+        "rehearse again"
+    )
+    save_arrays(run.rehearsal, arrays | {"num_tries": np.array(-1)})
+    with pytest.raises(RunError, match="is no memory of rehearsals: num_tries is -1"):
+        load_agent(run)
+
+
+def test_a_representation_that_does_not_belong_is_refused(run):
+    text = (run.path / "experiment.yaml").read_text()
+    (run.path / "experiment.yaml").write_text(text.replace("num_targets: 60", "num_targets: 70"))
+    with pytest.raises(RunError) as error:
+        load_agent(RunDirectory.open(run.path))
+    assert str(error.value) == (
+        f"{run.representation} has 60 targets over 100 receptors, the experiment 70 over 100; "
+        f"run `selftouch learn {run.path}`"
+    )
+
+
+def test_a_representation_without_the_stamp_of_its_experience_is_refused(run):
+    arrays = load_arrays(run.representation)
+    del arrays["made_for"]
+    save_arrays(run.representation, arrays)
+    with pytest.raises(RunError) as error:
+        load_agent(run)
+    assert str(error.value) == (
+        f"{run.representation} is of another experiment or version; "
+        f"run `selftouch learn {run.path}`"
+    )
+
+
+def test_a_plan_to_where_one_is_stays_and_is_reached(run, world):
+    motion = stages.plan(run, world, 7, 7)
+    assert motion.nodes.tolist() == [7]
+    assert np.allclose(motion.q, motion.q[0])
+    assert stages.execute(run, world, 7, 7).perfect
+
+
+def test_a_robot_that_does_not_follow_is_shown_as_it_is(run):
+    limp = {"stiffness": 1.0, "damping": 1.0}
+    world = World(load_experiment("cube", SMALL | {"execution": limp}))
+    stages.plan(run, world, 3, 20)
+    kept = stages.execute(run, world, 3, 20)
+    assert not kept.perfect
+    error = kept.execution.q_measured - kept.execution.motion.q
+    assert np.sqrt(np.square(error).mean()) > 0.05
+
+
+def test_stored_pairs_are_those_of_two_targets(run, world):
+    stages.plan(run, world, 12, 3)
+    stages.plan(run, world, 3, 20)
+    stages.plan(run, world, 3, 20, 41)
+    assert stored_pairs(run) == [(3, 20), (12, 3)]
+    np.testing.assert_array_equal(load_motion(run, 12, 3).nodes[[0, -1]], [12, 3])
+
+
+def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
+    """As they always were: numbers of pairs, drawn from the seed."""
+    run.experiment.evaluation.num_pairs = 30
+    representation = representation_of(run)
+    random = np.random.default_rng(run.experiment.random_stream("pairs"))
+    codes = random.choice(60 * 59, size=30, replace=False)
+    expected = [(int(c // 59), int(c % 59 + (c % 59 >= c // 59))) for c in codes]
+    assert random_pairs(run.experiment, representation) == expected
+    run.experiment.evaluation.num_pairs = 10_000
+    everything = random_pairs(run.experiment, representation)
+    assert len(set(everything)) == len(everything) == 60 * 59
+
+
+def test_trials_score_first_tries_and_rehearsals(run, world):
+    agent = load_agent(run)
+    # What was rehearsed before does not count: the figures are the same every time.
+    agent = agent.recalling(agent.memory.after(np.arange(20)))
+    trials = try_pairs(run, world, agent, stages.silent)
+    figures = trial_figures(trials, world.robot.turns)
+    assert set(figures) <= {figure.key for figure in FIGURES}
+    assert figures["execution_num_pairs"] == 2
+    assert figures["rehearsal_contact_mean"] >= figures["execution_contact_mean"]
+    assert figures["rehearsal_contact_worst"] >= figures["execution_contact_worst"]
+    assert figures["rehearsal_reach_rate"] >= figures["execution_reach_rate"]
+    assert 1.0 <= figures["rehearsal_tries_mean"] <= 3.0
+    assert figures["execution_fingertip_jerk_reduction"] > 5.0
+    assert figures["execution_time_off_skin_s"] >= figures["rehearsal_time_off_skin_s"] >= 0.0
+    assert figures["planning_impossible_postures"] == 0
+    assert figures["execution_impossible_postures"] == 0
+    assert 0 < figures["execution_tracking_rms_rad"] < 0.01
+    assert "execution_tracking_rms_m" not in figures
+    for kind in ("position", "velocity", "acceleration", "torque"):
+        assert 0.0 < figures[f"execution_{kind}_of_limit"] <= 1.0
+    table = trial_table(trials)
+    assert table["pairs"].shape == (2, 2)
+    assert table["contact_naive"].mean() == pytest.approx(figures["execution_contact_mean"])
+    assert table["contact_kept"].mean() == pytest.approx(figures["rehearsal_contact_mean"])
+    assert table["contact_remembering"][0] == table["contact_naive"][0]
+    # What stays in the run is what the figures are about.
+    shares = [load_execution(run, *pair).contact for pair in stored_pairs(run)]
+    assert np.mean(shares) == pytest.approx(figures["execution_contact_mean"])
+    # The sliding joints of another robot have a figure of their own.
+    sliding = np.array([True] * 4 + [False] * 2)
+    mixed = trial_figures(trials, sliding)
+    parts = (
+        4 * mixed["execution_tracking_rms_rad"] ** 2 + 2 * mixed["execution_tracking_rms_m"] ** 2
+    )
+    assert np.sqrt(parts / 6) == pytest.approx(figures["execution_tracking_rms_rad"])
+
+
+def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, monkeypatch):
+    steps = []
+
+    def depth(q):
+        steps.append(len(q))
+        return np.where(np.arange(len(q)) < 5, 0.01, 0.0)
+
+    monkeypatch.setattr(world.probe, "collision_depth", depth)
+    run.experiment.evaluation.num_pairs = 1
+    trials = try_pairs(run, world, load_agent(run), stages.silent)
+    figures = trial_figures(trials, world.robot.turns)
+    assert figures["planning_impossible_postures"] == 5
+    assert figures["execution_impossible_postures"] == 5
+    # Plans are sampled at 100 Hz, the plant steps at 200 Hz.
+    planned, executed = steps
+    assert executed == pytest.approx(2 * planned, abs=2)
+
+
+def test_the_command_line_plans_tours_and_free_starts(run, capsys):
+    status, out, _ = told(capsys, "plan", run.path, "--through", "3,20,41")
+    assert status == 0
+    assert out.splitlines()[-1] == f"plan: {run.path / 'plans' / '3-20-41.npz'}"
+    free = ("--from-q", "0.1,-0.5,0.3,0,0,0", "--to", 20)
+    status, out, _ = told(capsys, "plan", run.path, *free)
+    assert status == 0
+    assert out.startswith("route: off ")
+    status, out, _ = told(capsys, "execute", run.path, "--free", "--to", 20)
+    assert status == 0
+    assert out.startswith("tracking: ")
+    assert out.splitlines()[2] in ("sensation 20: reached", "sensation 20: missed")
+    told(capsys, "execute", run.path, "--through", "3,20,41")
+    status, out, _ = told(capsys, "record", run.path, "--through", "3,20,41")
+    page = run.path / "plans" / "3-20-41.html"
+    assert (status, out) == (0, f"recording: {page}\n")
+    assert f"{run.experiment.name}: sensation 3 to 20 to 41" in page.read_text(encoding="utf-8")
+    status, out, _ = told(capsys, "execute", run.path, "--from", 3, "--to", 20, "--rehearse", 2)
+    assert status == 0
+    assert out.startswith("tries: ")
+
+
+ENDS = (
+    "a plan has a start and a goal: give --from and --to, or --through alone, "
+    "or a free start and --to"
+)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ("plan --from 3", ENDS),
+        ("plan --to 3", ENDS),
+        ("plan --from 3 --to 4 --through 1,2", ENDS),
+        ("plan --from 3 --to 4 --from-q 0,0,0,0,0,0", ENDS),
+        ("execute --free", ENDS),
+        ("plan --through 3", "--through is 3; give two target sensations or more"),
+        (
+            "plan --through 3,x",
+            "Invalid value for '--through': '3,x' is not a list of numbers, as in 3,50,120",
+        ),
+        ("plan --through 3,60,1", "--through is 60; this run has target sensations 0 to 59"),
+        ("plan --from-q 0,0,0,0,0,0 --to 60", "--to is 60; this run has target sensations 0 to 59"),
+        (
+            "plan --from-q 0,0 --to 1",
+            "q_start has shape (2,): this representation needs (6,), one number per joint",
+        ),
+        ("plan --from-q 0,-1.5,0,0,0,0 --to 1", LIMITS),
+        (
+            "plan --from-q 0,nan,0,0,0,0 --to 1",
+            "q_start is [0.0, nan, 0.0, 0.0, 0.0, 0.0]: give finite numbers",
+        ),
+        (
+            "execute --from 1 --to 2",
+            "RUN has no plan from 1 to 2; make one with `selftouch plan RUN --from 1 --to 2`",
+        ),
+        (
+            "execute --through 1,2,3",
+            "RUN has no plan through 1,2,3; make one with `selftouch plan RUN --through 1,2,3`",
+        ),
+        (
+            "execute --free --to 2",
+            "RUN has no free plan to 2; make one with `selftouch plan RUN --from-q Q --to 2`",
+        ),
+        ("record --from 1 --to 2", "plan 1-2 is not there; run `selftouch plan`"),
+        ("execute --through 1,2 --rehearse 2", "--rehearse takes --from and --to"),
+        (
+            "execute --from 1 --to 2 --rehearse 0",
+            "Invalid value for '--rehearse': 0 is not in the range x>=1.",
+        ),
+    ],
+)
+def test_what_cannot_be_planned_is_refused_in_one_line(run, capsys, arguments, message):
+    verb, *options = arguments.split()
+    status, out, err = told(capsys, verb, run.path, *options)
+    assert (status, out) == (2, "")
+    assert err == f"selftouch: {message}\n".replace("RUN", str(run.path))

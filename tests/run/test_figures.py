@@ -1,0 +1,64 @@
+"""The table of figures, and how it is read."""
+
+import re
+
+from selftouch_drake.run.figures import FIGURES, headline, keys_of, readings
+
+
+def test_every_figure_is_described_once():
+    keys = [figure.key for figure in FIGURES]
+    assert len(set(keys)) == len(keys)
+    for figure in FIGURES:
+        assert re.fullmatch(r"[a-z]\w+", figure.key)
+        assert figure.meaning
+        assert figure.stage in ("babble", "learn", "evaluate")
+
+
+def test_a_unit_in_a_key_is_that_of_the_table():
+    for figure in FIGURES:
+        ending = figure.key.rsplit("_", 1)[-1]
+        if ending in ("N", "s", "m", "rad"):
+            assert figure.unit == ending
+
+
+def test_stages_share_out_all_figures():
+    stages = [keys_of(stage) for stage in ("babble", "learn", "evaluate")]
+    assert sum(map(len, stages)) == len(FIGURES)
+    assert keys_of("learn", "evaluate") == stages[1] | stages[2]
+    assert "topology_betti" in keys_of("learn")
+    assert "coverage_evenness" in keys_of("evaluate")
+
+
+def test_numbers_are_read_with_their_units():
+    metrics = {
+        "unheard_of": "é",
+        "babbling_num_samples": 400_000,
+        "babbling_touches_by_skin": {"torso": 1200, "head": 0},
+        "shape_rms_fraction": 0.0234,
+        "shape_rms_fraction_by_skin": {"torso": 0.02, "head": 0.5},
+        "topology_betti_by_part": [[1, 0, 1], None, [1, 1, 0]],
+        "planning_jerk_reduction": 12345.6,
+        "execution_tracking_rms_rad": 0.0031,
+    }
+    found = readings(metrics)
+    value = {reading.key: reading.value for section in found.values() for reading in section}
+    assert value == {
+        "babbling_num_samples": "400,000",
+        "babbling_touches_by_skin": "torso 1,200, head 0",
+        "topology_betti_by_part": "1, 0, 1; unknown; 1, 1, 0",
+        "shape_rms_fraction": "2.3 %",
+        "shape_rms_fraction_by_skin": "torso 2.0 %, head 50.0 %",
+        "planning_jerk_reduction": "12,346 ×",
+        "execution_tracking_rms_rad": "0.0031 rad",
+        "unheard_of": "é",
+    }
+    assert list(found)[-1] == "Others"
+    assert readings({}) == {}
+
+
+def test_the_headline_shows_what_there_is():
+    assert headline({}) == []
+    assert headline({"execution_contact_mean": 0.987, "parts_found": 2}) == [
+        ("parts", "2"),
+        ("contact held", "98.7 %"),
+    ]

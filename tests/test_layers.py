@@ -1,0 +1,126 @@
+"""Imports point down only, and at packages that are declared."""
+
+import ast
+import re
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import packages_distributions
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "selftouch_drake"
+# Rooms on one line do not import each other.
+LAYERS = (
+    ("cli",),
+    ("sweep",),
+    ("run",),
+    ("show",),
+    ("evaluation",),
+    ("agent",),
+    ("experience",),
+    ("robot",),
+    ("geometry",),
+    ("experiment",),
+    ("files", "resources"),
+)
+HEIGHT = {room: -number for number, rooms in enumerate(LAYERS) for room in rooms}
+# The agent is naive: below it are only the helpers of `geometry` that know no robot.
+CLOSED_TO_AGENT = ("experience", "robot", "experiment", "files", "resources")
+
+
+def modules() -> list[Path]:
+    return sorted(path for path in PACKAGE.rglob("*.py") if path != PACKAGE / "__init__.py")
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imports(path: Path, text: str) -> Iterator[tuple[int, str]]:
+    """Line and full name of every import, those for type checkers and inside functions too."""
+    package = ("selftouch_drake", *path.relative_to(PACKAGE).parent.parts)
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            start = package[: len(package) + 1 - node.level] if node.level else ()
+            module = ".".join(filter(None, (*start, node.module)))
+            # `from selftouch_drake import run` names the room last.
+            yield from ((node.lineno, f"{module}.{alias.name}") for alias in node.names)
+
+
+def imported_rooms(path: Path, text: str) -> Iterator[tuple[int, str]]:
+    """Line and room of every import from this package."""
+    for line, name in imports(path, text):
+        root, _, rest = name.partition(".")
+        if root == "selftouch_drake" and rest and not rest.startswith("__"):
+            yield line, rest.partition(".")[0]
+
+
+def upward_imports(path: Path, text: str) -> list[str]:
+    room = room_of(path)
+    closed = CLOSED_TO_AGENT if room == "agent" else ()
+    return [
+        f"line {line} imports {other}"
+        for line, other in imported_rooms(path, text)
+        if other != room and (HEIGHT[other] >= HEIGHT[room] or other in closed)
+    ]
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_point_down(path):
+    assert upward_imports(path, path.read_text(encoding="utf-8")) == []
+
+
+def test_every_room_has_its_place():
+    assert {room_of(path) for path in modules()} == set(HEIGHT)
+
+
+@pytest.mark.parametrize(
+    ("module", "text"),
+    [
+        ("robot/world.py", "from selftouch_drake.run.directory import RunDirectory"),
+        ("robot/world.py", "def f():\n    import selftouch_drake.agent"),
+        ("robot/world.py", "if TYPE_CHECKING:\n    from selftouch_drake import show"),
+        ("robot/world.py", "from ..evaluation import coverage"),
+        ("files.py", "from .resources import MODELS"),
+        ("agent/agent.py", "from selftouch_drake.experience import ExperienceReader"),
+        ("agent/agent.py", "from selftouch_drake.files import load_arrays"),
+    ],
+)
+def test_an_import_that_points_up_is_found(module, text):
+    assert len(upward_imports(PACKAGE / module, text)) == 1
+
+
+@pytest.mark.parametrize(
+    ("module", "text"),
+    [
+        ("agent/agent.py", "from selftouch_drake.geometry import farthest_points"),
+        ("agent/shape/body.py", "from ..representation import quotient"),
+        ("cli.py", "from selftouch_drake import __version__"),
+    ],
+)
+def test_an_import_that_points_down_is_let_through(module, text):
+    assert upward_imports(PACKAGE / module, text) == []
+
+
+def test_what_is_imported_from_elsewhere_is_declared():
+    project = tomllib.loads((PACKAGE.parent / "pyproject.toml").read_text())["project"]
+    groups = project["optional-dependencies"]
+    # What a user may leave out is imported where it is used, and its absence is handled there.
+    wanted = [*project["dependencies"], *groups["collada"], *groups["dask"], *groups["homology"]]
+    declared = {re.match(r"[\w-]+", entry)[0].lower() for entry in wanted}
+    found = {
+        name.partition(".")[0]
+        for path in modules()
+        for _, name in imports(path, path.read_text(encoding="utf-8"))
+    }
+    # An extra may be left out, and then nothing says whose module it is.
+    distributions = {"collada": ["pycollada"]} | dict(packages_distributions())
+    owners = {
+        name: {owner.lower() for owner in distributions.get(name, [name])}
+        for name in found - {*sys.stdlib_module_names, "selftouch_drake"}
+    }
+    assert {name for name, owner in owners.items() if not owner & declared} == set()
