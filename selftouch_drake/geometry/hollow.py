@@ -13,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.intersections import first_self_intersection
-from selftouch_drake.geometry.samples import sample_triangles
+from selftouch_drake.geometry.samples import lengths_and_heights, sample_triangles
 
 # A face of the outer surface that turns by more than this between neighbours is an edge, to be
 # mitred; less is a smooth surface cut into triangles. It is the ratio of the second
@@ -290,6 +290,13 @@ def _narrow_place(inner: trimesh.Trimesh, radius: float) -> np.ndarray | None:
     cloud, cloud_face = sample_triangles(inner.triangles, max(radius / 6, finest))
     tree = cKDTree(cloud)
     points, face = sample_triangles(inner.triangles, max(2 * radius, finest))
+    # Small faces are touched in the middle, large ones everywhere but near their edges.
+    longest, _ = lengths_and_heights(inner.triangles)
+    spread = 1 - np.minimum(3 * radius / longest, 1)[face, None]
+    points = spread * points + (1 - spread) * inner.triangles_center[face]
+    # Of many small faces one in each place is enough.
+    _, one_of = np.unique(np.floor(2 / radius * points), axis=0, return_index=True)
+    points, face = points[np.sort(one_of)], face[np.sort(one_of)]
     balls = points + radius * into_cavity[face]
     for chunk in np.array_split(np.arange(len(balls)), len(balls) // 500 + 1):
         # The sampled wall is at most 2 % of a radius beyond the wall itself.

@@ -7,16 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial import cKDTree
 
-from selftouch_drake.geometry.samples import cut_triangles
+from selftouch_drake.geometry.samples import lengths_and_heights, sample_triangles
 
-# A triangle more slender than this is cut up, so that a ball round a piece of it is not much larger
-# than the piece.
-_SLENDERNESS = 4
+# A triangle longer than so many times its height is covered by a row of balls, but by no more than
+# about so many.
+_SLENDER = 3
+_MOST_BALLS = 64
 
-# No triangle is cut into more than about as many pieces, however thin it is.
-_MOST_PIECES = 64
-
-# Pieces whose neighbours are looked up at a time: bounds the memory, and lets Ctrl-C through.
+# Balls whose neighbours are looked up at a time: bounds the memory, and lets Ctrl-C through.
 _BLOCK = 10_000
 
 
@@ -45,28 +43,30 @@ def first_self_intersection(vertices: np.ndarray, faces: np.ndarray) -> np.ndarr
 def _near_pairs(triangles: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yields blocks of pairs of triangles `(F, 3, 3)`, each pair once in a block, that may meet.
 
-    They are those with pieces whose circumscribing balls about the centroids meet. Each piece is
-    compared with pieces that are as large as itself or larger, one class of size after another:
-    few of these are near, however many small ones are.
+    They are those that are covered by balls that meet. Each ball is compared with balls that are as
+    large as itself or larger, one class of size after another: few of these are near, however many
+    small ones are.
     """
-    edges = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
-    longest = edges.max(axis=1)
-    a, b, c = triangles.swapaxes(0, 1)
-    height = np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.maximum(longest, 1e-300)
-    limit = np.maximum(_SLENDERNESS * height, longest / _MOST_PIECES)
-    pieces, face = cut_triangles(triangles, limit)
-    centroids = pieces.mean(axis=1)
-    radii = np.linalg.norm(pieces - centroids[:, None], axis=2).max(axis=1)
+    longest, height = lengths_and_heights(triangles)
+    slender = np.flatnonzero(longest > _SLENDER * height)
+    compact = np.flatnonzero(longest <= _SLENDER * height)
+    middles = triangles[compact].mean(axis=1)
+    reach = np.linalg.norm(triangles[compact] - middles[:, None], axis=2).max(axis=1)
+    spacing = np.maximum(2 * height, longest / _MOST_BALLS)[slender]
+    samples, owner = sample_triangles(triangles[slender], spacing)
+    centres = np.concatenate([middles, samples])
+    radii = np.concatenate([reach, spacing[owner]])
+    face = np.concatenate([compact, slender[owner]])
     size = np.frexp(radii)[1]
     by_size = np.argsort(radii, kind="stable")
     for level in np.unique(size):
         larger = np.flatnonzero(size == level)
-        tree = cKDTree(centroids[larger])
+        tree = cKDTree(centres[larger])
         # Sorted, so that a block of small pieces need not look far.
         smaller = by_size[: np.searchsorted(size[by_size], level, side="right")]
         for block in np.array_split(smaller, len(smaller) // _BLOCK + 1):
             reach = radii[block].max() + radii[larger].max()
-            near = cKDTree(centroids[block]).sparse_distance_matrix(
+            near = cKDTree(centres[block]).sparse_distance_matrix(
                 tree, reach, output_type="coo_matrix"
             )
             i, j = block[near.row], larger[near.col]

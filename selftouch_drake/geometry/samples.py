@@ -1,54 +1,51 @@
-"""Triangles cut small, so that points can stand for a surface of triangles of any size."""
+"""Points that stand for a surface of triangles of any size, compact or long and thin."""
 
 from __future__ import annotations
 
 import numpy as np
 
 
-def cut_triangles(
-    triangles: np.ndarray, longest: float | np.ndarray
+def sample_triangles(
+    triangles: np.ndarray, spacing: float | np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Halves triangles across their longest edge until none is longer than `longest`.
-
-    A long thin triangle makes few pieces: their number grows with its area, or with its length
-    where it is thinner than `longest`, never with the square of its length.
-
-    Args:
-        triangles: `(F, 3, 3)` m, corners.
-        longest: m; one for all, or `(F,)` one for each.
-
-    Returns:
-        `(P, 3, 3)` m, the pieces, and `(P,)` the triangle that each is part of, in the order of
-        the triangles.
-    """
-    face = np.arange(len(triangles))
-    limit = np.broadcast_to(longest, len(triangles))
-    done: list[tuple[np.ndarray, np.ndarray]] = []
-    while len(triangles):
-        edges = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
-        first = edges.argmax(axis=1)
-        large = edges[np.arange(len(edges)), first] > limit[face]
-        done.append((triangles[~large], face[~large]))
-        order = (first[large][:, None] + np.arange(3)) % 3
-        a, b, c = np.take_along_axis(triangles[large], order[:, :, None], axis=1).swapaxes(0, 1)
-        middle = (a + b) / 2
-        halves = np.stack([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)], axis=1)
-        triangles, face = halves.reshape(-1, 3, 3), np.repeat(face[large], 2)
-    pieces, owner = (np.concatenate(parts) for parts in zip(*done, strict=True))
-    order = np.argsort(owner, kind="stable")
-    return pieces[order], owner[order]
-
-
-def sample_triangles(triangles: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
     """Points on triangles, such that no point of a triangle is farther than `spacing` from one.
 
+    Their number grows with the area of a triangle, or with its length if it is thinner than
+    `spacing`.
+
     Args:
         triangles: `(F, 3, 3)` m, corners.
-        spacing: m.
+        spacing: m; one for all, or `(F,)` one for each triangle.
 
     Returns:
-        `(N, 3)` m, and `(N,)` the triangle of each.
+        `(N, 3)` m, and `(N,)` the triangle of each, in the order of the triangles.
     """
-    # A centroid is at most two thirds of the longest edge from any point of its triangle.
-    pieces, face = cut_triangles(triangles, 1.5 * spacing)
-    return pieces.mean(axis=1), face
+    spacing = np.broadcast_to(spacing, len(triangles))
+    base, height = lengths_and_heights(triangles)
+    edges = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+    order = (edges.argmax(axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(triangles, order[:, :, None], axis=1).swapaxes(0, 1)
+    # Rows parallel to the longest edge, from it on. What is between two rows lies straight above
+    # the lower one, as both angles at the longest edge are acute.
+    rows = np.maximum(np.ceil(height / (np.sqrt(3) / 2 * spacing)), 1).astype(int)
+    face, row = _counted(rows)
+    up = row / rows[face]
+    points = np.maximum(np.ceil((1 - up) * (base / spacing)[face]), 1).astype(int)
+    of_row, place = _counted(points)
+    face, up = face[of_row], up[of_row]
+    along = (1 - up) * (place + 0.5) / points[of_row]
+    return a[face] + along[:, None] * (b - a)[face] + up[:, None] * (c - a)[face], face
+
+
+def lengths_and_heights(triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`(F,)` m, the longest edge of each triangle `(F, 3, 3)`; `(F,)` m, the height over it."""
+    base = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2).max(axis=1)
+    a, b, c = triangles.swapaxes(0, 1)
+    # Of a triangle that is a point both are zero.
+    return base, np.linalg.norm(np.cross(b - a, c - a), axis=1) / np.maximum(base, 1e-300)
+
+
+def _counted(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`(N,)` each index as often as it counts, and `(N,)` numbers from 0 on within each."""
+    index = np.repeat(np.arange(len(counts)), counts)
+    return index, np.arange(len(index)) - np.repeat(np.cumsum(counts) - counts, counts)

@@ -134,9 +134,9 @@ def test_what_cannot_be_made_is_named():
     assert message([box], resolution=0.0) == (
         "surface.resolution is 0.0; give a positive length in metres"
     )
-    assert message([box]) == (
-        "surface is thinner than 0.028 m everywhere, which is what surface.resolution 0.02 m and a "
-        "skin 0 m thick need; give a finer resolution, or a thinner skin"
+    assert message([box], thickness=0.01) == (
+        "surface is thinner than 0.028 m everywhere, too thin for triangles of 0.02 m and a skin "
+        "of 0.01 m; give a finer surface.resolution, or a thinner skin"
     )
     assert message([_box((200, 200, 200))]) == (
         "surface.resolution is too fine for geometry 200 m across: it asks for 3e+13 cells; give "

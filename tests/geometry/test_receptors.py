@@ -88,6 +88,19 @@ def test_the_seed_alone_chooses_the_receptors():
     assert first.tobytes() != other.tobytes()
 
 
+@pytest.mark.parametrize("num_receptors", [4, 1000])
+def test_few_and_many_receptors_share_out_everything(num_receptors):
+    surface = geometry.capsule(0.04, 0.2)
+    p_LS = geometry.place_receptors(surface, num_receptors, seed=0)
+    assert len(np.unique(p_LS, axis=0)) == num_receptors
+    fields = geometry.receptive_fields(surface, p_LS)
+    np.testing.assert_allclose(fields.vertex_weights.sum(axis=1), 1, atol=1e-12)
+    assert (fields.vertex_weights > 0).sum(axis=1).min() >= 3
+    distance = np.linalg.norm(p_LS[:, None] - p_LS, axis=2)
+    nearest = np.sort(distance, axis=1)[:, 1]
+    assert nearest.min() > 0.5 * np.sqrt(surface.area / num_receptors)
+
+
 @pytest.mark.parametrize("num_receptors", [3, 1001])
 def test_too_few_or_too_many_receptors_are_refused(num_receptors):
     with pytest.raises(ValueError, match="num_receptors") as caught:
