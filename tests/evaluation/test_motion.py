@@ -1,45 +1,88 @@
 import numpy as np
 import pytest
+from pydrake.math import RigidTransform, RollPitchYaw
 from scipy.interpolate import CubicSpline
+from scipy.spatial import cKDTree
 
+from selftouch_drake.agent.motions import Motion
 from selftouch_drake.evaluation import (
     calibration,
     cosine_distance,
+    in_link_frames,
+    off_skin,
     progress_along,
     score_motion,
     spatial_jerk_reduction,
     summarise,
-    time_off_skin,
-    wall_points,
 )
-from selftouch_drake.geometry import hollow_skin, sphere
+from selftouch_drake.geometry import hollow_skin, sphere, wall_points
 
 TARGETS = np.eye(3)
 
 
+def motion(predicted, *, goal=2, in_air=(False, False, False)):
+    """Four instants on a way of three steps, from kernel 0 to `goal`."""
+    s = np.array([0.0, 1.0, 2.0, 3.0])
+    return Motion(
+        nodes=np.array([0, 1, 0, goal]),
+        links=np.full(3, -1),
+        in_air=np.array(in_air),
+        waypoints_q=np.zeros((4, 1)),
+        waypoint_s=s,
+        time_s=0.1 * s,
+        s=s,
+        q=np.zeros((4, 1)),
+        v=np.zeros((4, 1)),
+        predicted=np.asarray(predicted, dtype=float),
+        predicted_spread=np.ones(4),
+    )
+
+
+FELT = np.array([[2.0, 0, 0], [0, 0, 0], [0, 3.0, 0], [0, 0, 1.0]])
+
+
 def test_a_motion_is_scored_by_what_was_felt():
-    felt = np.array([[2.0, 0, 0], [0, 0, 0], [0, 3.0, 0], [0, 0, 1.0]])
     predicted = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, 0, 1.0], [0, 0, 5.0]])
-    score = score_motion(felt, predicted, TARGETS, goal=2)
+    score = score_motion(motion(predicted), FELT, TARGETS)
     assert (score.contact, score.reached) == (0.75, True)
     assert score.prediction_error == pytest.approx(1 / 3)
-    assert not score_motion(felt, predicted, TARGETS, goal=1).reached
+    assert not score_motion(motion(predicted, goal=1), FELT, TARGETS).reached
 
 
 def test_a_motion_that_ends_off_the_skin_reached_nothing():
-    felt = np.array([[1.0, 0, 0], [0, 0, 0]])
-    assert not score_motion(felt, felt + 1.0, TARGETS, goal=0).reached
+    felt = np.array([[1.0, 0, 0]] * 3 + [[0, 0, 0]])
+    assert not score_motion(motion(np.ones((4, 3)), goal=0), felt, TARGETS).reached
 
 
 def test_a_motion_that_never_touches_predicted_nothing():
-    score = score_motion(np.zeros((3, 3)), np.ones((3, 3)), TARGETS, goal=0)
+    score = score_motion(motion(np.ones((4, 3)), goal=0), np.zeros((4, 3)), TARGETS)
     assert (score.contact, score.reached, score.prediction_error) == (0.0, False, 1.0)
 
 
+def test_what_happens_in_the_air_does_not_count():
+    predicted = np.array([[1.0, 0, 0], [0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
+    # The second step lifts off and lands: the instant at its start is in the air.
+    flown = motion(predicted, in_air=(False, True, False))
+    score = score_motion(flown, FELT, TARGETS)
+    assert (score.contact, score.reached, score.prediction_error) == (1.0, True, 0.0)
+    # What is felt there, where nothing was expected, is no error of the prediction.
+    brushed = FELT.copy()
+    brushed[1] = [0, 0, 9.0]
+    assert score_motion(flown, brushed, TARGETS) == score
+    # Where it lands it is held to its word.
+    missed = FELT.copy()
+    missed[2] = 0.0
+    assert score_motion(flown, missed, TARGETS).contact == pytest.approx(2 / 3)
+    # At the end touch is expected, even of the last step.
+    landed = motion(predicted, in_air=(True, True, True))
+    assert score_motion(landed, np.zeros((4, 3)), TARGETS).contact == 0.0
+    assert score_motion(landed, FELT, TARGETS).contact == 1.0
+
+
 def test_the_summary_tells_the_mean_and_the_worst():
-    felt = np.array([[1.0, 0, 0], [0, 1.0, 0]])
-    lost = felt * [[1.0], [0.0]]
-    scores = [score_motion(f, felt, TARGETS, goal=1) for f in (felt, lost)]
+    felt = np.array([[1.0, 0, 0], [0, 1.0, 0]] * 2)
+    lost = felt * [[1.0], [0.0], [1.0], [0.0]]
+    scores = [score_motion(motion(felt, goal=1), f, TARGETS) for f in (felt, lost)]
     assert summarise(scores, "execution") == {
         "execution_num_pairs": 2,
         "execution_reach_rate": 0.5,
@@ -57,25 +100,55 @@ def test_cosine_distance_has_no_scale():
 
 @pytest.fixture(scope="module")
 def wall():
-    return wall_points(hollow_skin(sphere(0.25), 0.03, 0.01))
+    return cKDTree(wall_points(hollow_skin(sphere(0.25), 0.03, 0.01), 0.005))
+
+
+RADIUS = np.array([0.01])
 
 
 @pytest.mark.parametrize(
-    ("radius", "off"),
+    ("distance", "off"),
     [(0.30, True), (0.26, False), (0.235, False), (0.215, False), (0.18, True), (0.0, True)],
 )
-def test_off_the_skin_is_in_the_cavity_or_far_outside(wall, radius, off):
+def test_off_the_skin_is_in_the_cavity_or_far_outside(wall, distance, off):
     direction = np.array([0.48, 0.6, 0.64])
-    p_WF = np.tile(radius * direction, (11, 1))
-    time_s = 0.01 * np.arange(11)
-    assert time_off_skin(time_s, p_WF, wall) == pytest.approx(0.1 if off else 0.0)
+    p_LT = np.tile(distance * direction, (11, 1, 1, 1))
+    np.testing.assert_array_equal(off_skin(p_LT, RADIUS, [wall]), np.full(11, off))
 
 
-def test_one_of_two_fingers_on_the_skin_is_enough(wall):
-    there, away = np.array([0.0, 0.0, 0.25]), np.array([0.0, 0.0, 0.35])
-    p_WF = np.tile(np.concatenate([away, there]), (5, 1))
-    assert time_off_skin(np.arange(5.0), p_WF, wall) == 0.0
-    assert time_off_skin(np.arange(5.0), p_WF[:, [0, 1, 2, 0, 1, 2]], wall) == 4.0
+def test_a_ball_is_off_by_its_own_radius(wall):
+    # 15 mm off the wall: a large ball grazes, a small one has left.
+    p_LT = np.full((1, 1, 1, 3), 0.265) * [0.0, 0.0, 1.0]
+    assert off_skin(p_LT, np.array([0.005]), [wall]).all()
+    assert not off_skin(p_LT, np.array([0.01]), [wall]).any()
+
+
+def test_one_of_two_fingers_on_one_of_two_skins_is_enough(wall):
+    there, away = [0.0, 0.0, 0.25], [0.0, 0.0, 0.35]
+    # Instants, skins, balls.
+    p_LT = np.array(
+        [
+            [[away, there], [away, away]],
+            [[away, away], [there, away]],
+            [[away, away], [away, away]],
+        ]
+    )
+    off = off_skin(p_LT, np.array([0.01, 0.01]), [wall, wall])
+    np.testing.assert_array_equal(off, [False, False, True])
+
+
+def test_places_in_the_frames_of_links_that_move():
+    rng = np.random.default_rng(0)
+    X_WL = [
+        [RigidTransform(RollPitchYaw(rng.uniform(-3, 3, 3)), rng.normal(size=3)) for _ in range(2)]
+        for _ in range(5)
+    ]
+    p_WT = rng.normal(size=(5, 3, 3))
+    found = in_link_frames(p_WT, np.array([[X.GetAsMatrix34() for X in row] for row in X_WL]))
+    assert found.shape == (5, 2, 3, 3)
+    for t, row in enumerate(X_WL):
+        for link, X in enumerate(row):
+            np.testing.assert_allclose(found[t, link], X.inverse().multiply(p_WT[t].T).T)
 
 
 def test_spatial_jerk_compares_paths_and_not_their_speed():
