@@ -162,18 +162,11 @@ def _add_readout(
 
 
 def _let_rigid_parts_meet(robot: Robot, scene_graph: SceneGraph) -> None:
-    """Lifts the filter between rigid parts.
-
-    But not where the outer layer of one is a skin that the other presses: that layer is soft.
-    """
-    soft = {
-        frozenset((robot.touchers[t].link.index(), robot.skins[s].link.index()))
-        for t, s in robot.touching_pairs
-        if robot.skins[s].model.is_own_geometry
-    }
+    """Lifts the filter between rigid parts, but where the outer layer of one is a soft skin."""
+    soft = {int(skin.link.index()) for skin in robot.skins if skin.model.is_own_geometry}
     filters = scene_graph.collision_filter_manager()
     for pair in robot.rigid_pairs:
-        if frozenset(link.index() for link in pair.links) not in soft:
+        if not soft & {int(link.index()) for link in pair.links}:
             a, b = (GeometrySet(list(ids)) for ids in pair.geometry_ids)
             filters.Apply(CollisionFilterDeclaration().AllowBetween(a, b))
 

@@ -12,8 +12,8 @@ from selftouch_drake.robot import Touches
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import moved
 
-# Instants for which contact may be lost while a path goes on.
-_LONGEST_GAP = 30
+# Instants for which contact may be lost while a path goes on: a tenth of a second of a motion.
+_LONGEST_GAP = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -155,19 +155,19 @@ def test_spatial_jerk_compares_paths_and_not_their_speed():
     waypoints_q = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0]])
 
     def to_space(q):
-        return np.concatenate([q, np.zeros((len(q), 1))], axis=1)[:, None]
+        return np.concatenate([q, np.zeros((len(q), 1))], axis=1)
 
     round_corners = CubicSpline(np.arange(4.0), waypoints_q)
     slow, fast = np.linspace(0.0, 3.0, 400), 3.0 * np.linspace(0.0, 1.0, 500) ** 2
     reductions = [
-        spatial_jerk_reduction(s, to_space(round_corners(s))[:, 0], waypoints_q, to_space)
+        spatial_jerk_reduction(s, to_space(round_corners(s)), waypoints_q, np.arange(4.0), to_space)
         for s in (slow, fast)
     ]
     assert reductions[0] > 10.0
     assert reductions == pytest.approx([reductions[0]] * 2, rel=0.02)
     dense = np.linspace(0.0, 3.0, 3001)
     corners = np.stack([np.interp(dense, np.arange(4.0), w) for w in waypoints_q.T], axis=1)
-    same = spatial_jerk_reduction(dense, to_space(corners)[:, 0], waypoints_q, to_space)
+    same = spatial_jerk_reduction(dense, to_space(corners), waypoints_q, np.arange(4.0), to_space)
     assert same == pytest.approx(1.0, rel=0.05)
 
 

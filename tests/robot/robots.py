@@ -53,6 +53,13 @@ def anywhere(robot, number, seed):
     return np.random.default_rng(seed).uniform(*robot.babbled_range, (number, robot.num_joints))
 
 
+def free(world, q):
+    """Those of the configurations `q` in which nothing touches and no rigid parts meet."""
+    apart = ~world.probe.sensations(q).any(axis=1)
+    q = q[apart]
+    return q[world.probe.collision_depth(q) == 0]
+
+
 @functools.cache
 def configurations(world):
     """Some all over the place, and some of a walk, which stays where it touches for a while."""

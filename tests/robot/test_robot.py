@@ -119,8 +119,8 @@ def test_this_robot_is_one(tmp_path):
                 robots.joint("fix", "fixed", "hand", "floor"),
             ),
             {"touching": {"floor": {"link": "floor"}}},
-            "touching.floor.link is 'floor': HalfSpace has no closed surface; give the link "
-            "another geometry",
+            "touching.floor.link is 'floor', which has no collision geometry; give it some in its "
+            "model, or give a ball by frame and radius",
         ),
         (
             ROBOT,

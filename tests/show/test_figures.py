@@ -1,20 +1,25 @@
 import numpy as np
 import pytest
 import trimesh
+from laid_out import execution_of
 from matplotlib.image import imread
 
-from selftouch_drake.evaluation import touch_density
-from selftouch_drake.show import FIGURES, write_figures
-from selftouch_drake.show.graph_figures import spectral_order
-from selftouch_drake.show.material import Material
-from selftouch_drake.show.motion_figures import evenly_spaced
-from selftouch_drake.show.scene import View, visible
-from selftouch_drake.show.sensation_figures import far_apart
+from selftouch_drake.agent.motions import Execution
+from selftouch_drake.run.material import Material
+from selftouch_drake.run.showing import write_figures
+from selftouch_drake.show import FIGURES, SkinSurface
+from selftouch_drake.show.page import motion_figures, path_figure, robot_figure
+from selftouch_drake.show.page.graph_figures import quotient_graph, spectral_order
+from selftouch_drake.show.page.scene import visible
+from selftouch_drake.show.page.sensation_figures import sensations
+from selftouch_drake.show.paths import SkinPath
+from selftouch_drake.show.view import View
 
 
-@pytest.fixture(scope="module")
-def images(reported):
-    return {path.stem: imread(path) for path in reported.figures.iterdir()}
+@pytest.fixture(scope="module", params=["reported", "two_skins"])
+def images(request):
+    run = request.getfixturevalue(request.param)
+    return {path.stem: imread(path) for path in run.figures.iterdir()}
 
 
 @pytest.mark.parametrize("name", FIGURES)
@@ -31,7 +36,7 @@ def test_figures_have_shades_or_colours(images, name):
 
 def test_the_same_run_gives_the_same_bytes(reported, monkeypatch):
     some = {name: FIGURES[name] for name in ("quotient_graph", "body_shape")}
-    monkeypatch.setattr("selftouch_drake.show.figures.FIGURES", some)
+    monkeypatch.setattr("selftouch_drake.show.page.figures.FIGURES", some)
     before = (reported.figures / "body_shape.png").read_bytes()
     written = write_figures(reported)
     assert [path.stem for path in written] == ["quotient_graph", "body_shape"]
@@ -40,7 +45,8 @@ def test_the_same_run_gives_the_same_bytes(reported, monkeypatch):
 
 def test_a_vector_file_keeps_letters_and_is_small(make_run, monkeypatch):
     run = make_run("planned")
-    monkeypatch.setattr("selftouch_drake.show.figures.FIGURES", {"plan_path": FIGURES["plan_path"]})
+    some = {"plan_path": FIGURES["plan_path"]}
+    monkeypatch.setattr("selftouch_drake.show.page.figures.FIGURES", some)
     write_figures(run, vector=True)
     pdf = run.figures / "plan_path.pdf"
     first = pdf.read_bytes()
@@ -95,13 +101,113 @@ def test_damage_is_an_error_that_names_the_file(make_run, unrendered):
         write_figures(run)
 
 
-def test_the_mirrored_recovered_body_is_drawn_the_right_way_out(reported):
-    points, faces = Material(reported).recovered
-    assert trimesh.Trimesh(points, faces, process=False).volume > 0
+def test_a_skin_that_moves_is_drawn_where_its_link_is(two_skins):
+    material = Material(two_skins)
+    body, forearm = material.home
+    assert body == pytest.approx(np.eye(3, 4))
+    # The elbow of an arm that is stretched forward, 0.15 m to the left and 0.35 m above the body.
+    assert forearm[:, 3] == pytest.approx([0.4, 0.15, 0.35])
 
 
-def test_the_longest_executed_plan_is_shown(reported):
-    assert Material(reported).shown_pair == (0, 40)
+def test_the_agent_is_drawn_by_its_model(two_skins):
+    material = Material(two_skins)
+    drawn = material.shape.at(np.zeros(12))
+    assert len(drawn.rods) == 0
+    assert not any(link.touches for link in drawn.links), "balls touch, and no link"
+    assert drawn.radii.tolist() == [0.01, 0.01]
+    # Stretched forward: shoulder, two links of 0.4 m and a finger of 0.12 m.
+    assert drawn.balls == pytest.approx(np.array([[0.92, 0.15, 0.35], [0.92, -0.15, 0.35]]))
+    low, high = (
+        f(np.concatenate([link.vertices for link in drawn.links]), axis=0) for f in (np.min, np.max)
+    )
+    assert low[0] < 0.0 < 0.9 < high[0]
+    assert material.shape.bare_balls() == {}, "the model draws its fingertips"
+
+
+def test_the_legend_names_the_kinds_of_joints(two_skins):
+    material = Material(two_skins)
+    drawn = material.shape.at(np.zeros(12))
+    figure = robot_figure.agent(material.skins, drawn)
+    labels = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert labels == ["joints that turn", "three in one point", "what touches", "receptors (32)"]
+
+
+def test_the_clearest_posture_keeps_its_joints_far_from_the_skin():
+    skin = ball_at(np.zeros(3))
+    joints = np.array([[[0.0, 0, 0.5], [0.3, 0, 0.0]], [[0.0, 0, 0.5], [0.9, 0, 0]]])
+    poses = np.tile(np.eye(3, 4), (2, 1, 1, 1))
+    assert robot_figure.clearest(joints, [skin], poses) == 1
+
+
+def ball_at(centre) -> SkinSurface:
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
+    vertices = np.array(ball.vertices) + centre
+    return SkinSurface(
+        name="ball", vertices=vertices, faces=np.array(ball.faces), receptors=vertices[::40]
+    )
+
+
+def test_sensations_are_shown_on_every_skin(two_skins):
+    material = Material(two_skins)
+    figure = sensations(material.skins, material.representation.target_sensations)
+    titles = [ax.get_title(loc="left") for ax in figure.axes[:4]]
+    assert [title.split()[-1] for title in titles] == ["body", "forearm", "body", "forearm"]
+
+
+def test_a_plan_over_several_skins_is_shown_skin_by_skin():
+    skins = [ball_at(np.zeros(3)), ball_at(np.array([0.5, 0.0, 0.0]))]
+    there = np.array([[0.5, 0.0, 0.1], [0.5, 0.05, 0.08]])
+    here = np.array([[0.1, 0.0, 0.0], [0.08, 0.0, 0.06]])
+    paths = [
+        SkinPath(toucher="tip", skin=0, points=here, rows=np.array([8, 9])),
+        SkinPath(toucher="tip", skin=1, points=there, rows=np.array([0, 1])),
+    ]
+    figure = path_figure.plan_path(skins, paths, paths, 10)
+    assert len(figure.axes) == 2
+    one = path_figure.plan_path(skins, paths[:1], paths[:1], 10)
+    assert len(one.axes) == 2, "a single skin from two sides"
+
+
+def test_time_in_the_air_is_no_lost_contact():
+    execution = execution_of("two_skins")
+    figure = motion_figures.contact_and_tracking(
+        execution, [f"joint_{n}" for n in range(12)], np.ones(12, dtype=bool)
+    )
+    title = figure.axes[0].get_title(loc="left")
+    assert title == "In contact 100.0% of the time, where touch was expected"
+    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    assert labels == ["in the air"]
+
+
+def test_joints_that_slide_have_their_own_unit():
+    execution = execution_of("ball")
+    turns = np.array([True, True, False, True, True, True])
+    slid = Execution(
+        motion=execution.motion,
+        felt=execution.felt,
+        q_measured=execution.motion.q + np.where(turns, 0.001, 0.002),
+        v_measured=execution.v_measured,
+        torque=execution.torque,
+    )
+    figure = motion_figures.contact_and_tracking(slid, ["a", "b", "c", "d", "e", "f"], turns)
+    assert [ax.get_ylabel() for ax in figure.axes] == [
+        "force (N)",
+        "planned (rad)",
+        "planned (m)",
+        "error (mrad or mm)",
+    ]
+    assert figure.axes[3].get_title(loc="left") == "Measured less planned: RMS 1 mrad, 2 mm"
+
+
+def test_parts_are_shown_apart():
+    embedding = np.random.default_rng(0).normal(size=(9, 3))
+    embedding[8] = np.nan  # a fragment
+    edges = np.array([[0, 1], [1, 2], [4, 5]])
+    parts = [np.arange(4), np.arange(4, 8)]
+    figure = quotient_graph(embedding, edges, np.ones(3), parts)
+    titles = [ax.get_title(loc="left") for ax in figure.axes[:2]]
+    assert titles == ["part 0: 4 kernels", "part 1: 4 kernels"]
+    assert [len(ax.collections[0].get_segments()) for ax in figure.axes[:2]] == [2, 1]
 
 
 def test_a_point_is_visible_from_its_own_side_only():
@@ -119,19 +225,22 @@ def test_a_point_in_a_hollow_is_hidden_by_the_rim():
     assert seen.tolist() == [False, True]
 
 
+def test_a_sheet_is_seen_from_both_sides_and_another_body_hides_it():
+    vertices = np.array([[0.0, -1, -1], [0.0, 1, -1], [0.0, 1, 1], [0.0, -1, 1]])
+    faces = np.array([[0, 1, 2], [0, 2, 3]])
+    for azimuth in (0.0, 180.0):
+        view = View(0.0, azimuth)
+        assert visible(vertices, vertices, faces, view, sheet=True).all()
+    screen = vertices + np.array([0.5, 0.0, 0.0])
+    assert not visible(
+        0.9 * vertices, vertices, faces, View(0.0, 0.0), others=[(screen, faces)]
+    ).any()
+
+
 def test_projection_keeps_lengths_across_the_view():
     view = View(elevation=0.0, azimuth=0.0)
     assert view.project(np.array([0.0, 2.0, 3.0])) == pytest.approx([2.0, 3.0, 0.0])
     assert view.axes @ view.axes.T == pytest.approx(np.eye(3), abs=1e-12)
-
-
-def test_touch_density_sums_to_the_touches():
-    ball = trimesh.creation.icosphere(subdivisions=4, radius=0.2)
-    random = np.random.default_rng(0)
-    p_WF = random.normal(size=(20_000, 3))
-    p_WF *= 0.19 / np.linalg.norm(p_WF, axis=1, keepdims=True)
-    density = touch_density(np.array(ball.vertices), np.array(ball.faces), [p_WF])
-    assert density.mean() * ball.area * 1e4 == pytest.approx(20_000, rel=0.03)
 
 
 def test_spectral_order_finds_a_line_again():
@@ -139,15 +248,3 @@ def test_spectral_order_finds_a_line_again():
     order = spectral_order(np.abs(place[:, None] - place).astype(float))
     found = place[order]
     assert (np.diff(found) == 1).all() or (np.diff(found) == -1).all()
-
-
-def test_dots_are_evenly_spaced_whatever_the_samples():
-    path = np.array([[0.0, 0, 0], [0.01, 0, 0], [1.0, 0, 0]])
-    steps = np.linalg.norm(np.diff(evenly_spaced(path, 0.1), axis=0), axis=1)
-    assert steps == pytest.approx(steps[0])
-    assert steps[0] <= 0.1
-
-
-def test_far_apart_rows_are_all_different():
-    rows = np.repeat(np.eye(4), 3, axis=0)
-    assert np.unique(rows[far_apart(rows, 4)], axis=0).shape == (4, 4)

@@ -1,22 +1,45 @@
 import socket
+import struct
+from functools import cache
 
 import numpy as np
 import pytest
+from laid_out import motion_of
 
-from selftouch_drake.run.directory import RunError
-from selftouch_drake.run.motions import load_representation
-from selftouch_drake.show import play
-from selftouch_drake.show.live import SPEED, TARGET, LiveShow
-from selftouch_drake.show.server import open_meshcat
+from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.knowledge import load_agent
+from selftouch_drake.run.material import Material
+from selftouch_drake.run.showing import play
+from selftouch_drake.show import LiveShow
+from selftouch_drake.show.meshcat.braking import BRAKING_S, braked
+from selftouch_drake.show.meshcat.live import SPEED, TARGET
+from selftouch_drake.show.meshcat.server import open_meshcat
+
+
+@cache
+def material_of(path) -> Material:
+    return Material(RunDirectory.open(path))
+
+
+def live(run, motion_from=None):
+    """A live agent that is as fast as it can, and what it says."""
+    material, said = material_of(run.path), []
+    if motion_from is None:
+        pilot = Pilot(load_agent(run), material.world)
+
+        def motion_from(q_start, felt, goal):
+            return pilot.plan_feeling(q_start, felt, goal).motion
+
+    show = LiveShow(open_meshcat(), material, motion_from, said.append)
+    show.simulation.set_rate(0.0)
+    show.said = said
+    return show
 
 
 @pytest.fixture
 def show(reported):
-    told = []
-    live = LiveShow(open_meshcat(), reported, told.append)
-    live.arm.set_rate(0.0)  # as fast as it can
-    live.told = told
-    return live
+    return live(reported)
 
 
 def step_until(show, condition, *, most=3000):
@@ -24,46 +47,124 @@ def step_until(show, condition, *, most=3000):
         if condition():
             return
         show.step()
-    pytest.fail(f"not after {most} frames; told {show.told}")
+    pytest.fail(f"not after {most} frames; said {show.said}")
 
 
-def test_it_begins_with_a_tour_and_a_slider_ends_it(show):
+def going_to(target: int, line: str) -> bool:
+    """Whether a line announces a motion; these postures touch nothing, so that it may fly."""
+    return line.removesuffix(", through the air") == f"to sensation {target}"
+
+
+def test_it_begins_with_a_tour_and_the_slider_ends_it(show):
     meshcat = show._meshcat
     step_until(show, lambda: show.moving)
-    first_stop = show.goal
-    assert meshcat.GetSliderValue(TARGET) == first_stop
-    assert meshcat.HasPath("/plan/path_0")
+    assert meshcat.GetSliderValue(TARGET) == show.goal
+    assert meshcat.HasPath("/skins/body/plan/path_0")
 
     meshcat.SetSliderValue(TARGET, 40)
-    show.step()
-    assert show.goal == first_stop, "a motion that has begun is brought to its end"
-    step_until(show, lambda: show.goal == 40)
-    q_before = show.arm.q_commanded
+    step_until(show, lambda: any(going_to(40, line) for line in show.said))
+    q_before = show.simulation.q_commanded
     step_until(show, lambda: not show.moving)
-    assert np.abs(show.arm.q_commanded - q_before).max() > 0.01
-    assert any(line.startswith("sensation 40: ") for line in show.told)
+    assert np.abs(show.simulation.q_commanded - q_before).max() > 0.01
+    assert any(line.startswith("sensation 40: ") for line in show.said)
 
     for _ in range(60):
         show.step()
     assert not show.moving, "the tour is over"
 
 
-def test_what_cannot_be_planned_is_told(show, monkeypatch):
+def test_another_target_interrupts_a_motion(show):
+    step_until(show, lambda: show.moving)
+    first = show.goal
+    for _ in range(10):
+        show.step()
+    other = (first + 25) % 60
+    show._meshcat.SetSliderValue(TARGET, other)
+    commanded = []
+
+    def going_there():
+        commanded.append(show.simulation.q_commanded)
+        return going_to(other, show.said[-1])
+
+    step_until(show, going_there)
+    assert show.goal == other
+    assert not any(line.startswith(f"sensation {first}:") for line in show.said)
+    steps = np.abs(np.diff(commanded, axis=0)).max(axis=1)
+    assert steps.max() < 1.2 / 30, "it jumps nowhere: no joint is faster than it may be"
+    assert steps[-1] < 0.3 * steps.max(), "it has slowed down"
+
+
+def test_several_targets_while_it_slows_down_are_one(show):
+    step_until(show, lambda: show.moving)
+    for _ in range(10):
+        show.step()
+    for wanted in (11, 12, 13):
+        show._meshcat.SetSliderValue(TARGET, wanted)
+        show.step()
+    step_until(show, lambda: going_to(13, show.said[-1]))
+    assert not any(going_to(n, line) for n in (11, 12) for line in show.said)
+
+
+def test_a_braked_motion_stays_on_its_path_and_stands_still():
+    motion = motion_of("ball")
+    time_s, q, v = braked(motion, 0.5)
+    speed = np.abs(motion.v[50]).max()
+    assert time_s[[0, -1]] == pytest.approx([0.0, BRAKING_S])
+    assert q[0] == pytest.approx(motion.q[50])
+    assert np.abs(v[0]).max() == pytest.approx(speed)
+    assert v[-1] == pytest.approx(np.zeros(6))
+    # This path is straight.
+    along = (q - motion.q[0]) @ (motion.q[-1] - motion.q[0])
+    across = (q - motion.q[0]) - np.outer(along, motion.q[-1] - motion.q[0]) / np.sum(
+        np.square(motion.q[-1] - motion.q[0])
+    )
+    assert np.abs(across).max() < 1e-9
+    assert (np.diff(along) >= 0).all()
+    # Near its end it does not go beyond.
+    _, q, _ = braked(motion, 1.15)
+    assert q[-1] == pytest.approx(motion.q[-1])
+
+
+def test_what_cannot_be_planned_is_said(reported):
     def refuse(*args):
         raise ValueError("target 7 cannot be reached from target 0")
 
-    monkeypatch.setattr(show._pilot, "motion_from", refuse)
+    show = live(reported, refuse)
     show._meshcat.SetSliderValue(TARGET, 7)
     show.step()
     assert not show.moving
-    assert show.told[-1] == "target 7 cannot be reached from target 0"
+    assert show.said[-1] == "target 7 cannot be reached from target 0"
+
+
+def test_skins_move_with_the_robot_and_the_air_is_announced(two_skins):
+    motion = motion_of("two_skins")
+    show = live(two_skins, lambda *query: motion)
+    show.simulation.rest_at(motion.q[0])
+    show._meshcat.SetSliderValue(TARGET, motion.goal)
+    show.step()
+    assert show.said[-1] == f"to sensation {motion.goal}, through the air"
+    before = transform_of(show, "/skins/forearm")
+    step_until(show, lambda: not show.moving)
+    after = transform_of(show, "/skins/forearm")
+    assert np.abs(after - before).max() > 0.1
+    assert transform_of(show, "/expected/forearm") == pytest.approx(after)
+    last = show.said[-1]
+    assert "where touch was expected" in last
+    contact = int(last.split("in contact ")[1].split("%")[0])
+    assert contact >= 90, "time in the air does not count"
+
+
+def transform_of(show, path) -> np.ndarray:
+    """`(16,)` the matrix as the browser gets it: sixteen doubles in MessagePack."""
+    packed = show._meshcat._GetPackedTransform(path)[-144:]
+    return np.array([struct.unpack(">d", packed[k + 1 : k + 9])[0] for k in range(0, 144, 9)])
 
 
 def test_speed_is_how_much_of_the_world_a_frame_is(show):
     show._meshcat.SetSliderValue(SPEED, 4.0)
-    before = show.arm.time_s
+    before = show.simulation.time_s
     show.step()
-    assert show.arm.time_s - before == pytest.approx(4 / 30)
+    assert show.simulation.time_s - before == pytest.approx(4 / 30)
 
 
 def test_a_taken_port_is_a_users_mistake(reported):
@@ -84,7 +185,6 @@ def test_it_lives_without_the_truth(make_run):
     run = make_run("learned")
     for path in run.truth.iterdir():
         path.unlink()
-    live = LiveShow(open_meshcat(), run)
-    live.step()
-    assert not live._meshcat.HasPath("/mind")
-    assert load_representation(run).num_targets > live.goal
+    show = live(run)
+    show.step()
+    assert not show._meshcat.HasPath("/recovered")

@@ -5,12 +5,15 @@ import re
 
 import numpy as np
 import pytest
+from laid_out import execution_of
 from pydrake.geometry import Meshcat
 
-from selftouch_drake.show import MissingError, write_playback
-from selftouch_drake.show.material import Material
-from selftouch_drake.show.recording import FRAMES_PER_S, frame_rows, record
-from selftouch_drake.show.scenery import firm_touch, key_frames
+from selftouch_drake.run.material import Material
+from selftouch_drake.run.showing import write_recording
+from selftouch_drake.show import MissingError
+from selftouch_drake.show.meshcat.meshcat_scene import firm_touch
+from selftouch_drake.show.meshcat.receptors import key_frames
+from selftouch_drake.show.meshcat.recording import FRAMES_PER_S, frame_rows, record
 
 
 @pytest.fixture(scope="module")
@@ -18,20 +21,49 @@ def page(reported):
     return reported.playback.read_text(encoding="utf-8")
 
 
-def test_the_recording_moves_the_arm_and_colours_the_receptors(page):
+def commands(page: str) -> bytes:
     encoded = re.findall(r"base64,([A-Za-z0-9+/=]{40,})", page)
-    commands = b"".join(base64.b64decode(text) for text in encoded)
+    return b"".join(base64.b64decode(text) for text in encoded)
+
+
+def test_the_recording_moves_the_robot_and_colours_the_receptors(page):
+    found = commands(page)
     for wanted in (
         b"set_animation",
         b"material.color",
-        b"/body/receptors/0",
-        b"/expected/receptors/0",
-        b"/mind/here",
-        b"/plan/0/path_0",
-        b"/plan/0/trace_0",
+        b"/skins/body/receptors/0",
+        b"/expected/body/receptors/0",
+        b"/recovered/here",
+        b"/skins/body/plan_0/path_0/dots",
+        b"/skins/body/plan_0/trace_0/dots",
     ):
-        assert wanted in commands
+        assert wanted in found
     assert len(page) < 5e6
+
+
+def test_skins_follow_their_links(two_skins):
+    material = Material(two_skins)
+    meshcat = Meshcat()
+    record(meshcat, material, [material.shown_pair])
+    recording = meshcat.get_mutable_recording()
+    rows = frame_rows(execution_of("two_skins").motion.time_s)
+    q = execution_of("two_skins").q_measured[rows]
+    true = material.robot.skin_positions(q)[:, 1, :, 3]
+    for root in ("/skins", "/expected"):
+        found = [recording.get_key_frame(f, f"{root}/forearm", "position") for f in (0, 20)]
+        assert np.array(found) == pytest.approx(true[[0, 20]])
+        assert recording.get_key_frame(0, f"{root}/body", "position") is None, "it stands still"
+    assert np.abs(true[20] - true[0]).max() > 0.01
+
+
+def test_paths_move_with_their_skin(two_skins):
+    material = Material(two_skins)
+    meshcat = Meshcat()
+    record(meshcat, material, [material.shown_pair, material.shown_pair])
+    for number in (0, 1):
+        assert meshcat.HasPath(f"/skins/forearm/plan_{number}")
+        assert meshcat.HasPath(f"/skins/body/plan_{number}")
+    assert meshcat.HasPath("/recovered/part_1/surface")
 
 
 def test_a_malicious_name_is_text(page, reported):
@@ -42,9 +74,9 @@ def test_a_malicious_name_is_text(page, reported):
 def test_only_executed_plans_are_recorded(make_run):
     run = make_run("planned")
     with pytest.raises(MissingError, match="plan 0-40 was not executed; run `selftouch execute`"):
-        write_playback(run, 0, 40)
+        write_recording(run, 0, 40)
     with pytest.raises(MissingError, match="plan 1-2 is not there; run `selftouch plan`"):
-        write_playback(run, 1, 2)
+        write_recording(run, 1, 2)
     assert not run.playback.exists()
 
 
@@ -52,16 +84,15 @@ def test_receptors_show_what_is_felt_when_it_is_felt(reported):
     material = Material(reported)
     meshcat = Meshcat()
     full = record(meshcat, material, [(0, 40), (0, 40)])
-    felt = material.executed(0, 40)["felt"]
+    felt = material.execution(0, 40).felt
     assert full == firm_touch(material.representation)
-    assert meshcat.HasPath("/plan/1/path_0")
-    assert meshcat.HasPath(f"/body/receptors/{felt.shape[1] - 1}")
+    assert meshcat.HasPath(f"/skins/body/receptors/{felt.shape[1] - 1}")
 
 
-def test_recording_is_quiet_and_leaves_the_log_as_it_was(reported, caplog):
+def test_recording_is_quiet_and_leaves_the_log_as_it_was(reported, tmp_path, caplog):
     logger = logging.getLogger("drake")
     level = logger.level
-    write_playback(reported, 0, 40)
+    write_recording(reported, 0, 40, path=tmp_path / "page.html")
     assert logger.level == level
     assert "listening" not in caplog.text
 

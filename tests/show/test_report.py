@@ -4,7 +4,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from selftouch_drake.show import headline, readings, write_report
+from selftouch_drake.run.material import Material
+from selftouch_drake.run.showing import write_report
+from selftouch_drake.show.page import tables
 
 
 class Links(HTMLParser):
@@ -20,9 +22,18 @@ class Links(HTMLParser):
         self.targets += [value for name, value in attrs if name in ("src", "href", "srcset")]
 
 
+def page_of(run) -> str:
+    return run.report.read_text(encoding="utf-8")
+
+
 @pytest.fixture(scope="module")
 def page(reported):
-    return reported.report.read_text(encoding="utf-8")
+    return page_of(reported)
+
+
+def cells(page: str) -> str:
+    """A page without white space between its tags."""
+    return re.sub(r">\s+<", "><", page)
 
 
 def test_the_report_asks_nothing_of_a_network(page, reported):
@@ -31,7 +42,7 @@ def test_the_report_asks_nothing_of_a_network(page, reported):
     images = [target for target in links.targets if target != "playback.html"]
     assert len(images) == 11
     assert all(image.startswith("data:image/png;base64,iVBORw0KGgo") for image in images)
-    assert "://" not in re.sub(r'src="[^"]*"', "", page)
+    assert "://" not in re.sub(r'src="[^"]*"|package://', "", page)
     assert "url(" not in page
     assert reported.playback.is_file()
 
@@ -42,14 +53,41 @@ def test_a_malicious_name_is_text(page, reported):
     assert html.escape(reported.experiment.name) in page.replace("&#34;", "&quot;")
 
 
-def test_figures_are_told_with_meaning_and_unit(page):
+def test_metrics_have_meaning_and_unit(page):
     assert "1.2 %" in page
     assert "error of the recovered body, as a share of its extent" in page
+
+
+def test_the_robot_is_described(page):
+    assert "A robot with 6 moving joints wears\na soft skin with 20" in page
+    assert "<td>shoulder_pitch</td><td>turns</td><td>-1 to 2.6 rad</td>" in page
+    assert "a ball of 1 cm radius at fingertip_0" in page
+    assert "<th>part</th>" not in page, "one part on one skin needs no table"
 
 
 def test_the_plan_is_listed(page):
     assert "<td>0</td><td>40</td><td>3</td>" in page
     assert "91.7 %" in page
+    assert "through the air" not in page
+
+
+def test_several_skins_are_listed_with_what_touches_them(two_skins):
+    page = cells(page_of(two_skins))
+    assert "A robot with 12 moving joints wears\n2 soft skins with 32" in page
+    assert "<td>forearm</td><td>left_arm::forearm</td>" in page
+    assert "<td>left_tip</td><td>a ball of 1 cm radius at left_hand::fingertip_0</td>" in page
+    rows = re.findall(
+        r"<td>(\d)</td><td>(\w+)</td><td>(\d+)</td><td>([\d, ]+)</td><td>\4</td>", page
+    )
+    assert rows == [("0", "body", "50", "1, 0, 1"), ("1", "forearm", "30", "1, 0, 0")]
+    assert "<td>3.4 %</td>" in page
+
+
+def test_a_flight_is_no_lost_contact(two_skins):
+    (row,) = tables.plan_rows(Material(two_skins))
+    assert (row.start, row.goal, row.num_flights) == (64, 8, 1)
+    assert row.contact == 1.0
+    assert "<th>through the air</th>" in page_of(two_skins)
 
 
 @pytest.mark.parametrize(
@@ -68,39 +106,7 @@ def test_missing_stages_are_named_with_their_remedy(make_run, unrendered, stage,
 
 
 def test_progress_rises_to_one(make_run):
-    told = []
-    write_report(make_run("nothing"), lambda fraction, doing: told.append(fraction))
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-
-
-def test_every_figure_of_the_contract_has_a_meaning():
-    keys = {
-        "babbling_num_samples": 100_000,
-        "topology_betti": [1, 0, 1],
-        "kernel_spread_median_m": 0.0191,
-        "neighbour_agreement": 0.905,
-        "shape_rms_fraction_by_metric": {"literal": 0.114, "motor": 0.05},
-        "planning_query_ms_p95": 21.4,
-        "execution_tracking_rms_rad": 0.0031,
-        "execution_force_max_N": 6.2,
-        "a_new_figure": 1234.5,
-    }
-    told = {r.key: (r.value, bool(r.meaning)) for stage in readings(keys).values() for r in stage}
-    assert told == {
-        "babbling_num_samples": ("100,000", True),
-        "topology_betti": ("1, 0, 1", True),
-        "kernel_spread_median_m": ("0.0191 m", True),
-        "neighbour_agreement": ("90.5 %", True),
-        "shape_rms_fraction_by_metric": ("literal 11.4 %, motor 5.0 %", True),
-        "planning_query_ms_p95": ("21.4 ms", True),
-        "execution_tracking_rms_rad": ("0.0031 rad", True),
-        "execution_force_max_N": ("6.2 N", True),
-        "a_new_figure": ("1,234", False),
-    }
-
-
-def test_the_headline_holds_what_is_known():
-    assert headline({}) == []
-    figures = {"execution_contact_mean": 0.997, "shape_rms_fraction": 0.038}
-    assert headline(figures) == [("shape error", "3.8 %"), ("contact held", "99.7 %")]
+    reported = []
+    write_report(make_run("nothing"), lambda fraction, doing: reported.append(fraction))
+    assert reported == sorted(reported)
+    assert reported[-1] == 1.0

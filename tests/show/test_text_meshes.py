@@ -1,6 +1,6 @@
 import numpy as np
 
-from selftouch_drake.show.lettering import letters
+from selftouch_drake.show.meshcat.text_meshes import letters
 
 
 def area(text):

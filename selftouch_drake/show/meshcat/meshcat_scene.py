@@ -226,9 +226,7 @@ def _reach(material: Material, middle: np.ndarray) -> tuple[float, float]:
     # As many points as the outline of a picture needs.
     outlines = [skin.vertices[:: max(len(skin.vertices) // 200, 1)] for skin in material.skins]
     places = [
-        moved(outline, pose)
-        for number, outline in enumerate(outlines)
-        for pose in poses[:, number]
+        moved(outline, pose) for number, outline in enumerate(outlines) for pose in poses[:, number]
     ]
     right, up, _ = VIEW.project(np.concatenate(places) - middle).T
     left_end, right_end = np.quantile(right, [_RARE, 1.0 - _RARE])

@@ -33,10 +33,14 @@ class RobotPage:
     Args:
         meshcat: where it is shown.
         world: of the robot.
+
+    Attributes:
+        meshcat: where it is shown.
+        status: what is written below the robot.
     """
 
     def __init__(self, meshcat: Meshcat, world: World):
-        self._meshcat, self._world = meshcat, world
+        self.meshcat, self._world = meshcat, world
         self._robot = robot = world.robot
         self._drawing = RobotDrawing(meshcat, world.experiment, world.skins)
         skins = surfaces_of(world.skins)
@@ -51,18 +55,18 @@ class RobotPage:
         low, high = home.vertices.min(axis=0), home.vertices.max(axis=0)
         self._size = float((high - low).max())
         self._under = (low + high) / 2 - 0.75 * self._size * VIEW.axes[1]
-        self._status = ""
+        self.status = ""
         set_stage(meshcat, VIEW, (low + high) / 2, self._size)
         self.show(self._q)
 
     @property
     def ended(self) -> bool:
         """Whether the end was asked for."""
-        return self._meshcat.GetButtonClicks(END) > 0
+        return self.meshcat.GetButtonClicks(END) > 0
 
     def step(self) -> None:
         """Takes the posture of the sliders, if they have moved."""
-        q = np.array([self._meshcat.GetSliderValue(name) for name in self._robot.joint_names])
+        q = np.array([self.meshcat.GetSliderValue(name) for name in self._robot.joint_names])
         if not np.array_equal(q, self._q):
             self.show(q)
 
@@ -73,19 +77,17 @@ class RobotPage:
         self._skins.move(self._robot.skin_positions(q[None])[0])
         places = self._robot.toucher_positions(q[None])[0]
         for number, path in self._balls.items():
-            self._meshcat.SetTransform(path, RigidTransform(places[number]))
+            self.meshcat.SetTransform(path, RigidTransform(places[number]))
         (felt,) = self._world.probe.sensations(q[None])
         self._skins.show(felt / _FULL)
         (depth,) = self._world.probe.collision_depth(q[None])
         status = f"feels {felt.sum():.1f} N" if felt.any() else "touches nothing"
         if depth > 0:
             status = "rigid parts run into each other: no posture of this robot"
-        if status != self._status:
+        if status != self.status:
             size = 0.08 * self._size
-            put_text(
-                self._meshcat, "/status", status, self._under, VIEW, size=size, color=rgba(INK)
-            )
-            self._status = status
+            put_text(self.meshcat, "/status", status, self._under, VIEW, size=size, color=rgba(INK))
+            self.status = status
 
 
 def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None:

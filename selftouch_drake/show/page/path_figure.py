@@ -61,8 +61,13 @@ def plan_path(
     for column, (number, view) in enumerate(panels):
         title = skins[number].name if len(numbers) > 1 else ""
         ax = add_scene(figure, grid[column], title)
-        here, crosses = ([p for p in of if p.skin == number] for of in (paths, known))
-        _draw_paths(ax, view, skins[number], here, crosses, num_rows)
+        # Several skins, far apart, are each shown round their own middle.
+        middle = np.zeros(3) if len(numbers) == 1 else -skins[number].vertices.mean(axis=0)
+        pose = np.hstack([np.eye(3), middle[:, None]])
+        here, crosses = (
+            [path.moved(pose) for path in of if path.skin == number] for of in (paths, known)
+        )
+        _draw_paths(ax, view, skins[number].moved(pose), here, crosses, num_rows)
     share_scale(figure.axes)
     fit_height(figure, margin=0.5)
     ax = figure.axes[0]

@@ -8,7 +8,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from selftouch_drake.show.page.scene import add_scene, draw, fit_height, scale_bar, unhidden, visible
+from selftouch_drake.show.page.scene import (
+    add_scene,
+    draw,
+    fit_height,
+    scale_bar,
+    unhidden,
+    visible,
+)
 from selftouch_drake.show.page.solids import balls, rod, shell, surface
 from selftouch_drake.show.robot_shape import DrawnRobot
 from selftouch_drake.show.skins import SkinSurface, as_one, moved

@@ -92,25 +92,29 @@ def persistence(
             infinite.
         betti: of each part how many of each are held to be true.
     """
+    counts = [None] * len(diagrams) if betti is None else list(betti)
     if len(diagrams) == 1:
         figure = Figure(figsize=(8.6, 3.8), layout="constrained")
         diagram, bars = figure.subplots(1, 2, width_ratios=(1, 1.35))
         _draw_diagram(diagram, diagrams[0])
-        _draw_bars(bars, diagrams[0], None if betti is None else betti[0])
+        _draw_bars(bars, diagrams[0])
         bars.set(
             xlabel="radius of the balls round the kernels (unit of the recovered body)",
             title="How long each lives",
         )
+        bars.legend(handles=_handles(counts[0]), loc="center right")
         return figure
     rows, columns = -(-len(diagrams) // _COLUMNS), min(len(diagrams), _COLUMNS)
-    figure = Figure(figsize=(3.6 * columns, 0.5 + 2.6 * rows), layout="constrained")
+    figure = Figure(figsize=(3.6 * columns, 0.8 + 2.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for part, (ax, diagram) in enumerate(zip(axes, diagrams, strict=False)):
-        _draw_bars(ax, diagram, None if betti is None else betti[part])
-        ax.set(title=f"part {part}")
+    for part, (ax, diagram, count) in enumerate(zip(axes, diagrams, counts, strict=False)):
+        _draw_bars(ax, diagram)
+        held = "" if count is None else f": {', '.join(map(str, count))}"
+        ax.set(title=f"part {part}{held}")
     for ax in axes[len(diagrams) :]:
         ax.set_axis_off()
     figure.supxlabel("radius of the balls round the kernels (unit of each part)", fontsize=9)
+    figure.legend(handles=_handles(None), loc="outside lower right", ncols=3, fontsize=8)
     return figure
 
 
@@ -158,17 +162,23 @@ def _draw_diagram(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
     )
 
 
-def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray], betti: Sequence[int] | None) -> None:
-    end, row, handles = _end(diagram), 0, []
-    for dimension, (pairs, (kind, color)) in enumerate(zip(diagram, _KINDS, strict=True)):
+def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
+    end, row = _end(diagram), 0
+    for pairs, (_, color) in zip(diagram, _KINDS, strict=True):
         birth, death = pairs[:, 0], np.minimum(pairs[:, 1], end)
         longest = np.argsort(birth - death, kind="stable")[:_MOST_BARS]
         rows = row + np.arange(len(longest))
         ax.hlines(rows, birth[longest], death[longest], color=color, linewidth=2.0)
         row += len(longest) + 2
-        count = "" if betti is None else f": {betti[dimension]}"
-        handles.append(Line2D([], [], color=color, linewidth=2.5, label=f"{kind}{count}"))
     ax.set(xlim=(-0.01 * end, end), yticks=[])
     ax.invert_yaxis()
     ax.spines["left"].set_visible(False)
-    ax.legend(handles=handles, loc="center right")
+
+
+def _handles(betti: Sequence[int] | None) -> list[Line2D]:
+    """Of the legend: a line per kind of hole, with how many are held to be true."""
+    counts = ["", "", ""] if betti is None else [f": {number}" for number in betti]
+    return [
+        Line2D([], [], color=color, linewidth=2.5, label=f"{kind}{count}")
+        for (kind, color), count in zip(_KINDS, counts, strict=True)
+    ]

@@ -136,7 +136,7 @@ def skin_rows(material: Material) -> list[SkinRow]:
         rows.append(
             SkinRow(
                 name=skin.model.name,
-                link=skin.link.name(),
+                link=skin.model.link,
                 area_cm2=1e4 * trimesh.Trimesh(wall.vertices, wall.faces, process=False).area,
                 thickness_cm=100 * wall.thickness,
                 num_receptors=skin.model.fields.num_receptors,
@@ -152,13 +152,14 @@ def toucher_rows(material: Material) -> list[ToucherRow]:
     worn = {int(skin.link.index()): skin.model.name for skin in robot.skins}
     rows = []
     for number, toucher in enumerate(robot.touchers):
-        radius = material.shape.ball_radii[number]
+        described = material.experiment.touching[toucher.name]
+        radius = described.radius
         if radius is not None:
-            what = f"a ball of {100 * radius:.2g} cm radius at {toucher.frame.name()}"
+            what = f"a ball of {100 * radius:.2g} cm radius at {described.frame}"
         elif (name := worn.get(int(toucher.link.index()))) is not None:
             what = f"the skin {name}"
         else:
-            what = f"the link {toucher.link.name()}"
+            what = f"the link {described.link}"
         touches = [robot.skins[s].model.name for t, s in robot.touching_pairs if t == number]
         rows.append(ToucherRow(name=toucher.name, what=what, touches=", ".join(touches)))
     return rows

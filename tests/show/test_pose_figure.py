@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from selftouch_drake.show.motion_figures import learning_curve
-from selftouch_drake.show.plan_figures import depth_below_surface, plan_poses
+from selftouch_drake.show.page.motion_figures import learning_curve
+from selftouch_drake.show.page.pose_figure import depth_below_surface, plan_poses
 
 BOX = trimesh.creation.box(extents=(0.4, 0.4, 0.4))
 

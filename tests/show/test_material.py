@@ -1,0 +1,81 @@
+import numpy as np
+import pytest
+import trimesh
+from laid_out import places_of
+
+from selftouch_drake.run.material import Material
+from selftouch_drake.show import MissingError
+from selftouch_drake.show.skins import all_moved
+
+
+def test_the_mirrored_recovered_body_is_drawn_the_right_way_out(reported):
+    (part,) = Material(reported).recovered
+    assert part.closed
+    assert trimesh.Trimesh(part.places, part.faces, process=False).volume > 0
+
+
+def test_each_part_lies_on_the_skin_that_it_stands_for(two_skins):
+    material = Material(two_skins)
+    assert [part.skins for part in material.recovered] == [(0,), (1,)]
+    assert [part.closed for part in material.recovered] == [True, False]
+    skin, places = places_of("two_skins")
+    pose = material.home[skin]
+    true = np.einsum("nij,nj->ni", pose[:, :, :3], places) + pose[:, :, 3]
+    assert material.kernel_places == pytest.approx(true, abs=1e-6)
+
+
+def test_a_part_with_a_rim_is_turned_outward(two_skins):
+    material = Material(two_skins)
+    part = material.recovered[1]
+    mesh = trimesh.Trimesh(part.places, part.faces, process=False)
+    assert not mesh.is_watertight
+    forearm = all_moved(material.skins, material.home)[1]
+    outward = mesh.triangles_center - forearm.vertices.mean(axis=0)
+    outward[:, 0] = 0.0  # the forearm lies along x
+    assert (np.einsum("fi,fi->f", mesh.face_normals, outward) > 0).all()
+
+
+def test_places_on_different_skins_have_no_distance(two_skins):
+    distances = Material(two_skins).true_distances
+    skin, places = places_of("two_skins")
+    assert np.isnan(distances[skin == 0][:, skin == 1]).all()
+    assert distances[0, 1] == pytest.approx(np.linalg.norm(places[0] - places[1]), abs=1e-6)
+
+
+def test_touches_are_counted_on_their_own_skin(two_skins):
+    material = Material(two_skins)
+    for skin, density, count in zip(
+        material.skins, material.touch_density, (250, 150), strict=True
+    ):
+        area = trimesh.Trimesh(skin.vertices, skin.faces, process=False).area
+        weights = np.bincount(
+            skin.faces.ravel(),
+            np.repeat(trimesh.Trimesh(skin.vertices, skin.faces, process=False).area_faces, 3),
+        )
+        mean = (density * weights).sum() / weights.sum()
+        assert mean * area * 1e4 == pytest.approx(count, rel=0.1)
+    sample = material.touch_sample(100)
+    assert (sample.num_drawn, sample.num_touches) == (100, 400)
+    assert len(sample.places) == 100
+
+
+def test_several_touches_at_once_are_no_surface(reported, monkeypatch):
+    material = Material(reported)
+    truth = material.kernel_truth
+    vars(material)["kernel_truth"] = type(truth)(
+        skin=truth.skin, positions=truth.positions, spread=truth.spread, share_single=0.7
+    )
+    with pytest.raises(MissingError, match="30% of the touches are at several places at once"):
+        _ = material.recovered
+
+
+def test_the_longest_executed_plan_is_shown(reported):
+    assert Material(reported).shown_pair == (0, 40)
+
+
+def test_the_stored_skins_are_those_of_this_experiment(make_run):
+    run = make_run("babbled")
+    arrays = dict(np.load(run.skin))
+    np.savez(run.skin, **arrays | {"made_for": np.array("format 0, other")})
+    with pytest.raises(ValueError, match=r"skin\.npz is of another experiment or version; run"):
+        _ = Material(run).skins
