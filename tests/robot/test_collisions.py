@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import robots
 
-from selftouch_drake.experiment import ExperimentError
 
 # A torso and two arms whose upper parts overlap it, as in most models. All shapes have a pose.
 DUMMY = (
