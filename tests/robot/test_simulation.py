@@ -112,7 +112,8 @@ def free_start(world):
     return robots.free(world, q)[0]
 
 
-def test_each_motion_goes_on_from_where_the_robot_is(world):
+def test_each_motion_goes_on_from_where_the_robot_is(open_world):
+    world = open_world
     simulation, robot = world.simulation, world.robot
     simulation.rest_at(free_start(world))
     time_s, blend = quintic()

@@ -104,7 +104,8 @@ def test_gravity_is_compensated(world):
     world.simulation.advance(0.5)
     log = world.simulation.take_log()
     np.testing.assert_allclose(log.q_steps, np.broadcast_to(q, log.q_steps.shape), atol=1e-6)
-    assert np.abs(log.torque).max() > 3.0
+    # An infant's arms weigh little.
+    assert np.abs(log.torque).max() > 0.3
     assert not log.felt.any()
 
 
