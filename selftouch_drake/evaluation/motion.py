@@ -42,13 +42,13 @@ def score_motion(motion: Motion, felt: np.ndarray, target_sensations: np.ndarray
     """
     touching = np.any(felt, axis=1)
     expected = motion.touching
-    foretold = touching & motion.predicted.any(axis=1)
-    cosine = cosine_distance(felt[foretold], motion.predicted[foretold])
+    comparable = touching & motion.predicted.any(axis=1)
+    cosine = cosine_distance(felt[comparable], motion.predicted[comparable])
     there = int(np.argmax(target_sensations @ felt[-1]))
     return MotionScore(
         contact=float(touching[expected].mean()) if expected.any() else 1.0,
         reached=bool(touching[-1] and there == motion.goal),
-        prediction_error=float(cosine.mean()) if foretold.any() else 1.0,
+        prediction_error=float(cosine.mean()) if comparable.any() else 1.0,
     )
 
 
@@ -132,18 +132,18 @@ def in_link_frames(p_WT: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
 
 
 def progress_along(s: np.ndarray, q: np.ndarray, q_measured: np.ndarray) -> np.ndarray:
-    """How far along the planned path the arm truly was.
+    """How far along the planned path the robot truly was.
 
-    The arm lags behind by milliradians. Where the plan begins and ends at rest its progress is as
+    The robot lags behind by milliradians. Where the plan begins and ends at rest its progress is as
     small, so that the measured path over planned progress would seem to jerk there.
 
     Args:
-        s: `(T,)` rad, where on the planned path the arm was meant to be.
-        q: `(T, J)` rad, planned.
-        q_measured: `(T, J)` rad.
+        s: `(T,)` rad, where on the planned path the robot was meant to be.
+        q: `(T, J)` rad or m, planned.
+        q_measured: `(T, J)` rad or m.
 
     Returns:
-        `(T,)` rad, the place on the planned path nearest to where the arm was; it never falls.
+        `(T,)` rad, the place on the planned path nearest to where the robot was; it never falls.
     """
     moved = _moved(s)
     if moved.sum() < 2:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import Frame, Joint, RevoluteJoint, RigidBody
+from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
 
 from selftouch_drake.robot.compiled import compiled, inner
 
@@ -47,11 +48,11 @@ class Kinematics:
         """
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, np.zeros(plant.num_positions()))
-        joints = moving_joints(plant)
+        tree = JointTree(plant)
+        joints = tree.joints
         # At zero the frame that a joint moves lies in the frame it moves in.
         X_WJ = [joint.frame_on_parent().CalcPoseInWorld(context) for joint in joints]
-        tree = _Tree(plant, joints)
-        parent = [tree.carrier(tree.inboard_body(joint)) for joint in joints]
+        parent = [tree.carrier(tree.frames(joint)[0].body()) for joint in joints]
         owner = [tree.carrier(frame.body()) for frame in frames]
 
         def relative(X_WF: RigidTransform, joint: int) -> np.ndarray:
@@ -61,7 +62,7 @@ class Kinematics:
         return Kinematics(
             parent=np.array(parent, dtype=np.int64),
             X_PF=np.array([relative(X, p) for X, p in zip(X_WJ, parent, strict=True)]),
-            axis_F=np.array([tree.direction(joint) * _axis(joint) for joint in joints]),
+            axis_F=np.array([tree.axis(joint) for joint in joints]),
             turns=np.array([isinstance(joint, RevoluteJoint) for joint in joints]),
             owner=np.array(owner, dtype=np.int64),
             X_JL=np.array(
@@ -95,25 +96,30 @@ def moving_joints(plant: MultibodyPlant) -> list[Joint]:
     return sorted((j for j in joints if j.num_positions()), key=lambda j: j.position_start())
 
 
-class _Tree:
-    """The joints on the way from each body to the world.
+class JointTree:
+    """The moving joints of a plant, each between a body nearer to the world and one farther.
 
-    A model that is welded to the world by its tip has joints whose parent is the body that moves.
+    The farther one is the joint's child, but in a model that is welded to the world by its tip.
+
+    Args:
+        plant: finalized.
     """
 
-    def __init__(self, plant: MultibodyPlant, joints: Sequence[Joint]):
-        self._number = {int(joint.index()): k for k, joint in enumerate(joints)}
-        at_body: dict[int, list[Joint]] = {index: [] for index in range(plant.num_bodies())}
+    def __init__(self, plant: MultibodyPlant):
+        self.joints = moving_joints(plant)
+        self._number = {joint.index(): k for k, joint in enumerate(self.joints)}
+        at_body: dict[BodyIndex, list[Joint]] = defaultdict(list)
         for index in plant.GetJointIndices():
             joint = plant.get_joint(index)
-            for body in (joint.parent_body(), joint.child_body()):
-                at_body[int(body.index())].append(joint)
-        world = int(plant.world_body().index())
-        self._inboard: dict[int, tuple[Joint, int]] = {}
+            at_body[joint.parent_body().index()].append(joint)
+            at_body[joint.child_body().index()].append(joint)
+        # Of each body the joint on its way to the world, and the next body on it.
+        self._inboard: dict[BodyIndex, tuple[Joint, BodyIndex]] = {}
+        world = plant.world_body().index()
         reached = [world]
         for near in reached:
             for joint in at_body[near]:
-                ends = int(joint.parent_body().index()), int(joint.child_body().index())
+                ends = joint.parent_body().index(), joint.child_body().index()
                 far = ends[1] if ends[0] == near else ends[0]
                 if far != world and far not in self._inboard:
                     self._inboard[far] = joint, near
@@ -121,28 +127,29 @@ class _Tree:
 
     def carrier(self, body: RigidBody) -> int:
         """The number of the last moving joint on the way from the world to `body`; -1 for none."""
-        index = int(body.index())
+        index = body.index()
         while index in self._inboard:
             joint, near = self._inboard[index]
-            if (number := self._number.get(int(joint.index()))) is not None:
-                return number
+            if joint.index() in self._number:
+                return self._number[joint.index()]
             index = near
         return -1
 
-    def direction(self, joint: Joint) -> int:
-        """1 if a joint moves its child, -1 if its child carries its parent."""
-        found = self._inboard.get(int(joint.child_body().index()))
-        return 1 if found is not None and found[0].index() == joint.index() else -1
+    def moves_child(self, joint: Joint) -> bool:
+        """Whether a joint's child is farther from the world than its parent."""
+        inboard = self._inboard.get(joint.child_body().index())
+        return inboard is not None and inboard[0].index() == joint.index()
 
-    def inboard_body(self, joint: Joint) -> RigidBody:
-        """The body of a joint that is nearer to the world."""
-        return joint.parent_body() if self.direction(joint) > 0 else joint.child_body()
+    def axis(self, joint: Joint) -> np.ndarray:
+        """`(3,)` unit vector about or along which the farther body moves, in a joint's frame."""
+        turns = isinstance(joint, RevoluteJoint)
+        axis = joint.revolute_axis() if turns else joint.translation_axis()
+        return axis if self.moves_child(joint) else -axis
 
-
-def _axis(joint: Joint) -> np.ndarray:
-    if isinstance(joint, RevoluteJoint):
-        return joint.revolute_axis()
-    return joint.translation_axis()
+    def frames(self, joint: Joint) -> tuple[Frame, Frame]:
+        """The frame of a joint on the body nearer to the world, and that on the farther one."""
+        frames = joint.frame_on_parent(), joint.frame_on_child()
+        return frames if self.moves_child(joint) else frames[::-1]
 
 
 @compiled

@@ -16,11 +16,11 @@ from pydrake.geometry import (
     SceneGraph,
 )
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
+from pydrake.multibody.tree import BodyIndex, Frame, RevoluteJoint, RigidBody
 from pydrake.systems.framework import Context
 
 from selftouch_drake.experiment import Experiment, ExperimentError
-from selftouch_drake.robot.kinematics import moving_joints
+from selftouch_drake.robot.kinematics import JointTree
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
 
@@ -102,18 +102,23 @@ class Neighbours:
             for body in bodies:
                 self._group[body] = number
         context = plant.CreateDefaultContext()
-        joints = moving_joints(plant)
-        ends = [(self.of(j.parent_body()), self.of(j.child_body())) for j in joints]
+        tree = JointTree(plant)
+        turns = [isinstance(joint, RevoluteJoint) for joint in tree.joints]
+        frames = [tree.frames(joint) for joint in tree.joints]
+        ends = [(self.of(near.body()), self.of(far.body())) for near, far in frames]
         # For each joint the links that it, or a joint before it at the same place, starts from.
         starts: list[set[int]] = []
-        for joint, (parent, _) in zip(joints, ends, strict=True):
+        for joint, (parent, _) in enumerate(ends):
             starts.append({parent})
-            for before, (_, child) in enumerate(ends):
-                if child == parent and (
-                    _at_one_place(joints[before], joint, context)
-                    or not _welded_mass(plant, joint.parent_body())
-                ):
-                    starts[-1] |= starts[before]
+            massless = not _welded_mass(plant, frames[joint][0].body())
+            for before in range(joint):
+                at_one_place = (
+                    turns[before]
+                    and turns[joint]
+                    and _are_at_one_place(frames[before][1], frames[joint][0], context)
+                )
+                if ends[before][1] == parent and (massless or at_one_place):
+                    starts[joint] |= starts[before]
         self._adjacent = {
             pair
             for (_, child), reached in zip(ends, starts, strict=True)
@@ -139,12 +144,8 @@ class Neighbours:
         return all(ends) and self._inspector.CollisionFiltered(*(ids[0] for ids in ends if ids))
 
 
-def _at_one_place(before: Joint, joint: Joint, context: Context) -> bool:
-    """Whether two joints in a row turn about axes that meet, give or take `_ONE_PLACE`."""
-    if not (isinstance(before, RevoluteJoint) and isinstance(joint, RevoluteJoint)):
-        return False
-    X_BJ = joint.frame_on_parent().CalcPose(context, before.frame_on_child())
-    return float(np.linalg.norm(X_BJ.translation())) < _ONE_PLACE
+def _are_at_one_place(a: Frame, b: Frame, context: Context) -> bool:
+    return float(np.linalg.norm(b.CalcPose(context, a).translation())) < _ONE_PLACE
 
 
 def _welded_mass(plant: MultibodyPlant, link: RigidBody) -> float:

@@ -1,4 +1,4 @@
-"""One simulation of a robot that is told where to go: for plans, live play and babbling."""
+"""One simulation of a robot that follows commands: for plans, live play and babbling."""
 
 from __future__ import annotations
 

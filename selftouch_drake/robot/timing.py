@@ -22,8 +22,9 @@ from selftouch_drake.robot.limits import CHECK_RATE_HZ, speed_shares
 
 #: Toppra keeps the limits at its grid points only, and exceeds them by up to 25 % between them.
 LIMIT_SHARE = 0.8
-# rad of path length between grid points, finest first. Twice as fine takes twice the time (15 ms
-# for 100 points) and saves 0.5 % of the duration; a coarser grid may succeed where a finer fails.
+# rad of scaled path length between grid points, finest first. Twice as fine takes twice the time
+# (15 ms for 100 points) and saves 0.5 % of the duration; a coarser grid may succeed where a finer
+# one fails.
 _GRID_SPACINGS = (0.07, 0.15, 0.3)
 #: s, a motion that would last longer is refused: its limits are a mistake.
 LONGEST_S = 600.0
@@ -31,7 +32,7 @@ LONGEST_S = 600.0
 # between two instants of the check.
 _CHECK_MARGIN = 1.01
 # s over which the progress is averaged. Toppra jumps from one acceleration to another, and so
-# does the error of the arm that follows; on average it ramps.
+# does the error of the robot that follows; on average it ramps.
 _EASING_S = 0.06
 # s between the knots of the averaged progress, and how many values are averaged.
 _EASING_STEP_S = 0.01
@@ -49,9 +50,9 @@ class TimedPath:
 
     Attributes:
         time_s: `(T,)` s, from 0, evenly spaced but for the last, which is the end.
-        s: `(T,)` rad, length along the path.
-        q: `(T, J)` rad.
-        v: `(T, J)` rad/s.
+        s: `(T,)` rad, scaled length along the path.
+        q: `(T, J)` rad or m.
+        v: `(T, J)` rad/s or m/s.
         trajectory: the same as a Drake trajectory of q over `[0, time_s[-1]]`.
     """
 
@@ -74,16 +75,16 @@ def time_path(
     Time-optimal path parameterization (Drake's Toppra), on a coarser grid if it fails; a quintic
     time scaling if that fails as well. Accelerations are then eased in and out, and what still
     exceeds a limit anywhere, on the path or on the cubic pieces between the samples that the
-    joints are told, is slowed down as a whole.
+    joints follow, is slowed down as a whole.
 
     Args:
-        path: clamped B-spline of `(J,)` rad over path length in rad.
-        velocity_limit: `(J,)` rad/s, the largest speed of each joint.
-        acceleration_limit: `(J,)` rad/s^2, the largest acceleration of each joint.
+        path: clamped B-spline of `(J,)` rad or m over scaled path length in rad.
+        velocity_limit: `(J,)` rad/s or m/s, the largest speed of each joint.
+        acceleration_limit: `(J,)` rad/s^2 or m/s^2, the largest acceleration of each joint.
         rate_hz: of the samples.
 
     Raises:
-        ValueError: if a limit or the rate is not positive, there is not one limit a joint, or the
+        ValueError: if a limit or the rate is not positive, there is not one limit per joint, or the
             limits are so low that the motion would last longer than `LONGEST_S`.
     """
     velocity_limit = _checked_limit("velocity_limit", velocity_limit, path)
@@ -127,9 +128,9 @@ def quintic_time_scaling(
     within the hull of its control points.
 
     Args:
-        path: clamped B-spline of `(J,)` rad over path length in rad.
-        velocity_limit: `(J,)` rad/s.
-        acceleration_limit: `(J,)` rad/s^2.
+        path: clamped B-spline of `(J,)` rad or m over scaled path length in rad.
+        velocity_limit: `(J,)` rad/s or m/s.
+        acceleration_limit: `(J,)` rad/s^2 or m/s^2.
     """
     start, end = path.t[0], path.t[-1]
     speed = (end - start) * _hull(path.derivative(1))
@@ -253,7 +254,7 @@ def _checked_limit(name: str, limit: np.ndarray, path: BSpline) -> np.ndarray:
     limit, num_joints = np.asarray(limit, dtype=float), path.c.shape[1]
     if limit.shape != (num_joints,):
         raise ValueError(
-            f"{name} has shape {limit.shape}: the path needs ({num_joints},), one limit a joint"
+            f"{name} has shape {limit.shape}: the path needs ({num_joints},), one limit per joint"
         )
     if not np.all((limit > 0.0) & np.isfinite(limit)):
         raise ValueError(f"{name} is {limit.tolist()}: give a positive limit for each joint")

@@ -20,58 +20,69 @@ from selftouch_drake.geometry import hollow_skin, sphere, wall_points
 TARGETS = np.eye(3)
 
 
-def motion(predicted, goal, in_air=None):
-    """A motion of one step per instant, to kernel `goal`."""
-    num_times = len(predicted)
-    nodes = np.full(num_times, goal)
-    s = np.arange(float(num_times))
-    q = np.zeros((num_times, 2))
+def motion(predicted, *, goal=2, in_air=(False, False, False)):
+    """Four instants on a way of three steps, from kernel 0 to `goal`."""
+    s = np.array([0.0, 1.0, 2.0, 3.0])
     return Motion(
-        nodes=nodes,
-        links=np.full(num_times - 1, -1),
-        in_air=np.zeros(num_times - 1, dtype=bool) if in_air is None else np.array(in_air),
-        waypoints_q=q,
+        nodes=np.array([0, 1, 0, goal]),
+        links=np.full(3, -1),
+        in_air=np.array(in_air),
+        waypoints_q=np.zeros((4, 1)),
         waypoint_s=s,
-        time_s=s,
+        time_s=0.1 * s,
         s=s,
-        q=q,
-        v=q,
+        q=np.zeros((4, 1)),
+        v=np.zeros((4, 1)),
         predicted=np.asarray(predicted, dtype=float),
-        predicted_spread=np.ones(num_times),
+        predicted_spread=np.ones(4),
     )
 
 
+FELT = np.array([[2.0, 0, 0], [0, 0, 0], [0, 3.0, 0], [0, 0, 1.0]])
+
+
 def test_a_motion_is_scored_by_what_was_felt():
-    felt = np.array([[2.0, 0, 0], [0, 0, 0], [0, 3.0, 0], [0, 0, 1.0]])
     predicted = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, 0, 1.0], [0, 0, 5.0]])
-    score = score_motion(motion(predicted, 2), felt, TARGETS)
+    score = score_motion(motion(predicted), FELT, TARGETS)
     assert (score.contact, score.reached) == (0.75, True)
     assert score.prediction_error == pytest.approx(1 / 3)
-    assert not score_motion(motion(predicted, 1), felt, TARGETS).reached
-
-
-def test_what_happens_in_the_air_does_not_count():
-    felt = np.array([[1.0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 1.0]])
-    predicted = np.array([[1.0, 0, 0], [0, 0, 0], [0, 0, 0], [0, 0, 1.0]])
-    flown = score_motion(motion(predicted, 2, [False, True, True]), felt, TARGETS)
-    assert flown.contact == 1.0
-    assert score_motion(motion(predicted, 2), felt, TARGETS).contact == 0.5
+    assert not score_motion(motion(predicted, goal=1), FELT, TARGETS).reached
 
 
 def test_a_motion_that_ends_off_the_skin_reached_nothing():
-    felt = np.array([[1.0, 0, 0], [0, 0, 0]])
-    assert not score_motion(motion(felt + 1.0, 0), felt, TARGETS).reached
+    felt = np.array([[1.0, 0, 0]] * 3 + [[0, 0, 0]])
+    assert not score_motion(motion(np.ones((4, 3)), goal=0), felt, TARGETS).reached
 
 
 def test_a_motion_that_never_touches_predicted_nothing():
-    score = score_motion(motion(np.ones((3, 3)), 0), np.zeros((3, 3)), TARGETS)
+    score = score_motion(motion(np.ones((4, 3)), goal=0), np.zeros((4, 3)), TARGETS)
     assert (score.contact, score.reached, score.prediction_error) == (0.0, False, 1.0)
 
 
-def test_the_summary_has_the_mean_and_the_worst():
-    felt = np.array([[1.0, 0, 0], [0, 1.0, 0]])
-    lost = felt * [[1.0], [0.0]]
-    scores = [score_motion(motion(felt, 1), f, TARGETS) for f in (felt, lost)]
+def test_what_happens_in_the_air_does_not_count():
+    predicted = np.array([[1.0, 0, 0], [0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
+    # The second step lifts off and lands: the instant at its start is in the air.
+    flown = motion(predicted, in_air=(False, True, False))
+    score = score_motion(flown, FELT, TARGETS)
+    assert (score.contact, score.reached, score.prediction_error) == (1.0, True, 0.0)
+    # What is felt there, where nothing was expected, is no error of the prediction.
+    brushed = FELT.copy()
+    brushed[1] = [0, 0, 9.0]
+    assert score_motion(flown, brushed, TARGETS) == score
+    # Where it lands it is held to its word.
+    missed = FELT.copy()
+    missed[2] = 0.0
+    assert score_motion(flown, missed, TARGETS).contact == pytest.approx(2 / 3)
+    # At the end touch is expected, even of the last step.
+    landed = motion(predicted, in_air=(True, True, True))
+    assert score_motion(landed, np.zeros((4, 3)), TARGETS).contact == 0.0
+    assert score_motion(landed, FELT, TARGETS).contact == 1.0
+
+
+def test_the_summary_tells_the_mean_and_the_worst():
+    felt = np.array([[1.0, 0, 0], [0, 1.0, 0]] * 2)
+    lost = felt * [[1.0], [0.0], [1.0], [0.0]]
+    scores = [score_motion(motion(felt, goal=1), f, TARGETS) for f in (felt, lost)]
     assert summarise(scores, "execution") == {
         "execution_num_pairs": 2,
         "execution_reach_rate": 0.5,
@@ -92,32 +103,52 @@ def wall():
     return cKDTree(wall_points(hollow_skin(sphere(0.25), 0.03, 0.01), 0.005))
 
 
+RADIUS = np.array([0.01])
+
+
 @pytest.mark.parametrize(
-    ("radius", "off"),
+    ("distance", "off"),
     [(0.30, True), (0.26, False), (0.235, False), (0.215, False), (0.18, True), (0.0, True)],
 )
-def test_off_the_skin_is_in_the_cavity_or_far_outside(wall, radius, off):
-    p_LT = radius * np.array([[[[0.48, 0.6, 0.64]]]])
-    assert off_skin(p_LT, np.array([0.01]), [wall]).tolist() == [off]
+def test_off_the_skin_is_in_the_cavity_or_far_outside(wall, distance, off):
+    direction = np.array([0.48, 0.6, 0.64])
+    p_LT = np.tile(distance * direction, (11, 1, 1, 1))
+    np.testing.assert_array_equal(off_skin(p_LT, RADIUS, [wall]), np.full(11, off))
 
 
-def test_one_of_two_balls_on_one_of_two_skins_is_enough(wall):
+def test_a_ball_is_off_by_its_own_radius(wall):
+    # 15 mm off the wall: a large ball grazes, a small one has left.
+    p_LT = np.full((1, 1, 1, 3), 0.265) * [0.0, 0.0, 1.0]
+    assert off_skin(p_LT, np.array([0.005]), [wall]).all()
+    assert not off_skin(p_LT, np.array([0.01]), [wall]).any()
+
+
+def test_one_of_two_fingers_on_one_of_two_skins_is_enough(wall):
     there, away = [0.0, 0.0, 0.25], [0.0, 0.0, 0.35]
-    radius = np.array([0.01, 0.01])
-    p_LT = np.array([[[away, away], [away, there]], [[away, away], [away, away]]])
-    assert off_skin(p_LT, radius, [wall, wall]).tolist() == [False, True]
+    # Instants, skins, balls.
+    p_LT = np.array(
+        [
+            [[away, there], [away, away]],
+            [[away, away], [there, away]],
+            [[away, away], [away, away]],
+        ]
+    )
+    off = off_skin(p_LT, np.array([0.01, 0.01]), [wall, wall])
+    np.testing.assert_array_equal(off, [False, False, True])
 
 
-def test_points_are_seen_from_moving_links():
+def test_places_in_the_frames_of_links_that_move():
     rng = np.random.default_rng(0)
-    X_WL = [RigidTransform(RollPitchYaw(*rng.normal(size=3)), rng.normal(size=3)) for _ in range(6)]
-    p_WT = rng.normal(size=(3, 4, 3))
-    poses = np.array([X.GetAsMatrix34() for X in X_WL]).reshape(3, 2, 3, 4)
-    found = in_link_frames(p_WT, poses)
-    for t in range(3):
-        for link in range(2):
-            expected = X_WL[2 * t + link].inverse().multiply(p_WT[t].T).T
-            np.testing.assert_allclose(found[t, link], expected, atol=1e-12)
+    X_WL = [
+        [RigidTransform(RollPitchYaw(rng.uniform(-3, 3, 3)), rng.normal(size=3)) for _ in range(2)]
+        for _ in range(5)
+    ]
+    p_WT = rng.normal(size=(5, 3, 3))
+    found = in_link_frames(p_WT, np.array([[X.GetAsMatrix34() for X in row] for row in X_WL]))
+    assert found.shape == (5, 2, 3, 3)
+    for t, row in enumerate(X_WL):
+        for link, X in enumerate(row):
+            np.testing.assert_allclose(found[t, link], X.inverse().multiply(p_WT[t].T).T)
 
 
 def test_spatial_jerk_compares_paths_and_not_their_speed():

@@ -133,7 +133,7 @@ def test_the_same_path_is_timed_the_same():
     [
         (
             {"velocity_limit": np.ones(2)},
-            "velocity_limit has shape (2,): the path needs (3,), one limit a joint",
+            "velocity_limit has shape (2,): the path needs (3,), one limit per joint",
         ),
         (
             {"acceleration_limit": np.array([1.0, 0.0, 1.0])},

@@ -1,0 +1,119 @@
+import numpy as np
+import pytest
+from laying import kernels_on, places
+
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.evaluation import kernel_truth, parts_on_skins, shape_errors
+
+
+def representation(sizes):
+    """Kernels of so many configurations each."""
+    K, R = len(sizes), sum(sizes)
+    return QuotientRepresentation(
+        target_sensations=np.eye(K),
+        kernel_offsets=np.cumsum([0, *sizes]),
+        kernel_q=np.zeros((R, 2)),
+        kernel_row=np.arange(R),
+        kernel_strength=np.ones(R),
+        kernel_error=np.zeros(R),
+        joint_scale=np.ones(2),
+        overlap=np.eye(K, dtype=bool),
+        part=np.zeros(K, dtype=int),
+        set_distance=np.zeros((K, K)),
+        edges=np.zeros((0, 2), dtype=int),
+        edge_cost=np.zeros(0),
+        embedding=np.full((K, 3), np.nan),
+        num_touches=R,
+    )
+
+
+def test_a_kernel_is_where_most_of_its_contacts_are(hand):
+    a, b, c = [0.0, 0.0, 1.0], [0.0, 0.2, 1.0], [0.0, 0.1, 1.0]
+    hand.touch((0, 0, a)).touch((0, 0, b)).touch((0, 0, c))
+    # The second kernel is on skin 1, but for one touch; two of its touches are at two places.
+    hand.touch((1, 0, [1.0, 0, 0]), (0, 1, a)).touch((1, 0, [1.0, 0, 0])).touch((0, 0, a))
+    hand.touch((1, 0, [3.0, 0, 0]), (0, 1, a)).touch((1, 1, [1.0, 0, 0]))
+    truth = kernel_truth(representation([3, 5]), hand.contacts())
+    np.testing.assert_array_equal(truth.skin, [0, 1])
+    np.testing.assert_allclose(truth.positions, [c, [1.0, 0.0, 0.0]], atol=1e-6)
+    spread = [np.std([0.0, 0.2, 0.1]), np.std([1.0, 1.0, 3.0, 1.0])]
+    np.testing.assert_allclose(truth.spread, spread, atol=1e-6)
+    assert truth.share_single == pytest.approx(6 / 8)
+    assert not truth.is_surface
+
+
+def test_nineteen_of_twenty_touches_at_one_place_make_a_surface(hand):
+    p = [0.0, 0.0, 1.0]
+    hand.touch((0, 0, p), (0, 1, p))
+    for _ in range(19):
+        hand.touch((0, 0, p))
+    assert kernel_truth(representation([20]), hand.contacts()).is_surface
+    hand.touch((0, 0, p), (0, 1, p))
+    assert not kernel_truth(representation([21]), hand.contacts()).is_surface
+
+
+def test_truth_of_other_touches_is_refused(hand):
+    hand.touch((0, 0, [0.0, 0.0, 1.0])).touch()
+    with pytest.raises(
+        ValueError, match=r"^contacts has 2 rows, the kernels 3; give one for each of kernel_row$"
+    ):
+        kernel_truth(representation([3]), hand.contacts())
+    with pytest.raises(
+        ValueError, match=r"^kernel 1 has no contact; the truth is of another experience$"
+    ):
+        kernel_truth(representation([1, 1]), hand.contacts())
+
+
+@pytest.fixture
+def two_skins(sphere, tube):
+    """Kernels on two skins: 60 on each."""
+    return kernels_on([places(sphere, 500), places(tube, 500)])
+
+
+def test_a_skin_is_shown_by_the_part_with_most_of_its_kernels(two_skins):
+    part = np.zeros(120, dtype=int)
+    part[60:] = 2
+    part[[3, 4, 5]] = 1
+    part[[61, 62]] = 0
+    sphere, tube = parts_on_skins(part, two_skins)
+    assert (sphere.skin, sphere.part) == (0, 0)
+    np.testing.assert_array_equal(sphere.kernels, np.setdiff1d(np.arange(60), [3, 4, 5]))
+    assert (tube.skin, tube.part) == (1, 2)
+    np.testing.assert_array_equal(tube.kernels, np.setdiff1d(np.arange(60, 120), [61, 62]))
+
+
+def test_one_part_may_show_two_skins(two_skins):
+    shown = parts_on_skins(np.zeros(120, dtype=int), two_skins)
+    assert [(entry.skin, entry.part, len(entry.kernels)) for entry in shown] == [
+        (0, 0, 60),
+        (1, 0, 60),
+    ]
+
+
+def test_a_skin_in_fragments_is_not_shown(two_skins):
+    part = np.zeros(120, dtype=int)
+    part[60:] = 1 + np.arange(60) // 11
+    assert [entry.skin for entry in parts_on_skins(part, two_skins)] == [0]
+
+
+def test_shapes_are_compared_skin_by_skin(two_skins):
+    part = np.repeat([0, 1], 60)
+    rng = np.random.default_rng(0)
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    # Each part in a pose, a size and a handedness of its own.
+    laid_out = two_skins.positions.copy()
+    laid_out[:60] = 7.0 * laid_out[:60] @ turn + 3.0
+    laid_out[60:] = -0.1 * laid_out[60:] - 1.0
+    errors = shape_errors(laid_out, part, two_skins)
+    assert errors == pytest.approx({0: 0.0, 1: 0.0}, abs=1e-9)
+    # Noise of 1 cm on a ball of 40 cm is 2.5 % along each axis.
+    laid_out[:60] = two_skins.positions[:60] + 0.01 * rng.normal(size=(60, 3))
+    errors = shape_errors(laid_out, part, two_skins)
+    assert errors[0] == pytest.approx(0.025 * np.sqrt(3), rel=0.15)
+    assert errors[1] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_part_that_was_not_recovered_has_no_error(two_skins):
+    laid_out = two_skins.positions.copy()
+    laid_out[60:] = np.nan
+    assert list(shape_errors(laid_out, np.repeat([0, 1], 60), two_skins)) == [0]
