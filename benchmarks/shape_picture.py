@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, styled
-from selftouch_drake.sweep import read_table
+from selftouch_drake.sweep.table import read_table
 
 COLORS = {"motor": ORANGE, "sensorimotor": BLUE, "learned": GREEN}
 LINES = {

@@ -21,7 +21,9 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.experiment import Experiment, dump_experiment
-from selftouch_drake.sweep import Sweep, SweepDirectory, load_sweep, read_table
+from selftouch_drake.sweep import Sweep, load_sweep
+from selftouch_drake.sweep.runs import SweepDirectory
+from selftouch_drake.sweep.table import read_table
 
 
 def selftouch(*arguments: object) -> None:
