@@ -20,9 +20,8 @@ from pathlib import Path
 import numpy as np
 
 # Imported once, here.
-from selftouch_drake import show  # noqa: F401
 from selftouch_drake.cli import cli, exit_status
-from selftouch_drake.run import stages  # noqa: F401
+from selftouch_drake.run import showing, stages  # noqa: F401
 from selftouch_drake.sweep.table import read_table
 
 SMALL = (
