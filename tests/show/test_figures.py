@@ -117,7 +117,9 @@ def test_the_agent_is_drawn_by_its_model(two_skins):
     assert drawn.radii.tolist() == [0.01, 0.01]
     # Stretched forward: shoulder, two links of 0.4 m and a finger of 0.12 m.
     assert drawn.balls == pytest.approx(np.array([[0.92, 0.15, 0.35], [0.92, -0.15, 0.35]]))
-    low, high = (f(np.concatenate([link.vertices for link in drawn.links]), axis=0) for f in (np.min, np.max))
+    low, high = (
+        f(np.concatenate([link.vertices for link in drawn.links]), axis=0) for f in (np.min, np.max)
+    )
     assert low[0] < 0.0 < 0.9 < high[0]
     assert material.shape.bare_balls() == {}, "the model draws its fingertips"
 
@@ -229,8 +231,10 @@ def test_a_sheet_is_seen_from_both_sides_and_another_body_hides_it():
     for azimuth in (0.0, 180.0):
         view = View(0.0, azimuth)
         assert visible(vertices, vertices, faces, view, sheet=True).all()
-    screen = vertices + [0.5, 0.0, 0.0]
-    assert not visible(0.9 * vertices, vertices, faces, View(0.0, 0.0), others=[(screen, faces)]).any()
+    screen = vertices + np.array([0.5, 0.0, 0.0])
+    assert not visible(
+        0.9 * vertices, vertices, faces, View(0.0, 0.0), others=[(screen, faces)]
+    ).any()
 
 
 def test_projection_keeps_lengths_across_the_view():

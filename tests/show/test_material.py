@@ -44,7 +44,9 @@ def test_places_on_different_skins_have_no_distance(two_skins):
 
 def test_touches_are_counted_on_their_own_skin(two_skins):
     material = Material(two_skins)
-    for skin, density, count in zip(material.skins, material.touch_density, (250, 150), strict=True):
+    for skin, density, count in zip(
+        material.skins, material.touch_density, (250, 150), strict=True
+    ):
         area = trimesh.Trimesh(skin.vertices, skin.faces, process=False).area
         weights = np.bincount(
             skin.faces.ravel(),

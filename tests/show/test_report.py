@@ -76,7 +76,9 @@ def test_several_skins_are_listed_with_what_touches_them(two_skins):
     assert "A robot with 12 moving joints wears\n2 soft skins with 32" in page
     assert "<td>forearm</td><td>left_arm::forearm</td>" in page
     assert "<td>left_tip</td><td>a ball of 1 cm radius at left_hand::fingertip_0</td>" in page
-    rows = re.findall(r"<td>(\d)</td><td>(\w+)</td><td>(\d+)</td><td>([\d, ]+)</td><td>\4</td>", page)
+    rows = re.findall(
+        r"<td>(\d)</td><td>(\w+)</td><td>(\d+)</td><td>([\d, ]+)</td><td>\4</td>", page
+    )
     assert rows == [("0", "body", "50", "1, 0, 1"), ("1", "forearm", "30", "1, 0, 0")]
     assert "<td>3.4 %</td>" in page
 

@@ -86,9 +86,7 @@ class RobotPage:
             status = "rigid parts run into each other: no posture of this robot"
         if status != self.status:
             size = 0.08 * self._size
-            put_text(
-                self.meshcat, "/status", status, self._under, VIEW, size=size, color=rgba(INK)
-            )
+            put_text(self.meshcat, "/status", status, self._under, VIEW, size=size, color=rgba(INK))
             self.status = status
 
 

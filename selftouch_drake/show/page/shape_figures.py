@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from selftouch_drake.show.material import RecoveredSkin
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -20,6 +19,7 @@ from selftouch_drake.show.page.scene import (
     visible,
 )
 from selftouch_drake.show.page.solids import Solid, balls, surface
+from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.skins import SkinSurface, as_one
 from selftouch_drake.show.style import BLUE, GREEN, INK, MUTED, ORANGE, RECOVERED, SKIN, styled
 from selftouch_drake.show.view import View
@@ -83,7 +83,10 @@ def body_shape(
 
 @styled
 def persistence(
-    diagrams: Sequence[Sequence[np.ndarray]], *, betti: Sequence[Sequence[int]] | None = None
+    diagrams: Sequence[Sequence[np.ndarray]],
+    *,
+    betti: Sequence[Sequence[int]] | None = None,
+    parts: Sequence[int] | None = None,
 ) -> Figure:
     """The persistence of components, loops and voids, as a diagram and as bars; of parts, as bars.
 
@@ -91,6 +94,7 @@ def persistence(
         diagrams: of each part the births and deaths `(bars, 2)` for H0, H1 and H2; a death may be
             infinite.
         betti: of each part how many of each are held to be true.
+        parts: their numbers; by default from 0 on.
     """
     counts = [None] * len(diagrams) if betti is None else list(betti)
     if len(diagrams) == 1:
@@ -107,7 +111,8 @@ def persistence(
     rows, columns = -(-len(diagrams) // _COLUMNS), min(len(diagrams), _COLUMNS)
     figure = Figure(figsize=(3.6 * columns, 0.8 + 2.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for part, (ax, diagram, count) in enumerate(zip(axes, diagrams, counts, strict=False)):
+    numbers = range(len(diagrams)) if parts is None else parts
+    for part, ax, diagram, count in zip(numbers, axes, diagrams, counts, strict=False):
         _draw_bars(ax, diagram)
         held = "" if count is None else f": {', '.join(map(str, count))}"
         ax.set(title=f"part {part}{held}")
