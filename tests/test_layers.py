@@ -1,4 +1,4 @@
-"""Imports point down only, from the command line to the files, and to packages that are declared."""
+"""Imports point down only, and at packages that are declared."""
 
 import ast
 import re
@@ -38,22 +38,25 @@ def room_of(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
-def imported_rooms(path: Path, text: str) -> Iterator[tuple[int, str]]:
-    """Line and room of every import, those for type checkers and inside functions too."""
+def imports(path: Path, text: str) -> Iterator[tuple[int, str]]:
+    """Line and full name of every import, those for type checkers and inside functions too."""
     package = ("selftouch_drake", *path.relative_to(PACKAGE).parent.parts)
     for node in ast.walk(ast.parse(text)):
-        names: list[str] = []
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
+            yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            start = ".".join(package[: len(package) + 1 - node.level]) if node.level else ""
-            module = ".".join(filter(None, (start, node.module)))
+            start = package[: len(package) + 1 - node.level] if node.level else ()
+            module = ".".join(filter(None, (*start, node.module)))
             # `from selftouch_drake import run` names the room last.
-            names = [f"{module}.{alias.name}" for alias in node.names]
-        for name in names:
-            root, _, rest = name.partition(".")
-            if root == "selftouch_drake" and rest and not rest.startswith("__"):
-                yield node.lineno, rest.partition(".")[0]
+            yield from ((node.lineno, f"{module}.{alias.name}") for alias in node.names)
+
+
+def imported_rooms(path: Path, text: str) -> Iterator[tuple[int, str]]:
+    """Line and room of every import from this package."""
+    for line, name in imports(path, text):
+        root, _, rest = name.partition(".")
+        if root == "selftouch_drake" and rest and not rest.startswith("__"):
+            yield line, rest.partition(".")[0]
 
 
 def upward_imports(path: Path, text: str) -> list[str]:
@@ -109,19 +112,15 @@ def test_what_is_imported_from_elsewhere_is_declared():
     # What a user may leave out is imported where it is used, and its absence is handled there.
     wanted = [*project["dependencies"], *groups["collada"], *groups["dask"], *groups["homology"]]
     declared = {re.match(r"[\w-]+", entry)[0].lower() for entry in wanted}
-    distributions = packages_distributions()
     found = {
         name.partition(".")[0]
         for path in modules()
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-        for name in (
-            [alias.name for alias in node.names]
-            if isinstance(node, ast.Import)
-            else [node.module or ""]
-            if isinstance(node, ast.ImportFrom) and not node.level
-            else []
-        )
+        for _, name in imports(path, path.read_text(encoding="utf-8"))
     }
-    others = found - {*sys.stdlib_module_names, "selftouch_drake"}
-    owners = {name: {d.lower() for d in distributions.get(name, [name])} for name in others}
+    # An extra may be left out, and then nothing says whose module it is.
+    distributions = {"collada": ["pycollada"]} | dict(packages_distributions())
+    owners = {
+        name: {owner.lower() for owner in distributions.get(name, [name])}
+        for name in found - {*sys.stdlib_module_names, "selftouch_drake"}
+    }
     assert {name for name, owner in owners.items() if not owner & declared} == set()

@@ -5,9 +5,12 @@ for the agent to find is the topology of the touched patch, not that of the whol
 
 Touches are a sample. Between them are gaps that mean nothing, and the rim of the patch is ragged.
 So a patch is defined at a scale, a `radius`: what is smaller than a disc of that radius is neither
-a hole nor a part. Take the distance between neighbouring target sensations on the skin,
-sqrt(area / K): the agent resolves nothing finer, and where touches are thinner than that, it has
-no kernel.
+a hole nor a part.
+
+Take the distance between neighbouring target sensations on the skin, sqrt(area / K): the agent
+resolves nothing finer. It must be wider than gaps of chance. Of n touches spread evenly over an
+area A, the widest empty disc has a radius of about sqrt(A ln(n) / (pi n)): take 1.3 times as much,
+where that is more. With hundreds of touches a target sensation, it is not.
 """
 
 from __future__ import annotations

@@ -68,13 +68,13 @@ def rounded_solid(triangles: np.ndarray, cell: float, *, gap: float, edge: float
     Raises:
         ValueError: If the grid would be too large.
     """
-    points, _ = sample_triangles(triangles, cell / 2)
+    corners = triangles.reshape(-1, 3)
     margin = gap + 3 * cell
-    origin = points.min(axis=0) - margin
-    shape = np.ceil((points.max(axis=0) + margin - origin) / cell).astype(int) + 1
+    origin = corners.min(axis=0) - margin
+    shape = np.ceil((corners.max(axis=0) + margin - origin) / cell).astype(int) + 1
     if shape.prod(dtype=float) > _MOST_CELLS:
         raise ValueError(
-            f"surface.resolution is too fine for geometry {np.ptp(points, axis=0).max():g} m "
+            f"surface.resolution is too fine for geometry {np.ptp(corners, axis=0).max():g} m "
             f"across: it asks for {shape.prod(dtype=float):.1g} cells; give a coarser one, and "
             "all lengths in metres"
         )
@@ -107,6 +107,7 @@ def rounded_solid(triangles: np.ndarray, cell: float, *, gap: float, edge: float
         found = distance(np.concatenate(front), reach)
         return np.where(inside, found, -found)
 
+    points, _ = sample_triangles(triangles, cell / 2)
     away = distance(points, gap + 2 * cell)
     inside = ~_joined_to_outside(away > gap)
     depth = depth_below(inside, away, gap, gap + edge + 2 * cell) - gap

@@ -19,13 +19,10 @@ def describe(world: World) -> str:
     """What `selftouch robot` prints: joints with limits, skins, and what touches what."""
     robot = world.robot
     blocks = [
-        _table(f"{robot.num_joints} joints move", _joints(world)),
-        _table(f"{len(robot.skins)} skin{_s(robot.skins)}", _skins(robot)),
+        _table(_counted(robot.num_joints, "joint moves", "joints move"), _joints(world)),
+        _table(_counted(len(robot.skins), "skin", "skins"), _skins(robot)),
         _table("What touches what", _touching(robot)),
-        _table(
-            f"{len(robot.rigid_pairs)} pairs of rigid links must not run into each other",
-            _rigid(robot),
-        ),
+        _table(_rigid_title(len(robot.rigid_pairs)), _rigid(robot)),
     ]
     return "\n\n".join(blocks)
 
@@ -74,6 +71,12 @@ def _touching(robot: Robot) -> Iterator[tuple[str, ...]]:
         )
 
 
+def _rigid_title(number: int) -> str:
+    if not number:
+        return "No rigid links can run into each other"
+    return f"{_counted(number, 'pair', 'pairs')} of rigid links must not run into each other"
+
+
 def _rigid(robot: Robot) -> Iterator[tuple[str, ...]]:
     for pair in robot.rigid_pairs[:_MOST_PAIRS]:
         a, b = (link.name() for link in pair.links)
@@ -95,5 +98,5 @@ def _table(title: str, rows: Iterable[tuple[str, ...]]) -> str:
     return "\n".join([title, *(f"  {line}" for line in lines)])
 
 
-def _s(items: tuple) -> str:
-    return "" if len(items) == 1 else "s"
+def _counted(number: int, one: str, several: str) -> str:
+    return f"{number} {one if number == 1 else several}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -132,13 +131,8 @@ def _ellipsoid(shape: Ellipsoid) -> trimesh.Trimesh:
 
 
 def _from_file(shape: Mesh | Convex) -> trimesh.Trimesh:
-    source = shape.source()
-    if source.is_path():
-        mesh = trimesh.load_mesh(source.path(), process=False)
-    else:
-        held = source.in_memory().mesh_file
-        kind = held.extension().removeprefix(".")
-        mesh = trimesh.load_mesh(io.BytesIO(held.contents()), file_type=kind, process=False)
+    # Parsers make none that is held in memory.
+    mesh = trimesh.load_mesh(shape.source().path(), process=False)
     if not isinstance(mesh, trimesh.Trimesh):
         mesh = mesh.to_mesh()
     mesh = trimesh.Trimesh(mesh.vertices * np.asarray(_scale3(shape)), mesh.faces)

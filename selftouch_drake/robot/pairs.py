@@ -11,6 +11,7 @@ from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometryId,
     GeometrySet,
+    HalfSpace,
     Role,
     SceneGraph,
 )
@@ -79,10 +80,23 @@ class Neighbours:
     """Which links are one (welded together), and which are next to each other in the tree.
 
     Next to each other are two links with one joint between them, or several that turn at one place,
-    as in a spherical wrist: the links between those have no length.
+    as in a spherical wrist: the links between those have no length. So are links between which
+    there are only massless ones, which a parser puts between several joints of one body. The
+    models may name more, in collision filter groups.
+
+    Args:
+        plant: finalized.
+        scene_graph: with the filters of the models.
+        own: of `own_geometries`.
     """
 
-    def __init__(self, plant: MultibodyPlant):
+    def __init__(
+        self,
+        plant: MultibodyPlant,
+        scene_graph: SceneGraph,
+        own: Mapping[BodyIndex, tuple[GeometryId, ...]],
+    ):
+        self._inspector, self._own = scene_graph.model_inspector(), own
         self._group: dict[int, int] = {}
         for number, bodies in enumerate(_welded_groups(plant)):
             for body in bodies:
@@ -95,7 +109,10 @@ class Neighbours:
         for joint, (parent, _) in zip(joints, ends, strict=True):
             starts.append({parent})
             for before, (_, child) in enumerate(ends):
-                if child == parent and _at_one_place(joints[before], joint, context):
+                if child == parent and (
+                    _at_one_place(joints[before], joint, context)
+                    or not _welded_mass(plant, joint.parent_body())
+                ):
                     starts[-1] |= starts[before]
         self._adjacent = {
             pair
@@ -109,8 +126,17 @@ class Neighbours:
         return self._group[int(link.index())]
 
     def are_neighbours(self, a: RigidBody, b: RigidBody) -> bool:
-        """Whether two links are one, or next to each other."""
-        return self.of(a) == self.of(b) or (self.of(a), self.of(b)) in self._adjacent
+        """Whether two links are one, or next to each other, or filtered by their models."""
+        return (
+            self.of(a) == self.of(b)
+            or (self.of(a), self.of(b)) in self._adjacent
+            or self._are_filtered(a, b)
+        )
+
+    def _are_filtered(self, a: RigidBody, b: RigidBody) -> bool:
+        ends = self._own.get(a.index()), self._own.get(b.index())
+        # A filter group has all geometries of a link, or none.
+        return all(ends) and self._inspector.CollisionFiltered(*(ids[0] for ids in ends if ids))
 
 
 def _at_one_place(before: Joint, joint: Joint, context: Context) -> bool:
@@ -119,6 +145,11 @@ def _at_one_place(before: Joint, joint: Joint, context: Context) -> bool:
         return False
     X_BJ = joint.frame_on_parent().CalcPose(context, before.frame_on_child())
     return float(np.linalg.norm(X_BJ.translation())) < _ONE_PLACE
+
+
+def _welded_mass(plant: MultibodyPlant, link: RigidBody) -> float:
+    """kg, of a link and those that are welded to it."""
+    return sum(body.default_mass() for body in plant.GetBodiesWeldedTo(link))
 
 
 def _welded_groups(plant: MultibodyPlant) -> list[set[int]]:
@@ -132,14 +163,13 @@ def _welded_groups(plant: MultibodyPlant) -> list[set[int]]:
 
 
 def touching_pairs(
-    plant: MultibodyPlant, touchers: Sequence[Toucher], worn: Sequence[WornSkin]
+    neighbours: Neighbours, touchers: Sequence[Toucher], worn: Sequence[WornSkin]
 ) -> tuple[tuple[int, int], ...]:
     """`(toucher, skin)` numbers of those that may touch: all but neighbours in the tree.
 
     Raises:
         ExperimentError: a skin or a toucher has no partner.
     """
-    neighbours = Neighbours(plant)
     pairs = tuple(
         (t, s)
         for t, toucher in enumerate(touchers)
@@ -178,10 +208,17 @@ def _require_partners(
 def own_geometries(
     plant: MultibodyPlant, scene_graph: SceneGraph
 ) -> dict[BodyIndex, tuple[GeometryId, ...]]:
-    """The collision geometries of each link that has any, before skins and touchers are added."""
+    """The collision geometries of each link that has any, before skins and touchers are added.
+
+    A half space, as the floor of a MuJoCo file, is no part of a robot and is left out.
+    """
     inspector = scene_graph.model_inspector()
     found = {
-        link.index(): tuple(link_geometries(plant, inspector, link, Role.kProximity))
+        link.index(): tuple(
+            geometry
+            for geometry in link_geometries(plant, inspector, link, Role.kProximity)
+            if not isinstance(inspector.GetShape(geometry), HalfSpace)
+        )
         for link in all_links(plant)
     }
     return {index: geometries for index, geometries in found.items() if geometries}
@@ -189,6 +226,7 @@ def own_geometries(
 
 def rigid_pairs(
     plant: MultibodyPlant,
+    neighbours: Neighbours,
     own: Mapping[BodyIndex, tuple[GeometryId, ...]],
     experiment: Experiment,
     worn: Sequence[WornSkin],
@@ -199,11 +237,11 @@ def rigid_pairs(
 
     Args:
         plant: finalized.
+        neighbours: links that may overlap.
         own: of `own_geometries`.
         experiment: gives the depth that is allowed.
         worn: the skins.
     """
-    neighbours = Neighbours(plant)
     for a, b in itertools.combinations(own, 2):
         links = plant.get_body(a), plant.get_body(b)
         if not neighbours.are_neighbours(*links):

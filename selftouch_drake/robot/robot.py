@@ -17,6 +17,7 @@ from selftouch_drake.robot.links import find_frame, find_link, scoped_name
 from selftouch_drake.robot.models import RobotModel, load_model, parse
 from selftouch_drake.robot.moving import fix_joints
 from selftouch_drake.robot.pairs import (
+    Neighbours,
     RigidPair,
     Toucher,
     WornSkin,
@@ -147,8 +148,9 @@ def MakeRobot(experiment: Experiment, skins: Sequence[SkinModel], scene_graph: S
     _give_gains(plant, experiment)
     plant.Finalize()
 
-    pairs = touching_pairs(plant, touchers, worn)
-    rigid = tuple(rigid_pairs(plant, own, experiment, worn))
+    neighbours = Neighbours(plant, scene_graph, own)
+    pairs = touching_pairs(neighbours, touchers, worn)
+    rigid = tuple(rigid_pairs(plant, neighbours, own, experiment, worn))
     leave_to_collide(scene_graph, worn, touchers, pairs)
     frames = [skin.link.body_frame() for skin in worn] + [t.frame for t in touchers]
     return Robot(

@@ -98,7 +98,7 @@ def MakeDynamicStation(
 
     Each actuator is a PD controller inside the plant; gravity is compensated from a model of the
     robot, as the controllers of real robots do. Rigid parts of the robot push each other away,
-    unless a soft skin is between them.
+    unless the outer layer of one is a soft skin.
     """
     builder = DiagramBuilder()
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
@@ -162,14 +162,11 @@ def _add_readout(
 
 
 def _let_rigid_parts_meet(robot: Robot, scene_graph: SceneGraph) -> None:
-    """Lifts the filter between rigid parts, but where a toucher would reach through a skin."""
-    soft = {
-        frozenset((int(robot.touchers[t].link.index()), int(robot.skins[s].link.index())))
-        for t, s in robot.touching_pairs
-    }
+    """Lifts the filter between rigid parts, but where the outer layer of one is a soft skin."""
+    soft = {int(skin.link.index()) for skin in robot.skins if skin.model.is_own_geometry}
     filters = scene_graph.collision_filter_manager()
     for pair in robot.rigid_pairs:
-        if frozenset(int(link.index()) for link in pair.links) not in soft:
+        if not soft & {int(link.index()) for link in pair.links}:
             a, b = (GeometrySet(list(ids)) for ids in pair.geometry_ids)
             filters.Apply(CollisionFilterDeclaration().AllowBetween(a, b))
 

@@ -124,10 +124,16 @@ def _by_other_metrics(
     if asked is None:
         asked = [name for name, metric in METRICS.items() if metric.naive]
     seed = run.experiment.seed
-    return {
-        name: recover(representation, name, seed=seed, holes=False)
+    bodies = [
+        recover(representation, name, seed=seed, holes=False)
         for name in METRICS
         if name in asked and name != chosen
+    ]
+    # What was recovered by another metric in its place says nothing of this one.
+    return {
+        body.metric: body
+        for body in bodies
+        if all(part.metric == body.metric for part in body.parts)
     }
 
 

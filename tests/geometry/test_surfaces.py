@@ -19,6 +19,12 @@ STANDARD_BODIES = {
         (0.30, 0.24, 0.20),
     ),
     "cylinder": (geometry.cylinder(0.2, 0.4), 2, math.pi * 0.2**2 * 0.4, (0.2, 0.2, 0.2)),
+    "capsule": (
+        geometry.capsule(0.1, 0.3),
+        2,
+        math.pi * 0.1**2 * (0.3 + 4 / 3 * 0.1),
+        (0.1, 0.1, 0.25),
+    ),
 }
 
 
@@ -47,6 +53,23 @@ def test_vertices_lie_on_the_surface():
     on_cap = np.isclose(np.abs(z), 0.2)
     assert (on_side | on_cap).all()
     assert (on_side & on_cap).sum() == 2 * 6 * round(math.pi / 3 * 0.2 / 0.02)
+
+
+@pytest.mark.parametrize(
+    ("radius", "length", "resolution"), [(0.03, 0.2, 0.01), (0.05, 0.02, 0.02), (0.03, 0.3, 0.03)]
+)
+def test_capsules_of_all_sizes_are_even_and_true(radius, length, resolution):
+    surface = geometry.capsule(radius, length, resolution=resolution)
+    assert surface.is_watertight
+    assert surface.is_winding_consistent
+    assert surface.volume > 0
+    x, y, z = surface.vertices.T
+    along = np.clip(z, -length / 2, length / 2)
+    np.testing.assert_allclose(np.linalg.norm([x, y, z - along], axis=0), radius)
+    np.testing.assert_allclose(surface.bounds[:, 2], [-length / 2 - radius, length / 2 + radius])
+    assert np.degrees(surface.face_angles.min()) > 40
+    edges = surface.edges_unique_length
+    assert edges.max() < 1.5 * edges.mean()
 
 
 def test_cube_is_a_regular_grid_with_sharp_edges():
@@ -82,6 +105,43 @@ def test_mesh_file_keeps_its_frame_refined_and_closed(tmp_path, suffix):
     np.testing.assert_allclose(surface.bounds.mean(axis=0), (1, 2, 3), atol=1e-6)
     assert surface.volume == pytest.approx(0.024, rel=1e-5)
     assert surface.edges_unique_length.max() <= 0.028 + 1e-9
+
+
+def test_mesh_file_is_scaled_about_its_origin(tmp_path):
+    box = trimesh.creation.box(extents=(400, 300, 200))
+    box.apply_translation((1000, 2000, 3000))
+    box.export(tmp_path / "box.stl")
+    surface = geometry.mesh_file(tmp_path / "box.stl", scale=0.001)
+    np.testing.assert_allclose(surface.bounds, [(0.8, 1.85, 2.9), (1.2, 2.15, 3.1)], atol=1e-6)
+
+
+def test_mesh_file_simplifies_a_scan_in_place(tmp_path):
+    path = tmp_path / "scan.ply"
+    scan = trimesh.creation.icosphere(subdivisions=6, radius=0.25)
+    rough = 1 + 1e-3 * np.random.default_rng(0).standard_normal((len(scan.vertices), 1))
+    scan.vertices = scan.vertices * rough + (5, 0, 0)
+    scan.export(path)
+    with pytest.warns(geometry.SimplifiedWarning) as caught:
+        surface = geometry.mesh_file(path, resolution=0.03)
+    message = str(caught[0].message).replace(str(path), "FILE")
+    assert message == (
+        f"surface.mesh FILE was simplified from 81920 to {len(surface.faces)} triangles, for edges "
+        "of 0.03 m"
+    )
+    assert surface.is_watertight
+    assert surface.euler_number == 2
+    assert 1500 < len(surface.faces) < 3500
+    radius = np.linalg.norm(surface.vertices - (5, 0, 0), axis=1)
+    np.testing.assert_allclose(radius, 0.25, rtol=0.01)
+    assert geometry.hollow_skin(surface, 0.03, 0.01).thickness == 0.03
+
+
+def test_a_mesh_that_is_hardly_finer_than_asked_is_left_as_it_is(tmp_path, recwarn):
+    ball = trimesh.creation.icosphere(subdivisions=5, radius=0.25)
+    ball.export(tmp_path / "ball.ply")
+    surface = geometry.mesh_file(tmp_path / "ball.ply", resolution=0.015)
+    assert len(surface.faces) == 20480
+    assert not recwarn
 
 
 def test_mesh_file_turns_an_inverted_mesh_over(tmp_path):

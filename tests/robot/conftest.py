@@ -15,6 +15,12 @@ def world(request):
     return robots.shipped(request.param)
 
 
+@pytest.fixture(scope="session", params=[n for n in robots.SHIPPED if n != "infant"])
+def open_world(request):
+    """The world of each robot that has no rigid parts which may stop each other."""
+    return robots.shipped(request.param)
+
+
 @pytest.fixture(scope="session")
 def cube_world():
     """One finger on a cube."""

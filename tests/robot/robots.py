@@ -9,7 +9,7 @@ from selftouch_drake.experience import random_walk
 from selftouch_drake.experiment import experiment_from_fields, load_experiment
 from selftouch_drake.robot import MakeKinematicStation, World
 
-SHIPPED = ("cube", "torus_two_fingers", "turning_body", "gantry", "two_arms")
+SHIPPED = ("cube", "torus_two_fingers", "turning_body", "gantry", "two_arms", "infant")
 
 
 @functools.cache
@@ -51,6 +51,13 @@ def kinematic_station(world):
 def anywhere(robot, number, seed):
     """`(number, J)` configurations all over the range in which a robot babbles."""
     return np.random.default_rng(seed).uniform(*robot.babbled_range, (number, robot.num_joints))
+
+
+def free(world, q):
+    """Those of the configurations `q` in which nothing touches and no rigid parts meet."""
+    apart = ~world.probe.sensations(q).any(axis=1)
+    q = q[apart]
+    return q[world.probe.collision_depth(q) == 0]
 
 
 @functools.cache

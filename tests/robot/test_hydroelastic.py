@@ -10,8 +10,6 @@ from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.robot.contact import PressedFaces
-from selftouch_drake.robot.hydroelastic import cut
-from selftouch_drake.robot.soft_skin import distance_to_triangles, soft_skin
 from selftouch_drake.robot.station import sensor_model
 
 # A hundred thousand touches of each robot, and more, take hours: `SELFTOUCH_MANY_TOUCHES=100000`.

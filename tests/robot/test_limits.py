@@ -1,5 +1,8 @@
+import dataclasses
+
 import numpy as np
 import pytest
+import robots
 
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot.limits import JointLimits, commanded, limit_shares, speed_shares
@@ -49,10 +52,80 @@ def test_what_happens_between_samples_counts():
     assert commanded(time_s, q, v)(0.15)[0] == pytest.approx(0.15)
 
 
-def test_limits_are_those_of_the_arm_and_the_experiment(cube_world):
+def test_a_joint_without_limits_takes_none_of_them():
+    endless = dataclasses.replace(
+        LIMITS, lower=np.array([-1.0, -np.inf]), upper=np.array([1.0, np.inf])
+    )
+    time_s, q, v = parabola()
+    q[:, 1] += 100.0
+    torque = np.zeros((1, 2))
+    shares = limit_shares(time_s, q, v, q, torque, endless)
+    # What is left is joint 0, halfway from the middle of its range to its end.
+    assert shares["position"] == pytest.approx(0.5)
+    free = dataclasses.replace(LIMITS, torque=np.array([np.inf, np.inf]))
+    assert limit_shares(time_s, q, v, q, np.ones((1, 2)), free)["torque"] == 0.0
+
+
+def test_limits_are_those_of_the_robot_and_the_experiment(cube_world):
     execution = load_experiment("cube", {"execution": {"max_velocity": 0.5}}).execution
-    limits = JointLimits.of(cube_world.probe.agent, execution)
+    limits = JointLimits.of(cube_world.robot, execution)
     assert np.array_equal(limits.velocity, np.full(6, 0.5))
     assert np.array_equal(limits.acceleration, np.full(6, 5.0))
     assert limits.torque.tolist() == [80.0, 80.0, 60.0, 20.0, 20.0, 20.0]
     assert np.all(limits.lower < limits.upper)
+
+
+def test_limits_of_several_models_are_in_the_order_of_q(two_arms):
+    efforts = dict(zip(two_arms.robot.joint_names, two_arms.limits.torque, strict=True))
+    of_model = {"shoulder_yaw": 80, "shoulder_pitch": 80, "elbow_pitch": 60}
+    of_model |= {f"wrist_{axis}": 20 for axis in "xyz"}
+    assert efforts == {
+        f"{side}_arm::{name}": effort
+        for side in ("left", "right")
+        for name, effort in of_model.items()
+    }
+
+
+def test_the_tighter_limit_of_model_and_experiment_holds(tmp_path):
+    def mount(name, parent, **limits):
+        return robots.link(name, pose=f"{0.1 * len(name)} 0 0 0 0 0") + robots.joint(
+            f"to_{name}", "revolute", parent, name, **limits
+        )
+
+    world = robots.build(
+        tmp_path,
+        robots.link("base"),
+        mount("a", "base", velocity=0.25),
+        mount("bb", "a", velocity=9.0, effort=7),
+        # Zero in a model is what it writes where it says nothing.
+        mount("ccc", "bb", velocity=0),
+        mount("dddd", "ccc"),
+        skins={"skin": {"link": "base", "surface": {"shape": "sphere", "radius": 0.05}}},
+        touching={"end": {"frame": "dddd", "radius": 0.01}},
+        execution={"max_velocity": 2.0, "max_acceleration": 3.0},
+    )
+    assert world.limits.velocity.tolist() == [0.25, 2.0, 2.0, 2.0]
+    assert world.limits.acceleration.tolist() == [3.0] * 4
+    assert world.limits.torque.tolist() == [np.inf, 7.0, np.inf, np.inf]
+
+
+def test_babbling_stays_within_one_turn_where_there_are_no_limits(tmp_path):
+    limits = {"none": None, "all": (-1, 2), "1e16": (-1e16, 1e16), "low": (0.5, 1e16)}
+    parts, parent = [robots.link("base")], "base"
+    for number, (name, bounds) in enumerate(limits.items(), start=1):
+        parts.append(robots.link(name, pose=f"{0.2 * number} 0 0 0 0 0"))
+        parts.append(robots.joint(f"to_{name}", "revolute", parent, name, limits=bounds))
+        parent = name
+    world = robots.build(
+        tmp_path,
+        *parts,
+        skins={"skin": {"link": "base", "surface": {"shape": "sphere", "radius": 0.05}}},
+        touching={"end": {"frame": "low", "radius": 0.01}},
+    )
+    robot = world.robot
+    assert robot.joint_names == [f"to_{name}" for name in limits]
+    assert robot.lower.tolist() == [-np.inf, -1.0, -np.inf, 0.5]
+    assert robot.upper.tolist() == [np.inf, 2.0, np.inf, np.inf]
+    lower, upper = robot.babbled_range
+    np.testing.assert_allclose(lower, [-np.pi, -1.0, -np.pi, 0.5])
+    np.testing.assert_allclose(upper, [np.pi, 2.0, np.pi, 0.5 + 2 * np.pi])

@@ -97,7 +97,8 @@ def test_contacts_are_on_the_wall_that_they_press(world):
             assert ((touches.p_LC[here] >= low) & (touches.p_LC[here] <= high)).all()
 
 
-def test_what_presses_is_near_where_it_presses(world):
+def test_what_presses_is_near_where_it_presses(open_world):
+    world = open_world
     q, _ = robots.touches(world)
     touches = world.probe.touches(q[:200])
     X_WL = world.robot.skin_positions(q[touches.row])[np.arange(len(touches.row)), touches.skin]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from selftouch_drake.acting import timing
 
 from selftouch_drake.agent.planning import smooth_path
+from selftouch_drake.robot import timing
 from selftouch_drake.robot.limits import speed_shares
 from selftouch_drake.robot.timing import quintic_time_scaling, time_path, to_drake
 

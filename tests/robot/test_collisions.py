@@ -1,0 +1,173 @@
+import itertools
+
+import numpy as np
+import pytest
+import robots
+
+# A torso and two arms whose upper parts overlap it, as in most models. All shapes have a pose.
+DUMMY = (
+    robots.link("base", robots.shape("capsule", "0 0 0.1 0 0 0", radius=0.1, length=0.1)),
+    *(
+        part
+        for side, y in (("left", 0.15), ("right", -0.15))
+        for part in (
+            robots.link(
+                f"{side}_upper",
+                robots.shape("capsule", "0 0 -0.1 0.2 0 0", radius=0.06, length=0.2),
+                pose=f"0 {y} 0.1 0 0 0",
+            ),
+            robots.link(
+                f"{side}_lower",
+                robots.shape("cylinder", "0.1 0 0 0 1.5 0", radius=0.04, length=0.2),
+                robots.shape("ellipsoid", "0.22 0 0 0.3 0.2 0", radii="0.07 0.03 0.04"),
+                pose=f"0 {y} -0.2 0 0 0",
+            ),
+            robots.joint(f"{side}_a", "revolute", "base", f"{side}_upper", "0.6 0.8 0", (-2, 2)),
+            robots.joint(
+                f"{side}_b", "revolute", f"{side}_upper", f"{side}_lower", "0 0.6 0.8", (-2.5, 2.5)
+            ),
+        )
+    ),
+)
+PAIRS = {
+    frozenset(pair)
+    for pair in (
+        ("base", "left_lower"),
+        ("base", "right_lower"),
+        ("left_upper", "right_upper"),
+        ("left_upper", "right_lower"),
+        ("left_lower", "right_upper"),
+        ("left_lower", "right_lower"),
+    )
+}
+
+
+@pytest.fixture(scope="module")
+def dummy(tmp_path_factory):
+    """A robot with rigid parts: skins on its torso's own geometry, and round an upper arm."""
+    return robots.build(
+        tmp_path_factory.mktemp("dummy"),
+        *DUMMY,
+        robot={"collision_depth": 0.01},
+        skins={
+            "torso": {"link": "base", "surface": "collision", "thickness": 0.01},
+            "right_upper": {
+                "link": "right_upper",
+                "surface": {"shape": "cylinder", "radius": 0.09, "height": 0.2},
+                "num_receptors": 20,
+            },
+        },
+        touching={
+            "left_hand": {"link": "left_lower"},
+            "right_hand": {"frame": "right_lower", "radius": 0.02},
+        },
+    )
+
+
+def brute_force(world, q):
+    """`(N, P)` m, how deep each two links are, beyond what is allowed: by Drake alone."""
+    station = robots.kinematic_station(world)
+    depth = np.zeros((len(q), len(station.robot.rigid_pairs)))
+    for row, at in enumerate(q):
+        query = station.query(at)
+        for number, pair in enumerate(station.robot.rigid_pairs):
+            for a, b in itertools.product(*pair.geometry_ids):
+                found = query.ComputeSignedDistancePairClosestPoints(a, b)
+                beyond = -found.distance - pair.allowed_depth
+                depth[row, number] = max(depth[row, number], beyond)
+    return depth
+
+
+def test_depths_are_those_of_drake_s_signed_distances(dummy):
+    q = robots.anywhere(dummy.robot, 400, seed=0)
+    depth, expected = dummy.probe.collision_depth(q), brute_force(dummy, q).max(axis=1)
+    np.testing.assert_array_equal(depth, expected)
+    assert (depth > 0).sum() > 20
+    assert (depth == 0).sum() > 40
+
+
+def test_depths_of_an_infant_are_those_of_drake_s_signed_distances():
+    infant = robots.shipped("infant")
+    q = robots.anywhere(infant.robot, 150, seed=0)
+    depth, expected = infant.probe.collision_depth(q), brute_force(infant, q).max(axis=1)
+    np.testing.assert_array_equal(depth, expected)
+    assert 5 < (depth > 0).sum() < 100
+
+
+def test_links_next_to_each_other_are_no_pair(dummy):
+    found = {frozenset(link.name() for link in pair.links) for pair in dummy.robot.rigid_pairs}
+    assert found == PAIRS
+    # Though they overlap: the upper arms hang beside the torso by less than they are thick.
+    station = robots.kinematic_station(dummy)
+    own = {
+        link.name(): ids
+        for pair in station.robot.rigid_pairs
+        for link, ids in zip(pair.links, pair.geometry_ids, strict=True)
+    }
+    query = station.query(np.zeros(4))
+    found = query.ComputeSignedDistancePairClosestPoints(own["base"][0], own["left_upper"][0])
+    assert found.distance < -0.005
+    assert dummy.probe.collision_depth(np.zeros((1, 4)))[0] == 0
+
+
+def test_skins_on_a_link_s_own_geometry_are_soft(dummy):
+    depth = {
+        frozenset(link.name() for link in pair.links): pair.allowed_depth
+        for pair in dummy.robot.rigid_pairs
+    }
+    # The torso's skin is its outer layer; that of the upper arm is beside its geometry.
+    assert depth == {pair: pytest.approx(0.02 if "base" in pair else 0.01) for pair in PAIRS}
+
+
+def test_what_touches_is_no_rigid_part(dummy):
+    inspector = dummy.robot.scene_graph.model_inspector()
+    names = {
+        inspector.GetName(g).split("::")[-1]
+        for pair in dummy.robot.rigid_pairs
+        for ids in pair.geometry_ids
+        for g in ids
+    }
+    assert names == {"collision_0", "collision_1"}
+
+
+def test_a_robot_without_rigid_parts_takes_every_posture(cube_world):
+    q = robots.anywhere(cube_world.robot, 10, seed=0)
+    np.testing.assert_array_equal(cube_world.probe.collision_depth(q), np.zeros(10))
+
+
+def test_no_postures_have_no_depths(dummy):
+    assert dummy.probe.collision_depth(np.empty((0, 4))).shape == (0,)
+
+
+def test_a_half_space_is_no_part_of_a_robot(tmp_path):
+    world = robots.build(
+        tmp_path,
+        robots.link("base", robots.shape("plane")),
+        robots.link("arm", pose="0.3 0 0 0 0 0"),
+        robots.link("hand", robots.shape("sphere", radius=0.05), pose="0.6 0 0 0 0 0"),
+        robots.joint("a", "revolute", "base", "arm"),
+        robots.joint("b", "revolute", "arm", "hand"),
+        skins={"base": {"link": "base", "surface": {"shape": "sphere", "radius": 0.1}}},
+        touching={"hand": {"frame": "hand", "radius": 0.06}},
+    )
+    assert world.robot.rigid_pairs == ()
+    assert not world.probe.collision_depth(robots.anywhere(world.robot, 20, seed=0)).any()
+
+
+def test_rigid_parts_push_each_other_away_under_dynamics(dummy):
+    robot, simulation = dummy.robot, dummy.simulation
+    q = robots.anywhere(robot, 2000, seed=3)
+    free = q[dummy.probe.collision_depth(q) == 0]
+    deep = q[dummy.probe.collision_depth(q) > 0.02]
+    depth = brute_force(dummy, deep)
+    # All of an arm but what touches the torso, whose outer layer is its skin.
+    torso = [any(link.name() == "base" for link in pair.links) for pair in robot.rigid_pairs]
+    apart = ~(depth[:, torso] > 0).any(axis=1)
+    for goal in deep[apart][:3]:
+        start = free[np.linalg.norm(free - goal, axis=1).argmin()]
+        path = np.stack([start, goal])
+        simulation.follow(np.array([0.0, 1.0]), path, np.zeros((2, 4)), jump=True)
+        simulation.advance_to(1.5)
+        reached, wanted = dummy.probe.collision_depth(np.stack([simulation.q, goal]))
+        assert reached < wanted / 2
+    assert apart.sum() >= 3
