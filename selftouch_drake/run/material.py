@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from pydrake.geometry import SceneGraph
@@ -23,6 +24,7 @@ from selftouch_drake.evaluation import (
 from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import load_arrays
+from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot import MakeRobot, Robot, Touches, World
 from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.directory import RunDirectory, RunError
@@ -258,4 +260,6 @@ class Material:
 
     @cached_property
     def _touch_counts(self) -> TouchCounts:
-        return count_touches([s.fields for s in self.world.skins], self._truth.contacts())
+        # Of the fields only the surfaces count, and those of the run are stored with it.
+        surfaces = cast(Sequence[ReceptiveFields], self.skins)
+        return count_touches(surfaces, self._truth.contacts())

@@ -24,7 +24,6 @@ from selftouch_drake.show.skins import SkinSurface, as_one
 from selftouch_drake.show.style import BLUE, GREEN, INK, MUTED, ORANGE, RECOVERED, SKIN, styled
 from selftouch_drake.show.view import View
 
-_VIEW = View()
 # Bars drawn for each dimension; the rest are shorter.
 _MOST_BARS = 24
 _KINDS = tuple(zip(("components", "loops", "voids"), (ORANGE, BLUE, GREEN), strict=True))
@@ -47,21 +46,22 @@ def body_shape(
         rms_fraction: error of the recovered positions, as a share of the body's extent.
     """
     skin = as_one(skins)
+    view = _view(skins, parts)
     figure = Figure(figsize=(10.5, 4.0), layout="constrained")
     grid = figure.add_gridspec(1, 3, wspace=0.04)
 
     real = surface(skin.vertices, skin.faces, SKIN)
     ax = add_scene(figure, grid[0])
-    draw(ax, _VIEW, real)
-    seen = visible(skin.receptors, skin.vertices, skin.faces, _VIEW)
-    draw(ax, _VIEW, balls(skin.receptors[seen], 0.018 * _typical(skins), BLUE), zorder=2)
+    draw(ax, view, real)
+    seen = visible(skin.receptors, skin.vertices, skin.faces, view)
+    draw(ax, view, balls(skin.receptors[seen], 0.018 * _typical(skins), BLUE), zorder=2)
     where = "its skin" if len(skins) == 1 else f"{len(skins)} skins"
     ax.set_title(f"The body\n{len(skin.receptors)} receptors on {where}", loc="center")
 
     fitted = [_fitted(part) for part in parts]
     ax = add_scene(figure, grid[1])
-    draw(ax, _VIEW, *fitted)
-    num_kernels = _draw_kernels(ax, parts, 0.011 * _typical(skins))
+    draw(ax, view, *fitted)
+    num_kernels = _draw_kernels(ax, view, parts, 0.011 * _typical(skins))
     pieces = "" if len(parts) == 1 else f" in {len(parts)} parts"
     ax.set_title(
         f"The body the agent recovered\n{num_kernels} sensations{pieces}, fitted surface",
@@ -69,9 +69,9 @@ def body_shape(
     )
 
     ax = add_scene(figure, grid[2])
-    draw(ax, _VIEW, *fitted)
-    draw(ax, _VIEW, real, opacity=0.38, zorder=2)
-    outline(ax, _VIEW, skin.vertices, skin.faces, zorder=3)
+    draw(ax, view, *fitted)
+    draw(ax, view, real, opacity=0.38, zorder=2)
+    outline(ax, view, skin.vertices, skin.faces, zorder=3)
     error = "" if rms_fraction is None else f"\nerror {rms_fraction:.1%} of its extent (RMS)"
     ax.set_title(f"Both{error}", loc="center")
 
@@ -123,6 +123,14 @@ def persistence(
     return figure
 
 
+def _view(skins: Sequence[SkinSurface], parts: Sequence[RecoveredSkin]) -> View:
+    """From where most of what was recovered is seen."""
+    offsets = [
+        part.positions.mean(axis=0) - skins[part.skins[0]].vertices.mean(axis=0) for part in parts
+    ]
+    return View.of_most(np.array(offsets), float(np.mean([skin.extent for skin in skins])))
+
+
 def _typical(skins: Sequence[SkinSurface]) -> float:
     """m, the extent of a typical skin, which marks are drawn in proportion to."""
     return float(np.median([skin.extent for skin in skins]))
@@ -133,15 +141,15 @@ def _fitted(part: RecoveredSkin) -> Solid:
     return solid if part.closed else solid.both_sides()
 
 
-def _draw_kernels(ax: Axes, parts: Sequence[RecoveredSkin], radius: float) -> int:
+def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: float) -> int:
     """Draws the kernels that nothing hides, and returns how many there are in all."""
     offsets = np.cumsum([0, *(len(part.places) for part in parts)])
     places = np.concatenate([part.places for part in parts])
     faces = np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=False)])
     sheet = np.concatenate([np.full(len(part.places), not part.closed) for part in parts])
     kernels = np.concatenate([part.positions for part in parts])
-    seen = visible(kernels, places, faces, _VIEW, sheet=sheet)
-    draw(ax, _VIEW, balls(kernels[seen], radius, INK), zorder=2)
+    seen = visible(kernels, places, faces, view, sheet=sheet)
+    draw(ax, view, balls(kernels[seen], radius, INK), zorder=2)
     return len(kernels)
 
 
