@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -12,10 +13,11 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 
-from selftouch_drake.experiment import SHAPES, Experiment, ExperimentError, Skin, Surface
+from selftouch_drake.experiment import SHAPES, Experiment, ExperimentError, Skin
 from selftouch_drake.geometry import (
     HollowSkin,
     ReceptiveFields,
+    SimplifiedWarning,
     closed_surface,
     hollow_skin,
     place_receptors,
@@ -94,7 +96,7 @@ def _made(
     link = find_link(plant, skin.link, f"skins.{name}.link")
     own = skin.surface.shape in _ROLES
     try:
-        surface = _outer_surface(skin.surface, link, plant, scene_graph)
+        surface = _outer_surface(name, skin, link, plant, scene_graph)
         # Only a hollow body has an inside for a ball to get into.
         inspector = scene_graph.model_inspector()
         filled = own or bool(link_geometries(plant, inspector, link, Role.kProximity))
@@ -110,7 +112,7 @@ def _made(
         raise
     except ValueError as error:
         # Geometry names its own arguments, and knows no experiment.
-        raise ExperimentError(f"skins.{name}.{_without_skin(str(error))}") from error
+        raise ExperimentError(f"skins.{name}.{error}") from error
     return SkinModel(
         name=name,
         link=skin.link,
@@ -119,10 +121,6 @@ def _made(
         hydroelastic_modulus=skin.hydroelastic_modulus,
         is_own_geometry=own,
     )
-
-
-def _without_skin(text: str) -> str:
-    return text.removeprefix("skin.")
 
 
 def _receptor_seed(experiment: Experiment, number: int) -> int:
@@ -134,9 +132,10 @@ def _receptor_seed(experiment: Experiment, number: int) -> int:
 
 
 def _outer_surface(
-    wanted: Surface, link: RigidBody, plant: MultibodyPlant, scene_graph: SceneGraph
+    name: str, skin: Skin, link: RigidBody, plant: MultibodyPlant, scene_graph: SceneGraph
 ) -> trimesh.Trimesh:
     """The closed outer surface that is described, in the frame of `link`."""
+    wanted = skin.surface
     if wanted.shape in _ROLES:
         inspector = scene_graph.model_inspector()
         geometries = link_geometries(plant, inspector, link, _ROLES[wanted.shape])
@@ -145,9 +144,15 @@ def _outer_surface(
                 f"surface is {wanted.shape!r}, but link {link.name()!r} has no such geometry; give "
                 "it some in its model, or give a shape or a mesh"
             )
-        surface = closed_surface(
-            pieces_in_link(inspector, geometries), resolution=wanted.resolution
-        )
+        with warnings.catch_warnings(record=True) as simplified:
+            warnings.simplefilter("always", SimplifiedWarning)
+            surface = closed_surface(
+                pieces_in_link(inspector, geometries),
+                resolution=wanted.resolution,
+                thickness=skin.thickness,
+            )
+        for warning in simplified:
+            warnings.warn(f"skins.{name}.{warning.message}", warning.category, stacklevel=2)
     elif wanted.shape == "mesh":
         surface = surfaces.mesh_file(
             str(wanted.mesh), resolution=wanted.resolution, scale=wanted.scale

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
-import trimesh
 from pydrake.geometry import SceneGraph
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_surface
+from selftouch_drake.agent.shape import Body
 from selftouch_drake.evaluation import (
     KernelTruth,
     TouchCounts,
-    align,
     count_touches,
     kernel_truth,
     touch_density,
@@ -25,6 +24,7 @@ from selftouch_drake.evaluation import (
 from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import load_arrays
+from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot import MakeRobot, Robot, Touches, World
 from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.directory import RunDirectory, RunError
@@ -39,10 +39,7 @@ from selftouch_drake.run.knowledge import (
 )
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.show import MissingError, RecoveredSkin, RobotShape, SkinSurface, TouchSample
-from selftouch_drake.show.skins import all_moved, as_one
-
-# Skins that fewer of a part's kernels are on do not count as its own.
-_LEAST_SHARE = 0.05
+from selftouch_drake.show.recovered import at_poses, laid_on_skins, skins_of
 
 
 class Material:
@@ -162,7 +159,7 @@ class Material:
         rows = np.arange(0, num_touches, max(num_touches // count, 1))
         contacts = self._truth.take_contacts(rows)
         return TouchSample(
-            places=self._at_home(contacts.skin, contacts.p_LC),
+            places=at_poses(contacts.p_LC, self.home[contacts.skin]),
             num_drawn=len(rows),
             num_touches=num_touches,
         )
@@ -207,8 +204,7 @@ class Material:
                 f"{1 - truth.share_single:.0%} of the touches are at several places at once: what "
                 "they stand for is no surface (paper, section IV)"
             )
-        found = [self._recovered(number, part) for number, part in enumerate(self.body.parts)]
-        parts = tuple(part for part in found if part is not None)
+        parts = laid_on_skins(self.body, truth, self.skins, self.home)
         if not parts:
             raise MissingError("no surface goes through the recovered body; babble longer")
         return parts
@@ -221,11 +217,9 @@ class Material:
             places[self.body.parts[part.part].kernels] = part.positions
         return places
 
-    def skins_of(self, kernels: np.ndarray) -> list[int]:
+    def skins_of(self, kernels: np.ndarray) -> tuple[int, ...]:
         """Numbers of the skins that some kernels truly are on, the one with the most first."""
-        counts = np.bincount(self.kernel_truth.skin[kernels])
-        order = np.argsort(-counts, kind="stable")
-        return order[counts[order] > _LEAST_SHARE * len(kernels)].tolist()
+        return skins_of(kernels, self.kernel_truth)
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -266,49 +260,6 @@ class Material:
 
     @cached_property
     def _touch_counts(self) -> TouchCounts:
-        return count_touches([s.fields for s in self.world.skins], self._truth.contacts())
-
-    def _at_home(self, skin: np.ndarray, p_LC: np.ndarray) -> np.ndarray:
-        """`(C, 3)` m, points of skins in the frames of their links, with the skins at home."""
-        pose = self.home[skin]
-        return np.einsum("nij,nj->ni", pose[:, :, :3], p_LC) + pose[:, :, 3]
-
-    def _recovered(self, number: int, part: RecoveredPart) -> RecoveredSkin | None:
-        """A part laid on its skins; None if no surface goes through it."""
-        if part.topology is None:
-            return None
-        faces = fitted_surface(part.places, part.topology)
-        if not len(faces):
-            return None
-        truth = self.kernel_truth
-        true = self._at_home(truth.skin[part.kernels], truth.positions[part.kernels])
-        places = align(part.positions, true, part.places)
-        closed = bool(part.topology.betti[2])
-        if closed:
-            faces = _closed_outward(places, faces)
-        else:
-            faces = _outward(places, faces, as_one(all_moved(self.skins, self.home)))
-        return RecoveredSkin(
-            part=number,
-            skins=tuple(self.skins_of(part.kernels)),
-            places=places,
-            num_kernels=len(part.kernels),
-            faces=faces,
-            closed=closed,
-        )
-
-
-def _closed_outward(places: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """Faces of a closed surface, turned if it was mirrored when it was laid on the skin."""
-    a, b, c = places[faces].transpose(1, 0, 2)
-    mirrored = np.einsum("fi,fi->", np.cross(a, b), c) < 0
-    return faces[:, ::-1] if mirrored else faces
-
-
-def _outward(places: np.ndarray, faces: np.ndarray, skin: SkinSurface) -> np.ndarray:
-    """Faces of a surface with a rim, each turned as the skin is where it is nearest."""
-    mesh = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
-    _, nearest = mesh.kdtree.query(places[faces].mean(axis=1))
-    a, b, c = places[faces].transpose(1, 0, 2)
-    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), mesh.vertex_normals[nearest]) < 0
-    return np.where(inward[:, None], faces[:, ::-1], faces)
+        # Of the fields only the surfaces count, and those of the run are stored with it.
+        surfaces = cast(Sequence[ReceptiveFields], self.skins)
+        return count_touches(surfaces, self._truth.contacts())

@@ -1,11 +1,12 @@
 """What a person looks at: figures and the report (page), recordings and live play (meshcat)."""
 
-from selftouch_drake.show.material import Material, MissingError, RecoveredSkin, TouchSample
+from selftouch_drake.show.material import Material, MissingError, TouchSample
 from selftouch_drake.show.meshcat.live import LiveShow, play_live
 from selftouch_drake.show.meshcat.recording_page import recording_page
 from selftouch_drake.show.meshcat.robot_page import show_robot
 from selftouch_drake.show.page.figures import FIGURES, draw_figures
 from selftouch_drake.show.page.report import Picture, Recording, report_page
+from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import SkinSurface
 

@@ -13,6 +13,7 @@ from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.shape import Body
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import Robot, Touches, World
+from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import SkinSurface
 
@@ -22,32 +23,6 @@ Targets = tuple[int | str, ...]
 
 class MissingError(ValueError):
     """What was asked for is not there; the text says why, and what makes it."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RecoveredSkin:
-    """A part of the body that the agent recovered, laid on the skins that it stands for.
-
-    Attributes:
-        part: its number among the parts.
-        skins: numbers of the skins that it is on, the one with the most kernels first.
-        places: `(N, 3)` m, its kernels and then the pieces of wide ones, with the skins at home.
-        num_kernels: n of them.
-        faces: `(F, 3)` indices into `places`, the fitted surface, outward.
-        closed: whether the surface has no rim.
-    """
-
-    part: int
-    skins: tuple[int, ...]
-    places: np.ndarray
-    num_kernels: int
-    faces: np.ndarray
-    closed: bool
-
-    @property
-    def positions(self) -> np.ndarray:
-        """`(n, 3)` m, the kernels."""
-        return self.places[: self.num_kernels]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -154,7 +129,7 @@ class Material(Protocol):
     def kernel_places(self) -> np.ndarray:
         """`(K, 3)` m, each kernel where the recovered body has it; NaN in fragments."""
 
-    def skins_of(self, kernels: np.ndarray) -> list[int]:
+    def skins_of(self, kernels: np.ndarray) -> Sequence[int]:
         """Numbers of the skins that some kernels truly are on, the one with the most first."""
 
     @property

@@ -6,6 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+# How far from the middle of what was touched all over its touched places are on average at most, as
+# a share of its extent.
+_ONE_SIDED = 0.1
+
 
 @dataclass(frozen=True, slots=True)
 class View:
@@ -37,6 +41,18 @@ class View:
     def project(self, points: np.ndarray) -> np.ndarray:
         """`(..., 3)` points in the picture: right, up, and nearness to the camera."""
         return points @ self.axes.T
+
+    @staticmethod
+    def of_most(offsets: np.ndarray, extent: float) -> View:
+        """The view of what is touched most, if it is all on one side; else the usual view.
+
+        Args:
+            offsets: `(N, 3)` touched places from the middles of what they are on.
+            extent: of that, in the same unit.
+        """
+        middle = offsets.mean(axis=0)
+        one_sided = np.linalg.norm(middle[:2]) > _ONE_SIDED * extent
+        return View.facing(middle) if one_sided else View()
 
     @staticmethod
     def facing(direction: np.ndarray, elevation: float = 28.0) -> View:

@@ -69,7 +69,7 @@ def colors_at(page, time_s: float) -> list[str]:
              viewer.animator.pause();
              viewer.animator.seek(time);
              await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
-             const body = viewer.scene_tree.find(["body", "receptors"]);
+             const body = viewer.scene_tree.find(["skins", "body", "receptors"]);
              return Object.values(body.children).map(
                receptor => receptor.find(["<object>"]).object.material.color.getHexString());
            }""",
@@ -84,12 +84,42 @@ def test_the_recording_moves_and_colours_the_skin(chromium, reported, tmp_path):
         first = picture(page, tmp_path / "first.png")
         at_last = colors_at(page, 1.2)
         last = picture(page, tmp_path / "last.png")
-        assert page.get_by_text("N a receptor").is_visible()
+        assert page.get_by_text("N per receptor").is_visible()
     assert errors == []
     assert num_colors(first) > 50
     assert changed(first, last) > 0.002
-    assert len(at_first) == len(at_last) == reported.experiment.skin.num_receptors
+    assert len(at_first) == len(at_last) == reported.experiment.num_receptors
     assert at_first != at_last
+
+
+def position_at(page, time_s: float, *path: str) -> list[float]:
+    """Where an object is at a time of the recording, in its parent."""
+    return page.evaluate(
+        """async ([time, path]) => {
+             viewer.animator.pause();
+             viewer.animator.seek(time);
+             await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
+             return viewer.scene_tree.find(path).object.position.toArray();
+           }""",
+        [time_s, list(path)],
+    )
+
+
+def test_a_skin_that_moves_takes_its_receptors_along(chromium, two_skins, tmp_path):
+    with visited(chromium, two_skins.playback.as_uri()) as (page, errors):
+        page.wait_for_function("viewer.animator.duration > 0")
+        moved = [position_at(page, time_s, "skins", "forearm") for time_s in (0.0, 1.2)]
+        expected = [position_at(page, time_s, "expected", "forearm") for time_s in (0.0, 1.2)]
+        still = [position_at(page, time_s, "skins", "body") for time_s in (0.0, 1.2)]
+        receptors = page.evaluate(
+            'Object.keys(viewer.scene_tree.find(["skins", "forearm", "receptors"]).children).length'
+        )
+        picture(page, tmp_path / "two_skins.png")
+    assert errors == []
+    assert np.abs(np.subtract(*moved)).max() > 0.1
+    assert expected == moved
+    assert still[0] == still[1]
+    assert receptors == 12
 
 
 def test_the_report_shows_every_figure(chromium, reported, tmp_path):
@@ -105,7 +135,7 @@ def test_the_report_shows_every_figure(chromium, reported, tmp_path):
 
 @contextmanager
 def playing(run):
-    """A process that plays a run, and the lines that it tells."""
+    """A process that plays a run, and the lines that it prints."""
     command = [sys.executable, "-m", "selftouch_drake.cli", "play", str(run.path)]
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
@@ -142,7 +172,7 @@ def test_the_live_agent_answers_and_a_browser_may_come_back(chromium, reported, 
             # Before it asks: a slow browser may need longer for a picture than the agent to move.
             before = picture(page, tmp_path / "before.png")
             set_slider(page, "target sensation", 40)
-            told(lines, r"^to sensation 40$")
+            told(lines, r"^to sensation 40(, through the air)?$")
             told(lines, r"^sensation 40: .*in contact")
             after = picture(page, tmp_path / "after.png")
             assert errors == []

@@ -14,6 +14,7 @@ from selftouch_drake.show import MissingError
 from selftouch_drake.show.meshcat.meshcat_scene import firm_touch
 from selftouch_drake.show.meshcat.receptors import key_frames
 from selftouch_drake.show.meshcat.recording import FRAMES_PER_S, frame_rows, record
+from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
 
 
 @pytest.fixture(scope="module")
@@ -41,27 +42,29 @@ def test_the_recording_moves_the_robot_and_colours_the_receptors(page):
     assert len(page) < 5e6
 
 
-def test_skins_follow_their_links(two_skins, monkeypatch):
-    # Drake's older recordings cannot be asked for what they hold.
-    places = {}
-    original = MeshcatAnimation.SetTransform
+class Recorder:
+    """Keeps what is recorded of poses: the translation of each path, by frame."""
 
-    def remembered(recording, frame, path, X_ParentPath):
-        places[frame, path] = X_ParentPath.translation()
-        original(recording, frame, path, X_ParentPath)
+    def __init__(self):
+        self.places = {}
 
-    monkeypatch.setattr(MeshcatAnimation, "SetTransform", remembered)
-    material = Material(two_skins)
-    meshcat = Meshcat()
-    record(meshcat, material, [material.shown_pair])
-    rows = frame_rows(execution_of("two_skins").motion.time_s)
-    q = execution_of("two_skins").q_measured[rows]
-    true = material.robot.skin_positions(q)[:, 1, :, 3]
-    for root in ("/skins", "/expected"):
-        found = [places[frame, f"{root}/forearm"] for frame in (0, 20)]
-        assert np.array(found) == pytest.approx(true[[0, 20]])
-        assert (0, f"{root}/body") not in places, "it stands still"
-    assert np.abs(true[20] - true[0]).max() > 0.01
+    def SetTransform(self, frame, path, pose):
+        self.places.setdefault(path, {})[frame] = pose.translation()
+
+    def SetProperty(self, frame, path, name, value):
+        pass
+
+
+def test_skins_follow_their_links_and_what_stands_still_is_not_recorded(two_skins):
+    material, recorder = Material(two_skins), Recorder()
+    q = execution_of("two_skins").q_measured[::10]
+    poses = material.robot.skin_positions(q)
+    drawing = SkinDrawing(Meshcat(), "/skins", material.skins)
+    drawing.record(recorder, poses, np.zeros((len(q), 32)))
+    assert set(recorder.places) == {"/skins/forearm"}
+    places = recorder.places["/skins/forearm"]
+    assert list(places) == list(range(len(q)))
+    assert np.array(list(places.values())) == pytest.approx(poses[:, 1, :, 3])
 
 
 def test_paths_move_with_their_skin(two_skins):

@@ -43,7 +43,7 @@ def coverage(
     centred = np.hstack([np.eye(3), -(low + high)[:, None] / 2])
     skin = skin.moved(centred)
     amount = np.concatenate(list(density))
-    front = View()
+    front = View.of_most(_offsets(skins, density), np.mean([skin.extent for skin in skins]))
     back = View(-front.elevation, front.azimuth + 180.0)
     norm = Normalize(0.0, float(np.quantile(amount, 0.99)) or 1.0)
     painted = surface(skin.vertices, skin.faces, AMOUNT(norm(amount))[:, :3])
@@ -77,3 +77,13 @@ def coverage(
         extend="max",
     )
     return figure
+
+
+def _offsets(skins: Sequence[SkinSurface], density: Sequence[np.ndarray]) -> np.ndarray:
+    """`(skins, 3)` m, from the middle of each skin to the middle of its touches."""
+    return np.array(
+        [
+            np.average(skin.vertices, axis=0, weights=amount + 1e-12) - skin.vertices.mean(axis=0)
+            for skin, amount in zip(skins, density, strict=True)
+        ]
+    )

@@ -84,11 +84,13 @@ def body_shape(material: Material) -> Figure:
 
 def persistence(material: Material) -> Figure:
     """Components, loops and voids of each part of the recovered body."""
-    found = [part.topology for part in material.body.parts if part.topology is not None]
+    found = {n: part.topology for n, part in enumerate(material.body.parts) if part.topology}
     if not found:
         raise MissingError("no part of the recovered body is a surface; babble longer")
     return shape_figures.persistence(
-        [topology.diagram for topology in found], betti=[topology.betti for topology in found]
+        [topology.diagram for topology in found.values()],
+        betti=[topology.betti for topology in found.values()],
+        parts=list(found),
     )
 
 

@@ -24,6 +24,8 @@ from selftouch_drake.show.view import View
 _AMBIENT = 0.5
 # Points tested at once for what hides them: bounds memory, not results.
 _CHUNK = 64
+# Inches, of a row of scenes.
+_TALLEST = 5.5
 # m, of a bar that shows the scale.
 _BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 
@@ -164,11 +166,16 @@ def share_scale(axes: Sequence[Axes]) -> None:
 
 
 def fit_height(figure: Figure, *, margin: float = 0.55) -> None:
-    """Makes a row of equal scenes as tall as it needs to be, with inches of margin for titles."""
+    """Makes a row of equal scenes as tall as it needs to be, with inches of margin for titles.
+
+    Rows that would be too tall are made narrower.
+    """
     ax = figure.axes[0]
     width, _ = figure.get_size_inches()
+    each = width / len(figure.axes)
     aspect = np.ptp(ax.get_ylim()) / np.ptp(ax.get_xlim())
-    figure.set_size_inches(width, width / len(figure.axes) * aspect + margin)
+    each *= min(1.0, _TALLEST / (each * aspect))
+    figure.set_size_inches(each * len(figure.axes), each * aspect + margin)
 
 
 def scale_bar(ax: Axes) -> None:

@@ -9,7 +9,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from selftouch_drake.show.material import RecoveredSkin
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -20,11 +19,11 @@ from selftouch_drake.show.page.scene import (
     visible,
 )
 from selftouch_drake.show.page.solids import Solid, balls, surface
+from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.skins import SkinSurface, as_one
 from selftouch_drake.show.style import BLUE, GREEN, INK, MUTED, ORANGE, RECOVERED, SKIN, styled
 from selftouch_drake.show.view import View
 
-_VIEW = View()
 # Bars drawn for each dimension; the rest are shorter.
 _MOST_BARS = 24
 _KINDS = tuple(zip(("components", "loops", "voids"), (ORANGE, BLUE, GREEN), strict=True))
@@ -47,21 +46,22 @@ def body_shape(
         rms_fraction: error of the recovered positions, as a share of the body's extent.
     """
     skin = as_one(skins)
+    view = _view(skins, parts)
     figure = Figure(figsize=(10.5, 4.0), layout="constrained")
     grid = figure.add_gridspec(1, 3, wspace=0.04)
 
     real = surface(skin.vertices, skin.faces, SKIN)
     ax = add_scene(figure, grid[0])
-    draw(ax, _VIEW, real)
-    seen = visible(skin.receptors, skin.vertices, skin.faces, _VIEW)
-    draw(ax, _VIEW, balls(skin.receptors[seen], 0.018 * _typical(skins), BLUE), zorder=2)
+    draw(ax, view, real)
+    seen = visible(skin.receptors, skin.vertices, skin.faces, view)
+    draw(ax, view, balls(skin.receptors[seen], 0.018 * _typical(skins), BLUE), zorder=2)
     where = "its skin" if len(skins) == 1 else f"{len(skins)} skins"
     ax.set_title(f"The body\n{len(skin.receptors)} receptors on {where}", loc="center")
 
     fitted = [_fitted(part) for part in parts]
     ax = add_scene(figure, grid[1])
-    draw(ax, _VIEW, *fitted)
-    num_kernels = _draw_kernels(ax, parts, 0.011 * _typical(skins))
+    draw(ax, view, *fitted)
+    num_kernels = _draw_kernels(ax, view, parts, 0.011 * _typical(skins))
     pieces = "" if len(parts) == 1 else f" in {len(parts)} parts"
     ax.set_title(
         f"The body the agent recovered\n{num_kernels} sensations{pieces}, fitted surface",
@@ -69,9 +69,9 @@ def body_shape(
     )
 
     ax = add_scene(figure, grid[2])
-    draw(ax, _VIEW, *fitted)
-    draw(ax, _VIEW, real, opacity=0.38, zorder=2)
-    outline(ax, _VIEW, skin.vertices, skin.faces, zorder=3)
+    draw(ax, view, *fitted)
+    draw(ax, view, real, opacity=0.38, zorder=2)
+    outline(ax, view, skin.vertices, skin.faces, zorder=3)
     error = "" if rms_fraction is None else f"\nerror {rms_fraction:.1%} of its extent (RMS)"
     ax.set_title(f"Both{error}", loc="center")
 
@@ -83,7 +83,10 @@ def body_shape(
 
 @styled
 def persistence(
-    diagrams: Sequence[Sequence[np.ndarray]], *, betti: Sequence[Sequence[int]] | None = None
+    diagrams: Sequence[Sequence[np.ndarray]],
+    *,
+    betti: Sequence[Sequence[int]] | None = None,
+    parts: Sequence[int] | None = None,
 ) -> Figure:
     """The persistence of components, loops and voids, as a diagram and as bars; of parts, as bars.
 
@@ -91,6 +94,7 @@ def persistence(
         diagrams: of each part the births and deaths `(bars, 2)` for H0, H1 and H2; a death may be
             infinite.
         betti: of each part how many of each are held to be true.
+        parts: their numbers; by default from 0 on.
     """
     counts = [None] * len(diagrams) if betti is None else list(betti)
     if len(diagrams) == 1:
@@ -107,7 +111,8 @@ def persistence(
     rows, columns = -(-len(diagrams) // _COLUMNS), min(len(diagrams), _COLUMNS)
     figure = Figure(figsize=(3.6 * columns, 0.8 + 2.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for part, (ax, diagram, count) in enumerate(zip(axes, diagrams, counts, strict=False)):
+    numbers = range(len(diagrams)) if parts is None else parts
+    for part, ax, diagram, count in zip(numbers, axes, diagrams, counts, strict=False):
         _draw_bars(ax, diagram)
         held = "" if count is None else f": {', '.join(map(str, count))}"
         ax.set(title=f"part {part}{held}")
@@ -116,6 +121,14 @@ def persistence(
     figure.supxlabel("radius of the balls round the kernels (unit of each part)", fontsize=9)
     figure.legend(handles=_handles(None), loc="outside lower right", ncols=3, fontsize=8)
     return figure
+
+
+def _view(skins: Sequence[SkinSurface], parts: Sequence[RecoveredSkin]) -> View:
+    """From where most of what was recovered is seen."""
+    offsets = [
+        part.positions.mean(axis=0) - skins[part.skins[0]].vertices.mean(axis=0) for part in parts
+    ]
+    return View.of_most(np.array(offsets), float(np.mean([skin.extent for skin in skins])))
 
 
 def _typical(skins: Sequence[SkinSurface]) -> float:
@@ -128,15 +141,15 @@ def _fitted(part: RecoveredSkin) -> Solid:
     return solid if part.closed else solid.both_sides()
 
 
-def _draw_kernels(ax: Axes, parts: Sequence[RecoveredSkin], radius: float) -> int:
+def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: float) -> int:
     """Draws the kernels that nothing hides, and returns how many there are in all."""
     offsets = np.cumsum([0, *(len(part.places) for part in parts)])
     places = np.concatenate([part.places for part in parts])
     faces = np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=False)])
     sheet = np.concatenate([np.full(len(part.places), not part.closed) for part in parts])
     kernels = np.concatenate([part.positions for part in parts])
-    seen = visible(kernels, places, faces, _VIEW, sheet=sheet)
-    draw(ax, _VIEW, balls(kernels[seen], radius, INK), zorder=2)
+    seen = visible(kernels, places, faces, view, sheet=sheet)
+    draw(ax, view, balls(kernels[seen], radius, INK), zorder=2)
     return len(kernels)
 
 

@@ -1,0 +1,111 @@
+"""The recovered body laid on the skins that it stands for, to be compared with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_surface
+from selftouch_drake.evaluation import KernelTruth, align
+from selftouch_drake.show.skins import SkinSurface, all_moved, as_one
+
+# Skins that fewer of a part's kernels are on do not count as its own.
+_LEAST_SHARE = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RecoveredSkin:
+    """A part of the body that the agent recovered, laid on the skins that it stands for.
+
+    Attributes:
+        part: its number among the parts.
+        skins: numbers of the skins that it is on, the one with the most kernels first.
+        places: `(N, 3)` m, its kernels and then the pieces of wide ones, with the skins at home.
+        num_kernels: n of them.
+        faces: `(F, 3)` indices into `places`, the fitted surface, outward.
+        closed: whether the surface has no rim.
+    """
+
+    part: int
+    skins: tuple[int, ...]
+    places: np.ndarray
+    num_kernels: int
+    faces: np.ndarray
+    closed: bool
+
+    @property
+    def positions(self) -> np.ndarray:
+        """`(n, 3)` m, the kernels."""
+        return self.places[: self.num_kernels]
+
+
+def skins_of(kernels: np.ndarray, truth: KernelTruth) -> tuple[int, ...]:
+    """Numbers of the skins that some kernels truly are on, the one with the most first."""
+    counts = np.bincount(truth.skin[kernels])
+    order = np.argsort(-counts, kind="stable")
+    return tuple(order[counts[order] > _LEAST_SHARE * len(kernels)].tolist())
+
+
+def laid_on_skins(
+    body: Body, truth: KernelTruth, skins: Sequence[SkinSurface], home: np.ndarray
+) -> tuple[RecoveredSkin, ...]:
+    """The parts of a recovered body, each moved, turned, mirrored and scaled onto its skins.
+
+    Args:
+        body: as the agent recovered it.
+        truth: where the kernels truly are.
+        skins: each in the frame of its link.
+        home: `(skins, 3, 4)` poses of their links in the posture in which they are drawn.
+
+    Returns:
+        The parts that a surface goes through.
+    """
+    parts = []
+    at_home = as_one(all_moved(skins, home))
+    true = at_poses(truth.positions, home[truth.skin])
+    for number, part in enumerate(body.parts):
+        faces = _faces(part)
+        if len(faces):
+            places = align(part.positions, true[part.kernels], part.places)
+            closed = _is_closed(part)
+            parts.append(
+                RecoveredSkin(
+                    part=number,
+                    skins=skins_of(part.kernels, truth),
+                    places=places,
+                    num_kernels=len(part.kernels),
+                    faces=_outward(places, faces, None if closed else at_home),
+                    closed=closed,
+                )
+            )
+    return tuple(parts)
+
+
+def at_poses(p_L: np.ndarray, poses: np.ndarray) -> np.ndarray:
+    """`(N, 3)` points, each of a frame of its own, with these frames at poses `(N, 3, 4)`."""
+    return np.einsum("nij,nj->ni", poses[:, :, :3], p_L) + poses[:, :, 3]
+
+
+def _is_closed(part: RecoveredPart) -> bool:
+    return part.topology is not None and bool(part.topology.betti[2])
+
+
+def _faces(part: RecoveredPart) -> np.ndarray:
+    if part.topology is None:
+        return np.zeros((0, 3), dtype=int)
+    return fitted_surface(part.places, part.topology)
+
+
+def _outward(places: np.ndarray, faces: np.ndarray, skin: SkinSurface | None) -> np.ndarray:
+    """Faces turned outward: of a closed surface all at once, else each as the skin is nearby."""
+    a, b, c = places[faces].transpose(1, 0, 2)
+    if skin is None:
+        mirrored = np.einsum("fi,fi->", np.cross(a, b), c) < 0
+        return faces[:, ::-1] if mirrored else faces
+    mesh = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
+    _, nearest = mesh.kdtree.query(places[faces].mean(axis=1))
+    inward = np.einsum("fi,fi->f", np.cross(b - a, c - a), mesh.vertex_normals[nearest]) < 0
+    return np.where(inward[:, None], faces[:, ::-1], faces)
