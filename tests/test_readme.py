@@ -113,8 +113,6 @@ def test_an_own_robot_goes_from_touches_to_motions(folder):
             env=os.environ | {"XDG_CACHE_HOME": str(folder / "cache")},
             capture_output=True,
             text=True,
-            # Meshes that were converted before are not converted again.
-            env=os.environ | {"XDG_CACHE_HOME": str(folder / "cache")},
         )
         assert done.returncode == 0, done.stderr
         said.append(done)

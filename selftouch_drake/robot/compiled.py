@@ -20,4 +20,4 @@ _OPTIONS: dict[str, Any] = {
 # For what is called from Python.
 compiled = numba.njit(**_OPTIONS)
 # For what compiled code alone calls: it compiles in less time.
-inner = numba.njit(**_OPTIONS, no_cpython_wrapper=True)
+inner = numba.njit(**_OPTIONS | {"no_cpython_wrapper": True})

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import robots
 
-
 # A torso and two arms whose upper parts overlap it, as in most models. All shapes have a pose.
 DUMMY = (
     robots.link("base", robots.shape("capsule", "0 0 0.1 0 0 0", radius=0.1, length=0.1)),

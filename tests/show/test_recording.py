@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 from laid_out import execution_of
-from pydrake.geometry import Meshcat, MeshcatAnimation
+from pydrake.geometry import Meshcat
 
 from selftouch_drake.run.material import Material
 from selftouch_drake.run.showing import write_recording

@@ -43,7 +43,7 @@ def coverage(
     centred = np.hstack([np.eye(3), -(low + high)[:, None] / 2])
     skin = skin.moved(centred)
     amount = np.concatenate(list(density))
-    front = View.of_most(_offsets(skins, density), np.mean([skin.extent for skin in skins]))
+    front = View.of_most(_offsets(skins, density), float(np.mean([skin.extent for skin in skins])))
     back = View(-front.elevation, front.azimuth + 180.0)
     norm = Normalize(0.0, float(np.quantile(amount, 0.99)) or 1.0)
     painted = surface(skin.vertices, skin.faces, AMOUNT(norm(amount))[:, :3])
