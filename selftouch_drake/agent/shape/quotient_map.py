@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import eigh
 
-from selftouch_drake.agent.shape.network import Network, train
+from selftouch_drake.agent.network import Network, train
 
 #: Three hidden layers of 128, 16 outputs. With 10 outputs some networks fold the torus: they find
 #: finer waves round its ring, and miss that its top is not its bottom.
