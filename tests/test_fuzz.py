@@ -156,6 +156,8 @@ def run(tmp_path_factory):
         kernel_row=np.arange(60),
         kernel_strength=np.ones(60, np.float32),
         kernel_error=np.zeros(60, np.float32),
+        kernel_mode=np.zeros(60, dtype=int),
+        mode_joints=np.ones((1, 6), dtype=bool),
         joint_scale=np.ones(6),
         overlap=np.eye(100, dtype=bool),
         part=np.zeros(50, int),

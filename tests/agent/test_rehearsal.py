@@ -23,6 +23,8 @@ def representation(num_kernels=4, links=((0, 1), (1, 2), (2, 3))):
         kernel_row=np.arange(num_kernels),
         kernel_strength=np.ones(num_kernels),
         kernel_error=np.zeros(num_kernels),
+        kernel_mode=np.zeros(num_kernels, dtype=int),
+        mode_joints=np.ones((1, 2), dtype=bool),
         joint_scale=np.ones(2),
         overlap=np.eye(num_kernels, dtype=bool),
         part=np.zeros(num_kernels, dtype=int),

@@ -16,6 +16,8 @@ def representation(sizes):
         kernel_row=np.arange(R),
         kernel_strength=np.ones(R),
         kernel_error=np.zeros(R),
+        kernel_mode=np.zeros(R, dtype=int),
+        mode_joints=np.ones((1, 2), dtype=bool),
         joint_scale=np.ones(2),
         overlap=np.eye(K, dtype=bool),
         part=np.zeros(K, dtype=int),

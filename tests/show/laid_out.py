@@ -217,6 +217,8 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
         kernel_row=np.arange(len(laid.q)),
         kernel_strength=np.linspace(0.5, 2.0, len(laid.q)),
         kernel_error=np.linspace(0.0, 0.1, len(laid.q)),
+        kernel_mode=np.zeros(len(laid.q), dtype=int),
+        mode_joints=np.ones((1, laid.q.shape[1]), dtype=bool),
         joint_scale=np.ones(laid.q.shape[1]),
         overlap=laid.targets.T @ laid.targets > 0.01,
         part=laid.skin,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from typing import Literal, get_args
 
@@ -19,6 +19,7 @@ from selftouch_drake.agent.planning.route import (
     carried_route,
     goal_members,
     leap_penalty,
+    of_mode,
     shortest_route,
 )
 from selftouch_drake.agent.planning.smoothing import (
@@ -27,8 +28,9 @@ from selftouch_drake.agent.planning.smoothing import (
     polyline,
     smooth_path,
 )
+from selftouch_drake.agent.planning.way import Way
 from selftouch_drake.agent.representation.graphs import step_links
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 
 RouteMethod = Literal["carried", "literal"]
 
@@ -72,9 +74,11 @@ class Planner:
         self.route = route
         self.knot_spacing = knot_spacing
         self.links = step_links(representation)
-        self._graph = RouteGraph.of(representation, self.links)
+        self._graphs = [
+            RouteGraph.of(representation, self.links, mode)
+            for mode in range(len(representation.mode_joints))
+        ]
         self._leap_penalty = leap_penalty(representation, self.links)
-        self._kernel_x = representation.kernel_x
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
         self._link_row = {(int(i), int(j)): row for row, (i, j) in enumerate(self.links)}
 
@@ -102,7 +106,9 @@ class Planner:
 
         Between parts of the body, and from a configuration in which nothing is felt, the agent goes
         through the air: straight to the nearest firm touch it knows on the next goal's part, and
-        along links from there.
+        along links from there. Joints that do not matter to a touch stay where they are. Where the
+        joints that matter now do not lead to the goal, others take over: they land while the first
+        hold still, and then the first leave.
 
         Args:
             q_start: `(J,)` where the joints are, in the robot's units.
@@ -126,47 +132,82 @@ class Planner:
         here = None if targets[0] is None else self.checked_target(targets[0])
         goals = [self.checked_target(goal) for goal in targets[1:]]
         penalty = self._leap_penalty * self._checked_penalty(link_penalty)
-        nodes = [NO_KERNEL if here is None else here]
-        layers = [self.representation.scaled(q_start)[None]]
-        in_air: list[bool] = []
+        x = self.representation.scaled(q_start)
+        mode = None if here is None else self._mode_at(x, here)
+        choose = closest_configurations if self._is_literal else smoothest_configurations
+        way = Way(NO_KERNEL if here is None else here, x, self._joints(mode), choose)
         for goal in goals:
             # The configuration that the legs before would end in decides where this one goes.
-            x = smoothest_configurations(layers)[-1]
-            if here is None or self._lifts_off(here, goal):
-                here, x = self._nearest_touch(x, goal)
-                nodes.append(here)
-                layers.append(x[None])
-                in_air.append(True)
-            after, candidates = self._leg(x, here, goal, penalty)
-            nodes += after
-            layers += candidates
-            in_air += [False] * len(after)
+            x = way.end
+            if here is None or mode is None or self._lifts_off(here, goal):
+                here, mode, x = self._landing(x, goal, range(len(self._graphs)))
+                way.move(here, x, self._joints(mode), in_air=True)
+            elif not (self._is_literal or self._graphs[mode].joins(here, goal)):
+                here, mode = self._hand_over(way, here, goal, mode)
+            way.follow(*self._leg(way.end, here, goal, mode, penalty))
             here = goal
-        chosen = closest_configurations if self.route == "literal" else smoothest_configurations
-        return self._through(q_start, nodes, in_air, chosen(layers), limits)
+        return self._through(q_start, way, limits)
+
+    @property
+    def _is_literal(self) -> bool:
+        return self.route == "literal"
+
+    def _joints(self, mode: int | None) -> np.ndarray:
+        """Those that move in a mode; the literal route knows no modes."""
+        if mode is None or self._is_literal:
+            return np.arange(len(self.representation.joint_scale))
+        return self._graphs[mode].joints
+
+    def _mode_at(self, x: np.ndarray, kernel: int) -> int | None:
+        """The mode of the configuration of `kernel` that the scaled `x` is like; None if unknown.
+
+        Like is what the joints that matter there agree with.
+        """
+        members = self.representation.members(kernel)
+        modes = self.representation.kernel_mode[members]
+        known = np.unique(modes[modes != NO_MODE])
+        if len(known) < 2:
+            return int(known[0]) if len(known) else None
+        off = np.square(self.representation.scaled(self.representation.kernel_q[members]) - x)
+        nearest = [off[modes == m][:, self._graphs[m].joints].mean(axis=1).min() for m in known]
+        return int(known[np.argmin(nearest)])
+
+    def _hand_over(self, way: Way, here: int, goal: int, mode: int) -> tuple[int, int]:
+        """Lets other joints touch, from which links lead to `goal`; where, and the mode."""
+        others = [m for m in range(len(self._graphs)) if m != mode]
+        if not any(self._graphs[m].component[goal] >= 0 for m in others):
+            raise ValueError(_unconnected(here, goal))
+        kernel, after, to = self._landing(way.end, goal, others)
+        joints = self._joints(after)
+        if shared := bool(np.isin(joints, self._joints(mode)).any()):
+            way.move(kernel, to, joints, in_air=shared)
+        else:
+            both = way.end.copy()
+            both[joints] = to[joints]
+            way.move(kernel, both, joints, in_air=False)
+            way.move(kernel, to, joints, in_air=False)
+        return kernel, after
 
     def _through(
         self,
         q_start: np.ndarray,
-        nodes: list[int],
-        in_air: list[bool],
-        waypoints_x: np.ndarray,
+        way: Way,
         limits: Limits | None,
     ) -> Plan:
-        """The plan through `(W, J)` scaled configurations of `nodes`."""
-        representation = self.representation
+        """The smooth plan along a way."""
+        representation, waypoints_x = self.representation, way.waypoints()
         lower, upper = (representation.scaled(limit) for limit in limits or self._range)
         path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, lower=lower, upper=upper)
         path.c = representation.unscaled(path.c)
         waypoints_q = representation.unscaled(waypoints_x)
         waypoints_q[0] = path.c[0] = q_start
         return Plan(
-            nodes=np.array(nodes),
+            nodes=np.array(way.nodes),
             links=np.array(
-                [self._link_row.get((min(a, b), max(a, b)), -1) for a, b in pairwise(nodes)],
+                [self._link_row.get((min(a, b), max(a, b)), -1) for a, b in pairwise(way.nodes)],
                 dtype=np.int64,
             ),
-            in_air=np.array(in_air, dtype=bool),
+            in_air=np.array(way.in_air, dtype=bool),
             waypoints_q=waypoints_q,
             waypoint_s=path_length(waypoints_x),
             path=path,
@@ -175,37 +216,59 @@ class Planner:
     def _lifts_off(self, here: int, goal: int) -> bool:
         """Whether the way leads to another part; the literal route knows no parts."""
         part = self.representation.part
-        return self.route != "literal" and bool(part[here] != part[goal])
+        return not self._is_literal and bool(part[here] != part[goal])
 
     def _leg(
-        self, x: np.ndarray, start: int, goal: int, penalty: np.ndarray
+        self, x: np.ndarray, start: int, goal: int, mode: int, penalty: np.ndarray
     ) -> tuple[list[int], list[np.ndarray]]:
         """The kernels after `start` on the way to `goal`, and the scaled candidates in each."""
         representation = self.representation
-        goal_x = self._kernel_x[goal_members(representation, goal)]
-        if self.route == "literal":
+        if self._is_literal:
             nodes = shortest_route(representation.set_distance, start, goal)
-        else:
-            nodes = carried_route(self._graph, x, start, goal, goal_x, penalty=penalty)
+            if nodes is None:
+                raise ValueError(_unconnected(start, goal))
+            after = nodes[1:].tolist()
+            layers = [self._x(of_mode(representation, k, None)) for k in after[:-1]]
+            return after, layers + [self._x(goal_members(representation, goal))] * bool(after)
+        graph = self._graphs[mode]
+        goal_x = self._x(goal_members(representation, goal, mode))[:, graph.joints]
+        nodes = carried_route(graph, x[graph.joints], start, goal, goal_x, penalty=penalty)
         if nodes is None:
-            raise ValueError(
-                f"target {goal} cannot be reached from target {start}: the quotient graph does not "
-                "connect them; babble longer, or learn with a larger num_neighbours"
-            )
+            raise ValueError(_unconnected(start, goal))
         after = nodes[1:].tolist()
-        if self.route == "literal":
-            return after, [self._kernel_x[representation.members(k)] for k in after]
-        firm = [self._graph.firm_configurations(k) for k in after[:-1]]
+        firm = [graph.firm_configurations(k) for k in after[:-1]]
         return after, firm + [goal_x] * bool(after)
 
-    def _nearest_touch(self, x: np.ndarray, goal: int) -> tuple[int, np.ndarray]:
-        """The firm scaled configuration nearest to `x` on the goal's part, and its kernel."""
-        graph, part = self._graph, self.representation.part
-        squared = np.square(graph.firm_x - x[:, None]).sum(axis=0)
-        of_firm = np.repeat(part, np.diff(graph.firm_offsets))
-        column = int(np.where(of_firm == part[goal], squared, np.inf).argmin())
-        kernel = int(np.searchsorted(graph.firm_offsets, column, side="right")) - 1
-        return kernel, graph.firm_x[:, column].astype(float)
+    def _x(self, rows: np.ndarray) -> np.ndarray:
+        """`(n, J)` float32 rad, stored configurations, scaled."""
+        q = self.representation.kernel_q[rows]
+        return self.representation.scaled(q).astype(np.float32)
+
+    def _landing(
+        self, x: np.ndarray, goal: int, modes: Iterable[int]
+    ) -> tuple[int, int, np.ndarray]:
+        """The firm touch nearest to the scaled `x` from which links of its mode lead to `goal`.
+
+        Its kernel, its mode and its scaled configuration.
+        """
+        found = []
+        for mode in modes:
+            graph = self._graphs[mode]
+            if (component := graph.component[goal]) < 0:
+                continue
+            leads = np.repeat(graph.component == component, np.diff(graph.firm_offsets))
+            firm_x = self._x(graph.firm_row[leads]).astype(float)
+            squared = np.square(firm_x - x).sum(axis=1)
+            column = np.flatnonzero(leads)[squared.argmin()]
+            kernel = int(np.searchsorted(graph.firm_offsets, column, side="right")) - 1
+            found.append((squared.min(), kernel, mode, firm_x[squared.argmin()]))
+        if not found:
+            raise ValueError(
+                f"target {goal} cannot be reached: it is not known which joints matter to it; "
+                "babble longer"
+            )
+        _, kernel, mode, landing = min(found, key=operator.itemgetter(0))
+        return kernel, mode, landing
 
     def checked_target(self, target: int | None) -> int:
         """The same as an int.
@@ -270,6 +333,13 @@ class Planner:
                 "for links without penalty"
             )
         return link_penalty
+
+
+def _unconnected(start: int, goal: int) -> str:
+    return (
+        f"target {goal} cannot be reached from target {start}: the quotient graph does not "
+        "connect them; babble longer, or learn with a larger num_neighbours"
+    )
 
 
 def jerk_reduction(plan: Plan, joint_scale: np.ndarray) -> float:

@@ -92,7 +92,10 @@ def _at_waypoints(
         return sensation
     for row, (node, q) in enumerate(zip(nodes, plan.waypoints_q, strict=True)):
         members = representation.members(node)
-        off = np.abs(representation.scaled(representation.kernel_q[members] - q)).max(axis=1)
+        off = np.abs(representation.scaled(representation.kernel_q[members] - q))
+        mode = representation.kernel_mode[members]
+        # Joints that do not matter may be anywhere.
+        off = np.where(representation.mode_joints[mode], off, 0.0).max(axis=1)
         # Stored configurations are float32.
         if off.min() < 1e-5:
             sensation[row] = _dense(kernel_sensation[members])[off.argmin()]

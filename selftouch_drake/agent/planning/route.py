@@ -13,6 +13,7 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.planning.steps import square_steps
 from selftouch_drake.agent.representation.graphs import target_distances
+from selftouch_drake.agent.representation.neighbours import component_labels
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import LinkedNearest, linked_nearest
 
@@ -36,40 +37,59 @@ _ALONE = 1.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RouteGraph:
-    """Linked kernels and their firm configurations, laid out for search.
+    """Linked kernels and their firm configurations of one mode, laid out for search.
+
+    Only the J joints that matter in the mode count.
 
     Attributes:
-        firm_x: `(J, F)` float32 rad, firm configurations, scaled, by kernel, one row per joint.
+        joints: `(J,)` which they are.
+        firm_row: `(F,)` rows in the representation of firm configurations, by kernel.
+        firm_x: `(J, F)` float32 rad, the same, scaled, one row per joint.
         firm_offsets: `(K + 1,)` kernel k owns columns `firm_offsets[k]:firm_offsets[k + 1]`.
+        component: `(K,)` links join kernels of one component; -1 for those without configurations.
         link_offsets: `(K + 1,)` ways `link_offsets[k]:link_offsets[k + 1]` leave kernel k.
         link_kernel: `(2L,)` the kernel each way leads to.
         link_row: `(2L,)` the link it belongs to.
         nearest: for each way, the nearest firm configuration to each one of the kernel it leaves.
     """
 
+    joints: np.ndarray
+    firm_row: np.ndarray
     firm_x: np.ndarray
     firm_offsets: np.ndarray
+    component: np.ndarray
     link_offsets: np.ndarray
     link_kernel: np.ndarray
     link_row: np.ndarray
     nearest: LinkedNearest
 
     @classmethod
-    def of(cls, representation: QuotientRepresentation, links: np.ndarray) -> RouteGraph:
-        """Lays out `representation` and the `(L, 2)` links; once, for any number of routes."""
+    def of(
+        cls, representation: QuotientRepresentation, links: np.ndarray, mode: int = 0
+    ) -> RouteGraph:
+        """Lays out a mode of `representation` and the `(L, 2)` links; for any number of routes."""
         num_kernels = representation.num_targets
-        firm_rows = [firm_members(representation, k) for k in range(num_kernels)]
-        firm_x = representation.kernel_x[np.concatenate(firm_rows)]
-        firm_offsets = np.cumsum([0, *map(len, firm_rows)])
-        tail, head = np.concatenate([links, links[:, ::-1]]).T
+        joints = np.flatnonzero(representation.mode_joints[mode])
+        by_kernel = [firm_members(representation, k, mode) for k in range(num_kernels)]
+        firm_row = np.concatenate(by_kernel)
+        firm_x = representation.scaled(representation.kernel_q[firm_row])[:, joints]
+        firm_x = firm_x.astype(np.float32)
+        sizes = np.array([len(rows) for rows in by_kernel])
+        firm_offsets = np.concatenate([[0], np.cumsum(sizes)])
+        usable = np.flatnonzero((sizes[links] > 0).all(axis=1))
+        component = component_labels(links[usable], num_kernels)
+        tail, head = np.concatenate([links[usable], links[usable, ::-1]]).T
         order = np.lexsort((head, tail))
         ways = np.stack([tail, head], axis=1)[order]
         return cls(
+            joints=joints,
+            firm_row=firm_row,
             firm_x=np.ascontiguousarray(firm_x.T),
             firm_offsets=firm_offsets,
+            component=np.where(sizes > 0, component, -1),
             link_offsets=np.searchsorted(ways[:, 0], np.arange(num_kernels + 1)),
             link_kernel=np.ascontiguousarray(ways[:, 1]),
-            link_row=order % max(len(links), 1),
+            link_row=np.tile(usable, 2)[order],
             nearest=linked_nearest(firm_x, firm_offsets, ways),
         )
 
@@ -77,34 +97,53 @@ class RouteGraph:
         """`(n, J)` rad, the firm configurations of a kernel, scaled."""
         return self.firm_x[:, self.firm_offsets[kernel] : self.firm_offsets[kernel + 1]].T
 
+    def joins(self, start: int, goal: int) -> bool:
+        """Whether links lead from one kernel to the other."""
+        return bool(self.component[start] == self.component[goal] >= 0)
 
-def firm_members(representation: QuotientRepresentation, kernel: int) -> np.ndarray:
+
+def of_mode(representation: QuotientRepresentation, kernel: int, mode: int | None) -> np.ndarray:
+    """Rows of `kernel_q` that belong to `kernel` and are of `mode`; of any if that is None."""
+    members = representation.members(kernel)
+    if mode is None:
+        return np.arange(members.start, members.stop)
+    return members.start + np.flatnonzero(representation.kernel_mode[members] == mode)
+
+
+def firm_members(representation: QuotientRepresentation, kernel: int, mode: int) -> np.ndarray:
     """Rows of `kernel_q` that plans pass through: the third of a kernel that is felt most strongly.
 
     Firm touches hold contact. But some postures of the arm were tried so seldom that none of the
     third is near; a plan that starts there would have to leap. So those that are far from all of
-    the third count as well, if they are not among the lightest quarter.
+    the third count as well, if they are not among the lightest quarter. All of `mode`.
     """
-    members = representation.members(kernel)
-    strength = representation.kernel_strength[members]
-    x = representation.scaled(representation.kernel_q[members])
+    rows = of_mode(representation, kernel, mode)
+    if not len(rows):
+        return rows
+    strength = representation.kernel_strength[rows]
+    x = representation.scaled(representation.kernel_q[rows])
+    x = x[:, representation.mode_joints[mode]]
     strong = strength >= np.quantile(strength, 2 / 3)
     apart, _ = cKDTree(x[strong]).query(x)
     alone = (apart > _ALONE) & (strength >= np.quantile(strength, 0.25))
-    return members.start + np.flatnonzero(strong | alone)
+    return rows[strong | alone]
 
 
-def goal_members(representation: QuotientRepresentation, kernel: int) -> np.ndarray:
+def goal_members(
+    representation: QuotientRepresentation, kernel: int, mode: int | None = None
+) -> np.ndarray:
     """Rows of `kernel_q`: the half of a kernel nearest its target sensation, without light touches.
 
     To end anywhere in a kernel would be to end near its border, from where a small error of the
     motion leads into another kernel. To ask for the firm half as well leaves so few
-    configurations that the last step grows long.
+    configurations that the last step grows long. All of `mode`, if one is given.
     """
-    members = representation.members(kernel)
-    error, strength = representation.kernel_error[members], representation.kernel_strength[members]
+    rows = of_mode(representation, kernel, mode)
+    if not len(rows):
+        return rows
+    error, strength = representation.kernel_error[rows], representation.kernel_strength[rows]
     near, felt = error <= np.median(error), strength >= np.quantile(strength, 0.25)
-    return members.start + np.flatnonzero(near & felt if np.any(near & felt) else near)
+    return rows[near & felt if np.any(near & felt) else near]
 
 
 def leap_penalty(

@@ -27,7 +27,8 @@ from selftouch_drake.agent.representation.quantise import (
     strength,
     target_sensations,
 )
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation, mattering
+from selftouch_drake.agent.representation.relevance import relevant_joints
 from selftouch_drake.agent.representation.set_distances import (
     MAX_QUERIES,
     SET_DISTANCES,
@@ -142,7 +143,7 @@ class QuotientLearner(BaseEstimator):
         seed = self.random_state
         if isinstance(seed, np.random.RandomState):
             seed = seed.randint(2**31)
-        quantise_seed, sample_seed = np.random.SeedSequence(seed).generate_state(2)
+        quantise_seed, sample_seed, mode_seed = np.random.SeedSequence(seed).generate_state(3)
 
         some = KernelReservoir(1, MAX_ROWS, seed=int(quantise_seed))
         for sensation, q in _in_blocks(self._checked(batches())):
@@ -191,6 +192,7 @@ class QuotientLearner(BaseEstimator):
         self._learn_graph(
             kernels.sample(),
             progress,
+            seed=int(mode_seed),
             target_sensations=targets,
             joint_scale=scale,
             overlap=overlap,
@@ -229,21 +231,31 @@ class QuotientLearner(BaseEstimator):
         sample: KernelSample,
         progress: Progress,
         *,
+        seed: int,
         target_sensations: np.ndarray,
         joint_scale: np.ndarray,
         overlap: np.ndarray,
         **counts: int,
     ) -> None:
         targets, offsets = target_sensations, sample.offsets(len(target_sensations))
-        kernel_x = (sample.columns["q"] * joint_scale).astype(np.float32)
+        part = kernel_parts(targets, overlap)
+        x = (sample.columns["q"] * joint_scale).astype(np.float32)
+        mode, mode_joints = relevant_joints(
+            x,
+            offsets,
+            targets,
+            part,
+            seed=seed,
+            progress=lambda fraction: progress(0.3 + 0.3 * fraction, "joints that matter"),
+        )
+        kernel_x = mattering(x, mode, mode_joints)
         (distance,) = set_distances(
             kernel_x,
             offsets,
             self.set_distance,
             max_queries=self.max_queries,
-            progress=lambda fraction: progress(0.3 + 0.7 * fraction, "set distances"),
+            progress=lambda fraction: progress(0.6 + 0.4 * fraction, "set distances"),
         )
-        part = kernel_parts(targets, overlap)
         neighbours, near = surface_neighbours(distance, targets, part, self.num_neighbours)
         edges = connected_edges(neighbours, near)
         progress(1.0, "quotient graph")
@@ -259,6 +271,8 @@ class QuotientLearner(BaseEstimator):
             kernel_row=sample.row,
             kernel_strength=sample.columns["strength"],
             kernel_error=sample.columns["error"],
+            kernel_mode=mode,
+            mode_joints=mode_joints,
             joint_scale=joint_scale,
             overlap=overlap,
             part=part,

@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+#: Stands in `kernel_mode` for a configuration of which it is not known.
+NO_MODE = -1
+
 #: Kernels that a part needs before its shape and holes are looked for. Fewer are a fragment: the
 #: rim of a patch that was hardly touched, or a receptor that feels with no other.
 LEAST_KERNELS = 12
@@ -30,6 +33,9 @@ class QuotientRepresentation:
         kernel_row: `(R,)` row of each configuration in the experience.
         kernel_strength: `(R,)` N, L2 norm of the sensation felt there; firm touches are strong.
         kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
+        kernel_mode: `(R,)` the mode of each touch, which says what joints matter to it; `NO_MODE`
+            where that is not known. See `relevance`.
+        mode_joints: `(M, J)` bool, the joints that matter in each mode.
         joint_scale: `(J,)` positive factors that make the joints comparable.
         overlap: `(S, S)` bool, symmetric: receptors that feel one touch together; see
             `touches.nearby`.
@@ -55,6 +61,8 @@ class QuotientRepresentation:
     kernel_row: np.ndarray
     kernel_strength: np.ndarray
     kernel_error: np.ndarray
+    kernel_mode: np.ndarray
+    mode_joints: np.ndarray
     joint_scale: np.ndarray
     overlap: np.ndarray
     part: np.ndarray
@@ -76,6 +84,7 @@ class QuotientRepresentation:
             array.shape[0] if array.ndim else 0
             for array in (self.target_sensations, self.edges, self.kernel_q)
         )
+        num_modes = self.mode_joints.shape[0] if self.mode_joints.ndim else 0
         num_receptors, num_joints = self.target_sensations.shape[1:2], self.kernel_q.shape[1:2]
         expected: dict[str, tuple[int | None, ...]] = {
             "target_sensations": (num_kernels, None),
@@ -84,6 +93,8 @@ class QuotientRepresentation:
             "kernel_row": (num_rows,),
             "kernel_strength": (num_rows,),
             "kernel_error": (num_rows,),
+            "kernel_mode": (num_rows,),
+            "mode_joints": (num_modes, *num_joints),
             "joint_scale": num_joints,
             "overlap": 2 * num_receptors,
             "part": (num_kernels,),
@@ -109,6 +120,8 @@ class QuotientRepresentation:
             raise ValueError(f"edges must join kernels 0 to {num_kernels - 1}.")
         if not (np.isfinite(self.joint_scale).all() and (self.joint_scale > 0).all()):
             raise ValueError(f"joint_scale is {self.joint_scale.tolist()}: give positive factors.")
+        if num_rows and not NO_MODE <= self.kernel_mode.min() <= self.kernel_mode.max() < num_modes:
+            raise ValueError(f"kernel_mode must name modes 0 to {num_modes - 1}, or {NO_MODE}.")
         _check_parts(self.part, self.edges)
 
     @property
@@ -131,8 +144,8 @@ class QuotientRepresentation:
 
     @property
     def kernel_x(self) -> np.ndarray:
-        """`(R, J)` rad, float32, the scaled motor configurations."""
-        return self.scaled(self.kernel_q).astype(np.float32)
+        """`(R, J)` rad, float32, scaled configurations, of joints that matter; see `mattering`."""
+        return mattering(self.scaled(self.kernel_q), self.kernel_mode, self.mode_joints)
 
     def scaled(self, q: np.ndarray) -> np.ndarray:
         """`(..., J)` rad, configurations as distances are measured between them."""
@@ -167,6 +180,7 @@ class QuotientRepresentation:
             kernel_row=self.kernel_row[rows],
             kernel_strength=self.kernel_strength[rows],
             kernel_error=self.kernel_error[rows],
+            kernel_mode=self.kernel_mode[rows],
             part=part,
             set_distance=self.set_distance[np.ix_(kernels, kernels)],
             edges=place[self.edges[kept]],
@@ -206,9 +220,25 @@ _COUNTS = ("num_touches", "num_set_aside")
 _ARRAYS = tuple(f.name for f in fields(QuotientRepresentation) if f.name not in _COUNTS)
 #: Kinds of numbers, where they are not real ones.
 _KINDS = {
-    **dict.fromkeys(("kernel_offsets", "kernel_row", "part", "edges"), ("iu", "whole")),
-    "overlap": ("b", "truth"),
+    **dict.fromkeys(
+        ("kernel_offsets", "kernel_row", "kernel_mode", "part", "edges"), ("iu", "whole")
+    ),
+    **dict.fromkeys(("overlap", "mode_joints"), ("b", "truth")),
 }
+
+
+def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:
+    """`(R, J)` float32, configurations with all joints that do not matter in the middle.
+
+    The others are noise in any distance between configurations.
+
+    Args:
+        x: `(R, J)` scaled configurations.
+        mode: `(R,)` as `kernel_mode`.
+        mode_joints: `(M, J)` bool.
+    """
+    known = np.concatenate([mode_joints, np.ones((1, x.shape[1]), dtype=bool)])  # NO_MODE is -1
+    return np.where(known[mode], x, x.mean(axis=0)).astype(np.float32)
 
 
 def _check_parts(part: np.ndarray, edges: np.ndarray) -> None:

@@ -26,6 +26,8 @@ def ring_representation(num_kernels=24, members=6, *, links=None, seed=0):
         kernel_row=np.arange(len(kernel_q)),
         kernel_strength=rng.uniform(1.0, 2.0, len(kernel_q)),
         kernel_error=rng.uniform(0.0, 0.1, len(kernel_q)),
+        kernel_mode=np.zeros(len(kernel_q), dtype=int),
+        mode_joints=np.ones((1, 3), dtype=bool),
         joint_scale=np.ones(3),
         overlap=np.ones((12, 12), dtype=bool),
         part=np.zeros(num_kernels, dtype=int),

@@ -30,6 +30,8 @@ def laid_by_hand(configurations, edges, targets=None):
         kernel_row=np.arange(num_rows),
         kernel_strength=np.ones(num_rows),
         kernel_error=np.zeros(num_rows),
+        kernel_mode=np.zeros(num_rows, dtype=int),
+        mode_joints=np.ones((1, 1), dtype=bool),
         joint_scale=np.ones(1),
         overlap=np.ones((num_kernels, num_kernels), dtype=bool),
         part=np.zeros(num_kernels, dtype=int),
@@ -76,7 +78,7 @@ def test_only_firm_configurations_carry():
     strength[1] = 0.1
     by_hand = laid_by_hand([[0.0], [1.0, 5.0, 6.0]], [[0, 1]])
     object.__setattr__(by_hand, "kernel_strength", strength)
-    assert firm_members(by_hand, 1).tolist() == [2, 3]
+    assert firm_members(by_hand, 1, 0).tolist() == [2, 3]
 
 
 def test_the_goal_is_entered_by_its_goal_configurations_alone():
@@ -155,4 +157,4 @@ def test_a_light_touch_counts_as_firm_where_there_is_none_else():
     strength = np.array([3.0, 3.0, 3.0, 2.0, 2.0, 2.0, 0.1, 1.0, 0.2, 1.0])
     object.__setattr__(by_hand, "kernel_strength", strength)
     # The strong third, and 5.0; 6.0 is alone as well, but hardly felt.
-    assert firm_members(by_hand, 0).tolist() == [0, 1, 2, 5]
+    assert firm_members(by_hand, 0, 0).tolist() == [0, 1, 2, 5]

@@ -95,6 +95,7 @@ def test_progress_rises_to_one(experience):
     assert list(dict.fromkeys(stage for _, stage in told)) == [
         "target sensations",
         "motor kernels",
+        "joints that matter",
         "set distances",
         "quotient graph",
     ]

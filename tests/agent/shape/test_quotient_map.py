@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from selftouch_drake.agent.network import Network, train
 from selftouch_drake.agent.shape import quotient_coordinates
 from selftouch_drake.agent.shape.cells import Cells
-from selftouch_drake.agent.network import Network, train
 from selftouch_drake.agent.shape.quotient_map import discriminants, scatter_loss
 
 

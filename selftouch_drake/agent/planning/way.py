@@ -1,0 +1,56 @@
+"""What a plan passes through: stretches along links, each with the joints that matter there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+#: Chooses one configuration of each layer.
+Choose = Callable[[Sequence[np.ndarray]], np.ndarray]
+
+
+class Way:
+    """Waypoints of a plan while it is made: candidates first, of which some are chosen.
+
+    On a stretch only the joints that matter move; all others stay where they are when it begins.
+
+    Args:
+        node: the kernel that is felt at the start.
+        x: `(J,)` the scaled configuration there.
+        joints: those that move from there on.
+        choose: which candidates to take, of those of one stretch.
+    """
+
+    def __init__(self, node: int, x: np.ndarray, joints: np.ndarray, choose: Choose):
+        self.nodes = [node]
+        self.in_air: list[bool] = []
+        self._choose = choose
+        self._stretches = [(x, joints, list[np.ndarray]())]
+
+    @property
+    def end(self) -> np.ndarray:
+        """`(J,)` the configuration that the way would end in, if it went no farther."""
+        return self._chosen(*self._stretches[-1])[-1]
+
+    def follow(self, nodes: list[int], layers: list[np.ndarray]) -> None:
+        """Goes along links, through one of the `(n, joints that move)` candidates in each node."""
+        self.nodes += nodes
+        self.in_air += [False] * len(nodes)
+        self._stretches[-1][2].extend(layers)
+
+    def move(self, node: int, x: np.ndarray, joints: np.ndarray, *, in_air: bool) -> None:
+        """Goes straight to `x`, by all joints, and on from there by `joints`."""
+        self.nodes.append(node)
+        self.in_air.append(in_air)
+        self._stretches.append((x, joints, []))
+
+    def waypoints(self) -> np.ndarray:
+        """`(W, J)` scaled configurations, one a node."""
+        return np.concatenate([self._chosen(*stretch) for stretch in self._stretches])
+
+    def _chosen(self, x: np.ndarray, joints: np.ndarray, layers: list[np.ndarray]) -> np.ndarray:
+        chosen = np.repeat(x[None], 1 + len(layers), axis=0)
+        if layers:
+            chosen[1:, joints] = self._choose([x[joints][None], *layers])[1:]
+        return chosen
