@@ -133,16 +133,16 @@ class Planner:
         goals = [self.checked_target(goal) for goal in targets[1:]]
         penalty = self._leap_penalty * self._checked_penalty(link_penalty)
         x = self.representation.scaled(q_start)
-        mode = None if here is None else self._mode_at(x, here)
+        mode = NO_MODE if here is None else self._mode_at(x, here)
         choose = closest_configurations if self._is_literal else smoothest_configurations
         way = Way(NO_KERNEL if here is None else here, x, self._joints(mode), choose)
         for goal in goals:
             # The configuration that the legs before would end in decides where this one goes.
             x = way.end
-            if here is None or mode is None or self._lifts_off(here, goal):
+            if here is None or self._lifts_off(here, goal, mode):
                 here, mode, x = self._landing(x, goal, range(len(self._graphs)))
                 way.move(here, x, self._joints(mode), in_air=True)
-            elif not (self._is_literal or self._graphs[mode].joins(here, goal)):
+            elif not self._is_literal and not self._graphs[mode].joins(here, goal):
                 here, mode = self._hand_over(way, here, goal, mode)
             way.follow(*self._leg(way.end, here, goal, mode, penalty))
             here = goal
@@ -152,14 +152,14 @@ class Planner:
     def _is_literal(self) -> bool:
         return self.route == "literal"
 
-    def _joints(self, mode: int | None) -> np.ndarray:
+    def _joints(self, mode: int) -> np.ndarray:
         """Those that move in a mode; the literal route knows no modes."""
-        if mode is None or self._is_literal:
+        if mode == NO_MODE or self._is_literal:
             return np.arange(len(self.representation.joint_scale))
         return self._graphs[mode].joints
 
-    def _mode_at(self, x: np.ndarray, kernel: int) -> int | None:
-        """The mode of the configuration of `kernel` that the scaled `x` is like; None if unknown.
+    def _mode_at(self, x: np.ndarray, kernel: int) -> int:
+        """The mode of the configuration of `kernel` that the scaled `x` is like, or `NO_MODE`.
 
         Like is what the joints that matter there agree with.
         """
@@ -167,7 +167,7 @@ class Planner:
         modes = self.representation.kernel_mode[members]
         known = np.unique(modes[modes != NO_MODE])
         if len(known) < 2:
-            return int(known[0]) if len(known) else None
+            return int(known[0]) if len(known) else NO_MODE
         off = np.square(self.representation.scaled(self.representation.kernel_q[members]) - x)
         nearest = [off[modes == m][:, self._graphs[m].joints].mean(axis=1).min() for m in known]
         return int(known[np.argmin(nearest)])
@@ -188,12 +188,7 @@ class Planner:
             way.move(kernel, to, joints, in_air=False)
         return kernel, after
 
-    def _through(
-        self,
-        q_start: np.ndarray,
-        way: Way,
-        limits: Limits | None,
-    ) -> Plan:
+    def _through(self, q_start: np.ndarray, way: Way, limits: Limits | None) -> Plan:
         """The smooth plan along a way."""
         representation, waypoints_x = self.representation, way.waypoints()
         lower, upper = (representation.scaled(limit) for limit in limits or self._range)
@@ -213,10 +208,13 @@ class Planner:
             path=path,
         )
 
-    def _lifts_off(self, here: int, goal: int) -> bool:
-        """Whether the way leads to another part; the literal route knows no parts."""
+    def _lifts_off(self, here: int, goal: int, mode: int) -> bool:
+        """Whether the way leads to another part, or no joints are known to go by.
+
+        The literal route knows neither parts nor modes.
+        """
         part = self.representation.part
-        return not self._is_literal and bool(part[here] != part[goal])
+        return not self._is_literal and (mode == NO_MODE or bool(part[here] != part[goal]))
 
     def _leg(
         self, x: np.ndarray, start: int, goal: int, mode: int, penalty: np.ndarray
