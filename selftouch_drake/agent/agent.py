@@ -19,7 +19,7 @@ from selftouch_drake.agent.planning import (
     Prediction,
     predict_sensation,
 )
-from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge
+from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge, long_steps, practise
 from selftouch_drake.agent.representation import (
     Batches,
     QuotientLearner,
@@ -28,6 +28,7 @@ from selftouch_drake.agent.representation import (
     kernel_sensations,
 )
 from selftouch_drake.agent.shape import Body, recover
+from selftouch_drake.agent.sliding import Slider
 
 
 # No slots: the planner is built when it is first asked for, and kept.
@@ -163,7 +164,11 @@ class Agent:
         if q_start is None:
             q_start = self._typical(targets)
         return self.planner.plan_tour(
-            q_start, targets, link_penalty=self.memory.link_penalty, limits=limits
+            q_start,
+            targets,
+            link_penalty=self.memory.link_penalty,
+            slides=self.memory.slides,
+            limits=limits,
         )
 
     def plan_from(
@@ -204,6 +209,32 @@ class Agent:
     def judge(self, execution: Execution) -> Try:
         """What the agent itself makes of an executed plan."""
         return judge(execution, self.representation)
+
+    def prepare(self, plan: Plan, slider: Slider) -> Agent | None:
+        """The agent after it slid along the long steps of a plan; None if the plan has none.
+
+        Links that it could not slide along cost more from then on.
+        """
+        steps = long_steps(plan, self.representation)
+        if not len(steps):
+            return None
+        memory, lost = self._practised(plan, steps, plan.links[steps], slider)
+        return self._with(memory=memory.avoiding(lost))
+
+    def practise(self, plan: Plan, one: Try, slider: Slider) -> Agent:
+        """The agent after a try of a plan: where touch was lost, it slides along.
+
+        Links that it could not slide along cost more from then on.
+        """
+        memory, lost = self._practised(plan, one.lost_steps, one.lost_links, slider)
+        return self._with(memory=memory.after(lost))
+
+    def _practised(
+        self, plan: Plan, steps: np.ndarray, lost: np.ndarray, slider: Slider
+    ) -> tuple[RehearsalMemory, np.ndarray]:
+        """The memory with new slides, and the links of `lost` along which none was found."""
+        memory, found = practise(plan, steps, slider, self.memory, self.representation)
+        return memory, np.setdiff1d(lost, [-1, *plan.links[steps[found]]])
 
     def remember(self, lost_links: np.ndarray) -> Agent:
         """The agent after one more try, which lost contact on `lost_links` `(n,)`."""

@@ -5,15 +5,20 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning import jerk_reduction
-from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, rehearse
+from selftouch_drake.agent.rehearsal import Try, rehearse
+from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
 from selftouch_drake.robot.timing import time_path
+
+# What cannot be slid along is planned round; each time, other steps may be long.
+_MOST_PREPARATIONS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -21,11 +26,15 @@ class Query:
     """A motion that was asked for.
 
     Attributes:
+        agent: who planned, with what it practised for it.
+        plan: what was planned.
         motion: the timed plan, with what the agent expects to feel.
-        seconds: s, what planning and timing took.
+        seconds: s, what planning, practising and timing took.
         jerk_reduction: how many times less jerk it has than straight steps between kernels.
     """
 
+    agent: Agent
+    plan: Plan
     motion: Motion
     seconds: float
     jerk_reduction: float
@@ -55,7 +64,7 @@ class Pilot:
             ValueError: as `Agent.tour`.
         """
         q_start = self._some_configuration(*targets)
-        return self._queried(lambda: self.agent.tour(targets, q_start=q_start))
+        return self._queried(lambda agent: agent.tour(targets, q_start=q_start))
 
     def plan_from(self, q_start: np.ndarray, goal: int) -> Query:
         """Plans from any configuration, touching or not.
@@ -81,7 +90,7 @@ class Pilot:
             goal: the target sensation to reach.
         """
         limits = self.world.robot.lower, self.world.robot.upper
-        return self._queried(lambda: self.agent.plan_from(q_start, felt, goal, limits=limits))
+        return self._queried(lambda agent: agent.plan_from(q_start, felt, goal, limits=limits))
 
     def execute(self, motion: Motion) -> tuple[Execution, Log]:
         """Lets the robot follow a motion from its start; the log has every step of the plant."""
@@ -96,6 +105,8 @@ class Pilot:
     ) -> list[Try]:
         """Plans and executes until contact is never lost; the agent remembers what it learned.
 
+        Where touch was lost, the agent practises before it tries again: it slides along.
+
         Args:
             start: the target sensation to leave.
             goal: the target sensation to reach.
@@ -105,22 +116,47 @@ class Pilot:
         Returns:
             The tries, in order.
         """
+        queries: list[Query] = []
 
-        def attempt(memory: RehearsalMemory) -> Try:
-            self.agent = self.agent.recalling(memory)
-            motion = self.plan(start, goal).motion
+        def attempt(agent: Agent) -> Try:
+            self.agent = agent
+            queries.append(self.plan(start, goal))
+            motion = queries[-1].motion
             if known is not None and np.array_equal(motion.q, known.execution.motion.q):
                 return known
             execution, _ = self.execute(motion)
             return self.agent.judge(execution)
 
-        tries, memory = rehearse(attempt, self.agent.memory, max_tries=max_tries)
-        self.agent = self.agent.recalling(memory)
+        def learn(one: Try, agent: Agent) -> Agent:
+            query = queries[-1]
+            return query.agent.practise(query.plan, one, self._slider)
+
+        tries, self.agent = rehearse(attempt, learn, self.agent, max_tries=max_tries)
         return tries
 
-    def _queried(self, make_plan: Callable[[], Plan]) -> Query:
+    @cached_property
+    def _slider(self) -> Slider:
+        """How the agent moves by feel: what a configuration feels like, and whether it can be."""
+        representation, world = self.agent.representation, self.world
+
+        def feel(x: np.ndarray) -> np.ndarray:
+            q = representation.unscaled(x)
+            felt = world.probe.sensations(q)
+            felt[world.probe.collision_depth(q) > 0] = np.nan
+            return felt
+
+        limits = (representation.scaled(q) for q in (world.robot.lower, world.robot.upper))
+        return Slider(feel, *limits)
+
+    def _queried(self, make_plan: Callable[[Agent], Plan]) -> Query:
+        """Plans; along steps too long to trust the agent slides first, and plans again."""
         began = time.perf_counter()
-        plan = make_plan()
+        agent, plan = self.agent, make_plan(self.agent)
+        for _ in range(_MOST_PREPARATIONS):
+            if (prepared := agent.prepare(plan, self._slider)) is None:
+                break
+            agent = prepared
+            plan = make_plan(agent)
         timed = time_path(
             plan.path,
             velocity_limit=self._limits.velocity,
@@ -128,8 +164,10 @@ class Pilot:
             rate_hz=1 / LOG_PERIOD,
         )
         seconds = time.perf_counter() - began
-        motion = self.agent.motion(plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v)
+        motion = agent.motion(plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v)
         return Query(
+            agent=agent,
+            plan=plan,
             motion=motion,
             seconds=seconds,
             jerk_reduction=jerk_reduction(plan, self.agent.representation.joint_scale),

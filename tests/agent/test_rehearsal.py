@@ -41,7 +41,13 @@ CHAIN = representation()
 
 
 def tried(contact, lost=(), *, reached=True):
-    return Try(contact=contact, reached=reached, lost_links=np.array(lost, int), execution=None)
+    return Try(
+        contact=contact,
+        reached=reached,
+        lost_links=np.array(lost, int),
+        lost_steps=np.array([], int),
+        execution=None,
+    )
 
 
 def judged(felt, *, links=(4, 7), goal=2, in_air=None, known=CHAIN):
@@ -112,6 +118,10 @@ def test_penalties_grow_and_stay_finite():
     assert twice.link_penalty[0] == 8.0**6
 
 
+def remembered(one, memory):
+    return memory.after(one.lost_links)
+
+
 def test_tries_end_at_the_first_perfect_one():
     scripted = iter([tried(0.9, [1]), tried(0.95, [1, 2]), tried(1.0), tried(1.0)])
     asked = []
@@ -120,7 +130,7 @@ def test_tries_end_at_the_first_perfect_one():
         asked.append(memory.link_penalty.tolist())
         return next(scripted)
 
-    tries, memory = rehearse(attempt, RehearsalMemory.blank(CHAIN), max_tries=6)
+    tries, memory = rehearse(attempt, remembered, RehearsalMemory.blank(CHAIN), max_tries=6)
     assert [one.contact for one in tries] == [0.9, 0.95, 1.0]
     assert asked == [[1.0, 1.0, 1.0], [1.0, 8.0, 1.0], [1.0, 64.0, 8.0]]
     assert memory.link_penalty.tolist() == [1.0, 64.0, 8.0]
@@ -128,7 +138,8 @@ def test_tries_end_at_the_first_perfect_one():
 
 
 def test_tries_end_at_the_most_tries():
-    tries, _ = rehearse(lambda _: tried(0.5), RehearsalMemory.blank(CHAIN), max_tries=2)
+    blank = RehearsalMemory.blank(CHAIN)
+    tries, _ = rehearse(lambda _: tried(0.5), remembered, blank, max_tries=2)
     assert len(tries) == 2
 
 
@@ -162,9 +173,13 @@ def test_a_goal_is_reached_though_something_else_is_touched_harder():
 
 def test_a_memory_is_the_same_after_a_night_as_arrays():
     memory = RehearsalMemory.blank(CHAIN).after(np.array([2]))
+    ends = np.zeros(2), np.ones(2)
+    slides = memory.slides.and_also(*ends, np.full((3, 2), 0.5), np.array([0, 1, 1]))
+    memory = dataclasses.replace(memory, slides=slides)
     loaded = RehearsalMemory.from_arrays(memory.to_arrays() | {"stamp": np.array("x")}, CHAIN)
     assert np.array_equal(loaded.link_penalty, memory.link_penalty)
     assert (loaded.num_tries, loaded.belongs_to) == (memory.num_tries, memory.belongs_to)
+    assert loaded.slides.node[loaded.slides.between(*ends)].tolist() == [0, 1, 1]
 
 
 def test_a_memory_of_another_representation_is_refused():
@@ -184,6 +199,10 @@ def test_a_memory_of_another_representation_is_refused():
             "link_penalty holds what is no factor, 1",
         ),
         ("link_penalty", np.array([1.0, np.nan, 1]), "link_penalty holds what is no factor, 1 or"),
+        ("slide_ends", np.zeros((0, 2, 3)), "slide_ends is no array of slides"),
+        ("slide_x", np.full((1, 2), np.nan), "slide_x holds what is no finite number"),
+        ("slide_offsets", np.array([3]), "slide_offsets must rise from 0 to 0"),
+        ("slide_node", np.array([0.5]), "slide_node is no array of slides"),
     ],
 )
 def test_a_damaged_memory_is_refused(name, array, message):
@@ -197,4 +216,4 @@ def test_a_damaged_memory_is_refused(name, array, message):
 
 def test_no_try_is_refused():
     with pytest.raises(ValueError, match=r"^max_tries is 0: give at least 1$"):
-        rehearse(lambda _: tried(1.0), RehearsalMemory.blank(CHAIN), max_tries=0)
+        rehearse(lambda _: tried(1.0), remembered, RehearsalMemory.blank(CHAIN), max_tries=0)

@@ -1,8 +1,13 @@
 """From the quotient graph to a smooth geometric path in motor space (paper, section III)."""
 
-from selftouch_drake.agent.planning.planner import Limits, Planner, RouteMethod, jerk_reduction
+from selftouch_drake.agent.planning.planner import Limits, Planner, RouteMethod
 from selftouch_drake.agent.planning.prediction import Prediction, predict_sensation
-from selftouch_drake.agent.planning.smoothing import KNOT_SPACING, polyline, smooth_path
+from selftouch_drake.agent.planning.smoothing import (
+    KNOT_SPACING,
+    jerk_reduction,
+    polyline,
+    smooth_path,
+)
 
 __all__ = [
     "KNOT_SPACING",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Literal, get_args
 
@@ -25,19 +25,14 @@ from selftouch_drake.agent.planning.route import (
 from selftouch_drake.agent.planning.smoothing import (
     KNOT_SPACING,
     path_length,
-    polyline,
     smooth_path,
 )
 from selftouch_drake.agent.planning.way import Way
 from selftouch_drake.agent.representation.graphs import step_links
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
+from selftouch_drake.agent.sliding import Slides
 
 RouteMethod = Literal["carried", "literal"]
-
-# Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline has no
-# limit as samples get denser, so that the figure means something only for a stated spacing.
-_JERK_SPACING = 0.02
-
 
 #: Lowest and highest motor configuration, `(J,)` each.
 Limits = tuple[np.ndarray, np.ndarray]
@@ -89,10 +84,13 @@ class Planner:
         goal: int,
         *,
         link_penalty: np.ndarray | None = None,
+        slides: Slides | None = None,
         limits: Limits | None = None,
     ) -> Plan:
         """Plans from a motor configuration to one target sensation; see `plan_tour`."""
-        return self.plan_tour(q_start, [start, goal], link_penalty=link_penalty, limits=limits)
+        return self.plan_tour(
+            q_start, [start, goal], link_penalty=link_penalty, slides=slides, limits=limits
+        )
 
     def plan_tour(
         self,
@@ -100,15 +98,16 @@ class Planner:
         targets: Sequence[int | None],
         *,
         link_penalty: np.ndarray | None = None,
+        slides: Slides | None = None,
         limits: Limits | None = None,
     ) -> Plan:
         """Plans one continuous motion through a list of target sensations.
 
-        Between parts of the body, and from a configuration in which nothing is felt, the agent goes
-        through the air: straight to the nearest firm touch it knows on the next goal's part, and
-        along links from there. Joints that do not matter to a touch stay where they are. Where the
-        joints that matter now do not lead to the goal, others take over: they land while the first
-        hold still, and then the first leave.
+        Joints that do not matter to a touch stay where they are. Where no links lead to a goal, as
+        between parts of the body and where nothing is felt, the agent goes through the air:
+        straight to the nearest firm touch it knows that links join to the goal, and along them from
+        there. If that is on the same part, by joints that did not matter before, these land while
+        the others hold still, and then the others leave.
 
         Args:
             q_start: `(J,)` where the joints are, in the robot's units.
@@ -116,13 +115,13 @@ class Planner:
                 feel, in order. A goal that is felt already is a plan to stay.
             link_penalty: `(L,)` factors on the cost of the links, above 1 where contact was lost
                 before; a literal route has no links and ignores it.
+            slides: ways between touches that are known; others are straight.
             limits: no path leaves them, nor may it start outside. By default no path leaves the
                 range of experience, unless it starts outside.
 
         Raises:
-            ValueError: if a target is out of range, there is none to feel, `q_start` or
-                `link_penalty` does not fit the representation, or no links join two targets of
-                one part.
+            ValueError: if a target is out of range, there is none to feel, or `q_start` or
+                `link_penalty` does not fit the representation.
         """
         q_start = self.checked_configuration(q_start, limits)
         if len(targets) < 2:
@@ -138,15 +137,11 @@ class Planner:
         way = Way(NO_KERNEL if here is None else here, x, self._joints(mode), choose)
         for goal in goals:
             # The configuration that the legs before would end in decides where this one goes.
-            x = way.end
             if here is None or self._lifts_off(here, goal, mode):
-                here, mode, x = self._landing(x, goal, range(len(self._graphs)))
-                way.move(here, x, self._joints(mode), in_air=True)
-            elif not self._is_literal and not self._graphs[mode].joins(here, goal):
-                here, mode = self._hand_over(way, here, goal, mode)
+                here, mode = self._land(way, goal, mode)
             way.follow(*self._leg(way.end, here, goal, mode, penalty))
             here = goal
-        return self._through(q_start, way, limits)
+        return self._through(q_start, way, slides, limits)
 
     @property
     def _is_literal(self) -> bool:
@@ -172,101 +167,106 @@ class Planner:
         nearest = [off[modes == m][:, self._graphs[m].joints].mean(axis=1).min() for m in known]
         return int(known[np.argmin(nearest)])
 
-    def _hand_over(self, way: Way, here: int, goal: int, mode: int) -> tuple[int, int]:
-        """Lets other joints touch, from which links lead to `goal`; where, and the mode."""
-        others = [m for m in range(len(self._graphs)) if m != mode]
-        if not any(self._graphs[m].component[goal] >= 0 for m in others):
-            raise ValueError(_unconnected(here, goal))
-        kernel, after, to = self._landing(way.end, goal, others)
+    def _land(self, way: Way, goal: int, mode: int) -> tuple[int, int]:
+        """Goes to another touch, from which links lead to `goal`; where, and the mode.
+
+        If other joints can touch there, those that touch now hold still until they do.
+        """
+        kernel, after, to = self._landing(way.end, goal)
         joints = self._joints(after)
-        if shared := bool(np.isin(joints, self._joints(mode)).any()):
-            way.move(kernel, to, joints, in_air=shared)
-        else:
+        holds = mode != NO_MODE and not np.isin(joints, self._joints(mode)).any()
+        if holds and self.representation.part[way.nodes[-1]] == self.representation.part[kernel]:
             both = way.end.copy()
             both[joints] = to[joints]
             way.move(kernel, both, joints, in_air=False)
             way.move(kernel, to, joints, in_air=False)
+        else:
+            way.move(kernel, to, joints, in_air=True)
         return kernel, after
 
-    def _through(self, q_start: np.ndarray, way: Way, limits: Limits | None) -> Plan:
+    def _through(
+        self, q_start: np.ndarray, way: Way, slides: Slides | None, limits: Limits | None
+    ) -> Plan:
         """The smooth plan along a way."""
-        representation, waypoints_x = self.representation, way.waypoints()
+        representation = self.representation
+        links = [self._link_row.get((min(a, b), max(a, b)), -1) for a, b in pairwise(way.nodes)]
+        nodes, of_step, waypoints_x = way.passed(slides)
         lower, upper = (representation.scaled(limit) for limit in limits or self._range)
         path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, lower=lower, upper=upper)
         path.c = representation.unscaled(path.c)
         waypoints_q = representation.unscaled(waypoints_x)
         waypoints_q[0] = path.c[0] = q_start
         return Plan(
-            nodes=np.array(way.nodes),
-            links=np.array(
-                [self._link_row.get((min(a, b), max(a, b)), -1) for a, b in pairwise(way.nodes)],
-                dtype=np.int64,
-            ),
-            in_air=np.array(way.in_air, dtype=bool),
+            nodes=np.array(nodes),
+            links=np.array(links, dtype=np.int64)[of_step],
+            in_air=np.array(way.in_air, dtype=bool)[of_step],
             waypoints_q=waypoints_q,
             waypoint_s=path_length(waypoints_x),
             path=path,
         )
 
     def _lifts_off(self, here: int, goal: int, mode: int) -> bool:
-        """Whether the way leads to another part, or no joints are known to go by.
+        """Whether no links lead to `goal` by the joints that matter here.
 
         The literal route knows neither parts nor modes.
         """
-        part = self.representation.part
-        return not self._is_literal and (mode == NO_MODE or bool(part[here] != part[goal]))
+        if self._is_literal:
+            return False
+        return mode == NO_MODE or (here != goal and not self._graphs[mode].joins(here, goal))
 
     def _leg(
         self, x: np.ndarray, start: int, goal: int, mode: int, penalty: np.ndarray
     ) -> tuple[list[int], list[np.ndarray]]:
         """The kernels after `start` on the way to `goal`, and the scaled candidates in each."""
         representation = self.representation
+        if start == goal:
+            return [], []
         if self._is_literal:
             nodes = shortest_route(representation.set_distance, start, goal)
             if nodes is None:
-                raise ValueError(_unconnected(start, goal))
+                raise ValueError(
+                    f"target {goal} cannot be reached from target {start}: no distance is known "
+                    "between them; learn again"
+                )
             after = nodes[1:].tolist()
             layers = [self._x(of_mode(representation, k, None)) for k in after[:-1]]
-            return after, layers + [self._x(goal_members(representation, goal))] * bool(after)
+            return after, [*layers, self._x(goal_members(representation, goal))]
         graph = self._graphs[mode]
         goal_x = self._x(goal_members(representation, goal, mode))[:, graph.joints]
         nodes = carried_route(graph, x[graph.joints], start, goal, goal_x, penalty=penalty)
-        if nodes is None:
-            raise ValueError(_unconnected(start, goal))
+        assert nodes is not None, "links join the two"
         after = nodes[1:].tolist()
         firm = [graph.firm_configurations(k) for k in after[:-1]]
-        return after, firm + [goal_x] * bool(after)
+        return after, [*firm, goal_x]
 
-    def _x(self, rows: np.ndarray) -> np.ndarray:
-        """`(n, J)` float32 rad, stored configurations, scaled."""
+    def _x(self, rows: np.ndarray | int) -> np.ndarray:
+        """`(..., J)` float32 rad, stored configurations, scaled."""
         q = self.representation.kernel_q[rows]
         return self.representation.scaled(q).astype(np.float32)
 
-    def _landing(
-        self, x: np.ndarray, goal: int, modes: Iterable[int]
-    ) -> tuple[int, int, np.ndarray]:
+    def _landing(self, x: np.ndarray, goal: int) -> tuple[int, int, np.ndarray]:
         """The firm touch nearest to the scaled `x` from which links of its mode lead to `goal`.
 
-        Its kernel, its mode and its scaled configuration.
+        Its kernel, its mode and its scaled configuration. If it is of no touch of the goal known
+        what joints matter, it is the nearest of these.
         """
         found = []
-        for mode in modes:
-            graph = self._graphs[mode]
+        for mode, graph in enumerate(self._graphs):
             if (component := graph.component[goal]) < 0:
                 continue
             leads = np.repeat(graph.component == component, np.diff(graph.firm_offsets))
-            firm_x = self._x(graph.firm_row[leads]).astype(float)
-            squared = np.square(firm_x - x).sum(axis=1)
-            column = np.flatnonzero(leads)[squared.argmin()]
-            kernel = int(np.searchsorted(graph.firm_offsets, column, side="right")) - 1
-            found.append((squared.min(), kernel, mode, firm_x[squared.argmin()]))
+            row = self._nearest(x, graph.firm_row[leads])
+            found.append((row, mode))
         if not found:
-            raise ValueError(
-                f"target {goal} cannot be reached: it is not known which joints matter to it; "
-                "babble longer"
-            )
-        _, kernel, mode, landing = min(found, key=operator.itemgetter(0))
-        return kernel, mode, landing
+            found.append((self._nearest(x, of_mode(self.representation, goal, None)), NO_MODE))
+        far = [np.square(self._x(row) - x).sum() for row, _ in found]
+        row, mode = found[int(np.argmin(far))]
+        kernel = int(np.searchsorted(self.representation.kernel_offsets, row, side="right")) - 1
+        return kernel, mode, self._x(row).astype(float)
+
+    def _nearest(self, x: np.ndarray, rows: np.ndarray) -> int:
+        """The one of `rows` whose scaled configuration is nearest to `x`."""
+        return int(rows[np.square(self._x(rows) - x).sum(axis=1).argmin()])
 
     def checked_target(self, target: int | None) -> int:
         """The same as an int.
@@ -331,31 +331,3 @@ class Planner:
                 "for links without penalty"
             )
         return link_penalty
-
-
-def _unconnected(start: int, goal: int) -> str:
-    return (
-        f"target {goal} cannot be reached from target {start}: the quotient graph does not "
-        "connect them; babble longer, or learn with a larger num_neighbours"
-    )
-
-
-def jerk_reduction(plan: Plan, joint_scale: np.ndarray) -> float:
-    """How many times smaller the jerk of the smooth path is than that of its polyline.
-
-    Both are sampled every 0.02 rad of path length; jerk is the root mean square of third
-    differences of scaled configurations. 1 if the polyline has no corner.
-
-    Args:
-        plan: the plan.
-        joint_scale: `(J,)` of the representation that the plan was made with.
-    """
-    if len(np.unique(plan.waypoint_s)) < 3:
-        return 1.0
-    length = plan.waypoint_s[-1]
-    s = np.linspace(0.0, length, max(5, int(length / _JERK_SPACING)))
-    rough, smooth = (
-        np.sqrt(np.mean(np.square(np.diff(path(s) * joint_scale, 3, axis=0))))
-        for path in (polyline(plan.waypoints_q, plan.waypoint_s), plan.path)
-    )
-    return float(rough / smooth)

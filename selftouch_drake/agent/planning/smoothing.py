@@ -9,12 +9,18 @@ from scipy import sparse
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
+from selftouch_drake.agent.motions import Plan
+
 DEGREE = 5
 # Knots this far apart (rad of path length) follow the polyline of a thousand kernels closely
 # enough to keep contact, and round its corners.
 KNOT_SPACING = 0.135
 # Midpoints of each knot interval at which distance and jerk are summed.
 _SAMPLES_PER_INTERVAL = 8
+
+# Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline has no
+# limit as samples get denser, so that the figure means something only for a stated spacing.
+_JERK_SPACING = 0.02
 
 
 def path_length(waypoints_x: np.ndarray) -> np.ndarray:
@@ -120,3 +126,24 @@ def _third_derivative(u: np.ndarray, knots: np.ndarray) -> sparse.csr_array:
 def _upper_bands(matrix: sparse.dia_array) -> np.ndarray:
     """`(DEGREE + 1, n)` diagonals of a symmetric banded matrix, the main one last."""
     return np.stack([np.pad(matrix.diagonal(k), (k, 0)) for k in range(DEGREE, -1, -1)])
+
+
+def jerk_reduction(plan: Plan, joint_scale: np.ndarray) -> float:
+    """How many times smaller the jerk of the smooth path is than that of its polyline.
+
+    Both are sampled every 0.02 rad of path length; jerk is the root mean square of third
+    differences of scaled configurations. 1 if the polyline has no corner.
+
+    Args:
+        plan: the plan.
+        joint_scale: `(J,)` of the representation that the plan was made with.
+    """
+    if len(np.unique(plan.waypoint_s)) < 3:
+        return 1.0
+    length = plan.waypoint_s[-1]
+    s = np.linspace(0.0, length, max(5, int(length / _JERK_SPACING)))
+    rough, smooth = (
+        np.sqrt(np.mean(np.square(np.diff(path(s) * joint_scale, 3, axis=0))))
+        for path in (polyline(plan.waypoints_q, plan.waypoint_s), plan.path)
+    )
+    return float(rough / smooth)

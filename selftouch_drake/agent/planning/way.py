@@ -6,6 +6,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from selftouch_drake.agent.sliding import Slides
+
 #: Chooses one configuration of each layer.
 Choose = Callable[[Sequence[np.ndarray]], np.ndarray]
 
@@ -45,9 +47,22 @@ class Way:
         self.in_air.append(in_air)
         self._stretches.append((x, joints, []))
 
-    def waypoints(self) -> np.ndarray:
-        """`(W, J)` scaled configurations, one a node."""
-        return np.concatenate([self._chosen(*stretch) for stretch in self._stretches])
+    def passed(self, slides: Slides | None) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """The nodes and waypoints of the plan, with those of the slides that it can take.
+
+        Returns:
+            W kernels, `(W - 1,)` the step of this way that each step is part of, and `(W, J)`
+            scaled configurations.
+        """
+        x = np.concatenate([self._chosen(*stretch) for stretch in self._stretches])
+        slides = slides or Slides.none(x.shape[1])
+        nodes, waypoints, of_step = [self.nodes[0]], [x[0]], list[int]()
+        for step, node in enumerate(self.nodes[1:]):
+            rows = slides.between(x[step], x[step + 1])
+            nodes += [*slides.node[rows].tolist(), node]
+            waypoints += [*slides.x[rows], x[step + 1]]
+            of_step += [step] * (rows.stop - rows.start + 1)
+        return nodes, np.array(of_step, dtype=int), np.array(waypoints)
 
     def _chosen(self, x: np.ndarray, joints: np.ndarray, layers: list[np.ndarray]) -> np.ndarray:
         chosen = np.repeat(x[None], 1 + len(layers), axis=0)

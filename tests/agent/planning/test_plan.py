@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.planning import Planner, jerk_reduction, predict_sensation
+from selftouch_drake.agent.sliding import Slides
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +123,7 @@ def test_errors_say_what_to_do(ring, planner, arguments, message):
         planner.plan(**{"q_start": ring.kernel_q[0], "start": 0, "goal": 3} | arguments)
 
 
-def test_an_unreachable_goal_says_what_to_do(make_ring):
+def test_where_no_links_lead_the_plan_lifts_off(make_ring):
     ring = make_ring(links=[])
     # One half of the ring is felt by other receptors than the other half.
     feel = ring.target_sensations
@@ -132,13 +133,26 @@ def test_an_unreachable_goal_says_what_to_do(make_ring):
         target_sensations=np.hstack([half * feel, (1.0 - half) * feel]),
         overlap=np.ones((24, 24), dtype=bool),
     )
-    message = (
-        "target 15 cannot be reached from target 0: the quotient graph does not connect them; "
-        "babble longer, or learn with a larger num_neighbours"
-    )
-    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
-        Planner(apart).plan(apart.kernel_q[0], 0, 15)
-    assert Planner(apart).plan(apart.kernel_q[0], 0, 9).nodes[-1] == 9
+    plan = Planner(apart).plan(apart.kernel_q[0], 0, 15)
+    assert plan.in_air.tolist() == [True] + [False] * (len(plan.nodes) - 2)
+    assert plan.nodes[1] >= 12
+    assert plan.goal == 15
+    within = Planner(apart).plan(apart.kernel_q[0], 0, 9)
+    assert not within.in_air.any()
+
+
+def test_a_plan_goes_along_the_slides_it_knows(ring, planner):
+    q_start = ring.kernel_q[0]
+    straight = planner.plan(q_start, 0, 3)
+    a, b = straight.waypoints_q[1:3]
+    between = np.linspace(a, b, 5)[1:-1] + np.array([0.0, 0.0, 0.1])
+    slides = Slides.none(3).and_also(a, b, between, np.array([1, 1, 2]))
+    slid = planner.plan(q_start, 0, 3, slides=slides)
+    assert slid.nodes.tolist() == [0, 1, 1, 1, 2, 2, 3]
+    assert np.array_equal(slid.waypoints_q[2:5], between)
+    assert slid.links.tolist() == [*straight.links[:1], *[straight.links[1]] * 4, straight.links[2]]
+    other = planner.plan(ring.kernel_q[6 * 12], 12, 15, slides=slides)
+    assert other.nodes.tolist() == [12, 13, 14, 15]
 
 
 def test_a_planner_refuses_what_it_cannot_do(ring):

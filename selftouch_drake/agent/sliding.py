@@ -1,0 +1,202 @@
+"""Sliding: from one touch to another without letting go, by feel (naive).
+
+Between two configurations that touch, the straight way may leave the skin. The agent does not know
+how to bend it. But in any touch it can try which small movements make it feel more, and which less:
+along all others it slides. So it goes as straight as it can, and presses on or yields as it feels
+less or more than it wants.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Tells what is felt, `(n, S)` N, in `(n, J)` scaled configurations; NaN where the robot cannot be.
+Feel = Callable[[np.ndarray], np.ndarray]
+
+#: rad, how far it goes at a time, and how far it tries to either side. Of 51 steps of 2 rad between
+#: touches of a forearm, nine joints of which matter, 86 % are slid along; of straight ones, 12 %.
+_STEP = 0.06
+_TRIAL = 0.01
+
+#: Goes at a time of which it gives up, as a multiple of those of the straight way, and at least.
+_MOST_DETOUR, _LEAST_GOES = 4, 30
+
+#: What is wanted is between what is felt at the ends, but no less than this share of the stronger;
+#: what is felt may be off by these factors.
+_FIRM = 0.6
+_LEAST_FELT, _MOST_FELT = 0.3, 3.0
+
+# Where the way leads straight into the skin or out of it, for all but this share, none slides on.
+_ACROSS = 1e-3
+
+# rad, by which stored configurations, which are float32, may be off.
+_SAME = 1e-5
+
+# Halvings of a step that loses touch, and corrections of each, before it gives up.
+_MOST_HALVINGS, _CORRECTIONS = 5, 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Slides:
+    """Ways from one touch to another that were slid along.
+
+    N slides through M configurations of J joints in all, scaled (rad).
+
+    Attributes:
+        ends: `(N, 2, J)` from where and to where.
+        offsets: `(N + 1,)` slide n passes rows `offsets[n]:offsets[n + 1]`.
+        x: `(M, J)` the touching configurations that it passes.
+        node: `(M,)` the kernel that is felt in each.
+    """
+
+    ends: np.ndarray
+    offsets: np.ndarray
+    x: np.ndarray
+    node: np.ndarray
+
+    @classmethod
+    def none(cls, num_joints: int) -> Slides:
+        """No slides."""
+        return cls(
+            ends=np.empty((0, 2, num_joints)),
+            offsets=np.zeros(1, dtype=int),
+            x=np.empty((0, num_joints)),
+            node=np.empty(0, dtype=int),
+        )
+
+    def check(self, num_joints: int, num_kernels: int) -> None:
+        """Refuses what are no slides of so many joints and kernels.
+
+        Raises:
+            ValueError: the text names the array.
+        """
+        num, num_x = len(self.offsets) - 1 if self.offsets.ndim else 0, len(np.atleast_1d(self.x))
+        shapes = {
+            "ends": (num, 2, num_joints),
+            "offsets": (num + 1,),
+            "x": (num_x, num_joints),
+            "node": (num_x,),
+        }
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            whole = name in ("offsets", "node")
+            if array.shape != shape or array.dtype.kind not in ("iu" if whole else "f"):
+                raise ValueError(f"slide_{name} is no array of slides")
+            if not np.isfinite(array).all():
+                raise ValueError(f"slide_{name} holds what is no finite number")
+        ends = self.offsets[[0, -1]].tolist()
+        if ends != [0, num_x] or (np.diff(self.offsets) < 0).any():
+            raise ValueError(f"slide_offsets must rise from 0 to {num_x}")
+        if num_x and not 0 <= self.node.min() <= self.node.max() < num_kernels:
+            raise ValueError(f"slide_node must name kernels 0 to {num_kernels - 1}")
+
+    def and_also(
+        self, x_from: np.ndarray, x_to: np.ndarray, x: np.ndarray, node: np.ndarray
+    ) -> Slides:
+        """One slide more: from where, to where, and what it passes."""
+        return Slides(
+            ends=np.concatenate([self.ends, np.stack([x_from, x_to])[None]]),
+            offsets=np.append(self.offsets, self.offsets[-1] + len(x)),
+            x=np.concatenate([self.x, x]),
+            node=np.concatenate([self.node, node]),
+        )
+
+    def between(self, x_from: np.ndarray, x_to: np.ndarray) -> slice:
+        """The rows that are passed between two configurations; none where no slide is known."""
+        off = np.abs(self.ends - np.stack([x_from, x_to])).max(axis=(1, 2), initial=0.0)
+        known = np.flatnonzero(off < _SAME)
+        return slice(*self.offsets[known[-1] : known[-1] + 2]) if len(known) else slice(0, 0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slider:
+    """Slides by feel.
+
+    Attributes:
+        feel: what is felt in a configuration.
+        lower: `(J,)` rad, scaled, of the joints.
+        upper: `(J,)` rad, likewise.
+    """
+
+    feel: Feel
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def slide(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Goes from one touching configuration to another, by the joints that are not the same.
+
+        Args:
+            x_from: `(J,)` rad, scaled.
+            x_to: `(J,)` rad, scaled.
+
+        Returns:
+            `(M, J)` rad, the touching configurations in between, some 0.06 rad apart, and `(M, S)`
+            N, what is felt there; None if the way is lost.
+        """
+        joints = np.flatnonzero(x_from != x_to)
+        felt, at_end = self.feel(np.stack([x_from, x_to]))
+        start, end = _strength(np.stack([felt, at_end]))
+        if not (start > 0 and end > 0):
+            return None
+        whole = float(np.linalg.norm(x_to - x_from))
+        x, passed = x_from, list[tuple[np.ndarray, np.ndarray]]()
+        for _ in range(max(round(_MOST_DETOUR * whole / _STEP), _LEAST_GOES)):
+            rest = float(np.linalg.norm(x_to - x))
+            if rest < 1.5 * _STEP:
+                xs = np.array([x for x, _ in passed]).reshape(-1, len(x))
+                return xs, np.array([f for _, f in passed]).reshape(-1, len(felt))
+            wanted = end + (start - end) * min(rest / whole, 1.0)
+            found = self._go(x, x_to, felt, max(wanted, _FIRM * max(start, end)), joints)
+            if found is None:
+                return None
+            x, felt = found
+            passed.append(found)
+        return None
+
+    def _go(
+        self, x: np.ndarray, x_to: np.ndarray, felt: np.ndarray, wanted: float, joints: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """The next configuration, and what is felt there."""
+        slope = self._slope(x, joints)
+        steepness = float(np.linalg.norm(slope))
+        if not steepness > 0:
+            return None
+        up = slope / steepness
+        along = (x_to - x) - up * (up @ (x_to - x))
+        length = float(np.linalg.norm(along))
+        if length < _ACROSS * np.linalg.norm(x_to - x):
+            return None
+        step = min(_STEP, length)
+        for _ in range(_MOST_HALVINGS + 1):
+            press = np.clip((wanted - _strength(felt)) / steepness, -0.5 * step, 0.5 * step)
+            there = self._within(x + step / length * along + press * up)
+            for _ in range(_CORRECTIONS):
+                (now,) = self.feel(there[None])
+                share = float(_strength(now)) / wanted
+                if not (share < _LEAST_FELT or share > _MOST_FELT):
+                    break
+                correction = np.clip((1.0 - share) * wanted / steepness, -step, step)
+                there = self._within(there + correction * up)
+            if share > _LEAST_FELT:
+                return there, now
+            step /= 2
+        return None
+
+    def _slope(self, x: np.ndarray, joints: np.ndarray) -> np.ndarray:
+        """`(J,)` N/rad, by how much more is felt along each joint; 0 where it cannot be tried."""
+        trials = np.zeros((len(joints), len(x)))
+        trials[np.arange(len(joints)), joints] = _TRIAL
+        more, less = np.split(_strength(self.feel(np.concatenate([x + trials, x - trials]))), 2)
+        slope = np.zeros(len(x))
+        slope[joints] = np.nan_to_num((more - less) / (2 * _TRIAL))
+        return slope
+
+    def _within(self, x: np.ndarray) -> np.ndarray:
+        return x.clip(self.lower, self.upper)
+
+
+def _strength(sensation: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(sensation, axis=-1)

@@ -1,0 +1,125 @@
+"""A point at the end of three links in space, and a ball that feels how deep it is pressed."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from selftouch_drake.agent.sliding import Slider, Slides
+
+RADIUS, DEPTH = 0.5, 0.05
+CENTRE = np.array([0.7, 0.0, 0.3])
+LIMIT = np.full(4, 3.0)
+
+
+def hand(x):
+    """`(n, 3)` of yaw, shoulder and elbow; the fourth joint moves nothing."""
+    yaw, shoulder, elbow, _ = np.moveaxis(np.asarray(x, dtype=float), -1, 0)
+    flat = 0.7 * np.cos(shoulder) + 0.6 * np.cos(shoulder + elbow)
+    up = 0.7 * np.sin(shoulder) + 0.6 * np.sin(shoulder + elbow)
+    return np.stack([flat * np.cos(yaw), flat * np.sin(yaw), up], axis=-1)
+
+
+def feel(x):
+    """Two receptors, one on the left and one on the right, that feel how deep the ball is pressed.
+
+    More than 0.07 deep the robot cannot be.
+    """
+    p = hand(x) - CENTRE
+    deep = RADIUS - np.linalg.norm(p, axis=-1)
+    left = 1 / (1 + np.exp(-4 * p[:, 1]))
+    felt = np.stack([left, 1 - left], axis=1) * np.maximum(deep, 0.0)[:, None]
+    felt[deep > 0.07] = np.nan
+    return felt
+
+
+def touches(num, seed=0):
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-1.5, 1.5, (40_000, 4))
+    deep = RADIUS - np.linalg.norm(hand(x) - CENTRE, axis=1)
+    return x[(deep > 0.01) & (deep < DEPTH)][:num]
+
+
+SLIDER = Slider(feel, -LIMIT, LIMIT)
+
+
+def held(x):
+    """Share of the straight ways between `(n, J)` configurations on which something is felt."""
+    dense = np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(x)])
+    return np.mean(np.nan_to_num(feel(dense)).any(axis=1))
+
+
+def test_touch_is_held_where_the_straight_way_lets_go():
+    x = touches(40)
+    straight, slid = [], []
+    for x_from, x_to in pairwise(x):
+        found = SLIDER.slide(x_from, x_to)
+        if found is None:
+            continue
+        passed, felt = found
+        way = np.concatenate([x_from[None], passed, x_to[None]])
+        assert np.linalg.norm(np.diff(way, axis=0), axis=1).max() < 0.13
+        np.testing.assert_array_equal(felt, feel(passed))
+        straight.append(held(np.stack([x_from, x_to])))
+        slid.append(held(way))
+    assert len(slid) > 25
+    assert np.mean(straight) < 0.7
+    assert min(slid) == 1.0
+
+
+def test_joints_that_are_the_same_at_both_ends_stay():
+    x_from, x_to = touches(2)
+    x_to[3] = x_from[3]
+    passed, _ = SLIDER.slide(x_from, x_to)
+    assert (passed[:, 3] == x_from[3]).all()
+
+
+def test_there_is_no_way_from_or_to_where_nothing_is_felt():
+    (x,) = touches(1)
+    in_air = np.array([np.pi, 0.0, 0.0, 0.0])
+    assert SLIDER.slide(x, in_air) is None
+    assert SLIDER.slide(in_air, x) is None
+
+
+def test_no_joint_leaves_its_limits():
+    x_from, x_to = touches(2, seed=3)
+    lower, upper = np.minimum(x_from, x_to) - 0.02, np.maximum(x_from, x_to) + 0.02
+    found = Slider(feel, lower, upper).slide(x_from, x_to)
+    if found is not None:
+        assert (found[0] >= lower).all()
+        assert (found[0] <= upper).all()
+
+
+def test_where_the_robot_cannot_be_no_way_leads():
+    x = touches(30, seed=5)
+    for x_from, x_to in pairwise(x):
+        if (found := SLIDER.slide(x_from, x_to)) is not None:
+            assert np.isfinite(found[1]).all()
+
+
+def test_a_slide_is_known_by_its_ends():
+    slides = Slides.none(2).and_also(
+        np.zeros(2), np.ones(2), np.full((2, 2), 0.5), np.array([4, 5])
+    )
+    slides = slides.and_also(np.ones(2), np.zeros(2), np.full((1, 2), 0.2), np.array([7]))
+    assert slides.node[slides.between(np.zeros(2), np.ones(2) + 1e-7)].tolist() == [4, 5]
+    assert slides.node[slides.between(np.ones(2), np.zeros(2))].tolist() == [7]
+    assert slides.node[slides.between(np.ones(2), np.ones(2))].tolist() == []
+
+
+@pytest.mark.parametrize(
+    ("name", "array", "message"),
+    [
+        ("ends", np.zeros((1, 2, 2)), "slide_ends is no array of slides"),
+        ("node", np.array([-1]), "slide_node must name kernels 0 to 8"),
+        ("node", np.array([9]), "slide_node must name kernels 0 to 8"),
+        ("offsets", np.array([0, 2]), "slide_offsets must rise from 0 to 1"),
+        ("x", np.full((1, 3), np.inf), "slide_x holds what is no finite number"),
+    ],
+)
+def test_what_are_no_slides_is_refused(name, array, message):
+    slides = Slides.none(3).and_also(np.zeros(3), np.ones(3), np.full((1, 3), 0.5), np.array([8]))
+    slides.check(3, 9)
+    fields = {n: getattr(slides, n) for n in ("ends", "offsets", "x", "node")}
+    with pytest.raises(ValueError, match=f"^{message}$"):
+        Slides(**fields | {name: array}).check(3, 9)
