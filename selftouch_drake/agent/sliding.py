@@ -13,8 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Tells what is felt, `(n, S)` N, in `(n, J)` scaled configurations; NaN where the robot cannot be.
+#: Tells what is felt, `(n, S)` N, in `(n, J)` scaled configurations.
 Feel = Callable[[np.ndarray], np.ndarray]
+
+#: Tells, `(n,)` bool, which of `(n, J)` scaled configurations the robot can take.
+Possible = Callable[[np.ndarray], np.ndarray]
 
 #: rad, how far it goes at a time, and how far it tries to either side. Of 51 steps of 2 rad between
 #: touches of a forearm, nine joints of which matter, 86 % are slid along; of straight ones, 12 %.
@@ -117,11 +120,13 @@ class Slider:
 
     Attributes:
         feel: what is felt in a configuration.
+        possible: whether the robot can take it.
         lower: `(J,)` rad, scaled, of the joints.
         upper: `(J,)` rad, likewise.
     """
 
     feel: Feel
+    possible: Possible
     lower: np.ndarray
     upper: np.ndarray
 
@@ -176,22 +181,22 @@ class Slider:
             for _ in range(_CORRECTIONS):
                 (now,) = self.feel(there[None])
                 share = float(_strength(now)) / wanted
-                if not (share < _LEAST_FELT or share > _MOST_FELT):
+                if _LEAST_FELT < share < _MOST_FELT:
                     break
                 correction = np.clip((1.0 - share) * wanted / steepness, -step, step)
                 there = self._within(there + correction * up)
-            if share > _LEAST_FELT:
+            if share > _LEAST_FELT and self.possible(there[None])[0]:
                 return there, now
             step /= 2
         return None
 
     def _slope(self, x: np.ndarray, joints: np.ndarray) -> np.ndarray:
-        """`(J,)` N/rad, by how much more is felt along each joint; 0 where it cannot be tried."""
+        """`(J,)` N/rad, by how much more is felt along each joint."""
         trials = np.zeros((len(joints), len(x)))
         trials[np.arange(len(joints)), joints] = _TRIAL
         more, less = np.split(_strength(self.feel(np.concatenate([x + trials, x - trials]))), 2)
         slope = np.zeros(len(x))
-        slope[joints] = np.nan_to_num((more - less) / (2 * _TRIAL))
+        slope[joints] = (more - less) / (2 * _TRIAL)
         return slope
 
     def _within(self, x: np.ndarray) -> np.ndarray:

@@ -28,6 +28,7 @@ class Query:
     Attributes:
         agent: who planned, with what it practised for it.
         plan: what was planned.
+        straight: what it would be without practice.
         motion: the timed plan, with what the agent expects to feel.
         seconds: s, what planning, practising and timing took.
         jerk_reduction: how many times less jerk it has than straight steps between kernels.
@@ -35,6 +36,7 @@ class Query:
 
     agent: Agent
     plan: Plan
+    straight: Plan
     motion: Motion
     seconds: float
     jerk_reduction: float
@@ -137,21 +139,20 @@ class Pilot:
     @cached_property
     def _slider(self) -> Slider:
         """How the agent moves by feel: what a configuration feels like, and whether it can be."""
-        representation, world = self.agent.representation, self.world
-
-        def feel(x: np.ndarray) -> np.ndarray:
-            q = representation.unscaled(x)
-            felt = world.probe.sensations(q)
-            felt[world.probe.collision_depth(q) > 0] = np.nan
-            return felt
-
-        limits = (representation.scaled(q) for q in (world.robot.lower, world.robot.upper))
-        return Slider(feel, *limits)
+        scaled, unscaled = self.agent.representation.scaled, self.agent.representation.unscaled
+        probe, robot = self.world.probe, self.world.robot
+        return Slider(
+            feel=lambda x: probe.sensations(unscaled(x)),
+            possible=lambda x: probe.collision_depth(unscaled(x)) == 0,
+            lower=scaled(robot.lower),
+            upper=scaled(robot.upper),
+        )
 
     def _queried(self, make_plan: Callable[[Agent], Plan]) -> Query:
         """Plans; along steps too long to trust the agent slides first, and plans again."""
         began = time.perf_counter()
-        agent, plan = self.agent, make_plan(self.agent)
+        agent = self.agent
+        plan = straight = make_plan(agent)
         for _ in range(_MOST_PREPARATIONS):
             if (prepared := agent.prepare(plan, self._slider)) is None:
                 break
@@ -168,6 +169,7 @@ class Pilot:
         return Query(
             agent=agent,
             plan=plan,
+            straight=straight,
             motion=motion,
             seconds=seconds,
             jerk_reduction=jerk_reduction(plan, self.agent.representation.joint_scale),

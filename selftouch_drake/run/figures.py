@@ -179,6 +179,13 @@ _PLANNING = (
     ("planning_contact_mean", "%", "share of a plan in contact with the skin", "above 99 %"),
     ("planning_contact_worst", "%", "the same for the worst plan", "above 90 %"),
     (
+        "planning_contact_straight_mean",
+        "%",
+        "share in contact if the agent did not slide along long steps before it acts",
+        "",
+    ),
+    ("planning_num_slides", "", "long steps that it slid along before it acted, in all", ""),
+    (
         "planning_impossible_postures",
         "",
         "samples of plans in which rigid parts run into each other",

@@ -26,6 +26,8 @@ def trial_figures(trials: Sequence[Trial], turns: np.ndarray) -> dict[str, Any]:
     within = calibration([trial.error for trial in trials], [trial.spread for trial in trials])
     figures: dict[str, Any] = {
         **summarise([trial.planned for trial in trials], "planning"),
+        "planning_contact_straight_mean": float(np.mean([t.contact_straight for t in trials])),
+        "planning_num_slides": sum(trial.num_slides for trial in trials),
         "planning_impossible_postures": sum(trial.impossible_planned for trial in trials),
         "planning_jerk_reduction": float(np.median([trial.jerk_reduction for trial in trials])),
         "planning_fingertip_jerk_reduction": _median(t.tip_jerk_planned for t in trials),

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.motions import Execution, Motion
+from selftouch_drake.agent.motions import Execution, Motion, Plan, touching
 from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, best
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.evaluation import (
@@ -32,6 +32,9 @@ from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.knowledge import save_plan
 
+# rad of path length, between samples of a plan that is not executed.
+_SAMPLED = 0.01
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trial:
@@ -42,6 +45,8 @@ class Trial:
         goal: target sensation.
         query_s: s, what the plan took.
         jerk_reduction: of the plan, in motor space.
+        num_slides: steps too long to trust, along which the agent slid before it acted.
+        contact_straight: share of the plan in contact, had it not.
         planned: scored without dynamics.
         executed: scored as felt under dynamics, at first try and without memory.
         first: the agent's own judgement of that, as are the next two: contact, and whether the goal
@@ -66,6 +71,8 @@ class Trial:
     goal: int
     query_s: float
     jerk_reduction: float
+    num_slides: int
+    contact_straight: float
     planned: MotionScore
     executed: MotionScore
     first: tuple[float, bool]
@@ -124,6 +131,8 @@ def try_pairs(
                 goal=goal,
                 query_s=query.seconds,
                 jerk_reduction=query.jerk_reduction,
+                num_slides=len(query.agent.memory.slides.ends),
+                contact_straight=_contact(world, query.straight),
                 planned=score_motion(motion, world.probe.sensations(motion.q), targets),
                 executed=score_motion(motion, execution.felt, targets),
                 first=_judgement(known),
@@ -217,6 +226,14 @@ def _off_skin_s(balls: _Balls | None, world: World, execution: Execution) -> flo
 
 def _judgement(one: Try) -> tuple[float, bool]:
     return one.contact, one.reached
+
+
+def _contact(world: World, plan: Plan) -> float:
+    """Share of the path on which touch is expected and felt."""
+    length = plan.waypoint_s[-1]
+    s = np.linspace(0.0, length, max(2, int(length / _SAMPLED)))
+    expected = touching(plan.waypoint_s, plan.in_air, s)
+    return float(np.mean(world.probe.sensations(plan.path(s[expected])).any(axis=1)))
 
 
 def _impossible(world: World, q: np.ndarray) -> int:
