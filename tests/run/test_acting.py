@@ -277,7 +277,7 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
     assert figures["planning_impossible_postures"] == 5
     assert figures["execution_impossible_postures"] == 5
     # Plans are sampled at 100 Hz, the plant steps at 200 Hz.
-    planned, executed = steps
+    planned, executed = (count for count in steps if count > 1)  # slides ask for one at a time
     assert executed == pytest.approx(2 * planned, abs=2)
 
 
