@@ -19,7 +19,13 @@ from selftouch_drake.agent.planning import (
     Prediction,
     predict_sensation,
 )
-from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge, long_steps, practise
+from selftouch_drake.agent.practice import (
+    impossible_steps,
+    long_steps,
+    out_of_the_way,
+    practise,
+)
+from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge
 from selftouch_drake.agent.representation import (
     Batches,
     QuotientLearner,
@@ -148,6 +154,8 @@ class Agent:
         targets: Sequence[int | None],
         *,
         q_start: np.ndarray | None = None,
+        aside: np.ndarray | None = None,
+        lift_off: bool = False,
         limits: Limits | None = None,
     ) -> Plan:
         """Plans one continuous motion through several target sensations, in order.
@@ -156,6 +164,8 @@ class Agent:
             targets: two or more; the first is felt at the start, None if nothing is.
             q_start: `(J,)` where the joints are; by default the configuration of the first target
                 that feels most like it.
+            aside: as of `Planner.plan_tour`.
+            lift_off: as of `Planner.plan_tour`.
             limits: of the joints; by default the range of experience.
 
         Raises:
@@ -168,11 +178,20 @@ class Agent:
             targets,
             link_penalty=self.memory.link_penalty,
             slides=self.memory.slides,
+            aside=aside,
+            lift_off=lift_off,
             limits=limits,
         )
 
     def plan_from(
-        self, q_start: np.ndarray, felt: np.ndarray, goal: int, *, limits: Limits | None = None
+        self,
+        q_start: np.ndarray,
+        felt: np.ndarray,
+        goal: int,
+        *,
+        aside: np.ndarray | None = None,
+        lift_off: bool = False,
+        limits: Limits | None = None,
     ) -> Plan:
         """Plans from any configuration, whether it touches or not.
 
@@ -180,12 +199,15 @@ class Agent:
             q_start: `(J,)` where the joints are, in the robot's units.
             felt: `(S,)` N, what is felt there.
             goal: the target sensation to feel.
+            aside: as of `Planner.plan_tour`.
+            lift_off: as of `Planner.plan_tour`.
             limits: of the joints; by default the range of experience.
 
         Raises:
             ValueError: as `Planner.plan_tour`.
         """
-        return self.tour([self.felt(felt), goal], q_start=q_start, limits=limits)
+        targets = [self.felt(felt), goal]
+        return self.tour(targets, q_start=q_start, aside=aside, lift_off=lift_off, limits=limits)
 
     def predict(self, plan: Plan, s: np.ndarray) -> Prediction:
         """The sensation expected at path lengths `s` `(T,)` of a plan, in rad."""
@@ -210,15 +232,27 @@ class Agent:
         """What the agent itself makes of an executed plan."""
         return judge(execution, self.representation)
 
-    def prepare(self, plan: Plan, slider: Slider) -> Agent | None:
-        """The agent after it slid along the long steps of a plan; None if the plan has none.
+    def doubtful(self, plan: Plan, slider: Slider) -> np.ndarray:
+        """`(n,)` steps of a plan that are too long to trust, or on which the robot cannot be."""
+        return np.union1d(
+            long_steps(plan, self.representation),
+            impossible_steps(plan, self.representation, slider),
+        )
 
-        Links that it could not slide along cost more from then on.
+    def is_possible(self, plan: Plan, slider: Slider) -> bool:
+        """Whether the robot can be everywhere on a plan."""
+        return not len(impossible_steps(plan, self.representation, slider))
+
+    def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:
+        """Where to move what stands in the way of a plan; see `practice.out_of_the_way`."""
+        return out_of_the_way(plan, self.representation, slider)
+
+    def prepare(self, plan: Plan, doubtful: np.ndarray, slider: Slider) -> Agent:
+        """The agent after it looked for other ways for the doubtful steps of a plan.
+
+        Links for which it found none cost more from then on.
         """
-        steps = long_steps(plan, self.representation)
-        if not len(steps):
-            return None
-        memory, lost = self._practised(plan, steps, plan.links[steps], slider)
+        memory, lost = self._practised(plan, doubtful, plan.links[doubtful], slider)
         return self._with(memory=memory.avoiding(lost))
 
     def practise(self, plan: Plan, one: Try, slider: Slider) -> Agent:
@@ -230,11 +264,11 @@ class Agent:
         return self._with(memory=memory.after(lost))
 
     def _practised(
-        self, plan: Plan, steps: np.ndarray, lost: np.ndarray, slider: Slider
+        self, plan: Plan, doubtful: np.ndarray, lost: np.ndarray, slider: Slider
     ) -> tuple[RehearsalMemory, np.ndarray]:
-        """The memory with new slides, and the links of `lost` along which none was found."""
-        memory, found = practise(plan, steps, slider, self.memory, self.representation)
-        return memory, np.setdiff1d(lost, [-1, *plan.links[steps[found]]])
+        """The memory with new ways, and the links of `lost` for which none was found."""
+        memory, found = practise(plan, doubtful, slider, self.memory, self.representation)
+        return memory, np.setdiff1d(lost, [-1, *plan.links[doubtful[found]]])
 
     def remember(self, lost_links: np.ndarray) -> Agent:
         """The agent after one more try, which lost contact on `lost_links` `(n,)`."""

@@ -9,19 +9,14 @@ from typing import TypeVar
 
 import numpy as np
 
-from selftouch_drake.agent.motions import Execution, Plan
+from selftouch_drake.agent.motions import Execution
 from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels, step_links
-from selftouch_drake.agent.sliding import Slider, Slides
+from selftouch_drake.agent.sliding import Slides
 
 Mind = TypeVar("Mind")
 
 #: A link on which contact was lost costs this many times more from then on.
 LOSS_FACTOR = 8.0
-#: rad, of steps that the agent slides along before it acts. Between stored touches of two arms at
-#: one body, steps are 0.5 rad long, and contact is held 99.9 % of the time; on a forearm, where
-#: touches are few, 2 rad and 66 %.
-LONG_STEP = 0.8
-
 # Six losses: beyond that a link is as good as cut, and the costs stay far from overflow.
 _MOST_PENALTY = LOSS_FACTOR**6
 
@@ -155,44 +150,6 @@ def judge(execution: Execution, representation: QuotientRepresentation) -> Try:
         lost_steps=lost_steps,
         execution=execution,
     )
-
-
-def practise(
-    plan: Plan,
-    steps: np.ndarray,
-    slider: Slider,
-    memory: RehearsalMemory,
-    representation: QuotientRepresentation,
-) -> tuple[RehearsalMemory, np.ndarray]:
-    """Slides along steps of a plan, where straight ones lose touch.
-
-    Args:
-        plan: the plan.
-        steps: `(n,)` of it.
-        slider: slides in the agent's world.
-        memory: what is remembered.
-        representation: the one that the plan was made with.
-
-    Returns:
-        The memory with the slides that were found, and `(n,)` bool, where there were any.
-    """
-    slides, x = memory.slides, representation.scaled(plan.waypoints_q)
-    found = np.zeros(len(steps), dtype=bool)
-    for number, step in enumerate(steps):
-        x_from, x_to = x[step : step + 2]
-        slid = slider.slide(x_from, x_to)
-        # What is as short as a part of a slide was slid along before.
-        if slid is not None and len(slid[0]):
-            felt = slid[1] @ representation.target_sensations.T
-            slides = slides.and_also(x_from, x_to, slid[0], felt.argmax(axis=1))
-            found[number] = True
-    return replace(memory, slides=slides), found
-
-
-def long_steps(plan: Plan, representation: QuotientRepresentation) -> np.ndarray:
-    """`(n,)` steps of a plan too long to trust that touch holds on them."""
-    step = np.linalg.norm(np.diff(representation.scaled(plan.waypoints_q), axis=0), axis=1)
-    return np.flatnonzero((step > LONG_STEP) & ~plan.in_air)
 
 
 def rehearse(

@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
+from scipy.sparse.csgraph import dijkstra
 
 #: Tells what is felt, `(n, S)` N, in `(n, J)` scaled configurations.
 Feel = Callable[[np.ndarray], np.ndarray]
@@ -37,6 +39,9 @@ _ACROSS = 1e-3
 
 # rad, by which stored configurations, which are float32, may be off.
 _SAME = 1e-5
+
+# Straight ways that are looked at for a detour, before it gives up.
+_MOST_CHECKS = 300
 
 # Halvings of a step that loses touch, and corrections of each, before it gives up.
 _MOST_HALVINGS, _CORRECTIONS = 5, 3
@@ -107,11 +112,19 @@ class Slides:
             node=np.concatenate([self.node, node]),
         )
 
-    def between(self, x_from: np.ndarray, x_to: np.ndarray) -> slice:
-        """The rows that are passed between two configurations; none where no slide is known."""
-        off = np.abs(self.ends - np.stack([x_from, x_to])).max(axis=(1, 2), initial=0.0)
-        known = np.flatnonzero(off < _SAME)
-        return slice(*self.offsets[known[-1] : known[-1] + 2]) if len(known) else slice(0, 0)
+    def between(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What is passed between two configurations: `(m, J)` rad and `(m,)` kernels.
+
+        Joints that do not move on a slide may be anywhere; m is 0 where no slide is known.
+        """
+        ends = np.stack([x_from, x_to])
+        moved = self.ends[:, 0] != self.ends[:, 1]
+        off = np.where(moved, np.abs(self.ends - ends).max(axis=1), np.abs(x_to - x_from))
+        known = np.flatnonzero(off.max(axis=1, initial=0.0) < _SAME)
+        if not len(known):
+            return self.x[:0], self.node[:0]
+        rows = slice(*self.offsets[known[-1] : known[-1] + 2])
+        return np.where(moved[known[-1]], self.x[rows], x_from), self.node[rows]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,7 +157,7 @@ class Slider:
         joints = np.flatnonzero(x_from != x_to)
         felt, at_end = self.feel(np.stack([x_from, x_to]))
         start, end = _strength(np.stack([felt, at_end]))
-        if not (start > 0 and end > 0):
+        if not (start > 0 and end > 0 and self.possible(x_to[None])[0]):
             return None
         whole = float(np.linalg.norm(x_to - x_from))
         x, passed = x_from, list[tuple[np.ndarray, np.ndarray]]()
@@ -159,6 +172,42 @@ class Slider:
                 return None
             x, felt = found
             passed.append(found)
+        return None
+
+    def detour(self, x_from: np.ndarray, x_to: np.ndarray, over: np.ndarray) -> np.ndarray | None:
+        """A way through the air, over some configurations, on which the robot can be everywhere.
+
+        The shortest one is looked at, what is impossible of it is struck out, and so on (lazy
+        probabilistic roadmap, Bohlin and Kavraki 2000).
+
+        Args:
+            x_from: `(J,)` rad, scaled.
+            x_to: `(J,)` rad, scaled.
+            over: `(n, J)` rad, scaled, that it may go over.
+
+        Returns:
+            `(m, J)` those it goes over, at least one; None if no way was found.
+        """
+        x = np.concatenate([x_from[None], over, x_to[None]])
+        length = np.linalg.norm(x[:, None] - x, axis=2)
+        goal = len(x) - 1
+        length[0, goal] = length[goal, 0] = 0.0  # no edge: the straight way is no detour
+        checked = np.zeros(length.shape, dtype=bool)
+        for _ in range(_MOST_CHECKS):
+            total, before = dijkstra(length, indices=0, return_predecessors=True)
+            if not np.isfinite(total[goal]):
+                return None
+            way = [goal]
+            while way[-1] != 0:
+                way.append(int(before[way[-1]]))
+            way.reverse()
+            unsure = [(i, j) for i, j in pairwise(way) if not checked[i, j]]
+            if not unsure:
+                return x[way[1:-1]]
+            i, j = unsure[0]
+            checked[i, j] = checked[j, i] = True
+            if not self.possible(straight(x[i], x[j])).all():
+                length[i, j] = length[j, i] = 0.0
         return None
 
     def _go(
@@ -201,6 +250,12 @@ class Slider:
 
     def _within(self, x: np.ndarray) -> np.ndarray:
         return x.clip(self.lower, self.upper)
+
+
+def straight(x_from: np.ndarray, x_to: np.ndarray) -> np.ndarray:
+    """`(n, J)` rad, scaled, the straight way, some 0.06 rad apart."""
+    count = 2 + int(np.linalg.norm(x_to - x_from) / _STEP)
+    return x_from + np.linspace(0.0, 1.0, count)[:, None] * (x_to - x_from)
 
 
 def _strength(sensation: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -17,8 +17,8 @@ from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
 from selftouch_drake.robot.timing import time_path
 
-# What cannot be slid along is planned round; each time, other steps may be long.
-_MOST_PREPARATIONS = 4
+# What has no other way is planned round; each time, other steps may be doubtful.
+_MOST_PREPARATIONS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,7 +66,7 @@ class Pilot:
             ValueError: as `Agent.tour`.
         """
         q_start = self._some_configuration(*targets)
-        return self._queried(lambda agent: agent.tour(targets, q_start=q_start))
+        return self._queried(lambda agent, **how: agent.tour(targets, q_start=q_start, **how))
 
     def plan_from(self, q_start: np.ndarray, goal: int) -> Query:
         """Plans from any configuration, touching or not.
@@ -92,7 +92,9 @@ class Pilot:
             goal: the target sensation to reach.
         """
         limits = self.world.robot.lower, self.world.robot.upper
-        return self._queried(lambda agent: agent.plan_from(q_start, felt, goal, limits=limits))
+        return self._queried(
+            lambda agent, **how: agent.plan_from(q_start, felt, goal, limits=limits, **how)
+        )
 
     def execute(self, motion: Motion) -> tuple[Execution, Log]:
         """Lets the robot follow a motion from its start; the log has every step of the plant."""
@@ -148,16 +150,14 @@ class Pilot:
             upper=scaled(robot.upper),
         )
 
-    def _queried(self, make_plan: Callable[[Agent], Plan]) -> Query:
-        """Plans; along steps too long to trust the agent slides first, and plans again."""
+    def _queried(self, make_plan: Callable[..., Plan]) -> Query:
+        """Plans; practises what is doubtful of the plan, and plans again."""
         began = time.perf_counter()
-        agent = self.agent
-        plan = straight = make_plan(agent)
-        for _ in range(_MOST_PREPARATIONS):
-            if (prepared := agent.prepare(plan, self._slider)) is None:
-                break
-            agent = prepared
-            plan = make_plan(agent)
+        first = make_plan(self.agent)
+        agent, plan = self._prepared(make_plan, first)
+        if not agent.is_possible(plan, self._slider):
+            in_air = partial(make_plan, lift_off=True)
+            agent, plan = self._prepared(in_air, in_air(self.agent))
         timed = time_path(
             plan.path,
             velocity_limit=self._limits.velocity,
@@ -169,11 +169,25 @@ class Pilot:
         return Query(
             agent=agent,
             plan=plan,
-            straight=straight,
+            straight=first,
             motion=motion,
             seconds=seconds,
             jerk_reduction=jerk_reduction(plan, self.agent.representation.joint_scale),
         )
+
+    def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan]:
+        """The agent and its plan after practice, in which what stands in the way is moved aside."""
+        agent, aside, slider = self.agent, None, self._slider
+        for _ in range(_MOST_PREPARATIONS):
+            doubtful = agent.doubtful(plan, slider)
+            if not len(doubtful):
+                break
+            if aside is None and (aside := agent.aside(plan, slider)) is not None:
+                plan = make_plan(agent, aside=aside)
+                doubtful = agent.doubtful(plan, slider)
+            agent = agent.prepare(plan, doubtful, slider)
+            plan = make_plan(agent, aside=aside)
+        return agent, plan
 
     def _some_configuration(self, *targets: int) -> np.ndarray:
         """Where the joints are when it is asked: any configuration of the first kernel."""

@@ -179,7 +179,7 @@ def test_a_memory_is_the_same_after_a_night_as_arrays():
     loaded = RehearsalMemory.from_arrays(memory.to_arrays() | {"stamp": np.array("x")}, CHAIN)
     assert np.array_equal(loaded.link_penalty, memory.link_penalty)
     assert (loaded.num_tries, loaded.belongs_to) == (memory.num_tries, memory.belongs_to)
-    assert loaded.slides.node[loaded.slides.between(*ends)].tolist() == [0, 1, 1]
+    assert loaded.slides.between(*ends)[1].tolist() == [0, 1, 1]
 
 
 def test_a_memory_of_another_representation_is_refused():

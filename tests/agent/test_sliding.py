@@ -102,9 +102,9 @@ def test_a_slide_is_known_by_its_ends():
         np.zeros(2), np.ones(2), np.full((2, 2), 0.5), np.array([4, 5])
     )
     slides = slides.and_also(np.ones(2), np.zeros(2), np.full((1, 2), 0.2), np.array([7]))
-    assert slides.node[slides.between(np.zeros(2), np.ones(2) + 1e-7)].tolist() == [4, 5]
-    assert slides.node[slides.between(np.ones(2), np.zeros(2))].tolist() == [7]
-    assert slides.node[slides.between(np.ones(2), np.ones(2))].tolist() == []
+    assert slides.between(np.zeros(2), np.ones(2) + 1e-7)[1].tolist() == [4, 5]
+    assert slides.between(np.ones(2), np.zeros(2))[1].tolist() == [7]
+    assert slides.between(np.ones(2), np.ones(2))[1].tolist() == []
 
 
 @pytest.mark.parametrize(

@@ -85,11 +85,19 @@ class Planner:
         *,
         link_penalty: np.ndarray | None = None,
         slides: Slides | None = None,
+        aside: np.ndarray | None = None,
+        lift_off: bool = False,
         limits: Limits | None = None,
     ) -> Plan:
         """Plans from a motor configuration to one target sensation; see `plan_tour`."""
         return self.plan_tour(
-            q_start, [start, goal], link_penalty=link_penalty, slides=slides, limits=limits
+            q_start,
+            [start, goal],
+            link_penalty=link_penalty,
+            slides=slides,
+            aside=aside,
+            lift_off=lift_off,
+            limits=limits,
         )
 
     def plan_tour(
@@ -99,6 +107,8 @@ class Planner:
         *,
         link_penalty: np.ndarray | None = None,
         slides: Slides | None = None,
+        aside: np.ndarray | None = None,
+        lift_off: bool = False,
         limits: Limits | None = None,
     ) -> Plan:
         """Plans one continuous motion through a list of target sensations.
@@ -116,6 +126,9 @@ class Planner:
             link_penalty: `(L,)` factors on the cost of the links, above 1 where contact was lost
                 before; a literal route has no links and ignores it.
             slides: ways between touches that are known; others are straight.
+            aside: `(J,)` scaled; before it sets out, the agent moves the joints that do not matter
+                to there, out of the way.
+            lift_off: go to each goal through the air, though links may lead there.
             limits: no path leaves them, nor may it start outside. By default no path leaves the
                 range of experience, unless it starts outside.
 
@@ -135,9 +148,16 @@ class Planner:
         mode = NO_MODE if here is None else self._mode_at(x, here)
         choose = closest_configurations if self._is_literal else smoothest_configurations
         way = Way(NO_KERNEL if here is None else here, x, self._joints(mode), choose)
+        if aside is not None and mode != NO_MODE:
+            joints = self._joints(mode)
+            out_of_the_way = aside.copy()
+            out_of_the_way[joints] = x[joints]
+            way.move(way.nodes[0], out_of_the_way, joints, in_air=False)
         for goal in goals:
             # The configuration that the legs before would end in decides where this one goes.
-            if here is None or self._lifts_off(here, goal, mode):
+            if lift_off and here != goal:
+                here, mode = self._fly(way, goal)
+            elif here is None or self._lifts_off(here, goal, mode):
                 here, mode = self._land(way, goal, mode)
             way.follow(*self._leg(way.end, here, goal, mode, penalty))
             here = goal
@@ -166,6 +186,13 @@ class Planner:
         off = np.square(self.representation.scaled(self.representation.kernel_q[members]) - x)
         nearest = [off[modes == m][:, self._graphs[m].joints].mean(axis=1).min() for m in known]
         return int(known[np.argmin(nearest)])
+
+    def _fly(self, way: Way, goal: int) -> tuple[int, int]:
+        """Goes through the air to the nearest touch of `goal`; where, and the mode."""
+        row = self._nearest(way.end, goal_members(self.representation, goal))
+        mode = int(self.representation.kernel_mode[row])
+        way.move(goal, self._x(row).astype(float), self._joints(mode), in_air=True)
+        return goal, mode
 
     def _land(self, way: Way, goal: int, mode: int) -> tuple[int, int]:
         """Goes to another touch, from which links lead to `goal`; where, and the mode.

@@ -58,10 +58,10 @@ class Way:
         slides = slides or Slides.none(x.shape[1])
         nodes, waypoints, of_step = [self.nodes[0]], [x[0]], list[int]()
         for step, node in enumerate(self.nodes[1:]):
-            rows = slides.between(x[step], x[step + 1])
-            nodes += [*slides.node[rows].tolist(), node]
-            waypoints += [*slides.x[rows], x[step + 1]]
-            of_step += [step] * (rows.stop - rows.start + 1)
+            passed, felt = slides.between(x[step], x[step + 1])
+            nodes += [*felt.tolist(), node]
+            waypoints += [*passed, x[step + 1]]
+            of_step += [step] * (len(passed) + 1)
         return nodes, np.array(of_step, dtype=int), np.array(waypoints)
 
     def _chosen(self, x: np.ndarray, joints: np.ndarray, layers: list[np.ndarray]) -> np.ndarray:

@@ -1,0 +1,120 @@
+"""Practice: the agent goes along a plan slowly, and mends it where it would fail (naive)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from selftouch_drake.agent.motions import Plan, steps
+from selftouch_drake.agent.rehearsal import RehearsalMemory
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.sliding import Slider, straight
+
+#: rad, of steps that the agent slides along before it acts. Between stored touches of two arms at
+#: one body, steps are 0.5 rad long, and contact is held 99.9 % of the time; on a forearm, where
+#: touches are few, 2 rad and 66 %.
+LONG_STEP = 0.8
+
+#: rad of path, between places at which it is asked whether the robot can be there.
+_SAMPLED = 0.03
+
+#: Remembered configurations that are tried: to go over, through the air, and to move aside to.
+_NUM_OVER, _NUM_ASIDE = 60, 24
+
+
+def long_steps(plan: Plan, representation: QuotientRepresentation) -> np.ndarray:
+    """`(n,)` steps of a plan too long to trust that touch holds on them."""
+    step = np.linalg.norm(np.diff(representation.scaled(plan.waypoints_q), axis=0), axis=1)
+    return np.flatnonzero((step > LONG_STEP) & ~plan.in_air)
+
+
+def impossible_steps(
+    plan: Plan, representation: QuotientRepresentation, slider: Slider
+) -> np.ndarray:
+    """`(n,)` steps of a plan on whose smooth path the robot cannot be everywhere."""
+    length = plan.waypoint_s[-1]
+    s = np.linspace(0.0, length, 2 + int(length / _SAMPLED))
+    bad = ~slider.possible(representation.scaled(plan.path(s)))
+    return np.unique(steps(plan.waypoint_s, s[bad])) if len(plan.in_air) else np.empty(0, dtype=int)
+
+
+def practise(
+    plan: Plan,
+    doubtful: np.ndarray,
+    slider: Slider,
+    memory: RehearsalMemory,
+    representation: QuotientRepresentation,
+) -> tuple[RehearsalMemory, np.ndarray]:
+    """Finds other ways for steps of a plan: slides, and through the air detours.
+
+    Args:
+        plan: the plan.
+        doubtful: `(n,)` steps of it.
+        slider: slides in the agent's world.
+        memory: what is remembered.
+        representation: the one that the plan was made with.
+
+    Returns:
+        The memory with the ways that were found, and `(n,)` bool, where there were any.
+    """
+    slides, x = memory.slides, representation.scaled(plan.waypoints_q)
+    found = np.zeros(len(doubtful), dtype=bool)
+    for number, step in enumerate(doubtful):
+        x_from, x_to = x[step : step + 2]
+        if plan.in_air[step]:
+            over = slider.detour(x_from, x_to, _over(representation, x_from, x_to))
+            if over is None:
+                continue
+            passed, node = over, np.repeat(plan.nodes[step + 1], len(over))
+        else:
+            slid = slider.slide(x_from, x_to)
+            # What is as short as a part of a slide was slid along before.
+            if slid is None or not len(slid[0]):
+                continue
+            passed = slid[0]
+            node = (slid[1] @ representation.target_sensations.T).argmax(axis=1)
+        slides = slides.and_also(x_from, x_to, passed, node)
+        found[number] = True
+    return replace(memory, slides=slides), found
+
+
+def _over(
+    representation: QuotientRepresentation, x_from: np.ndarray, x_to: np.ndarray
+) -> np.ndarray:
+    """`(n, J)` remembered configurations, those that make the way least longer first."""
+    x = representation.scaled(representation.kernel_q[:: max(representation.num_rows // 2000, 1)])
+    length = np.linalg.norm(x - x_from, axis=1) + np.linalg.norm(x - x_to, axis=1)
+    return x[np.argsort(length, kind="stable")[:_NUM_OVER]]
+
+
+def out_of_the_way(
+    plan: Plan, representation: QuotientRepresentation, slider: Slider
+) -> np.ndarray | None:
+    """Where to move the joints that do not move on a plan, so that the robot can be on its way.
+
+    Args:
+        plan: one on which the robot cannot be everywhere.
+        representation: the one that the plan was made with.
+        slider: asks where the robot can be.
+
+    Returns:
+        `(J,)` a scaled configuration of which these joints are taken; None if no other is better.
+    """
+    x = representation.scaled(plan.waypoints_q)
+    still = x.max(axis=0) == x.min(axis=0)
+    if plan.in_air.any() or not still.any():
+        return None
+    best, most = None, int(slider.possible(x).sum())
+    rows = np.concatenate(
+        [
+            np.arange(representation.num_rows)[representation.members(k)]
+            for k in np.unique(plan.nodes)
+        ]
+    )
+    for row in rows[:: max(len(rows) // _NUM_ASIDE, 1)]:
+        other = np.where(still, representation.scaled(representation.kernel_q[row]), x)
+        there = int(slider.possible(other).sum())
+        if there > most and slider.possible(straight(x[0], other[0])).all():
+            best, most = other[0], there
+    return best
