@@ -440,6 +440,8 @@ def _route(motion) -> str:
     """The kernels on the way; `off` is where nothing is felt."""
     words = ["off" if motion.nodes[0] < 0 else str(motion.nodes[0])]
     for node, in_air in zip(motion.nodes[1:], motion.in_air, strict=True):
+        if words[-1] == str(node):
+            continue  # on a slide, or a detour through the air
         if in_air and words[-1] != "off":
             words.append("| lifts off |")
         words.append(str(node))

@@ -252,27 +252,26 @@ class Agent:
 
         Links for which it found none cost more from then on.
         """
-        memory, lost = self._practised(plan, doubtful, plan.links[doubtful], slider)
+        memory, lost = self._practised(plan, doubtful, slider)
         return self._with(memory=memory.avoiding(lost))
 
     def practise(self, plan: Plan, one: Try, slider: Slider) -> Agent:
         """The agent after a try of a plan: where touch was lost, it slides along.
 
-        Links that it could not slide along cost more from then on.
+        Links that it could not slide along cost more from then on, and the last one if the goal was
+        missed.
         """
-        memory, lost = self._practised(plan, one.lost_steps, one.lost_links, slider)
-        return self._with(memory=memory.after(lost))
+        in_touch = one.lost_steps[~plan.in_air[one.lost_steps]]
+        memory, lost = self._practised(plan, in_touch, slider)
+        missed = plan.links[len(plan.links) - (not one.reached) :]
+        return self._with(memory=memory.after(_links(np.append(lost, missed))))
 
     def _practised(
-        self, plan: Plan, doubtful: np.ndarray, lost: np.ndarray, slider: Slider
+        self, plan: Plan, doubtful: np.ndarray, slider: Slider
     ) -> tuple[RehearsalMemory, np.ndarray]:
-        """The memory with new ways, and the links of `lost` for which none was found."""
+        """The memory with new ways, and the links of steps for which none was found."""
         memory, found = practise(plan, doubtful, slider, self.memory, self.representation)
-        return memory, np.setdiff1d(lost, [-1, *plan.links[doubtful[found]]])
-
-    def remember(self, lost_links: np.ndarray) -> Agent:
-        """The agent after one more try, which lost contact on `lost_links` `(n,)`."""
-        return self._with(memory=self.memory.after(lost_links))
+        return memory, _links(plan.links[doubtful[~found]])
 
     def recalling(self, memory: RehearsalMemory) -> Agent:
         """The same agent with another memory of rehearsals."""
@@ -298,3 +297,8 @@ class Agent:
         members = self.representation.members(self.planner.checked_target(start))
         best = members.start + int(self.representation.kernel_error[members].argmin())
         return self.representation.kernel_q[best].astype(float)
+
+
+def _links(rows: np.ndarray) -> np.ndarray:
+    """Those rows that are links."""
+    return np.unique(rows[rows >= 0]).astype(int)

@@ -26,7 +26,8 @@ _NUM_OVER, _NUM_ASIDE = 60, 24
 def long_steps(plan: Plan, representation: QuotientRepresentation) -> np.ndarray:
     """`(n,)` steps of a plan too long to trust that touch holds on them."""
     step = np.linalg.norm(np.diff(representation.scaled(plan.waypoints_q), axis=0), axis=1)
-    return np.flatnonzero((step > LONG_STEP) & ~plan.in_air)
+    # Off links, what moves in touch is not what touches.
+    return np.flatnonzero((step > LONG_STEP) & (plan.links >= 0))
 
 
 def impossible_steps(
@@ -62,6 +63,8 @@ def practise(
     found = np.zeros(len(doubtful), dtype=bool)
     for number, step in enumerate(doubtful):
         x_from, x_to = x[step : step + 2]
+        if plan.links[step] < 0 and not plan.in_air[step]:
+            continue
         if plan.in_air[step]:
             over = slider.detour(x_from, x_to, _over(representation, x_from, x_to))
             if over is None:

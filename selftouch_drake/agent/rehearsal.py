@@ -58,6 +58,11 @@ class RehearsalMemory:
         penalty[links] = np.minimum(LOSS_FACTOR * penalty[links], _MOST_PENALTY)
         return replace(self, link_penalty=penalty)
 
+    def same_as(self, other: RehearsalMemory) -> bool:
+        """Whether plans are the same with it as with another memory of the agent."""
+        same = len(self.slides.ends) == len(other.slides.ends)
+        return same and np.array_equal(self.link_penalty, other.link_penalty)
+
     def to_arrays(self) -> dict[str, np.ndarray]:
         """All fields as arrays, by name."""
         return {
@@ -190,6 +195,6 @@ def best(tries: list[Try]) -> Try:
 def _fingerprint(representation: QuotientRepresentation, links: np.ndarray) -> str:
     """Identifies the targets of a representation, and the links between them."""
     digest = hashlib.sha256()
-    for array in (representation.target_sensations, links):
+    for array in (representation.target_sensations, representation.joint_scale, links):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:16]

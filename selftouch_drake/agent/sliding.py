@@ -34,17 +34,17 @@ _MOST_DETOUR, _LEAST_GOES = 4, 30
 _FIRM = 0.6
 _LEAST_FELT, _MOST_FELT = 0.3, 3.0
 
-# Where the way leads straight into the skin or out of it, for all but this share, none slides on.
+# If less than this share of the way is along the skin, it gives up.
 _ACROSS = 1e-3
 
-# rad, by which stored configurations, which are float32, may be off.
+# rad, rounding error of stored float32 configurations.
 _SAME = 1e-5
 
 # Straight ways that are looked at for a detour, before it gives up.
 _MOST_CHECKS = 300
 
 # Halvings of a step that loses touch, and corrections of each, before it gives up.
-_MOST_HALVINGS, _CORRECTIONS = 5, 3
+_MOST_HALVINGS, _CORRECTIONS = 5, 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,10 +81,10 @@ class Slides:
         Raises:
             ValueError: the text names the array.
         """
-        num, num_x = len(self.offsets) - 1 if self.offsets.ndim else 0, len(np.atleast_1d(self.x))
+        num, num_x = max(self.offsets.size - 1, 0), len(np.atleast_1d(self.x))
         shapes = {
-            "ends": (num, 2, num_joints),
             "offsets": (num + 1,),
+            "ends": (num, 2, num_joints),
             "x": (num_x, num_joints),
             "node": (num_x,),
         }
@@ -96,7 +96,7 @@ class Slides:
             if not np.isfinite(array).all():
                 raise ValueError(f"slide_{name} holds what is no finite number")
         ends = self.offsets[[0, -1]].tolist()
-        if ends != [0, num_x] or (np.diff(self.offsets) < 0).any():
+        if ends != [0, num_x] or (self.offsets[1:] < self.offsets[:-1]).any():
             raise ValueError(f"slide_offsets must rise from 0 to {num_x}")
         if num_x and not 0 <= self.node.min() <= self.node.max() < num_kernels:
             raise ValueError(f"slide_node must name kernels 0 to {num_kernels - 1}")
@@ -125,6 +125,34 @@ class Slides:
             return self.x[:0], self.node[:0]
         rows = slice(*self.offsets[known[-1] : known[-1] + 2])
         return np.where(moved[known[-1]], self.x[rows], x_from), self.node[rows]
+
+    def all_between(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As `between`, with the slides that mend a part of a slide."""
+        passed, felt = self.between(x_from, x_to)
+        if not len(passed):
+            return passed, felt
+        way = [x_from, *passed, x_to]
+        parts = [self.between(*ends) for ends in pairwise(way)]
+        x = [x for (mend, _), at in zip(parts, way[1:], strict=True) for x in (*mend, at)]
+        node = [n for (_, mend), at in zip(parts, [*felt, -1], strict=True) for n in (*mend, at)]
+        return np.array(x[:-1]), np.array(node[:-1])
+
+    def within(self, lower: np.ndarray, upper: np.ndarray) -> Slides:
+        """Those that pass nothing below `lower` or above `upper` `(J,)`."""
+        outside = ((self.x < lower) | (self.x > upper)).any(axis=1)
+        kept = (
+            ~np.logical_or.reduceat(np.append(outside, False), self.offsets[:-1])
+            if len(self.ends)
+            else np.empty(0, dtype=bool)
+        )
+        sizes = np.diff(self.offsets)
+        rows = np.repeat(kept, sizes)
+        return Slides(
+            ends=self.ends[kept],
+            offsets=np.concatenate([[0], np.cumsum(sizes[kept])]),
+            x=self.x[rows],
+            node=self.node[rows],
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -231,11 +259,11 @@ class Slider:
                 (now,) = self.feel(there[None])
                 share = float(_strength(now)) / wanted
                 if _LEAST_FELT < share < _MOST_FELT:
+                    if self.possible(there[None])[0]:
+                        return there, now
                     break
                 correction = np.clip((1.0 - share) * wanted / steepness, -step, step)
                 there = self._within(there + correction * up)
-            if share > _LEAST_FELT and self.possible(there[None])[0]:
-                return there, now
             step /= 2
         return None
 
@@ -243,9 +271,11 @@ class Slider:
         """`(J,)` N/rad, by how much more is felt along each joint."""
         trials = np.zeros((len(joints), len(x)))
         trials[np.arange(len(joints)), joints] = _TRIAL
-        more, less = np.split(_strength(self.feel(np.concatenate([x + trials, x - trials]))), 2)
+        tried = self._within(np.concatenate([x + trials, x - trials]))
+        more, less = np.split(_strength(self.feel(tried)), 2)
+        apart = np.linalg.norm(np.subtract(*np.split(tried, 2)), axis=1)
         slope = np.zeros(len(x))
-        slope[joints] = (more - less) / (2 * _TRIAL)
+        slope[joints] = np.divide(more - less, apart, out=np.zeros(len(apart)), where=apart > 0)
         return slope
 
     def _within(self, x: np.ndarray) -> np.ndarray:

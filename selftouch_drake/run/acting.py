@@ -28,7 +28,7 @@ class Query:
     Attributes:
         agent: who planned, with what it practised for it.
         plan: what was planned.
-        straight: what it would be without practice.
+        straight: what was planned before it practised.
         motion: the timed plan, with what the agent expects to feel.
         seconds: s, what planning, practising and timing took.
         jerk_reduction: how many times less jerk it has than straight steps between kernels.
@@ -185,7 +185,9 @@ class Pilot:
             if aside is None and (aside := agent.aside(plan, slider)) is not None:
                 plan = make_plan(agent, aside=aside)
                 doubtful = agent.doubtful(plan, slider)
-            agent = agent.prepare(plan, doubtful, slider)
+            before, agent = agent, agent.prepare(plan, doubtful, slider)
+            if agent.memory.same_as(before.memory):
+                break
             plan = make_plan(agent, aside=aside)
         return agent, plan
 

@@ -63,7 +63,7 @@ def test_an_agent_learns_recovers_plans_and_remembers(agent):
     assert (plan.nodes[0], plan.goal) == (start, goal)
     assert not plan.in_air.any()
     before = agent.memory.link_penalty.copy()
-    wiser = agent.remember(plan.links)
+    wiser = agent.recalling(agent.memory.after(plan.links))
     assert np.array_equal(agent.memory.link_penalty, before)
     assert (wiser.memory.link_penalty[plan.links] == 8.0).all()
     assert wiser.planner is agent.planner

@@ -73,6 +73,8 @@ class Planner:
             RouteGraph.of(representation, self.links, mode)
             for mode in range(len(representation.mode_joints))
         ]
+        # Float32, as stored configurations are.
+        self._rows_x = representation.scaled(representation.kernel_q).astype(np.float32)
         self._leap_penalty = leap_penalty(representation, self.links)
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
         self._link_row = {(int(i), int(j)): row for row, (i, j) in enumerate(self.links)}
@@ -130,7 +132,7 @@ class Planner:
                 to there, out of the way.
             lift_off: go to each goal through the air, though links may lead there.
             limits: no path leaves them, nor may it start outside. By default no path leaves the
-                range of experience, unless it starts outside.
+                range of experience, unless it starts outside or takes a slide that does.
 
         Raises:
             ValueError: if a target is out of range, there is none to feel, or `q_start` or
@@ -191,7 +193,7 @@ class Planner:
         """Goes through the air to the nearest touch of `goal`; where, and the mode."""
         row = self._nearest(way.end, goal_members(self.representation, goal))
         mode = int(self.representation.kernel_mode[row])
-        way.move(goal, self._x(row).astype(float), self._joints(mode), in_air=True)
+        way.move(goal, self._rows_x[row].astype(float), self._joints(mode), in_air=True)
         return goal, mode
 
     def _land(self, way: Way, goal: int, mode: int) -> tuple[int, int]:
@@ -206,7 +208,9 @@ class Planner:
             both = way.end.copy()
             both[joints] = to[joints]
             way.move(kernel, both, joints, in_air=False)
-            way.move(kernel, to, joints, in_air=False)
+            left = both.copy()
+            left[self._joints(mode)] = to[self._joints(mode)]
+            way.move(kernel, left, joints, in_air=False)
         else:
             way.move(kernel, to, joints, in_air=True)
         return kernel, after
@@ -216,9 +220,17 @@ class Planner:
     ) -> Plan:
         """The smooth plan along a way."""
         representation = self.representation
-        links = [self._link_row.get((min(a, b), max(a, b)), -1) for a, b in pairwise(way.nodes)]
-        nodes, of_step, waypoints_x = way.passed(slides)
+        links = [
+            self._link_row.get((min(a, b), max(a, b)), -1) if along_link else -1
+            for (a, b), along_link in zip(pairwise(way.nodes), way.along_link, strict=True)
+        ]
         lower, upper = (representation.scaled(limit) for limit in limits or self._range)
+        if limits is not None and slides is not None:
+            slides = slides.within(lower, upper)
+        nodes, of_step, waypoints_x = way.passed(slides)
+        if limits is None:
+            lower = np.minimum(lower, waypoints_x.min(axis=0))
+            upper = np.maximum(upper, waypoints_x.max(axis=0))
         path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, lower=lower, upper=upper)
         path.c = representation.unscaled(path.c)
         waypoints_q = representation.unscaled(waypoints_x)
@@ -239,7 +251,7 @@ class Planner:
         """
         if self._is_literal:
             return False
-        return mode == NO_MODE or (here != goal and not self._graphs[mode].joins(here, goal))
+        return here != goal and (mode == NO_MODE or not self._graphs[mode].joins(here, goal))
 
     def _leg(
         self, x: np.ndarray, start: int, goal: int, mode: int, penalty: np.ndarray
@@ -256,26 +268,21 @@ class Planner:
                     "between them; learn again"
                 )
             after = nodes[1:].tolist()
-            layers = [self._x(of_mode(representation, k, None)) for k in after[:-1]]
-            return after, [*layers, self._x(goal_members(representation, goal))]
+            layers = [self._rows_x[of_mode(representation, k, None)] for k in after[:-1]]
+            return after, [*layers, self._rows_x[goal_members(representation, goal)]]
         graph = self._graphs[mode]
-        goal_x = self._x(goal_members(representation, goal, mode))[:, graph.joints]
+        goal_x = self._rows_x[goal_members(representation, goal, mode)][:, graph.joints]
         nodes = carried_route(graph, x[graph.joints], start, goal, goal_x, penalty=penalty)
         assert nodes is not None, "links join the two"
         after = nodes[1:].tolist()
         firm = [graph.firm_configurations(k) for k in after[:-1]]
         return after, [*firm, goal_x]
 
-    def _x(self, rows: np.ndarray | int) -> np.ndarray:
-        """`(..., J)` float32 rad, stored configurations, scaled."""
-        q = self.representation.kernel_q[rows]
-        return self.representation.scaled(q).astype(np.float32)
-
     def _landing(self, x: np.ndarray, goal: int) -> tuple[int, int, np.ndarray]:
         """The firm touch nearest to the scaled `x` from which links of its mode lead to `goal`.
 
-        Its kernel, its mode and its scaled configuration. If it is of no touch of the goal known
-        what joints matter, it is the nearest of these.
+        Its kernel, its mode and its scaled configuration. If the modes of the goal's touches are
+        unknown, the nearest of those touches.
         """
         found = []
         for mode, graph in enumerate(self._graphs):
@@ -286,14 +293,14 @@ class Planner:
             found.append((row, mode))
         if not found:
             found.append((self._nearest(x, of_mode(self.representation, goal, None)), NO_MODE))
-        far = [np.square(self._x(row) - x).sum() for row, _ in found]
+        far = [np.square(self._rows_x[row] - x).sum() for row, _ in found]
         row, mode = found[int(np.argmin(far))]
         kernel = int(np.searchsorted(self.representation.kernel_offsets, row, side="right")) - 1
-        return kernel, mode, self._x(row).astype(float)
+        return kernel, mode, self._rows_x[row].astype(float)
 
     def _nearest(self, x: np.ndarray, rows: np.ndarray) -> int:
         """The one of `rows` whose scaled configuration is nearest to `x`."""
-        return int(rows[np.square(self._x(rows) - x).sum(axis=1).argmin()])
+        return int(rows[np.square(self._rows_x[rows] - x).sum(axis=1).argmin()])
 
     def checked_target(self, target: int | None) -> int:
         """The same as an int.

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps, touching
 from selftouch_drake.agent.planning.smoothing import DEGREE, smooth_curve
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation, row_joints
 
 # Sensations that are averaged to one: fewer are noisier, more blur. 8 and 24 do as well.
 _NUM_ALIKE = 16
@@ -95,7 +95,7 @@ def _at_waypoints(
         off = np.abs(representation.scaled(representation.kernel_q[members] - q))
         mode = representation.kernel_mode[members]
         # Joints that do not matter may be anywhere.
-        off = np.where(representation.mode_joints[mode], off, 0.0).max(axis=1)
+        off = np.where(row_joints(mode, representation.mode_joints), off, 0.0).max(axis=1)
         # Stored configurations are float32.
         if off.min() < 1e-5:
             sensation[row] = _dense(kernel_sensation[members])[off.argmin()]

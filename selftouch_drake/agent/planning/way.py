@@ -27,6 +27,7 @@ class Way:
     def __init__(self, node: int, x: np.ndarray, joints: np.ndarray, choose: Choose):
         self.nodes = [node]
         self.in_air: list[bool] = []
+        self.along_link: list[bool] = []
         self._choose = choose
         self._stretches = [(x, joints, list[np.ndarray]())]
 
@@ -39,12 +40,14 @@ class Way:
         """Goes along links, through one of the `(n, joints that move)` candidates in each node."""
         self.nodes += nodes
         self.in_air += [False] * len(nodes)
+        self.along_link += [True] * len(nodes)
         self._stretches[-1][2].extend(layers)
 
     def move(self, node: int, x: np.ndarray, joints: np.ndarray, *, in_air: bool) -> None:
         """Goes straight to `x`, by all joints, and on from there by `joints`."""
         self.nodes.append(node)
         self.in_air.append(in_air)
+        self.along_link.append(False)
         self._stretches.append((x, joints, []))
 
     def passed(self, slides: Slides | None) -> tuple[list[int], np.ndarray, np.ndarray]:
@@ -58,7 +61,7 @@ class Way:
         slides = slides or Slides.none(x.shape[1])
         nodes, waypoints, of_step = [self.nodes[0]], [x[0]], list[int]()
         for step, node in enumerate(self.nodes[1:]):
-            passed, felt = slides.between(x[step], x[step + 1])
+            passed, felt = slides.all_between(x[step], x[step + 1])
             nodes += [*felt.tolist(), node]
             waypoints += [*passed, x[step + 1]]
             of_step += [step] * (len(passed) + 1)

@@ -28,7 +28,7 @@ from selftouch_drake.agent.representation.quantise import (
     target_sensations,
 )
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, mattering
-from selftouch_drake.agent.representation.relevance import relevant_joints
+from selftouch_drake.agent.representation.relevance import touch_modes
 from selftouch_drake.agent.representation.set_distances import (
     MAX_QUERIES,
     SET_DISTANCES,
@@ -240,7 +240,7 @@ class QuotientLearner(BaseEstimator):
         targets, offsets = target_sensations, sample.offsets(len(target_sensations))
         part = kernel_parts(targets, overlap)
         x = (sample.columns["q"] * joint_scale).astype(np.float32)
-        mode, mode_joints = relevant_joints(
+        mode, mode_joints = touch_modes(
             x,
             offsets,
             targets,

@@ -122,6 +122,8 @@ class QuotientRepresentation:
             raise ValueError(f"joint_scale is {self.joint_scale.tolist()}: give positive factors.")
         if num_rows and not NO_MODE <= self.kernel_mode.min() <= self.kernel_mode.max() < num_modes:
             raise ValueError(f"kernel_mode must name modes 0 to {num_modes - 1}, or {NO_MODE}.")
+        if not self.mode_joints.any(axis=1).all():
+            raise ValueError("mode_joints has a mode in which no joint matters.")
         _check_parts(self.part, self.edges)
 
     @property
@@ -237,8 +239,14 @@ def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.nd
         mode: `(R,)` as `kernel_mode`.
         mode_joints: `(M, J)` bool.
     """
-    known = np.concatenate([mode_joints, np.ones((1, x.shape[1]), dtype=bool)])  # NO_MODE is -1
-    return np.where(known[mode], x, x.mean(axis=0)).astype(np.float32)
+    matter = row_joints(mode, mode_joints)
+    return np.where(matter, x, x.mean(axis=0)).astype(np.float32)
+
+
+def row_joints(mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:
+    """`(R, J)` bool, the joints that matter to touches of modes `(R,)`; all of `NO_MODE`."""
+    known = np.concatenate([mode_joints, np.ones((1, mode_joints.shape[1]), dtype=bool)])
+    return known[np.where(mode == NO_MODE, len(mode_joints), mode)]
 
 
 def _check_parts(part: np.ndarray, edges: np.ndarray) -> None:

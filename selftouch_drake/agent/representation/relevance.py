@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 from sklearn.cluster import KMeans
+from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.network import Network, train
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
@@ -36,7 +37,9 @@ _LEAST_LEARNED = 0.15
 _NUM_TESTED = 5000
 _NUM_EXCHANGES = 6
 
-#: Most modes of a part, and fewest of its tested configurations in one.
+#: Fewest configurations of a part that modes are found from; most modes, and fewest of the tested
+#: configurations in one.
+_FEWEST = 1500
 _MOST_MODES = 6
 _FEW = 50
 
@@ -55,7 +58,7 @@ _SURE = 0.87
 _CHUNK = 16_384
 
 
-def relevant_joints(
+def touch_modes(
     kernel_x: np.ndarray,
     kernel_offsets: np.ndarray,
     target_sensations: np.ndarray,
@@ -81,23 +84,25 @@ def relevant_joints(
     kernel = np.repeat(np.arange(len(part)), np.diff(kernel_offsets))
     of_part = part[kernel]
     rng = np.random.default_rng(seed)
-    whole = np.flatnonzero(np.bincount(part) >= LEAST_KERNELS)
     tested = {}
-    for number in whole:
+    for number in np.flatnonzero(np.bincount(part) >= LEAST_KERNELS):
         rows = np.flatnonzero(of_part == number)
-        tested[number] = rng.permutation(rows)[: min(_NUM_TESTED, len(rows) // 5)]
+        if len(rows) >= _FEWEST:
+            tested[number] = rng.permutation(rows)[: min(_NUM_TESTED, len(rows) // 5)]
+    # In fragments, and where little was touched, all joints matter.
+    mode = np.zeros(len(kernel_x), dtype=np.int8)
+    relevant = np.ones((1, kernel_x.shape[1]), dtype=bool)
+    if not tested:
+        return mode, relevant
     # What was learned by heart would tell of no joint that it does not matter.
-    trained = np.setdiff1d(np.arange(len(kernel_x)), np.concatenate([*tested.values(), []]))
+    trained = np.setdiff1d(np.arange(len(kernel_x)), np.concatenate([*tested.values()]))
     expected = _Expectation.learned(
         kernel_x, kernel, target_sensations, of_part, trained, rng, progress
     )
-    # In fragments, all joints matter.
-    mode = np.zeros(len(kernel_x), dtype=int)
-    relevant = np.ones((1, kernel_x.shape[1]), dtype=bool)
-    for number in whole:
+    for number, some in tested.items():
         rows = np.flatnonzero(of_part == number)
-        modes = _modes(expected, tested[number], rng)
-        told = _told(expected, rows, modes, rng)
+        modes = _modes(expected, some, rng)
+        told = _modes_of(expected, rows, modes, rng)
         mode[rows] = np.where(told == NO_MODE, NO_MODE, told + len(relevant))
         relevant = np.concatenate([relevant, modes])
     return _numbered(mode, relevant)
@@ -204,16 +209,17 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
     each = np.eye(expected.x.shape[1], dtype=bool)
     change = np.sqrt([expected.change(rows, joint, rng) for joint in each]).T
     share = change / np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)
-    found = _mattering(_costs(expected, rows, rng))[None]
+    found = _costs(expected, rows, rng)[None] >= _LEAST_COST
     for count in range(2, _MOST_MODES + 1):
-        cluster = KMeans(count, n_init=4, random_state=0).fit_predict(np.log(share + 1e-3))
+        with threadpool_limits(limits=1):
+            cluster = KMeans(count, n_init=4, random_state=0).fit_predict(np.log(share + 1e-3))
         cost = np.array([_costs(expected, rows[cluster == c], rng) for c in range(count)])
         guess = cost >= cost.max(axis=0) / 2
-        told = _told(expected, rows, guess, rng)
+        told = _modes_of(expected, rows, guess, rng)
         if _contained(guess) or np.bincount(told + 1, minlength=count + 1)[1:].min() < _FEW:
             break
         cost = np.array([_costs(expected, rows[told == m], rng) for m in range(count)])
-        sets = np.array([_mattering(one) for one in cost])
+        sets = cost >= _LEAST_COST
         if _contained(sets):
             break
         found = sets
@@ -228,13 +234,8 @@ def _costs(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
     each = np.eye(expected.x.shape[1], dtype=bool)
     before = expected.error(rows, np.zeros(len(each), dtype=bool), rng).mean()
     cost = np.array([expected.error(rows, joint, rng).mean() - before for joint in each])
-    learned = cost.max() >= _LEAST_LEARNED * expected.by_chance(rows)
+    learned = cost.max() >= max(_LEAST_LEARNED * expected.by_chance(rows), 1e-6)
     return cost / cost.max() if learned else np.ones(len(cost))
-
-
-def _mattering(cost: np.ndarray) -> np.ndarray:
-    """`(J,)` bool, by what is exchanged at a cost."""
-    return cost >= _LEAST_COST
 
 
 def _contained(sets: np.ndarray) -> bool:
@@ -243,7 +244,7 @@ def _contained(sets: np.ndarray) -> bool:
     return bool(holds.sum() > len(sets))
 
 
-def _told(
+def _modes_of(
     expected: _Expectation, rows: np.ndarray, modes: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
     """`(n,)` the mode of each row: the one whose other joints are exchanged with least error."""

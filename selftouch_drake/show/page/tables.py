@@ -197,7 +197,7 @@ def plan_rows(material: Material) -> Iterator[PlanRow]:
         row = PlanRow(
             start=start,
             goal=goal,
-            num_kernels=int(np.sum(motion.nodes != NO_KERNEL)),
+            num_kernels=len(np.unique(motion.nodes[motion.nodes != NO_KERNEL])),
             num_flights=int(np.sum(np.diff(in_air, prepend=0) > 0)),
             duration=float(np.ptp(motion.time_s)),
         )

@@ -112,3 +112,22 @@ def test_a_hand_that_does_not_get_there_hands_over_to_the_other(learned):
         q[landed + 2 :, LEFT], np.tile(q[-1, LEFT], (len(q) - landed - 2, 1))
     )
     assert np.linalg.norm(q[-1, RIGHT]) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize(("num_rows", "num_targets"), [(60, 20), (100, 20), (3000, 12)])
+def test_what_was_hardly_learned_drops_no_joint_that_matters(num_rows, num_targets):
+    q, sensation, _ = two_hands(seed=1)
+    learner = QuotientLearner(num_targets).fit(sensation[:num_rows], q[:num_rows])
+    for joints in learner.representation_.mode_joints:
+        assert joints[LEFT].all() or joints[RIGHT].all()
+
+
+def test_steps_that_follow_no_link_have_none(learned):
+    representation, _ = learned
+    unknown = dataclasses.replace(
+        representation, kernel_mode=np.full(representation.num_rows, NO_MODE)
+    )
+    q_start = representation.kernel_q[0].astype(float)
+    plan = Planner(unknown).plan(q_start, 0, 1)
+    assert (plan.in_air.tolist(), plan.links.tolist()) == ([True], [-1])
+    assert not Planner(unknown).plan(q_start, 0, 0).in_air.any()
