@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import block_diag, coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
@@ -15,12 +15,13 @@ from selftouch_drake.evaluation.kernels import KernelTruth
 from selftouch_drake.experience import Contacts
 from selftouch_drake.geometry import ReceptiveFields, betti_of_patch, submesh, touched_patch
 
-#: Two patches on different skins are one part if there is a place on one of them, as large as a
-#: kernel, where at least this share of the touches press the other at the same time. Where a
-#: fingertip is caught between two skins that move against each other, it is a few in a hundred
-#: touches, and nowhere many.
-_LEAST_SHARED = 0.3
-# Touches that a place needs for its share to mean anything.
+#: Two patches on different skins are one part if a receptor on one and a receptor on the other are
+#: pressed at once in at least this share of the touches of the rarer of the two, as neighbours on
+#: one skin are: finer, what is felt does not tell. Between the torso of an infant and its upper
+#: arms, which its fists press at once, it is 0.5 at most; where a fingertip is caught between two
+#: skins, a few in a hundred.
+_LEAST_SHARED = 0.6
+# Touches that a receptor needs for its share to mean anything.
 _LEAST_TOUCHES = 20
 
 
@@ -125,8 +126,7 @@ def true_parts(
         number, of_vertex = np.unique(label[used], return_inverse=True)
         patch_of[counts.ends[skin] + used] = num_patches + of_vertex
         num_patches += len(number)
-    place_of = _nearest_kernel(fields, counts, truth)
-    group = _joined_patches(patch_of, counts, num_patches, place_of)
+    group = _joined_patches(patch_of, counts, num_patches, fields)
     at = counts.vertices(truth.skin, truth.positions)
     # A kernel at the ragged rim belongs to the patch that is nearest.
     patch = _nearest_patch(at, patch_of, fields, counts)
@@ -150,7 +150,7 @@ def true_parts(
 
 
 def _joined_patches(
-    patch_of: np.ndarray, counts: TouchCounts, num_patches: int, place_of: np.ndarray
+    patch_of: np.ndarray, counts: TouchCounts, num_patches: int, fields: Sequence[ReceptiveFields]
 ) -> np.ndarray:
     """`(patches,)` the number of the part that each patch belongs to.
 
@@ -158,34 +158,24 @@ def _joined_patches(
         patch_of: `(V,)` the patch of each vertex, -1 for none.
         counts: of the touches.
         num_patches: how many there are.
-        place_of: `(V,)` the kernel that is nearest to each vertex.
+        fields: of each skin.
     """
-    pairs = np.concatenate([counts.together, counts.together[:, ::-1]])
-    pairs = pairs[(patch_of[pairs] >= 0).all(axis=1)]
-    touches = np.bincount(place_of, np.concatenate(counts.counts))
-    together = coo_array(
-        (np.ones(len(pairs)), (place_of[pairs[:, 0]], patch_of[pairs[:, 1]])),
-        shape=(len(touches), num_patches),
-    ).toarray()
-    enough = (touches >= _LEAST_TOUCHES)[:, None]
-    place, patch = np.nonzero(enough & (together >= _LEAST_SHARED * touches[:, None]))
-    own = np.zeros(len(touches), dtype=int)
-    own[place_of[patch_of >= 0]] = patch_of[patch_of >= 0]
-    joined = coo_array((np.ones(len(place)), (own[place], patch)), shape=(num_patches, num_patches))
+    in_field = block_diag([field.vertex_weights > 0 for field in fields], format="csr").astype(int)
+    touches = np.concatenate(counts.counts)
+    a, b = np.concatenate([counts.together, counts.together[:, ::-1]]).T
+    at_once = coo_array((np.ones(len(a)), (a, b)), shape=(len(touches),) * 2)
+    pressed = np.asarray(in_field.T @ touches)
+    together = (in_field.T @ at_once.tocsr() @ in_field).tocoo()
+    r, s = together.row, together.col
+    rarer = np.minimum(pressed[r], pressed[s])
+    often = (rarer >= _LEAST_TOUCHES) & (together.data >= _LEAST_SHARED * rarer)
+    # A receptor is on the patch that most of its touches are on.
+    kept = np.flatnonzero(patch_of >= 0)
+    on_patch = coo_array((touches[kept], (kept, patch_of[kept])), shape=(len(touches), num_patches))
+    own = np.asarray((in_field.T @ on_patch.tocsr()).todense()).argmax(axis=1)
+    pairs = own[np.stack([r[often], s[often]])]
+    joined = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(num_patches,) * 2)
     return connected_components(joined, directed=False)[1]
-
-
-def _nearest_kernel(
-    fields: Sequence[ReceptiveFields], counts: TouchCounts, truth: KernelTruth
-) -> np.ndarray:
-    """`(V,)` for each vertex the kernel that is nearest on its skin; K if there is none."""
-    nearest = np.full(counts.ends[-1], len(truth.skin))
-    for skin, field in enumerate(fields):
-        kernels = np.flatnonzero(truth.skin == skin)
-        if len(kernels):
-            own = slice(counts.ends[skin], counts.ends[skin + 1])
-            nearest[own] = kernels[cKDTree(truth.positions[kernels]).query(field.vertices)[1]]
-    return nearest
 
 
 def _nearest_patch(
