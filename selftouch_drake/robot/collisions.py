@@ -61,12 +61,15 @@ class CollisionCheck:
             [bounds[a].radius + bounds[b].radius - allowed for a, b, allowed in self._pairs]
         )
 
-    def depth(self, q: np.ndarray, query: Callable[[np.ndarray], QueryObject]) -> np.ndarray:
+    def depth(
+        self, q: np.ndarray, query: Callable[[np.ndarray], QueryObject], margin: float = 0.0
+    ) -> np.ndarray:
         """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.
 
         Args:
             q: configurations, rad or m.
             query: called with one `(J,)` configuration, gives Drake's query object there.
+            margin: m, by which less is allowed.
 
         Returns:
             0 where the posture is possible.
@@ -78,13 +81,13 @@ class CollisionCheck:
         p_WC = np.einsum("ngij,gj->ngi", X_WL[..., :3], self._centre) + X_WL[..., 3]
         a, b = self._ends.T
         apart = np.linalg.norm(p_WC[:, a] - p_WC[:, b], axis=2)
-        rows, pairs = np.nonzero(apart < self._near)
+        rows, pairs = np.nonzero(apart < self._near + margin)
         for row in np.unique(rows):
             found = query(q[row])
             for pair in pairs[rows == row]:
                 first, second, allowed = self._pairs[pair]
                 distance = found.ComputeSignedDistancePairClosestPoints(first, second).distance
-                depth[row] = max(depth[row], -distance - allowed)
+                depth[row] = max(depth[row], -distance - (allowed - margin))
         return depth
 
 

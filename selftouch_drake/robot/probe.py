@@ -96,12 +96,12 @@ class ContactProbe:
     def _rigid_touchers(self) -> RigidTouchers:
         return RigidTouchers(self.robot)
 
-    def collision_depth(self, q: np.ndarray) -> np.ndarray:
+    def collision_depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.
 
-        0 where the posture is possible.
+        0 where the posture is possible. With a margin (m), less is allowed.
         """
-        return self._collisions.depth(q, self.query)
+        return self._collisions.depth(q, self.query, margin)
 
     def query(self, q: np.ndarray) -> QueryObject:
         """Drake's query object at `(J,)` q; good until the next call."""

@@ -17,6 +17,9 @@ from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
 from selftouch_drake.robot.timing import time_path
 
+# m, of rigid parts that may not be deeper in each other: what is executed is off by less.
+_MARGIN = 0.0005
+
 # What has no other way is planned round; each time, other steps may be doubtful.
 _MOST_PREPARATIONS = 8
 
@@ -145,7 +148,7 @@ class Pilot:
         probe, robot = self.world.probe, self.world.robot
         return Slider(
             feel=lambda x: probe.sensations(unscaled(x)),
-            possible=lambda x: probe.collision_depth(unscaled(x)) == 0,
+            possible=lambda x: probe.collision_depth(unscaled(x), _MARGIN) == 0,
             lower=scaled(robot.lower),
             upper=scaled(robot.upper),
         )

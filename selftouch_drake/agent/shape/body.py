@@ -18,7 +18,7 @@ from selftouch_drake.agent.shape.homology import Topology, flat, topology
 from selftouch_drake.agent.shape.metrics import METRICS, share_unlike
 
 #: A metric is not trusted if more of its steps than this join kernels that feel nothing in common.
-_MOST_UNLIKE = 0.05
+_MOST_UNLIKE = 0.015
 
 
 class DistrustWarning(UserWarning):
