@@ -19,12 +19,7 @@ from selftouch_drake.agent.planning import (
     Prediction,
     predict_sensation,
 )
-from selftouch_drake.agent.practice import (
-    impossible_steps,
-    long_steps,
-    out_of_the_way,
-    practise,
-)
+from selftouch_drake.agent.practice import doubtful_steps, out_of_the_way, practise
 from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge
 from selftouch_drake.agent.representation import (
     Batches,
@@ -233,15 +228,12 @@ class Agent:
         return judge(execution, self.representation)
 
     def doubtful(self, plan: Plan, slider: Slider) -> np.ndarray:
-        """`(n,)` steps of a plan that are too long to trust, or on which the robot cannot be."""
-        return np.union1d(
-            long_steps(plan, self.representation),
-            impossible_steps(plan, self.representation, slider),
-        )
+        """`(n,)` steps of a plan that fail when gone along slowly; see `practice`."""
+        return np.union1d(*doubtful_steps(plan, self.representation, slider))
 
     def is_possible(self, plan: Plan, slider: Slider) -> bool:
         """Whether the robot can be everywhere on a plan."""
-        return not len(impossible_steps(plan, self.representation, slider))
+        return not len(doubtful_steps(plan, self.representation, slider)[1])
 
     def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:
         """Where to move what stands in the way of a plan; see `practice.out_of_the_way`."""

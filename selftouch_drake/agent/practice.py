@@ -6,38 +6,39 @@ from dataclasses import replace
 
 import numpy as np
 
-from selftouch_drake.agent.motions import Plan, steps
+from selftouch_drake.agent.motions import Plan, steps, touching
 from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider, straight
 
-#: rad, of steps that the agent slides along before it acts. Between stored touches of two arms at
-#: one body, steps are 0.5 rad long, and contact is held 99.9 % of the time; on a forearm, where
-#: touches are few, 2 rad and 66 %.
-LONG_STEP = 0.8
-
-#: rad of path, between places at which it is asked whether the robot can be there.
+#: rad of path, between places at which the agent feels, and tries whether it can be there.
 _SAMPLED = 0.03
 
 #: Remembered configurations that are tried: to go over, through the air, and to move aside to.
 _NUM_OVER, _NUM_ASIDE = 60, 24
 
 
-def long_steps(plan: Plan, representation: QuotientRepresentation) -> np.ndarray:
-    """`(n,)` steps of a plan too long to trust that touch holds on them."""
-    step = np.linalg.norm(np.diff(representation.scaled(plan.waypoints_q), axis=0), axis=1)
-    # Off links, what moves in touch is not what touches.
-    return np.flatnonzero((step > LONG_STEP) & (plan.links >= 0))
-
-
-def impossible_steps(
+def doubtful_steps(
     plan: Plan, representation: QuotientRepresentation, slider: Slider
-) -> np.ndarray:
-    """`(n,)` steps of a plan on whose smooth path the robot cannot be everywhere."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Goes along the smooth path of a plan slowly.
+
+    Args:
+        plan: the plan.
+        representation: the one that it was made with.
+        slider: feels in the agent's world.
+
+    Returns:
+        `(n,)` steps on which touch is lost where it is expected, and `(m,)` those on which the
+        robot cannot be everywhere.
+    """
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, 2 + int(length / _SAMPLED))
-    bad = ~slider.possible(representation.scaled(plan.path(s)))
-    return np.unique(steps(plan.waypoint_s, s[bad])) if len(plan.in_air) else np.empty(0, dtype=int)
+    x = representation.scaled(plan.path(s))
+    step = steps(plan.waypoint_s, s)
+    expected = touching(plan.waypoint_s, plan.in_air, s)
+    expected[expected] = ~slider.feel(x[expected]).any(axis=1)
+    return np.unique(step[expected]), np.unique(step[~slider.possible(x)])
 
 
 def practise(

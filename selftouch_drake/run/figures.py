@@ -181,10 +181,10 @@ _PLANNING = (
     (
         "planning_contact_straight_mean",
         "%",
-        "share in contact if the agent did not slide along long steps before it acts",
+        "share in contact of plans before the agent went along them slowly, and mended them",
         "",
     ),
-    ("planning_num_slides", "", "long steps that it slid along before it acted, in all", ""),
+    ("planning_num_slides", "", "steps that it found another way for, in all", ""),
     (
         "planning_impossible_postures",
         "",

@@ -45,8 +45,8 @@ class Trial:
         goal: target sensation.
         query_s: s, what the plan took.
         jerk_reduction: of the plan, in motor space.
-        num_slides: steps too long to trust, along which the agent slid before it acted.
-        contact_straight: share of the plan in contact, had it not.
+        num_slides: steps for which the agent found another way before it acted.
+        contact_straight: share of the plan in contact as it was before that.
         planned: scored without dynamics.
         executed: scored as felt under dynamics, at first try and without memory.
         first: the agent's own judgement of that, as are the next two: contact, and whether the goal

@@ -9,12 +9,7 @@ from test_sliding import LIMIT, deep, feel, touches
 
 from selftouch_drake.agent.motions import Plan
 from selftouch_drake.agent.planning.smoothing import path_length, smooth_path
-from selftouch_drake.agent.practice import (
-    impossible_steps,
-    long_steps,
-    out_of_the_way,
-    practise,
-)
+from selftouch_drake.agent.practice import doubtful_steps, out_of_the_way, practise
 from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider
@@ -72,24 +67,22 @@ def a_plan(waypoints, *, links=None, in_air=None):
     )
 
 
-def long_pair():
-    """Two touches of which the straight way is long, leads too deep, and can be slid along."""
+def a_pair():
+    """Two touches of which the straight way leads too deep, and can be slid along."""
     x = touches(NUM)
     x[:, 3] = 0.0
     for a in x:
         for b in x:
             plan = a_plan([a, b])
-            if len(long_steps(plan, REPRESENTATION)) and len(
-                impossible_steps(plan, REPRESENTATION, SLIDER)
-            ):
+            if len(doubtful_steps(plan, REPRESENTATION, SLIDER)[1]):
                 _, found = practise(plan, np.array([0]), SLIDER, BLANK, REPRESENTATION)
                 if found.all():
                     return a, b
     raise AssertionError("there is such a pair")
 
 
-def test_a_long_step_is_slid_along_and_what_is_felt_is_named():
-    a, b = long_pair()
+def test_a_step_that_fails_is_slid_along_and_what_is_felt_is_named():
+    a, b = a_pair()
     memory, found = practise(a_plan([a, b]), np.array([0]), SLIDER, BLANK, REPRESENTATION)
     passed, node = memory.slides.between(a, b)
     assert found.tolist() == [True]
@@ -99,17 +92,26 @@ def test_a_long_step_is_slid_along_and_what_is_felt_is_named():
     assert memory.num_tries == BLANK.num_tries
 
 
+def test_where_touch_is_lost_or_the_robot_cannot_be_is_found_slowly():
+    a, b = a_pair()
+    away = np.array([np.pi, 0.0, 0.0, 0.0])
+    lost, _ = doubtful_steps(a_plan([a, away, b]), REPRESENTATION, SLIDER)
+    assert lost.tolist() == [0, 1]
+    in_air = a_plan([a, away, b], links=[-1, -1], in_air=[True, True])
+    assert doubtful_steps(in_air, REPRESENTATION, SLIDER)[0].tolist() == []
+    assert doubtful_steps(a_plan([a, b]), REPRESENTATION, SLIDER)[1].tolist() == [0]
+
+
 def test_what_holds_still_is_not_slid_along():
-    a, b = long_pair()
+    a, b = a_pair()
     plan = a_plan([a, b], links=[-1])
-    assert not len(long_steps(plan, REPRESENTATION))
     memory, found = practise(plan, np.array([0]), SLIDER, BLANK, REPRESENTATION)
     assert not found.any()
     assert memory.same_as(BLANK)
 
 
 def test_through_the_air_a_detour_leads_over_what_is_remembered():
-    a, b = long_pair()
+    a, b = a_pair()
     a, b = a - [0, 0, 0, 1.9], b - [0, 0, 0, 1.9]
     plan = a_plan([a, b], links=[-1], in_air=[True])
     memory, found = practise(plan, np.array([0]), SLIDER, BLANK, REPRESENTATION)
