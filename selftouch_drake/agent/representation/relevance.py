@@ -43,10 +43,13 @@ _FEWEST = 1500
 _MOST_MODES = 6
 _FEW = 50
 
-#: A joint matters if to exchange it costs this share of what the costliest joint does. Of two arms
-#: at one body, the joints of the idle arm cost up to 0.06, those of the other 0.4 or more; of a
-#: hand on the other forearm, the wrist behind it costs 0.05, all others 0.1 or more.
-_LEAST_COST = 0.08
+#: What it costs to exchange a joint, as a share of what the costliest does, tells if it matters.
+#: Below the first share it does not. Below the second it does not if it costs that much more in
+#: another mode of the part: then it is what the modes do not tell apart. Of two arms at one body,
+#: the joints of the idle arm cost 0.01, and 50 times as much when that arm touches; with an infant
+#: 0.02 to 0.06, and 10 times as much, while its own wrists cost 0.02 to 0.08: they hardly move the
+#: place of a touch, but may lose it. To take too many joints for those that matter does no harm.
+_NOTHING, _LEAST_COST, _MUCH_MORE = 0.012, 0.08, 4.0
 
 #: A configuration is of a mode if, with the joints that do not matter there exchanged, what is
 #: expected is off by less than this share of what it is off in any other mode. Of two arms at one
@@ -209,7 +212,7 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
     each = np.eye(expected.x.shape[1], dtype=bool)
     change = np.sqrt([expected.change(rows, joint, rng) for joint in each]).T
     share = change / np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)
-    found = _costs(expected, rows, rng)[None] >= _LEAST_COST
+    found = _matter(_costs(expected, rows, rng)[None])
     for count in range(2, _MOST_MODES + 1):
         with threadpool_limits(limits=1):
             cluster = KMeans(count, n_init=4, random_state=0).fit_predict(np.log(share + 1e-3))
@@ -219,7 +222,7 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
         if _contained(guess) or np.bincount(told + 1, minlength=count + 1)[1:].min() < _FEW:
             break
         cost = np.array([_costs(expected, rows[told == m], rng) for m in range(count)])
-        sets = cost >= _LEAST_COST
+        sets = _matter(cost)
         if _contained(sets):
             break
         found = sets
@@ -236,6 +239,12 @@ def _costs(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
     cost = np.array([expected.error(rows, joint, rng).mean() - before for joint in each])
     learned = cost.max() >= max(_LEAST_LEARNED * expected.by_chance(rows), 1e-6)
     return cost / cost.max() if learned else np.ones(len(cost))
+
+
+def _matter(cost: np.ndarray) -> np.ndarray:
+    """`(M, J)` bool, by what the joints cost in each mode of a part."""
+    elsewhere = cost.max(axis=0) > _MUCH_MORE * cost
+    return (cost >= _LEAST_COST) | ((cost >= _NOTHING) & ~elsewhere)
 
 
 def _contained(sets: np.ndarray) -> bool:
