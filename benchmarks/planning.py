@@ -29,7 +29,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.planning import Planner, smooth_path
-from selftouch_drake.agent.planning.route import goal_members
+from selftouch_drake.agent.planning.members import goal_members
 from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
 from selftouch_drake.experiment import Surface
 from selftouch_drake.robot import World

@@ -17,6 +17,7 @@ from selftouch_drake.agent.planning import (
     Limits,
     Planner,
     Prediction,
+    checked_target,
     predict_sensation,
 )
 from selftouch_drake.agent.practice import doubtful_steps, out_of_the_way, practise
@@ -286,7 +287,7 @@ class Agent:
         start = targets[0] if targets else None
         if start is None:
             raise ValueError("q_start is missing: say where the joints are if nothing is felt")
-        members = self.representation.members(self.planner.checked_target(start))
+        members = self.representation.members(checked_target(start, self.representation))
         best = members.start + int(self.representation.kernel_error[members].argmin())
         return self.representation.kernel_q[best].astype(float)
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning import jerk_reduction
+from selftouch_drake.agent.planning import checked_configuration, jerk_reduction
 from selftouch_drake.agent.rehearsal import Try, rehearse
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
@@ -82,7 +82,7 @@ class Pilot:
             ValueError: as `Agent.tour`, or `q_start` is outside the limits of the joints.
         """
         limits = self.world.robot.lower, self.world.robot.upper
-        q_start = self.agent.planner.checked_configuration(q_start, limits)
+        q_start = checked_configuration(q_start, self.agent.representation, limits)
         (felt,) = self.world.probe.sensations(q_start[None])
         return self.plan_feeling(q_start, felt, goal)
 

@@ -1,6 +1,7 @@
 """From the quotient graph to a smooth geometric path in motor space (paper, section III)."""
 
-from selftouch_drake.agent.planning.planner import Limits, Planner, RouteMethod
+from selftouch_drake.agent.planning.checks import Limits, checked_configuration, checked_target
+from selftouch_drake.agent.planning.planner import Planner, RouteMethod
 from selftouch_drake.agent.planning.prediction import Prediction, predict_sensation
 from selftouch_drake.agent.planning.smoothing import (
     KNOT_SPACING,
@@ -15,6 +16,8 @@ __all__ = [
     "Planner",
     "Prediction",
     "RouteMethod",
+    "checked_configuration",
+    "checked_target",
     "jerk_reduction",
     "polyline",
     "predict_sensation",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Literal, get_args
@@ -10,16 +9,21 @@ from typing import Literal, get_args
 import numpy as np
 
 from selftouch_drake.agent.motions import NO_KERNEL, Plan
+from selftouch_drake.agent.planning.checks import (
+    Limits,
+    checked_configuration,
+    checked_penalty,
+    checked_target,
+)
 from selftouch_drake.agent.planning.configurations import (
     closest_configurations,
     smoothest_configurations,
 )
+from selftouch_drake.agent.planning.members import goal_members, of_mode
 from selftouch_drake.agent.planning.route import (
     RouteGraph,
     carried_route,
-    goal_members,
     leap_penalty,
-    of_mode,
     shortest_route,
 )
 from selftouch_drake.agent.planning.smoothing import (
@@ -33,9 +37,6 @@ from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepre
 from selftouch_drake.agent.sliding import Slides
 
 RouteMethod = Literal["carried", "literal"]
-
-#: Lowest and highest motor configuration, `(J,)` each.
-Limits = tuple[np.ndarray, np.ndarray]
 
 
 class Planner:
@@ -138,14 +139,14 @@ class Planner:
             ValueError: if a target is out of range, there is none to feel, or `q_start` or
                 `link_penalty` does not fit the representation.
         """
-        q_start = self.checked_configuration(q_start, limits)
+        q_start = checked_configuration(q_start, self.representation, limits)
         if len(targets) < 2:
             raise ValueError(
                 f"targets is {list(targets)}: give the sensation felt now, or None, and one to feel"
             )
-        here = None if targets[0] is None else self.checked_target(targets[0])
-        goals = [self.checked_target(goal) for goal in targets[1:]]
-        penalty = self._leap_penalty * self._checked_penalty(link_penalty)
+        here = None if targets[0] is None else checked_target(targets[0], self.representation)
+        goals = [checked_target(goal, self.representation) for goal in targets[1:]]
+        penalty = self._leap_penalty * checked_penalty(link_penalty, len(self.links))
         x = self.representation.scaled(q_start)
         mode = NO_MODE if here is None else self._mode_at(x, here)
         choose = closest_configurations if self._is_literal else smoothest_configurations
@@ -301,67 +302,3 @@ class Planner:
     def _nearest(self, x: np.ndarray, rows: np.ndarray) -> int:
         """The one of `rows` whose scaled configuration is nearest to `x`."""
         return int(rows[np.square(self._rows_x[rows] - x).sum(axis=1).argmin()])
-
-    def checked_target(self, target: int | None) -> int:
-        """The same as an int.
-
-        Raises:
-            ValueError: there is no such target sensation.
-        """
-        num_targets = self.representation.num_targets
-        try:
-            index = operator.index(target)  # type: ignore[arg-type]
-        except TypeError:
-            raise ValueError(f"target {target!r} is not an index: give a whole number") from None
-        if not 0 <= index < num_targets:
-            raise ValueError(
-                f"target {target} is out of range: "
-                f"this representation has targets 0 to {num_targets - 1}"
-            )
-        return index
-
-    def checked_configuration(
-        self, q_start: np.ndarray, limits: Limits | None = None
-    ) -> np.ndarray:
-        """The same as floats, if a plan may start there.
-
-        Raises:
-            ValueError: it has not one finite number per joint, or is outside the limits.
-        """
-        q_start = np.asarray(q_start, dtype=float)
-        num_joints = self.representation.kernel_q.shape[1]
-        if q_start.shape != (num_joints,):
-            raise ValueError(
-                f"q_start has shape {q_start.shape}: "
-                f"this representation needs ({num_joints},), one number per joint"
-            )
-        if not np.all(np.isfinite(q_start)):
-            raise ValueError(f"q_start is {q_start.tolist()}: give finite numbers")
-        if limits is not None:
-            lower, upper = limits
-            # Stored configurations are float32.
-            outside = np.flatnonzero((q_start < lower - 1e-6) | (q_start > upper + 1e-6))
-            if outside.size:
-                joint = outside[0]
-                raise ValueError(
-                    f"q_start[{joint}] is {q_start[joint]:g}: give one within the limits of the "
-                    f"joint, {lower[joint]:g} to {upper[joint]:g}"
-                )
-        return q_start
-
-    def _checked_penalty(self, link_penalty: np.ndarray | None) -> np.ndarray:
-        num_links = len(self.links)
-        if link_penalty is None:
-            return np.ones(num_links)
-        link_penalty = np.asarray(link_penalty, dtype=float)
-        if link_penalty.shape != (num_links,):
-            raise ValueError(
-                f"link_penalty has shape {link_penalty.shape}: "
-                f"this representation needs ({num_links},), one factor per link"
-            )
-        if not np.all(np.isfinite(link_penalty) & (link_penalty > 0.0)):
-            raise ValueError(
-                "link_penalty holds a factor that is not finite and positive: use 1 "
-                "for links without penalty"
-            )
-        return link_penalty

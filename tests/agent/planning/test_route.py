@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from selftouch_drake.agent.planning.members import firm_members, goal_members
 from selftouch_drake.agent.planning.route import (
     RouteGraph,
     carried_route,
-    firm_members,
-    goal_members,
     leap_penalty,
     shortest_route,
 )
