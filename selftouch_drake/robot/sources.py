@@ -6,7 +6,7 @@ import copy
 from typing import Protocol
 
 import numpy as np
-from pydrake.common.value import Value
+from pydrake.common.value import AbstractValue, Value
 from pydrake.systems.framework import Context, LeafSystem
 from pydrake.trajectories import Trajectory
 
@@ -43,7 +43,7 @@ class PathSource(LeafSystem):
 
     def SetPath(self, context: Context, path: Trajectory) -> None:
         """Gives this system's context a path over the context's time, s."""
-        self._path.FixValue(context, Value[object](path))
+        self._path.FixValue(context, _value(path))
 
     def _calc_desired_state(self, context, output):
         path = self._path.Eval(context)
@@ -80,7 +80,7 @@ class Babbler(LeafSystem):
         self._num_joints = num_joints
         self._period_s = period_s
         # The walk, and the step after the next one.
-        self._walk = self.DeclareAbstractState(Value[object](None))
+        self._walk = self.DeclareAbstractState(_value(()))
         # The step just taken, the next one, and when it was taken.
         self._steps = self.DeclareDiscreteState(2 * num_joints + 1)
         # Drake updates all discrete states of an instant at once, so that whoever follows the walk
@@ -94,7 +94,7 @@ class Babbler(LeafSystem):
         """Begins a walk in this system's context, now; `walk` itself does not move."""
         walk = copy.deepcopy(walk)
         first = walk.steps(2)
-        context.SetAbstractState(int(self._walk), (walk, None))
+        context.get_mutable_abstract_state(int(self._walk)).set_value((walk, first[-1]))
         context.SetDiscreteState(int(self._steps), np.append(first, context.get_time()))
 
     def _draw(self, context, state):
@@ -123,6 +123,13 @@ class Babbler(LeafSystem):
 
     def _given(self, context):
         given = context.get_abstract_state(int(self._walk)).get_value()
-        if given is None:
+        if not given:
             raise ValueError("the Babbler has no walk; call SetWalk on its context first")
         return given
+
+
+def _value(content: object) -> AbstractValue:
+    """Any Python object as a Drake value; newer bindings take none where they make it."""
+    value = Value[object]()
+    value.set_value(content)
+    return value
