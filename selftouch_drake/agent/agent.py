@@ -228,13 +228,9 @@ class Agent:
         """What the agent itself makes of an executed plan."""
         return judge(execution, self.representation)
 
-    def doubtful(self, plan: Plan, slider: Slider) -> np.ndarray:
-        """`(n,)` steps of a plan that fail when gone along slowly; see `practice`."""
-        return np.union1d(*doubtful_steps(plan, self.representation, slider))
-
-    def is_possible(self, plan: Plan, slider: Slider) -> bool:
-        """Whether the robot can be everywhere on a plan."""
-        return not len(doubtful_steps(plan, self.representation, slider)[1])
+    def doubtful(self, plan: Plan, slider: Slider) -> tuple[np.ndarray, np.ndarray]:
+        """Steps of a plan that fail when gone along slowly; see `practice.doubtful_steps`."""
+        return doubtful_steps(plan, self.representation, slider)
 
     def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:
         """Where to move what stands in the way of a plan; see `practice.out_of_the_way`."""

@@ -21,6 +21,16 @@ _GAIN = 0.7
 # Momentum of hidden layers; decay of the first and second moment of all others.
 _MOMENTUM, _FIRST, _SECOND = 0.95, 0.9, 0.99
 
+# Rows that pass a network at a time.
+_CHUNK = 16_384
+
+
+def standardised(x: np.ndarray) -> np.ndarray:
+    """`(n, inputs)` float32, as a network takes them: mean 0 and deviation 1 in each column."""
+    deviation = x.std(axis=0)
+    scale = np.where(deviation > 0, deviation, 1.0)
+    return ((x - x.mean(axis=0)) / scale).astype(np.float32)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Network:
@@ -46,8 +56,9 @@ class Network:
         return cls(weights=weights, biases=[*phases, np.zeros(sizes[-1], np.float32)])
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """`(n, inputs)` to `(n, outputs)`, float32."""
-        return self.forward(x)[0]
+        """`(n, inputs)` to `(n, outputs)`, so many rows at a time that memory is bounded."""
+        starts = range(0, max(len(x), 1), _CHUNK)
+        return np.concatenate([self.forward(x[i : i + _CHUNK])[0] for i in starts])
 
     def forward(self, x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
         """Returns the outputs, and what `gradients` needs: the input and slope of each layer."""

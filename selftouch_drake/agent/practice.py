@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from selftouch_drake.agent.motions import Plan, steps, touching
+from selftouch_drake.agent.planning.members import of_mode
 from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider, straight
@@ -32,6 +33,8 @@ def doubtful_steps(
         `(n,)` steps on which touch is lost where it is expected, and `(m,)` those on which the
         robot cannot be everywhere.
     """
+    if not len(plan.in_air):  # it stays
+        return np.empty(0, dtype=int), np.empty(0, dtype=int)
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, 2 + int(length / _SAMPLED))
     x = representation.scaled(plan.path(s))
@@ -64,13 +67,13 @@ def practise(
     found = np.zeros(len(doubtful), dtype=bool)
     for number, step in enumerate(doubtful):
         x_from, x_to = x[step : step + 2]
-        if plan.links[step] < 0 and not plan.in_air[step]:
-            continue
         if plan.in_air[step]:
             over = slider.detour(x_from, x_to, _over(representation, x_from, x_to))
             if over is None:
                 continue
             passed, node = over, np.repeat(plan.nodes[step + 1], len(over))
+        elif plan.links[step] < 0:
+            continue  # What moves is not what touches.
         else:
             slid = slider.slide(x_from, x_to)
             # What is as short as a part of a slide was slid along before.
@@ -110,12 +113,9 @@ def out_of_the_way(
     if plan.in_air.any() or not still.any():
         return None
     best, most = None, int(slider.possible(x).sum())
-    rows = np.concatenate(
-        [
-            np.arange(representation.num_rows)[representation.members(k)]
-            for k in np.unique(plan.nodes)
-        ]
-    )
+    if most == len(x):
+        return None
+    rows = np.concatenate([of_mode(representation, k, None) for k in np.unique(plan.nodes)])
     for row in rows[:: max(len(rows) // _NUM_ASIDE, 1)]:
         other = np.where(still, representation.scaled(representation.kernel_q[row]), x)
         there = int(slider.possible(other).sum())

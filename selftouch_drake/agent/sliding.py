@@ -140,11 +140,8 @@ class Slides:
     def within(self, lower: np.ndarray, upper: np.ndarray) -> Slides:
         """Those that pass nothing below `lower` or above `upper` `(J,)`."""
         outside = ((self.x < lower) | (self.x > upper)).any(axis=1)
-        kept = (
-            ~np.logical_or.reduceat(np.append(outside, False), self.offsets[:-1])
-            if len(self.ends)
-            else np.empty(0, dtype=bool)
-        )
+        ends = pairwise(self.offsets.tolist())
+        kept = np.array([not outside[a:b].any() for a, b in ends], dtype=bool)
         sizes = np.diff(self.offsets)
         rows = np.repeat(kept, sizes)
         return Slides(

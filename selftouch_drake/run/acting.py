@@ -157,10 +157,10 @@ class Pilot:
         """Plans; practises what is doubtful of the plan, and plans again."""
         began = time.perf_counter()
         first = make_plan(self.agent)
-        agent, plan = self._prepared(make_plan, first)
-        if not agent.is_possible(plan, self._slider):
+        agent, plan, possible = self._prepared(make_plan, first)
+        if not possible:
             in_air = partial(make_plan, lift_off=True)
-            agent, plan = self._prepared(in_air, in_air(self.agent))
+            agent, plan, _ = self._prepared(in_air, in_air(self.agent))
         timed = time_path(
             plan.path,
             velocity_limit=self._limits.velocity,
@@ -178,21 +178,25 @@ class Pilot:
             jerk_reduction=jerk_reduction(plan, self.agent.representation.joint_scale),
         )
 
-    def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan]:
-        """The agent and its plan after practice, in which what stands in the way is moved aside."""
+    def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, bool]:
+        """The agent and its plan after practice, and whether the robot can be everywhere on it.
+
+        What stands in the way is moved aside.
+        """
         agent, aside, slider = self.agent, None, self._slider
+        lost, impossible = agent.doubtful(plan, slider)
         for _ in range(_MOST_PREPARATIONS):
-            doubtful = agent.doubtful(plan, slider)
-            if not len(doubtful):
+            if not len(lost) and not len(impossible):
                 break
             if aside is None and (aside := agent.aside(plan, slider)) is not None:
                 plan = make_plan(agent, aside=aside)
-                doubtful = agent.doubtful(plan, slider)
-            before, agent = agent, agent.prepare(plan, doubtful, slider)
+                lost, impossible = agent.doubtful(plan, slider)
+            before, agent = agent, agent.prepare(plan, np.union1d(lost, impossible), slider)
             if agent.memory.same_as(before.memory):
                 break
             plan = make_plan(agent, aside=aside)
-        return agent, plan
+            lost, impossible = agent.doubtful(plan, slider)
+        return agent, plan, not len(impossible)
 
     def _some_configuration(self, *targets: int) -> np.ndarray:
         """Where the joints are when it is asked: any configuration of the first kernel."""

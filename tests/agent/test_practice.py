@@ -155,3 +155,16 @@ def test_a_memory_of_another_scale_is_foreign():
     other = dataclasses.replace(REPRESENTATION, joint_scale=np.full(4, 2.0))
     with pytest.raises(ValueError, match="another representation"):
         RehearsalMemory.from_arrays(BLANK.to_arrays(), other)
+
+
+def test_a_plan_to_stay_has_no_step_to_doubt():
+    plan = dataclasses.replace(
+        a_plan([[np.pi, 0.0, 0.0, 0.0], [np.pi, 0.0, 0.1, 0.0]]),
+        nodes=np.zeros(1, dtype=int),
+        links=np.empty(0, dtype=int),
+        in_air=np.empty(0, dtype=bool),
+        waypoints_q=np.array([[np.pi, 0.0, 0.0, 0.0]]),
+        waypoint_s=np.zeros(1),
+    )
+    lost, impossible = doubtful_steps(plan, REPRESENTATION, SLIDER)
+    assert (lost.tolist(), impossible.tolist()) == ([], [])

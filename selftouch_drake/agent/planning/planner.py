@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -80,28 +80,9 @@ class Planner:
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
         self._link_row = {(int(i), int(j)): row for row, (i, j) in enumerate(self.links)}
 
-    def plan(
-        self,
-        q_start: np.ndarray,
-        start: int | None,
-        goal: int,
-        *,
-        link_penalty: np.ndarray | None = None,
-        slides: Slides | None = None,
-        aside: np.ndarray | None = None,
-        lift_off: bool = False,
-        limits: Limits | None = None,
-    ) -> Plan:
+    def plan(self, q_start: np.ndarray, start: int | None, goal: int, **how: Any) -> Plan:
         """Plans from a motor configuration to one target sensation; see `plan_tour`."""
-        return self.plan_tour(
-            q_start,
-            [start, goal],
-            link_penalty=link_penalty,
-            slides=slides,
-            aside=aside,
-            lift_off=lift_off,
-            limits=limits,
-        )
+        return self.plan_tour(q_start, [start, goal], **how)
 
     def plan_tour(
         self,

@@ -15,7 +15,7 @@ import numpy as np
 from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.network import Network, train
+from selftouch_drake.agent.network import Network, standardised, train
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 
 #: Of the network that expects sensations: hidden layers, outputs (principal components of target
@@ -33,7 +33,7 @@ _ROWS_A_STEP = 40
 _LEAST_LEARNED = 0.15
 
 #: Configurations of a part that modes are found from, how many exchanges of a joint are tried on
-#: each, and on each configuration that is told its mode.
+#: each, and on each configuration whose mode is looked for.
 _NUM_TESTED = 5000
 _NUM_EXCHANGES = 6
 
@@ -53,12 +53,9 @@ _NOTHING, _LEAST_COST, _MUCH_MORE = 0.012, 0.08, 4.0
 
 #: A configuration is of a mode if, with the joints that do not matter there exchanged, what is
 #: expected is off by less than this share of what it is off in any other mode. Of two arms at one
-#: body, 97 % of the configurations are told, 0.1 % of them wrong; by how much the expectation
-#: changes, whatever was felt, 94 % and 2 %.
+#: body, 97 % of the configurations get a mode, 0.1 % of them a wrong one; by how much the
+#: expectation changes, whatever was felt, 94 % and 2 %.
 _SURE = 0.87
-
-# Configurations that pass the network at a time.
-_CHUNK = 16_384
 
 
 def touch_modes(
@@ -105,8 +102,8 @@ def touch_modes(
     for number, some in tested.items():
         rows = np.flatnonzero(of_part == number)
         modes = _modes(expected, some, rng)
-        told = _modes_of(expected, rows, modes, rng)
-        mode[rows] = np.where(told == NO_MODE, NO_MODE, told + len(relevant))
+        given = _modes_of(expected, rows, modes, rng)
+        mode[rows] = np.where(given == NO_MODE, NO_MODE, given + len(relevant))
         relevant = np.concatenate([relevant, modes])
     return _numbered(mode, relevant)
 
@@ -136,9 +133,7 @@ class _Expectation:
         rng: np.random.Generator,
         progress: Callable[[float], None],
     ) -> _Expectation:
-        deviation = kernel_x.std(axis=0)
-        x = (kernel_x - kernel_x.mean(axis=0)) / np.where(deviation > 0, deviation, 1.0)
-        x = x.astype(np.float32)
+        x = standardised(kernel_x)
         felt = target_sensations - target_sensations[kernel].mean(axis=0)
         _, _, axes = np.linalg.svd(felt, full_matrices=False)
         outputs = felt @ axes[:_MOST_OUTPUTS].T
@@ -172,10 +167,6 @@ class _Expectation:
         )
         return cls(network, x, kernel, outputs)
 
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        chunks = [self._network(x[i : i + _CHUNK]) for i in range(0, len(x), _CHUNK)]
-        return np.concatenate(chunks) if chunks else np.empty((0, self._outputs.shape[1]))
-
     def error(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """`(n,)` how far off the expectation is with `joints` `(J,)` bool exchanged, squared."""
         felt = self._outputs[self._kernel[rows]]
@@ -187,7 +178,7 @@ class _Expectation:
 
     def change(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """`(n,)` how far the expectation moves when `joints` `(J,)` bool are exchanged, squared."""
-        before = self(self.x[rows])
+        before = self._network(self.x[rows])
         moved = [np.square(x - before).sum(axis=1) for x in self._tried(rows, joints, rng)]
         return np.mean(moved, axis=0)
 
@@ -197,7 +188,7 @@ class _Expectation:
         """`(n, D)` what is expected with `joints` as in others of the rows, several times."""
         x = self.x[rows]
         for _ in range(_NUM_EXCHANGES if joints.any() else 1):
-            yield self(np.where(joints, x[rng.permutation(len(x))], x))
+            yield self._network(np.where(joints, x[rng.permutation(len(x))], x))
 
 
 def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -205,7 +196,7 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
 
     Configurations are clustered by how much each joint changes what is expected there. What matters
     to a cluster more than half as much as to any other is a first guess of a mode; with it, each
-    configuration is told its mode, and what matters to those is looked at again. As many modes are
+    configuration is given its mode, and what matters to those is looked at again. As many modes are
     found as there are sets of joints that do not contain each other: what is between two modes
     needs the joints of both.
     """
@@ -218,10 +209,10 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
             cluster = KMeans(count, n_init=4, random_state=0).fit_predict(np.log(share + 1e-3))
         cost = np.array([_costs(expected, rows[cluster == c], rng) for c in range(count)])
         guess = cost >= cost.max(axis=0) / 2
-        told = _modes_of(expected, rows, guess, rng)
-        if _contained(guess) or np.bincount(told + 1, minlength=count + 1)[1:].min() < _FEW:
+        given = _modes_of(expected, rows, guess, rng)
+        if _contained(guess) or np.bincount(given + 1, minlength=count + 1)[1:].min() < _FEW:
             break
-        cost = np.array([_costs(expected, rows[told == m], rng) for m in range(count)])
+        cost = np.array([_costs(expected, rows[given == m], rng) for m in range(count)])
         sets = _matter(cost)
         if _contained(sets):
             break

@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import eigh
 
-from selftouch_drake.agent.network import Network, train
+from selftouch_drake.agent.network import Network, standardised, train
 
 #: Three hidden layers of 128, 16 outputs. With 10 outputs some networks fold the torus: they find
 #: finer waves round its ring, and miss that its top is not its bottom.
@@ -31,9 +31,6 @@ _NUM_STEPS = 600
 
 #: Pairs from which the first outputs are found.
 _NUM_FIRST_PAIRS = 8192
-
-#: Rows that pass the trained network at a time.
-_CHUNK = 16_384
 
 #: Directions that vary within kernels more than this share of what they vary in all are noise.
 _MOST_WITHIN = 0.1
@@ -74,9 +71,7 @@ def quotient_coordinates(
             "several; babble longer, or ask for fewer targets."
         )
     rng = np.random.default_rng(seed)
-    deviation = kernel_x.std(axis=0)
-    scale = np.where(deviation > 0, deviation, 1.0)
-    x = ((kernel_x - kernel_x.mean(axis=0)) / scale).astype(np.float32)
+    x = standardised(kernel_x)
 
     def pairs(count: int) -> np.ndarray:
         """One configuration of each pair in the first half, its partner in the second."""
@@ -95,9 +90,7 @@ def quotient_coordinates(
         _, layers, _ = network.forward(pairs(_NUM_FIRST_PAIRS))
         network.weights[-1][:] = eigh(*_scatters(layers[-1].astype(float)))[1][:, :_NUM_OUTPUTS]
         train(network, lambda: pairs(_NUM_PAIRS), _loss_slope, num_steps, part_of(number))
-        for start in range(0, len(x), _CHUNK):
-            rows = slice(start, start + _CHUNK)
-            outputs[rows, columns] = network(x[rows])
+        outputs[:, columns] = network(x)
     return discriminants(outputs, kernel_offsets)
 
 
