@@ -139,9 +139,9 @@ class Slides:
 
     def within(self, lower: np.ndarray, upper: np.ndarray) -> Slides:
         """Those that pass nothing below `lower` or above `upper` `(J,)`."""
-        outside = ((self.x < lower) | (self.x > upper)).any(axis=1)
-        ends = pairwise(self.offsets.tolist())
-        kept = np.array([not outside[a:b].any() for a, b in ends], dtype=bool)
+        outside = np.any((self.x < lower) | (self.x > upper), axis=1)
+        passed = pairwise(self.offsets.tolist())
+        kept = np.array([not bool(outside[a:b].any()) for a, b in passed], dtype=bool)
         sizes = np.diff(self.offsets)
         rows = np.repeat(kept, sizes)
         return Slides(
