@@ -30,7 +30,7 @@ def main() -> None:
         agent, world = load_agent(run), stages.make_world(run)
         # The same run, but for the number of pairs; their first tries are kept among its plans.
         asked = dataclasses.replace(run.experiment, evaluation=evaluation)
-        trials = try_pairs(RunDirectory(path, asked), world, agent, stages.silent)
+        trials, _ = try_pairs(RunDirectory(path, asked), world, agent, stages.silent)
         figures = trial_figures(trials, world.robot.turns)
         columns[path.name] = {
             reading.key: reading.value for some in readings(figures).values() for reading in some

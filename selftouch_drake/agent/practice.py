@@ -15,8 +15,12 @@ from selftouch_drake.agent.sliding import Slider, straight
 #: rad of path, between places at which the agent feels, and tries whether it can be there.
 _SAMPLED = 0.03
 
-#: Remembered configurations that are tried: to go over, through the air, and to move aside to.
-_NUM_OVER, _NUM_ASIDE = 60, 24
+#: Remembered configurations to go over, through the air: first those that make the way least
+#: longer; then any, as few ways lead out of some.
+_NUM_SHORT, _NUM_ANY = 60, 300
+
+#: Remembered configurations that are tried to move aside to.
+_NUM_ASIDE = 24
 
 
 def doubtful_steps(
@@ -68,10 +72,10 @@ def practise(
     for number, step in enumerate(doubtful):
         x_from, x_to = x[step : step + 2]
         if plan.in_air[step]:
-            over = slider.detour(x_from, x_to, _over(representation, x_from, x_to))
-            if over is None:
+            detour = _detour(representation, slider, x_from, x_to)
+            if detour is None:
                 continue
-            passed, node = over, np.repeat(plan.nodes[step + 1], len(over))
+            passed, node = detour, np.repeat(plan.nodes[step + 1], len(detour))
         elif plan.links[step] < 0:
             continue  # What moves is not what touches.
         else:
@@ -86,13 +90,17 @@ def practise(
     return replace(memory, slides=slides), found
 
 
-def _over(
-    representation: QuotientRepresentation, x_from: np.ndarray, x_to: np.ndarray
-) -> np.ndarray:
-    """`(n, J)` remembered configurations, those that make the way least longer first."""
+def _detour(
+    representation: QuotientRepresentation, slider: Slider, x_from: np.ndarray, x_to: np.ndarray
+) -> np.ndarray | None:
+    """`(n, J)` what a way through the air goes over; None if none was found."""
     x = representation.scaled(representation.kernel_q[:: max(representation.num_rows // 2000, 1)])
     length = np.linalg.norm(x - x_from, axis=1) + np.linalg.norm(x - x_to, axis=1)
-    return x[np.argsort(length, kind="stable")[:_NUM_OVER]]
+    shortest = x[np.argsort(length, kind="stable")]
+    for over in (shortest[:_NUM_SHORT], shortest[:: max(len(shortest) // _NUM_ANY, 1)]):
+        if (found := slider.detour(x_from, x_to, over)) is not None:
+            return found
+    return None
 
 
 def out_of_the_way(

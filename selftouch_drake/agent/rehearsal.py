@@ -158,7 +158,7 @@ def judge(execution: Execution, representation: QuotientRepresentation) -> Try:
 
 
 def rehearse(
-    attempt: Callable[[Mind], Try],
+    attempt: Callable[[Mind], Try | None],
     learn: Callable[[Try, Mind], Mind],
     mind: Mind,
     *,
@@ -167,7 +167,7 @@ def rehearse(
     """Tries until nothing is lost any more, each time with what the tries before have taught.
 
     Args:
-        attempt: plans with what is known, executes and judges.
+        attempt: plans with what is known, executes and judges; None if there is no way.
         learn: what is known after a try.
         mind: what is known before; an agent, or its memory.
         max_tries: most tries, at least one.
@@ -182,8 +182,11 @@ def rehearse(
         raise ValueError(f"max_tries is {max_tries}: give at least 1")
     tries: list[Try] = []
     while len(tries) < max_tries and not (tries and tries[-1].perfect):
-        tries.append(attempt(mind))
-        mind = learn(tries[-1], mind)
+        one = attempt(mind)
+        if one is None:
+            break
+        tries.append(one)
+        mind = learn(one, mind)
     return tries, mind
 
 

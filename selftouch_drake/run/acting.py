@@ -24,6 +24,10 @@ _MARGIN = 0.0005
 _MOST_PREPARATIONS = 8
 
 
+class NoWayError(ValueError):
+    """No way was found on which the rigid parts of the robot do not run into each other."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Query:
     """A motion that was asked for.
@@ -66,6 +70,7 @@ class Pilot:
         The motion starts at a configuration of the first, drawn from the seed.
 
         Raises:
+            NoWayError: none was found.
             ValueError: as `Agent.tour`.
         """
         q_start = self._some_configuration(*targets)
@@ -79,6 +84,7 @@ class Pilot:
             goal: the target sensation to reach.
 
         Raises:
+            NoWayError: none was found.
             ValueError: as `Agent.tour`, or `q_start` is outside the limits of the joints.
         """
         limits = self.world.robot.lower, self.world.robot.upper
@@ -93,6 +99,9 @@ class Pilot:
             q_start: `(J,)` rad or m, where the joints are.
             felt: `(S,)` N, what is felt there.
             goal: the target sensation to reach.
+
+        Raises:
+            NoWayError: none was found.
         """
         limits = self.world.robot.lower, self.world.robot.upper
         return self._queried(
@@ -121,13 +130,21 @@ class Pilot:
             known: a try from before; the same motion is not executed again.
 
         Returns:
-            The tries, in order.
+            The tries, in order. If `known` is given, and no way is found, none.
+
+        Raises:
+            NoWayError: none was found at the first try.
         """
         queries: list[Query] = []
 
-        def attempt(agent: Agent) -> Try:
+        def attempt(agent: Agent) -> Try | None:
             self.agent = agent
-            queries.append(self.plan(start, goal))
+            try:
+                queries.append(self.plan(start, goal))
+            except NoWayError:
+                if not queries and known is None:
+                    raise
+                return None
             motion = queries[-1].motion
             if known is not None and np.array_equal(motion.q, known.execution.motion.q):
                 return known
@@ -160,7 +177,13 @@ class Pilot:
         agent, plan, possible = self._prepared(make_plan, first)
         if not possible:
             in_air = partial(make_plan, lift_off=True)
-            agent, plan, _ = self._prepared(in_air, in_air(self.agent))
+            agent, plan, possible = self._prepared(in_air, in_air(self.agent))
+            if not possible:
+                raise NoWayError(
+                    f"no way to target {plan.nodes[-1]} was found on which the rigid parts of the "
+                    "robot do not run into each other: choose another start or goal, or babble "
+                    "longer"
+                )
         timed = time_path(
             plan.path,
             velocity_limit=self._limits.velocity,

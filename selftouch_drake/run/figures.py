@@ -174,7 +174,13 @@ _TRUTH = (
     ),
 )
 _PLANNING = (
-    ("planning_num_pairs", "", "random pairs of start and goal sensation", ""),
+    ("planning_num_pairs", "", "random pairs of start and goal sensation that were tried", ""),
+    (
+        "planning_num_without_way",
+        "",
+        "further pairs for which no way was found on which rigid parts do not run into each other",
+        "0",
+    ),
     ("planning_reach_rate", "%", "plans that end in the goal sensation", "100 %"),
     ("planning_contact_mean", "%", "share of a plan in contact with the skin", "above 99 %"),
     ("planning_contact_worst", "%", "the same for the worst plan", "above 90 %"),

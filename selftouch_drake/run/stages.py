@@ -240,12 +240,14 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
     body = load_body(run, agent.representation)
     progress(0.0, "against the truth")
     run.add_metrics(score_body(run, world, agent.representation, body))
-    trials = try_pairs(
+    trials, without_way = try_pairs(
         run, world, agent, lambda fraction, doing: progress(0.1 + 0.9 * fraction, doing)
     )
     if trials:
         save_arrays(run.trials, trial_table(trials) | run.stamp())
-    run.add_metrics(trial_figures(trials, world.robot.turns))
+    run.add_metrics(
+        {"planning_num_without_way": len(without_way)} | trial_figures(trials, world.robot.turns)
+    )
     progress(1.0, "evaluated")
 
 

@@ -28,7 +28,7 @@ from selftouch_drake.experiment import Experiment
 from selftouch_drake.geometry import wall_points
 from selftouch_drake.robot import World
 from selftouch_drake.robot.limits import limit_shares
-from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.acting import NoWayError, Pilot
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.knowledge import save_plan
 
@@ -94,7 +94,7 @@ class Trial:
 
 def try_pairs(
     run: RunDirectory, world: World, agent: Agent, progress: Callable[[float, str], None]
-) -> list[Trial]:
+) -> tuple[list[Trial], list[tuple[int, int]]]:
     """Plans, executes and rehearses random pairs, and scores each against what was felt.
 
     The agent begins with a blank memory, whatever the run remembers, so that the figures are the
@@ -106,20 +106,27 @@ def try_pairs(
         world: where they are executed.
         agent: who plans.
         progress: called with the fraction done and what is being done.
+
+    Returns:
+        The trials, and the pairs that were not tried, as no way was found for them.
     """
     representation, max_tries = agent.representation, run.experiment.execution.max_tries
     agent = agent.recalling(RehearsalMemory.blank(representation))
     naive, rehearsing = Pilot(agent, world), Pilot(agent, world)
     balls = _Balls.of(world)
     pairs = random_pairs(run.experiment, representation)
-    trials = []
+    trials, without_way = list[Trial](), list[tuple[int, int]]()
     for number, (start, goal) in enumerate(pairs):
         progress(number / len(pairs), f"sensation {start} to {goal}")
-        query = naive.plan(start, goal)
+        try:
+            query = naive.plan(start, goal)
+        except NoWayError:
+            without_way.append((start, goal))
+            continue
         motion = query.motion
         execution, log = naive.execute(motion)
         known = agent.judge(execution)
-        tries = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
+        tries = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known) or [known]
         save_plan(run, execution, start, goal)
         kept = best(tries)
         targets = representation.target_sensations
@@ -168,7 +175,7 @@ def try_pairs(
                 off_skin_kept_s=_off_skin_s(balls, world, kept.execution),
             )
         )
-    return trials
+    return trials, without_way
 
 
 def random_pairs(

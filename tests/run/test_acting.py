@@ -15,6 +15,7 @@ from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
+from selftouch_drake.run.acting import NoWayError
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.figures import FIGURES
 from selftouch_drake.run.knowledge import (
@@ -230,7 +231,7 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
     agent = load_agent(run)
     # What was rehearsed before does not count: the figures are the same every time.
     agent = agent.recalling(agent.memory.after(np.arange(20)))
-    trials = try_pairs(run, world, agent, stages.silent)
+    trials, _ = try_pairs(run, world, agent, stages.silent)
     figures = trial_figures(trials, world.robot.turns)
     assert set(figures) <= {figure.key for figure in FIGURES}
     assert figures["execution_num_pairs"] == 2
@@ -274,13 +275,23 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
 
     monkeypatch.setattr(world.probe, "collision_depth", depth)
     run.experiment.evaluation.num_pairs = 1
-    trials = try_pairs(run, world, load_agent(run), stages.silent)
+    trials, _ = try_pairs(run, world, load_agent(run), stages.silent)
     figures = trial_figures(trials, world.robot.turns)
     assert figures["planning_impossible_postures"] == 5
     assert figures["execution_impossible_postures"] == 5
     # Plans are sampled at 100 Hz, the plant steps at 200 Hz.
     planned, executed = steps
     assert executed == pytest.approx(2 * planned, abs=2)
+
+
+def test_a_plan_on_which_rigid_parts_run_into_each_other_is_refused(run, world, monkeypatch):
+    monkeypatch.setattr(world.probe, "collision_depth", lambda q, margin=0.0: np.ones(len(q)))
+    with pytest.raises(NoWayError, match="^no way to target 20 was found on which the rigid parts"):
+        stages.plan(run, world, 3, 20)
+    assert not list(run.path.glob("plans/*"))
+    trials, without_way = try_pairs(run, world, load_agent(run), stages.silent)
+    assert trials == []
+    assert without_way == random_pairs(run.experiment, load_representation(run))
 
 
 def test_the_command_line_plans_tours_and_free_starts(run, capsys):
