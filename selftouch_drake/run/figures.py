@@ -121,7 +121,7 @@ _FOUND = (
         "1.8 to 2.4, with one finger",
     ),
     ("intrinsic_dimension_by_part", "", "dimension of each part", "1.8 to 2.4"),
-    ("shape_metric_by_part", "", "the metric that each part was recovered by", ""),
+    ("shape_doubt_by_part", "", "where the metric was not to be trusted, and what was done", ""),
 )
 _TRUTH = (
     ("parts_true", "", "parts that can be touched, in truth", ""),

@@ -254,7 +254,7 @@ def _topology_arrays(body: Body) -> dict[str, np.ndarray]:
     arrays = {"num_parts": np.array(len(body.parts))}
     for number, part in enumerate(body.parts):
         name = functools.partial(_named, number)
-        arrays[name("metric")] = np.array(part.metric)
+        arrays[name("doubt")] = np.array(part.doubt or "")
         arrays[name("kernels")] = part.kernels
         arrays[name("pieces")] = part.pieces
         arrays[name("stress")] = np.array(part.embedding.stress)
@@ -294,7 +294,7 @@ def _part_from(
             diagram=(h0, h1, h2),
         )
     return RecoveredPart(
-        metric=str(array("metric")),
+        doubt=str(array("doubt")) or None,
         kernels=kernels,
         distances=distances[np.ix_(kernels, kernels)],
         embedding=Embedding(

@@ -80,8 +80,8 @@ def found_figures(run: RunDirectory, body: Body) -> Figures:
     margins = [found.margin for found in holes if found is not None]
     dimensions = [part.dimension for part in body.parts]
     figures: Figures = {"parts_found": len(body.parts)}
-    if any(part.metric != body.metric for part in body.parts):
-        figures["shape_metric_by_part"] = [part.metric for part in body.parts]
+    if any(part.doubt for part in body.parts):
+        figures["shape_doubt_by_part"] = [part.doubt for part in body.parts]
     if margins:
         figures["topology_margin"] = min(margins)
     figures["embedding_fourth_eigenvalue"] = max(
@@ -124,16 +124,10 @@ def _by_other_metrics(
     if asked is None:
         asked = [name for name, metric in METRICS.items() if metric.naive]
     seed = run.experiment.seed
-    bodies = [
-        recover(representation, name, seed=seed, holes=False)
+    return {
+        name: recover(representation, name, seed=seed, holes=False)
         for name in METRICS
         if name in asked and name != chosen
-    ]
-    # What was recovered by another metric in its place says nothing of this one.
-    return {
-        body.metric: body
-        for body in bodies
-        if all(part.metric == body.metric for part in body.parts)
     }
 
 

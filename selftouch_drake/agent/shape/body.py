@@ -15,14 +15,11 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.dimension import LEAST_KERNELS, intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import Embedding, warn_of_misfit
 from selftouch_drake.agent.shape.homology import Topology, flat, topology
-from selftouch_drake.agent.shape.metrics import METRICS, share_unlike
-
-#: A metric is not trusted if more of its steps than this join kernels that feel nothing in common.
-_MOST_UNLIKE = 0.015
+from selftouch_drake.agent.shape.metrics import METRICS
 
 
 class DistrustWarning(UserWarning):
-    """A metric was not trusted on a part of the body, and another took its place."""
+    """A metric was not to be trusted on a part of the body."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -30,7 +27,7 @@ class RecoveredPart:
     """One part of the body by one metric: n kernels.
 
     Attributes:
-        metric: the name of the metric that it was recovered by.
+        doubt: why the metric was not to be trusted on it, and what was done; None if it was.
         kernels: `(n,)` the kernels on it, rising.
         distances: `(n, n)` along the part, in the metric's unit.
         embedding: the kernels laid out in space, in a pose and unit of this part.
@@ -40,7 +37,7 @@ class RecoveredPart:
             kernels.
     """
 
-    metric: str
+    doubt: str | None
     kernels: np.ndarray
     distances: np.ndarray
     embedding: Embedding
@@ -64,7 +61,7 @@ class Body:
     """The body by one metric: K kernels.
 
     Attributes:
-        metric: its name in `METRICS`; on a part where it cannot be trusted, another took its place.
+        metric: its name in `METRICS`.
         parts: the parts of the body, the largest first, fragments left out.
         num_kernels: K.
     """
@@ -152,16 +149,13 @@ def _recovered(
 ) -> RecoveredPart:
     """A part, of the representation of its `kernels` alone."""
     graph = METRICS[metric].graph(representation, seed, lambda fraction: progress(0.9 * fraction))
-    instead = METRICS[metric].instead
-    if instead is not None and (share := share_unlike(representation, graph)) > _MOST_UNLIKE:
+    if graph.doubt is not None:
         warnings.warn(
             f"the {metric} metric is not to be trusted on a part of {len(kernels)} kernels: "
-            f"{share:.0%} of its neighbours feel nothing in common; its shape is measured by the "
-            f"{instead} metric",
+            f"{graph.doubt}",
             DistrustWarning,
             stacklevel=3,
         )
-        return _recovered(representation, kernels, instead, seed, progress)
     num_kernels = len(kernels)
     kernel = np.arange(num_kernels) if graph.kernel is None else graph.kernel
     distances = geodesics(graph.edges, graph.length, len(kernel))
@@ -174,7 +168,7 @@ def _recovered(
     between = mean @ (mean @ distances).T
     np.fill_diagonal(between, 0.0)
     return RecoveredPart(
-        metric=metric,
+        doubt=graph.doubt,
         kernels=kernels,
         distances=between,
         embedding=dataclasses.replace(layout, positions=mean @ layout.positions),

@@ -4,7 +4,11 @@ The theorem says that motor configurations, those that feel alike being one, are
 So there is a smooth function of the motor configuration that is constant on every motor kernel set
 and tells them all apart. A small network is trained to be one: its outputs should vary little
 within kernels and much across them. It knows motor configurations and which kernel each is in, not
-that joints turn, nor what is felt.
+that joints turn.
+
+On some bodies, and with many joints, most networks fold: two places that lie apart come to the same
+outputs. A network that has learned before to expect what is felt seldom does. Where both come out
+right, the network that did not is a little more accurate.
 """
 
 from __future__ import annotations
@@ -21,13 +25,12 @@ from selftouch_drake.agent.network import Network, standardised, train
 _HIDDEN = (128, 128, 128)
 _NUM_OUTPUTS = 16
 
-#: One network in some 40 folds: two places that lie apart come to the same outputs. Two networks
-#: seldom fold at one place, and discriminants of all their outputs take what tells places apart.
-_NUM_NETWORKS = 2
-
-#: Steps of each network, on 1024 pairs of configurations each; more do not change the body's error.
+#: Steps of training, on 1024 pairs of configurations each; more do not change the body's error.
 _NUM_PAIRS = 1024
 _NUM_STEPS = 600
+
+#: Share of the steps in which it learns what to expect, if it does.
+_EXPECTING = 0.25
 
 #: Pairs from which the first outputs are found.
 _NUM_FIRST_PAIRS = 8192
@@ -45,6 +48,7 @@ def quotient_coordinates(
     kernel_offsets: np.ndarray,
     *,
     seed: int,
+    target_sensations: np.ndarray | None = None,
     num_steps: int = _NUM_STEPS,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> np.ndarray:
@@ -54,7 +58,8 @@ def quotient_coordinates(
         kernel_x: `(R, J)` configurations grouped by kernel, scaled or not.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         seed: the same seed gives the same bytes, on one machine.
-        num_steps: of training, each network.
+        target_sensations: `(K, S)` to learn first to expect them; None learns without.
+        num_steps: of training.
         progress: called with the fraction done.
 
     Returns:
@@ -79,19 +84,67 @@ def quotient_coordinates(
         members = kernel_offsets[kernel] + (rng.random((2, count)) * sizes[kernel]).astype(int)
         return x[members.ravel()]
 
-    def part_of(number: int) -> Callable[[float], None]:
-        return lambda fraction: progress((number + fraction) / _NUM_NETWORKS)
+    network = Network.random([x.shape[1], *_HIDDEN, _NUM_OUTPUTS], rng)
+    expecting = 0
+    if target_sensations is not None:
+        expecting = round(_EXPECTING * num_steps)
+        kernel = np.repeat(np.arange(len(sizes)), sizes)
+        _expect(
+            network,
+            x,
+            target_sensations[kernel],
+            rng,
+            expecting,
+            lambda fraction: progress(_EXPECTING * fraction),
+        )
+    # The best outputs of the layers so far see all of the body, if dimly; a random start may not.
+    _, layers, _ = network.forward(pairs(_NUM_FIRST_PAIRS))
+    network.weights[-1][:] = eigh(*_scatters(layers[-1].astype(float)))[1][:, :_NUM_OUTPUTS]
+    train(
+        network,
+        lambda: pairs(_NUM_PAIRS),
+        _loss_slope,
+        num_steps - expecting,
+        lambda fraction: progress((expecting + (num_steps - expecting) * fraction) / num_steps),
+    )
+    return discriminants(network(x), kernel_offsets)
 
-    outputs = np.empty((len(x), _NUM_NETWORKS * _NUM_OUTPUTS))
-    for number, columns in enumerate(np.split(np.arange(outputs.shape[1]), _NUM_NETWORKS)):
-        network = Network.random([x.shape[1], *_HIDDEN, _NUM_OUTPUTS], rng)
-        # The best outputs of the random layers see all of the body, if dimly; a random start may
-        # not.
-        _, layers, _ = network.forward(pairs(_NUM_FIRST_PAIRS))
-        network.weights[-1][:] = eigh(*_scatters(layers[-1].astype(float)))[1][:, :_NUM_OUTPUTS]
-        train(network, lambda: pairs(_NUM_PAIRS), _loss_slope, num_steps, part_of(number))
-        outputs[:, columns] = network(x)
-    return discriminants(outputs, kernel_offsets)
+
+def _expect(
+    network: Network,
+    x: np.ndarray,
+    felt: np.ndarray,
+    rng: np.random.Generator,
+    num_steps: int,
+    progress: Callable[[float], None],
+) -> None:
+    """Trains the hidden layers of a network so that what is felt is a linear function of them.
+
+    Args:
+        network: its hidden layers are changed.
+        x: `(R, J)` float32, standardised configurations.
+        felt: `(R, S)` what each of them is to expect.
+        rng: draws the configurations.
+        num_steps: of training.
+        progress: called with the fraction done.
+    """
+    wanted = felt - felt.mean(axis=0)
+    wanted = (wanted / np.sqrt(np.square(wanted).sum(axis=1).mean())).astype(np.float32)
+    out = Network.random([network.weights[-1].shape[0], wanted.shape[1]], rng)
+    both = Network(
+        weights=network.weights[:-1] + out.weights, biases=network.biases[:-1] + out.biases
+    )
+    rows = np.empty(0, dtype=int)
+
+    def batch() -> np.ndarray:
+        nonlocal rows
+        rows = rng.integers(len(x), size=2 * _NUM_PAIRS)
+        return x[rows]
+
+    def slope(outputs: np.ndarray) -> np.ndarray:
+        return (outputs - wanted[rows]) / len(rows)
+
+    train(both, batch, slope, num_steps, progress)
 
 
 def scatter_loss(outputs: np.ndarray) -> tuple[float, np.ndarray]:
