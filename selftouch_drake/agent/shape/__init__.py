@@ -1,6 +1,6 @@
 """What the quotient graph says of the body: its shape, holes and dimension (paper, IV)."""
 
-from selftouch_drake.agent.shape.body import Body, RecoveredPart, recover
+from selftouch_drake.agent.shape.body import Body, DistrustWarning, RecoveredPart, recover
 from selftouch_drake.agent.shape.dimension import intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import (
     Embedding,
@@ -27,6 +27,7 @@ __all__ = [
     "METRICS",
     "Body",
     "BodyGraph",
+    "DistrustWarning",
     "Embedding",
     "Metric",
     "MisfitWarning",

@@ -88,12 +88,12 @@ def test_a_layout_unbends_a_cube():
     edges, length = neighbours(points, 12)
     distances = geodesics(edges, length, len(points))
     errors = [
-        shape_error(unbent_embedding(edges, distances, num_passes=n).positions, points)
+        shape_error(unbent_embedding(edges, distances, most_passes=n).positions, points)
         for n in (0, 1, 3)
     ]
     assert errors[0] > 1.2 * errors[1] > 1.2 * errors[2]
     np.testing.assert_array_equal(
-        unbent_embedding(edges, distances, num_passes=0).positions,
+        unbent_embedding(edges, distances, most_passes=0).positions,
         stress_embedding(distances).positions,
     )
 

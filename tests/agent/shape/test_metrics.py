@@ -9,7 +9,9 @@ from selftouch_drake import experiment
 from selftouch_drake.agent.representation import QuotientLearner, neighbour_edges, surface_edges
 from selftouch_drake.agent.shape import (
     METRICS,
+    DistrustWarning,
     intrinsic_dimension,
+    metrics,
     recover,
     topology,
 )
@@ -74,14 +76,49 @@ def test_the_same_seed_learns_the_same_on_any_number_of_threads(touched, bodies)
     np.testing.assert_array_equal(again.positions, bodies["learned"].positions)
 
 
-def test_learned_knows_no_sensation(touched, bodies):
+@pytest.fixture
+def maps(monkeypatch):
+    """Quotient maps that are put in the place of learned ones, in order; used ones are gone."""
+    given = []
+
+    def take(kernel_x, kernel_offsets, **_):
+        return given.pop(0)
+
+    monkeypatch.setattr(metrics, "quotient_coordinates", take)
+    return given
+
+
+def test_another_network_is_tried_where_the_first_folds(touched, maps):
+    representation, place = touched
+    true = place[representation.kernel_row]
+    rng = np.random.default_rng(0)
+    folded, spare = rng.normal(size=true.shape), true.copy()
+    maps += [folded, true, spare]
+    part = recover(representation, "learned", holes=False).parts[0]
+    assert part.doubt is None
+    assert len(maps) == 1
+    assert shape_error(part.positions, true_positions(*touched)) < 0.03
+
+
+def test_without_a_map_that_knows_neighbours_the_metric_is_sensorimotor(touched, maps):
     representation, _ = touched
-    blind = dataclasses.replace(
-        representation, target_sensations=np.ones_like(representation.target_sensations)
-    )
-    np.testing.assert_array_equal(
-        recover(blind, "learned", holes=False).distances, bodies["learned"].distances
-    )
+    rng = np.random.default_rng(0)
+    maps += list(rng.normal(size=(2, representation.num_rows, 3)))
+    with pytest.warns(DistrustWarning, match="feel nothing in common; the sensorimotor metric"):
+        part = recover(representation, "learned", holes=False).parts[0]
+    assert part.doubt is not None
+    instead = recover(representation, "sensorimotor", holes=False).parts[0]
+    np.testing.assert_array_equal(part.positions, instead.positions)
+
+
+def test_lengths_are_felt_where_a_map_is_distorted(touched, maps, monkeypatch):
+    representation, place = touched
+    maps += [place[representation.kernel_row]] * 2
+    monkeypatch.setattr(metrics, "_MOST_APART", 0.0)
+    with pytest.warns(DistrustWarning, match=r"disagree by \d+\.\d%; those by feel are taken"):
+        part = recover(representation, "learned", holes=False).parts[0]
+    assert not maps
+    assert shape_error(part.positions, true_positions(*touched)) < 0.03
 
 
 def test_sensations_keep_edges_on_the_surface(touched):
