@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
+import trimesh
 from pydrake.common import MemoryFile
 from pydrake.common.value import Value
 from pydrake.geometry import (
@@ -83,8 +84,11 @@ def RegisterSkin(
 
 
 def _obj_text(skin: HollowSkin) -> str:
+    # Drake's renderers, which a camera in a MuJoCo file brings along, refuse meshes without normals.
+    normals = trimesh.Trimesh(skin.vertices, skin.faces, process=False).vertex_normals
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in skin.vertices.tolist()]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in skin.faces.tolist()]
+    lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normals.tolist()]
+    lines += ["f " + " ".join(f"{v + 1}//{v + 1}" for v in face) for face in skin.faces.tolist()]
     return "\n".join(lines) + "\n"
 
 

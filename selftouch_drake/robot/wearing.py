@@ -6,7 +6,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pydrake.geometry import GeometryId, Role, SceneGraph
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometryId,
+    GeometrySet,
+    Role,
+    SceneGraph,
+)
 from pydrake.multibody.parsing import (
     LoadModelDirectivesFromString,
     Parser,
@@ -25,9 +31,9 @@ from selftouch_drake.experiment import (
     yaml_sections,
 )
 from selftouch_drake.robot.contact import SensorModel
-from selftouch_drake.robot.links import find_link, link_geometries
+from selftouch_drake.robot.links import all_links, find_link, link_geometries
 from selftouch_drake.robot.models import one_line
-from selftouch_drake.robot.pairs import WornSkin
+from selftouch_drake.robot.pairs import Neighbours, WornSkin
 from selftouch_drake.robot.skins import SkinModel, make_skin, receptor_seed
 from selftouch_drake.robot.tactile_skin import RegisterSkin, TactileSkin, connected
 
@@ -144,15 +150,21 @@ _KEYS = ("directives", "skins")
 def AddTactileSkin(
     builder: DiagramBuilder,
     plant: MultibodyPlant,
+    scene_graph: SceneGraph,
     worn: Sequence[WornSkin],
     *,
     name: str = "tactile_skin",
 ) -> TactileSkin:
     """Adds one `TactileSkin` for all skins of a plant to its diagram, and connects it.
 
+    A skin does not feel the links next to its own, into which it reaches at the joint. Drake leaves
+    out links with one joint between them; here also those with several, as hips have in MuJoCo's
+    format.
+
     Args:
         builder: of the diagram; of a `RobotDiagramBuilder` its `builder()`.
         plant: finalized, in the diagram.
+        scene_graph: of the plant.
         worn: of `AddSkins`.
         name: of the system.
 
@@ -162,6 +174,7 @@ def AddTactileSkin(
     Raises:
         ValueError: the plant computes point contacts, which no skin feels.
     """
+    _leave_out_neighbours(plant, scene_graph, worn)
     skin = TactileSkin(
         sensor=SensorModel([w.model.fields for w in worn], [w.geometry_id for w in worn]),
         links=[w.link.index() for w in worn],
@@ -169,3 +182,21 @@ def AddTactileSkin(
         names=[w.model.name for w in worn],
     )
     return connected(builder, plant, skin, name)
+
+
+def _leave_out_neighbours(
+    plant: MultibodyPlant, scene_graph: SceneGraph, worn: Sequence[WornSkin]
+) -> None:
+    neighbours, filters = Neighbours(plant, scene_graph, {}), scene_graph.collision_filter_manager()
+    ground = neighbours.of(plant.world_body())
+    for skin in worn:
+        near = [
+            plant.GetBodyFrameIdOrThrow(link.index())
+            for link in all_links(plant)
+            if neighbours.of(link) != ground and neighbours.are_neighbours(skin.link, link)
+        ]
+        filters.Apply(
+            CollisionFilterDeclaration().ExcludeBetween(
+                GeometrySet(skin.geometry_id), GeometrySet(near)
+            )
+        )
