@@ -30,7 +30,7 @@ GRIP, MASS, SIZE = 6.0, 0.2, (0.04, 0.05, 0.06)
 # s and m, how the hand rises once it holds.
 TIMES, HEIGHTS = [0.5, 1.5], [0.0, 0.1]
 PAD = {
-    "surface": {"shape": "collision", "resolution": 0.008},
+    "surface": {"shape": "collision", "resolution": 0.007},
     "thickness": 0.005,
     "num_receptors": 30,
     "hydroelastic_modulus": 1e5,

@@ -172,7 +172,6 @@ class SkinVisualizer(LeafSystem):
 
         Raises:
             ValueError: nothing was published yet.
-            RuntimeError: Meshcat has no recording.
         """
         if not self._frames:
             raise ValueError("nothing was published; simulate before AddToRecording")
