@@ -26,7 +26,7 @@ ABOVE, ON, PRESSED = [0.55, -0.55], [0.737, -0.737], [0.75, -0.75]
 
 def main(page: Path | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Presses; returns `(T,)` s and `(T, S)` N, what the forearm felt."""
-    builder = RobotDiagramBuilder(time_step=0.002)
+    builder = RobotDiagramBuilder(time_step=0.004)
     plant, diagram_builder = builder.plant(), builder.builder()
     worn = AddModelsAndSkins(
         HERE / "forearm_on_table.yaml", builder.parser(), builder.scene_graph(), visible=page is None

@@ -30,7 +30,7 @@ GRIP, MASS, SIZE = 6.0, 0.2, (0.04, 0.05, 0.06)
 # s and m, how the hand rises once it holds.
 TIMES, HEIGHTS = [0.5, 1.5], [0.0, 0.1]
 PAD = {
-    "surface": {"shape": "collision", "resolution": 0.007},
+    "surface": {"shape": "collision", "resolution": 0.01},
     "thickness": 0.005,
     "num_receptors": 30,
     "hydroelastic_modulus": 1e5,
@@ -40,7 +40,7 @@ PAD = {
 def main() -> dict[str, float]:
     """Grasps and lifts; returns N felt by each finger, and m by which the box has risen."""
     builder = DiagramBuilder()
-    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.002)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.004)
     Parser(plant).AddModels(str(HERE / "gripper.sdf"))
     gripper = plant.GetModelInstanceByName("gripper")
     own = plant.AddModelInstance("box")

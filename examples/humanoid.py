@@ -56,7 +56,7 @@ def main(model: Path | None = None) -> tuple[dict[str, float], float]:
     (base,) = (plant.get_body(index) for index in plant.GetFloatingBaseBodies())
     lying = RigidTransform(RollPitchYaw(0.0, np.pi / 2, 0.0), [0.0, 0.0, 0.35])
     plant.SetFloatingBaseBodyPoseInWorldFrame(plant_context, base, lying)
-    simulator.AdvanceTo(2.5)
+    simulator.AdvanceTo(2.0)
 
     touch_context = touch.GetMyContextFromRoot(context)
     felt = {
