@@ -188,8 +188,11 @@ def _leave_out_neighbours(
     plant: MultibodyPlant, scene_graph: SceneGraph, worn: Sequence[WornSkin]
 ) -> None:
     neighbours, filters = Neighbours(plant, scene_graph, {}), scene_graph.collision_filter_manager()
+    # What floats or slides on the ground is next to it, and may still touch what stands on it.
     ground = neighbours.of(plant.world_body())
     for skin in worn:
+        if neighbours.of(skin.link) == ground:
+            continue
         near = [
             plant.GetBodyFrameIdOrThrow(link.index())
             for link in all_links(plant)

@@ -8,6 +8,7 @@ from pydrake.geometry import AddRigidHydroelasticProperties, Box, ProximityPrope
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import Parser
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.tree import SpatialInertia
 from pydrake.planning import RobotDiagramBuilder
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
@@ -92,6 +93,24 @@ def test_each_skin_has_a_port(pair):
     assert lower.any()
     # It overlaps with the other, its neighbour, and is far from the floor.
     assert not upper.any()
+
+
+def test_what_floats_is_felt_by_a_skin_that_is_welded_to_the_world():
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    inertia = SpatialInertia.SolidSphereWithMass(1.0, 0.1)
+    fixed, free = (plant.AddRigidBody(name, inertia) for name in ("fixed", "free"))
+    plant.WeldFrames(plant.world_frame(), fixed.body_frame())
+    properties = ProximityProperties()
+    AddRigidHydroelasticProperties(0.05, properties)
+    plant.RegisterCollisionGeometry(free, RigidTransform(), Box(0.1, 0.1, 0.1), "box", properties)
+    skin = {"link": "fixed", "surface": {"shape": "sphere", "radius": 0.1}, "num_receptors": 20}
+    worn = AddSkins(plant, scene_graph, {"fixed": skin})
+    plant.SetDefaultFloatingBaseBodyPose(free, RigidTransform([0, 0, 0.145]))
+    plant.Finalize()
+    touch = AddTactileSkin(builder, plant, scene_graph, worn)
+    context = builder.Build().CreateDefaultContext()
+    assert touch.get_output_port(0).Eval(touch.GetMyContextFromRoot(context)).sum() > 1.0
 
 
 def test_a_skin_takes_the_place_of_its_links_own_geometry(pair):
