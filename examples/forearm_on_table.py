@@ -29,7 +29,10 @@ def main(page: Path | None = None) -> tuple[np.ndarray, np.ndarray]:
     builder = RobotDiagramBuilder(time_step=0.004)
     plant, diagram_builder = builder.plant(), builder.builder()
     worn = AddModelsAndSkins(
-        HERE / "forearm_on_table.yaml", builder.parser(), builder.scene_graph(), visible=page is None
+        HERE / "forearm_on_table.yaml",
+        builder.parser(),
+        builder.scene_graph(),
+        visible=page is None,
     )
     for index in plant.GetJointActuatorIndices():
         gains = PdControllerGains(p=800.0, d=40.0)

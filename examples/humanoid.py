@@ -1,4 +1,4 @@
-"""A humanoid of somebody else's, in MuJoCo's format, falls limp on the floor in skin from head to toe.
+"""A stranger's humanoid, in MuJoCo's format, falls limp on the floor, in skin from head to toe.
 
 Every link that has collision geometry gets a skin of it; nothing in the model file is changed. By
 default it is the humanoid of the package gymnasium: `python examples/humanoid.py [MODEL.xml]`.

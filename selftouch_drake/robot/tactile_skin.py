@@ -84,7 +84,7 @@ def RegisterSkin(
 
 
 def _obj_text(skin: HollowSkin) -> str:
-    # Drake's renderers, which a camera in a MuJoCo file brings along, refuse meshes without normals.
+    # Drake's renderers, as a camera in a MuJoCo file brings along, refuse meshes without normals.
     normals = trimesh.Trimesh(skin.vertices, skin.faces, process=False).vertex_normals
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in skin.vertices.tolist()]
     lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normals.tolist()]

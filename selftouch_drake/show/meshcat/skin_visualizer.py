@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -56,7 +57,7 @@ class Patch:
             for number in range(mesh.num_faces()):
                 face = mesh.element(number)
                 corners = [count + face.vertex(i) for i in range(face.num_vertices())]
-                for b, c in zip(corners[1:], corners[2:], strict=False):
+                for b, c in itertools.pairwise(corners[1:]):
                     faces += [[corners[0], b, c], [corners[0], c, b]]
             count += num
         return Patch(
