@@ -114,6 +114,15 @@ class Row:
         self._contact = lambda: contact_port.Eval(self._plant_context)
         self._felt = lambda: touch.get_output_port(0).Eval(touch_context)
 
+    @property
+    def num_faces(self) -> float:
+        """Faces of a contact surface, on average, as it was last looked at."""
+        contact = self._contact()
+        return statistics.mean(
+            contact.hydroelastic_contact_info(i).contact_surface().num_faces()
+            for i in range(contact.num_hydroelastic_contacts())
+        )
+
     def look(self, depth: float) -> tuple[float, float]:
         """s that Drake and that the skin take, with all fingertips `depth` m deep."""
         for tip, at, direction in self._tips:
@@ -127,8 +136,11 @@ class Row:
 
 
 def speed(num_looks: int, quick: bool) -> Iterator[str]:
-    yield "| skins | receptors each | contacts each | Drake's contact, ms | the skin, ms |"
-    yield "|---|---|---|---|---|"
+    yield (
+        "| skins | receptors each | contacts each | faces per contact | Drake's contact, ms | "
+        "the skin, ms |"
+    )
+    yield "|---|---|---|---|---|---|"
     for num_skins in (1, 4) if quick else (1, 4, 16):
         for num_receptors in (20,) if quick else (20, 100, 500):
             for num_contacts in (1, 4):
@@ -138,7 +150,8 @@ def speed(num_looks: int, quick: bool) -> Iterator[str]:
                     1e3 * statistics.median(each) for each in zip(*looks[3:], strict=True)
                 )
                 yield (
-                    f"| {num_skins} | {num_receptors} | {num_contacts} | {drake:.2f} | {skin:.2f} |"
+                    f"| {num_skins} | {num_receptors} | {num_contacts} | {row.num_faces:.0f} | "
+                    f"{drake:.2f} | {skin:.2f} |"
                 )
 
 
