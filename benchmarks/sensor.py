@@ -247,7 +247,9 @@ def on_floor(radius: float, modulus: float, time_step: float) -> tuple[Rest, flo
     return at_rest(build, time_step, REST_S), GRAVITY * mass
 
 
-def block_on_cube(side: float, modulus: float, time_step: float) -> tuple[Rest, float]:
+def block_on_cube(
+    side: float, modulus: float, time_step: float, num_receptors: int = 100
+) -> tuple[Rest, float]:
     """A block a third as wide as the cube in skin that it is on; and its weight in N."""
     mass = 10.0 * side**2
 
@@ -263,6 +265,7 @@ def block_on_cube(side: float, modulus: float, time_step: float) -> tuple[Rest, 
             "link": "cube",
             "surface": {"shape": "cube", "side": side, "resolution": side / 12},
             "thickness": side / 12,
+            "num_receptors": num_receptors,
             "hydroelastic_modulus": modulus,
         }
         (worn,) = AddSkins(plant, scene_graph, {"cube": skin}, visible=False)
@@ -348,6 +351,15 @@ def block_accuracy(quick: bool) -> Iterator[str]:
         )
 
 
+def receptor_accuracy(quick: bool) -> Iterator[str]:
+    yield "| receptors | centre by receptors, off moment |"
+    yield "|---|---|"
+    for num_receptors in (50,) if quick else (50, 100, 200, 400, 800):
+        rest, _ = block_on_cube(0.3, 1e5, 0.005, num_receptors)
+        off = np.linalg.norm(rest.centre_by_receptors()[:2] - rest.centre_by_moment()[:2])
+        yield f"| {num_receptors} | {1e3 * off:.2f} mm |"
+
+
 def tip_accuracy(quick: bool) -> Iterator[str]:
     yield "| ball, m | tip, m | depth, mm | felt, N | `F_Ac_W`, N | off `F_Ac_W` | off pressure |"
     yield "|---|---|---|---|---|---|---|"
@@ -373,6 +385,7 @@ def main() -> None:
         ("Speed", speed(arguments.looks, arguments.quick)),
         ("A ball in skin on a floor", floor_accuracy(arguments.quick)),
         ("A block on a cube in skin", block_accuracy(arguments.quick)),
+        ("The same with other receptors", receptor_accuracy(arguments.quick)),
         ("A fingertip in a ball in skin", tip_accuracy(arguments.quick)),
     ):
         print(f"\n{title}\n", flush=True)
