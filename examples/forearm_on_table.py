@@ -50,7 +50,8 @@ def main(page: Path | None = None) -> tuple[np.ndarray, np.ndarray]:
     if page:
         meshcat = Meshcat()
         MeshcatVisualizer.AddToBuilder(diagram_builder, builder.scene_graph(), meshcat)
-        show = SkinVisualizer.AddToBuilder(diagram_builder, plant, worn, touch, meshcat)
+        show = SkinVisualizer.AddToBuilder(diagram_builder, plant, worn, touch, meshcat, full=1.0)
+        meshcat.SetCameraPose([0.45, -0.35, 0.45], [0.35, 0.0, 0.05])
         meshcat.StartRecording(set_visualizations_while_recording=False)
     simulator = Simulator(builder.Build())
     plant_context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())

@@ -1,5 +1,6 @@
 """Several skins on a plant of one's own."""
 
+import copy
 import re
 
 import numpy as np
@@ -137,9 +138,9 @@ def test_two_contexts_do_not_disturb_each_other(pair):
         pair.put(context, height)
         alone.append(pair.feel(context))
     # A copy goes its own way, too.
-    copy = contexts[0].Clone()
-    pair.put(copy, 1.0)
-    assert not pair.feel(copy).any()
+    clone = contexts[0].Clone()
+    pair.put(clone, 1.0)
+    assert not pair.feel(clone).any()
     for context, felt in zip(contexts, alone, strict=True):
         np.testing.assert_array_equal(pair.feel(context), felt)
     assert alone[0].sum() > alone[1].sum() > 0
@@ -163,6 +164,8 @@ def test_what_drake_cannot_do_with_a_system_in_python(pair):
     for system in (pair.touch, pair.diagram):
         with pytest.raises(RuntimeError, match="does not support Cloning"):
             system.Clone()
+        with pytest.raises(RuntimeError, match="does not support Cloning"):
+            copy.deepcopy(system)
         with pytest.raises(RuntimeError, match="does not support scalar conversion"):
             system.ToAutoDiffXd()
         assert system.ToSymbolicMaybe() is None

@@ -25,6 +25,8 @@ FULL = 2.0
 PERIOD_S = 1 / 32
 # m, a patch that has moved less than this is not drawn anew.
 _STILL = 2e-4
+# m, by which a patch is drawn off the rigid surface that it lies on, or one would hide the other.
+_LIFT = 5e-4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +35,7 @@ class Patch:
 
     Attributes:
         vertices: `(V, 3)` m, in the world.
-        faces: `(F, 3)` indices, each triangle from both sides.
+        faces: `(F, 3)` indices; a triangle for each side of each.
         pressure: `(V,)` Pa.
     """
 
@@ -46,20 +48,22 @@ class Patch:
         """All of some contact surfaces; None if there are none."""
         if not surfaces:
             return None
-        vertices, faces, pressure = [], [], []
-        count = 0
+        vertices: list[np.ndarray] = []
+        faces: list[list[int]] = []
+        pressure: list[float] = []
         for surface in surfaces:
             mesh = surface.tri_mesh_W() if surface.is_triangle() else surface.poly_mesh_W()
             field = surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
-            num = mesh.num_vertices()
-            vertices += [mesh.vertex(v) for v in range(num)]
-            pressure += [field.EvaluateAtVertex(v) for v in range(num)]
             for number in range(mesh.num_faces()):
                 face = mesh.element(number)
-                corners = [count + face.vertex(i) for i in range(face.num_vertices())]
-                for b, c in itertools.pairwise(corners[1:]):
-                    faces += [[corners[0], b, c], [corners[0], c, b]]
-            count += num
+                corners = [face.vertex(i) for i in range(face.num_vertices())]
+                normal = _LIFT * mesh.face_normal(number)
+                for side in (1.0, -1.0):
+                    first = len(vertices)
+                    for b, c in itertools.pairwise(range(first + 1, first + len(corners))):
+                        faces.append([first, b, c] if side > 0 else [first, c, b])
+                    vertices += [mesh.vertex(v) + side * normal for v in corners]
+                    pressure += [field.EvaluateAtVertex(v) for v in corners]
         return Patch(
             vertices=np.array(vertices), faces=np.array(faces), pressure=np.array(pressure)
         )
