@@ -293,6 +293,50 @@ def experiment_from_fields(fields: Mapping[str, Any]) -> Experiment:
     return experiment
 
 
+def load_skins(path: str | Path) -> dict[str, Skin]:
+    """Loads the `skins` of a YAML file, by name, and checks them; its other keys are not looked at.
+
+    Raises:
+        ExperimentError: naming the field, its value and the remedy.
+    """
+    text = yaml_sections(path).get("skins", "")
+    fields = parse_fields(text, what=f"skins in {path}")
+    return skins_from_fields(_absolute_paths(Path(path).parent.resolve(), fields).get("skins", {}))
+
+
+def yaml_sections(path: str | Path) -> dict[str, str]:
+    """Each key of a YAML file as YAML text of its own, with tags that only others know.
+
+    Raises:
+        ExperimentError: the file cannot be read, or is no mapping.
+    """
+    try:
+        root = yaml.compose(Path(path).read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        reason = " ".join(str(error).split())
+        raise ExperimentError(f"{shown(str(path))} cannot be read as YAML: {reason}") from None
+    if not isinstance(root, yaml.MappingNode):
+        raise ExperimentError(f"{shown(str(path))} is no mapping; write `skins:` and skins by name")
+    return {
+        key.value: yaml.serialize(yaml.MappingNode(root.tag, [(key, value)]))
+        for key, value in root.value
+    }
+
+
+def skins_from_fields(fields: Any) -> dict[str, Skin]:
+    """Makes checked skins of a mapping by name, whose values are mappings or skins themselves."""
+    if isinstance(fields, Mapping):
+        fields = {
+            name: dataclasses.asdict(skin) if isinstance(skin, Skin) else skin
+            for name, skin in fields.items()
+        }
+    skins = _checked_value(fields, dict[str, Skin], name="skins")
+    _require(bool(skins), "skins", skins, "give at least one skin")
+    for name, skin in skins.items():
+        _check_skin(f"skins.{name}", skin)
+    return skins
+
+
 def dump_experiment(experiment: Experiment) -> str:
     """The resolved experiment as YAML text, every field spelled out."""
     return yaml.safe_dump(

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from selftouch_drake.experiment import experiment_from_fields
+from selftouch_drake.experiment import experiment_from_fields, load_skins
 from selftouch_drake.sweep import load_sweep
 
 ROOT = Path(__file__).parents[1]
@@ -54,6 +54,18 @@ def test_a_page_imports_only_what_is_there(page):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("selftouch"):
                 module = importlib.import_module(str(node.module))
                 assert [a.name for a in node.names if not hasattr(module, a.name)] == []
+
+
+@pytest.mark.parametrize("number", range(len(blocks(ROOT / "docs" / "drake_users.md", "python"))))
+def test_a_program_for_drake_users_runs(number):
+    program = blocks(ROOT / "docs" / "drake_users.md", "python")[number]
+    exec(compile(program, f"program {number} of drake_users.md", "exec"), {})
+
+
+def test_the_skins_beside_directives_are_valid(tmp_path):
+    (text,) = blocks(ROOT / "docs" / "drake_users.md", "yaml")
+    (tmp_path / "skins.yaml").write_text(text, encoding="utf-8")
+    assert list(load_skins(tmp_path / "skins.yaml")) == ["forearm"]
 
 
 def test_the_experiment_that_is_shown_is_valid():

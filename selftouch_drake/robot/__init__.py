@@ -2,6 +2,7 @@
 
 from selftouch_drake.robot.contact import SensorModel, Touches
 from selftouch_drake.robot.imperfections import ImperfectSkin, ImperfectSkins
+from selftouch_drake.robot.pairs import WornSkin
 from selftouch_drake.robot.probe import ContactProbe
 from selftouch_drake.robot.robot import MakeRobot, Robot
 from selftouch_drake.robot.simulation import LOG_PERIOD, Log, Simulation
@@ -15,10 +16,14 @@ from selftouch_drake.robot.tactile_skin import (
     TactileSkin,
     UnfeltContactWarning,
 )
+from selftouch_drake.robot.wearing import AddModelsAndSkins, AddSkins, AddTactileSkin
 from selftouch_drake.robot.world import World
 
 __all__ = [
     "LOG_PERIOD",
+    "AddModelsAndSkins",
+    "AddSkins",
+    "AddTactileSkin",
     "Babbler",
     "ContactProbe",
     "ImperfectSkin",
@@ -40,5 +45,6 @@ __all__ = [
     "Touches",
     "UnfeltContactWarning",
     "World",
+    "WornSkin",
     "make_skins",
 ]

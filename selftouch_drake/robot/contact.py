@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -163,6 +164,11 @@ class SensorModel:
     def num_receptors(self) -> int:
         """S, of all skins."""
         return int(self._ends[-1])
+
+    @property
+    def readings(self) -> list[slice]:
+        """Where the readings of each skin are in a sensation."""
+        return [slice(a, b) for a, b in itertools.pairwise(self._ends.tolist())]
 
     def gather(self, into: PressedFaces, row: int, surfaces: Iterable[ContactSurface]) -> None:
         """Adds what presses on the skins at one instant."""

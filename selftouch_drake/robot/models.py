@@ -94,7 +94,7 @@ def parse(plant: MultibodyPlant, model: RobotModel) -> list[ModelInstanceInfo]:
     parser = Parser(plant)
     for name, root in model.packages.items():
         parser.package_map().Add(name, str(root))
-    with _one_line("robot.directives cannot be loaded"):
+    with one_line("robot.directives cannot be loaded"):
         return ProcessModelDirectives(model.directives, parser)
 
 
@@ -162,7 +162,7 @@ class _Finder:
         if name in self.roots:
             return self.roots[name]
         if self._drake.Contains(name):
-            with _one_line(f"{what} is {uri!r}"):  # Drake downloads what it does not hold.
+            with one_line(f"{what} is {uri!r}"):  # Drake downloads what it does not hold.
                 return Path(self._drake.GetPath(name))
         known = [*self.roots, *self._drake.GetPackageNames()]
         close = difflib.get_close_matches(name, known, n=1)
@@ -206,7 +206,7 @@ class _Reader:
         """Directives with absolute files in them, and whether one of these is a copy."""
         any_copied = False
         with self._reading(path):
-            with _one_line(f"directives {path} cannot be read"):
+            with one_line(f"directives {path} cannot be read"):
                 loaded = LoadModelDirectives(str(path))
             for directive in loaded.directives:
                 entry = directive.add_model or directive.add_directives
@@ -367,7 +367,7 @@ class _Records(logging.Handler):
 
 
 @contextlib.contextmanager
-def _one_line(what: str) -> Iterator[None]:
+def one_line(what: str) -> Iterator[None]:
     """Makes one line of what Drake raises, and keeps what it logs from the terminal.
 
     Drake warns of everything in a model that it does not use, as of the whole `contact` of MJCF.

@@ -73,7 +73,14 @@ def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:
     parse(plant, load_model(experiment.robot.directives, experiment.robot.packages))
     balls = [t.radius for t in experiment.touching.values() if t.radius is not None]
     return tuple(
-        _made(experiment, number, name, skin, plant, scene_graph, min(balls, default=None))
+        make_skin(
+            name,
+            skin,
+            plant,
+            scene_graph,
+            seed=receptor_seed(experiment, number),
+            smallest_ball=min(balls, default=None),
+        )
         for number, (name, skin) in enumerate(experiment.skins.items())
     )
 
@@ -84,15 +91,30 @@ def receptor_skin(skins: tuple[SkinModel, ...]) -> np.ndarray:
     return np.repeat(np.arange(len(skins), dtype=np.int8), sizes)
 
 
-def _made(
-    experiment: Experiment,
-    number: int,
+def make_skin(
     name: str,
     skin: Skin,
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
-    smallest_ball: float | None,
+    *,
+    seed: int,
+    smallest_ball: float | None = None,
 ) -> SkinModel:
+    """One skin of a link of `plant`.
+
+    Args:
+        name: of the skin, which errors begin with.
+        skin: what it is.
+        plant: with the link, finalized or not.
+        scene_graph: with the link's own geometry.
+        seed: of the receptors' places.
+        smallest_ball: m, radius of the smallest ball that can get into a hollow body; None if
+            nothing can.
+
+    Raises:
+        ExperimentError: the skin cannot be made; the text names the field, the value and the
+            remedy.
+    """
     link = find_link(plant, skin.link, f"skins.{name}.link")
     own = skin.surface.shape in _ROLES
     try:
@@ -104,7 +126,7 @@ def _made(
         p_LS = place_receptors(
             surface,
             skin.num_receptors,
-            _receptor_seed(experiment, number),
+            seed,
             unevenness=skin.unevenness,
         )
         fields = receptive_fields(surface, p_LS, width=skin.field_width)
@@ -123,8 +145,11 @@ def _made(
     )
 
 
-def _receptor_seed(experiment: Experiment, number: int) -> int:
-    """The first skin's is the experiment's own, as it was when there was one."""
+def receptor_seed(experiment: Experiment, number: int) -> int:
+    """The seed of the receptors' places on skin `number`.
+
+    The first skin's is the experiment's own, as it was when there was one.
+    """
     if number == 0:
         return experiment.seed
     (seed,) = experiment.random_stream("skin", 2, number).generate_state(1)

@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
+import trimesh
 from pydrake.common import MemoryFile
 from pydrake.common.value import Value
 from pydrake.geometry import (
@@ -83,8 +84,11 @@ def RegisterSkin(
 
 
 def _obj_text(skin: HollowSkin) -> str:
+    # Drake's renderers, as a camera in a MuJoCo file brings along, refuse meshes without normals.
+    normals = trimesh.Trimesh(skin.vertices, skin.faces, process=False).vertex_normals
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in skin.vertices.tolist()]
-    lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in skin.faces.tolist()]
+    lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normals.tolist()]
+    lines += ["f " + " ".join(f"{v + 1}//{v + 1}" for v in face) for face in skin.faces.tolist()]
     return "\n".join(lines) + "\n"
 
 
@@ -102,16 +106,22 @@ class TactileSkin(LeafSystem):
         - body_poses
         output_ports:
         - sensation
+        - NAME_sensation (one per name)
 
     - contact_results: `ContactResults` of the plant, hydroelastic.
     - body_poses: `list[RigidTransform]` of the plant, so that the skins may move.
     - sensation: `(S,)` N, one reading per receptor, skin after skin.
+    - NAME_sensation: N, the readings of one skin.
+
+    It has no state: two contexts of one diagram do not disturb each other. Like every Drake system
+    that is written in Python it can neither be cloned nor converted to another scalar type.
 
     Args:
         sensor: what the skins feel where contact surfaces press.
         links: the body that wears each skin.
         skin_ids: each skin's geometry.
         X_LS: each skin's frame on its body; by default they are one.
+        names: of the skins that have a port of their own; by default none has.
     """
 
     def __init__(
@@ -121,6 +131,7 @@ class TactileSkin(LeafSystem):
         links: Sequence[BodyIndex],
         skin_ids: Sequence[GeometryId],
         X_LS: Sequence[RigidTransform] | None = None,
+        names: Sequence[str] = (),
     ):
         super().__init__()
         self._sensor = sensor
@@ -131,6 +142,14 @@ class TactileSkin(LeafSystem):
         self._contact = self.DeclareAbstractInputPort("contact_results", Value(ContactResults()))
         self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
         self.DeclareVectorOutputPort("sensation", sensor.num_receptors, self._calc_sensation)
+        for name, readings in zip(names, sensor.readings, strict=False):
+            self._declare_part(f"{name}_sensation", readings)
+
+    def _declare_part(self, name: str, readings: slice) -> None:
+        def calc(context, output):
+            output.SetFromVector(self.GetOutputPort("sensation").Eval(context)[readings])
+
+        self.DeclareVectorOutputPort(name, readings.stop - readings.start, calc)
 
     def _calc_sensation(self, context, output):
         contact = self._contact.Eval(context)

@@ -4,6 +4,7 @@ from selftouch_drake.show.material import Material, MissingError, TouchSample
 from selftouch_drake.show.meshcat.live import LiveShow, play_live
 from selftouch_drake.show.meshcat.recording_page import recording_page
 from selftouch_drake.show.meshcat.robot_page import show_robot
+from selftouch_drake.show.meshcat.skin_visualizer import SkinVisualizer
 from selftouch_drake.show.page.figures import FIGURES, draw_figures
 from selftouch_drake.show.page.report import Picture, Recording, report_page
 from selftouch_drake.show.recovered import RecoveredSkin
@@ -20,6 +21,7 @@ __all__ = [
     "RecoveredSkin",
     "RobotShape",
     "SkinSurface",
+    "SkinVisualizer",
     "TouchSample",
     "draw_figures",
     "play_live",

@@ -1,0 +1,205 @@
+"""Skins for a plant of one's own: several skins on several links, in two calls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometryId,
+    GeometrySet,
+    Role,
+    SceneGraph,
+)
+from pydrake.multibody.parsing import (
+    LoadModelDirectivesFromString,
+    Parser,
+    ProcessModelDirectives,
+)
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder
+
+from selftouch_drake.experiment import (
+    Experiment,
+    ExperimentError,
+    Imperfections,
+    Skin,
+    load_skins,
+    skins_from_fields,
+    yaml_sections,
+)
+from selftouch_drake.robot.contact import SensorModel
+from selftouch_drake.robot.links import all_links, find_link, link_geometries
+from selftouch_drake.robot.models import one_line
+from selftouch_drake.robot.pairs import Neighbours, WornSkin
+from selftouch_drake.robot.skins import SkinModel, make_skin, receptor_seed
+from selftouch_drake.robot.tactile_skin import RegisterSkin, TactileSkin, connected
+
+
+def AddSkins(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    skins: str | Path | Mapping[str, Skin | Mapping[str, Any]],
+    *,
+    seed: int = 0,
+    visible: bool = True,
+) -> tuple[WornSkin, ...]:
+    """Gives links of a plant soft skins, before the plant is finalized.
+
+    A skin whose surface is `collision` or `visual` takes the place of its link's own collision
+    geometry, which would else push away what presses the skin. Call it once per plant, with all
+    skins.
+
+    Args:
+        plant: not yet finalized, registered with `scene_graph`.
+        scene_graph: with the links' own geometry.
+        skins: by name, as the `skins` of an experiment; or a YAML file that has such a mapping.
+        seed: of the receptors' places.
+        visible: whether Meshcat shows the skins' outer surfaces.
+
+    Raises:
+        ExperimentError: a skin cannot be made, or is not perfect; the text names the field, the
+            value and the remedy.
+    """
+    wanted = load_skins(skins) if isinstance(skins, (str, Path)) else skins_from_fields(skins)
+    for name, skin in wanted.items():
+        if skin.imperfections != Imperfections():
+            raise ExperimentError(
+                f"skins.{name}.imperfections is given; leave it out, and put a SkinReadout behind "
+                "the TactileSkin"
+            )
+    seeds = Experiment(seed=seed)
+    models = [
+        make_skin(name, skin, plant, scene_graph, seed=receptor_seed(seeds, number))
+        for number, (name, skin) in enumerate(wanted.items())
+    ]
+    own = {
+        geometry: None
+        for model in models
+        if model.is_own_geometry
+        for geometry in _own_geometry(plant, scene_graph, model)
+    }
+    for geometry in own:
+        scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
+    return tuple(_worn(plant, model, visible) for model in models)
+
+
+def _own_geometry(
+    plant: MultibodyPlant, scene_graph: SceneGraph, model: SkinModel
+) -> list[GeometryId]:
+    link = find_link(plant, model.link, f"skins.{model.name}.link")
+    return link_geometries(plant, scene_graph.model_inspector(), link, Role.kProximity)
+
+
+def _worn(plant: MultibodyPlant, model: SkinModel, visible: bool) -> WornSkin:
+    link = find_link(plant, model.link, f"skins.{model.name}.link")
+    geometry_id = RegisterSkin(
+        plant,
+        link,
+        model.wall,
+        hydroelastic_modulus=model.hydroelastic_modulus,
+        name=f"skin_{model.name}",
+        visible=visible,
+    )
+    return WornSkin(model=model, link=link, geometry_id=geometry_id)
+
+
+def AddModelsAndSkins(
+    path: str | Path,
+    parser: Parser,
+    scene_graph: SceneGraph,
+    *,
+    seed: int = 0,
+    visible: bool = True,
+) -> tuple[WornSkin, ...]:
+    """Adds the models and the skins of one YAML file to the plant of a parser.
+
+    The file has Drake's own `directives`, and beside them `skins`, as an experiment has them. A
+    file of a directive may also be a path, which starts at the YAML file.
+
+    Args:
+        path: of the file.
+        parser: of a plant that is not yet finalized; its package map finds `package://` URIs.
+        scene_graph: of the plant.
+        seed: as of `AddSkins`.
+        visible: as of `AddSkins`.
+
+    Raises:
+        ExperimentError: as of `AddSkins`, or the file has other keys.
+        ModelError: a model does not parse; the text is Drake's own, in one line.
+    """
+    path = Path(path)
+    skins, sections = load_skins(path), yaml_sections(path)
+    if strange := [key for key in sections if key not in _KEYS]:
+        raise ExperimentError(f"unknown key {strange[0]} in {path}; known are {', '.join(_KEYS)}")
+    with one_line(f"directives of {path} cannot be loaded"):
+        directives = LoadModelDirectivesFromString(sections.get("directives", "directives: []"))
+        for directive in directives.directives:
+            entry = directive.add_model or directive.add_directives
+            if entry is not None and "://" not in entry.file:
+                entry.file = f"file://{(path.parent / entry.file).resolve()}"
+        ProcessModelDirectives(directives, parser)
+    return AddSkins(parser.plant(), scene_graph, skins, seed=seed, visible=visible)
+
+
+_KEYS = ("directives", "skins")
+
+
+def AddTactileSkin(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    worn: Sequence[WornSkin],
+    *,
+    name: str = "tactile_skin",
+) -> TactileSkin:
+    """Adds one `TactileSkin` for all skins of a plant to its diagram, and connects it.
+
+    A skin does not feel the links next to its own, into which it reaches at the joint. Drake leaves
+    out links with one joint between them; here also those with several, as hips have in MuJoCo's
+    format.
+
+    Args:
+        builder: of the diagram; of a `RobotDiagramBuilder` its `builder()`.
+        plant: finalized, in the diagram.
+        scene_graph: of the plant.
+        worn: of `AddSkins`.
+        name: of the system.
+
+    Returns:
+        The system, with the output ports `sensation` of all skins and `NAME_sensation` of each.
+
+    Raises:
+        ValueError: the plant computes point contacts, which no skin feels.
+    """
+    _leave_out_neighbours(plant, scene_graph, worn)
+    skin = TactileSkin(
+        sensor=SensorModel([w.model.fields for w in worn], [w.geometry_id for w in worn]),
+        links=[w.link.index() for w in worn],
+        skin_ids=[w.geometry_id for w in worn],
+        names=[w.model.name for w in worn],
+    )
+    return connected(builder, plant, skin, name)
+
+
+def _leave_out_neighbours(
+    plant: MultibodyPlant, scene_graph: SceneGraph, worn: Sequence[WornSkin]
+) -> None:
+    neighbours, filters = Neighbours(plant, scene_graph, {}), scene_graph.collision_filter_manager()
+    # What floats or slides on the ground is next to it, and may still touch what stands on it.
+    ground = neighbours.of(plant.world_body())
+    for skin in worn:
+        if neighbours.of(skin.link) == ground:
+            continue
+        near = [
+            plant.GetBodyFrameIdOrThrow(link.index())
+            for link in all_links(plant)
+            if neighbours.of(link) != ground and neighbours.are_neighbours(skin.link, link)
+        ]
+        filters.Apply(
+            CollisionFilterDeclaration().ExcludeBetween(
+                GeometrySet(skin.geometry_id), GeometrySet(near)
+            )
+        )

@@ -1,0 +1,110 @@
+"""What skins of any plant feel, in Meshcat."""
+
+import numpy as np
+import pytest
+from pydrake.geometry import AddRigidHydroelasticProperties, Box, ProximityProperties
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
+from pydrake.multibody.tree import PrismaticJoint, SpatialInertia
+from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import DiagramBuilder
+from test_browser import PATIENCE, chromium, visited  # noqa: F401 (a fixture)
+
+from selftouch_drake.robot import AddSkins, AddTactileSkin
+from selftouch_drake.show import SkinVisualizer
+from selftouch_drake.show.meshcat.server import open_meshcat
+
+PATH = "/tactile_skin"
+FALL_S, END_S = 0.15, 0.6
+
+
+class Falling:
+    """A ball in skin that falls on a floor, and reaches it after 0.15 s."""
+
+    def __init__(self):
+        builder = DiagramBuilder()
+        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.005)
+        # Else what was felt before a context was reset is felt again at its first instant.
+        plant.SetUseSampledOutputPorts(False)
+        body = plant.AddRigidBody("ball", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
+        rail = PrismaticJoint("rail", plant.world_frame(), body.body_frame(), [0, 0, 1])
+        plant.AddJoint(rail).set_default_translation(0.1 + 9.81 / 2 * FALL_S**2)
+        properties = ProximityProperties()
+        AddRigidHydroelasticProperties(1.0, properties)
+        X_WF = RigidTransform([0, 0, -0.05])
+        floor = Box(1, 1, 0.1)
+        plant.RegisterCollisionGeometry(plant.world_body(), X_WF, floor, "floor", properties)
+        surface = {"shape": "sphere", "radius": 0.1}
+        skin = {"link": "ball", "surface": surface, "num_receptors": 20}
+        worn = AddSkins(plant, scene_graph, {"ball": skin}, visible=False)
+        plant.Finalize()
+        self.touch = AddTactileSkin(builder, plant, scene_graph, worn)
+        self.meshcat = open_meshcat()
+        self.show = SkinVisualizer.AddToBuilder(builder, plant, worn, self.touch, self.meshcat)
+        self.simulator = Simulator(builder.Build())
+
+    def advance(self, end):
+        self.simulator.AdvanceTo(end)
+
+
+def test_a_patch_is_there_while_something_presses():
+    falling = Falling()
+    falling.simulator.Initialize()
+    assert falling.meshcat.HasPath(f"{PATH}/skins/ball/receptors/0")
+    assert not falling.meshcat.HasPath(f"{PATH}/patch")
+    falling.advance(END_S)
+    assert falling.meshcat.HasPath(f"{PATH}/patch")
+    # Another try, from the beginning: what was shown is gone.
+    context = falling.simulator.get_mutable_context()
+    context.SetTime(0.0)
+    falling.simulator.get_system().SetDefaultContext(context)
+    falling.simulator.Initialize()
+    assert not falling.meshcat.HasPath(f"{PATH}/patch")
+
+
+def test_what_cannot_be_recorded_is_refused():
+    falling = Falling()
+    with pytest.raises(ValueError, match=r"^nothing was published; simulate before .*$"):
+        falling.show.AddToRecording()
+
+
+AT = """async (time) => {
+    viewer.animator.pause();
+    viewer.animator.seek(time);
+    await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)));
+    const root = viewer.scene_tree.find(["tactile_skin"]);
+    const patches = Object.values(root.find(["patches"]).children);
+    const ball = root.find(["skins", "ball"]);
+    return {
+        visible: patches.map(patch => patch.object.visible),
+        height: ball.object.position.z,
+        colors: Object.values(ball.find(["receptors"]).children).map(
+            receptor => receptor.find(["<object>"]).object.material.color.getHexString()),
+    };
+}"""
+
+
+def test_a_saved_page_plays_back_patches_and_colours(chromium, tmp_path):  # noqa: F811
+    falling = Falling()
+    falling.meshcat.StartRecording(set_visualizations_while_recording=False)
+    falling.advance(END_S)
+    falling.meshcat.StopRecording()
+    falling.show.AddToRecording()
+    falling.meshcat.PublishRecording()
+    page = tmp_path / "falling.html"
+    page.write_text(falling.meshcat.StaticHtml(), encoding="utf-8")
+    times = [0.0, 0.1, 0.25, 0.3, END_S - 0.02, 0.05]
+    with visited(chromium, page.as_uri()) as (browser, errors):
+        browser.wait_for_function("viewer.animator.duration > 0", timeout=PATIENCE)
+        seen = [browser.evaluate(AT, time) for time in times]
+        browser.screenshot(path=tmp_path / "falling.png")
+    assert errors == []
+    number = [sum(each["visible"]) for each in seen]
+    # In the air none, then one at a time, and none when it starts over.
+    assert number == [0, 0, 1, 1, 1, 0]
+    assert seen[2]["visible"] != seen[4]["visible"]
+    white = seen[0]["colors"]
+    assert len(set(white)) == 1
+    assert seen[1]["colors"] == seen[5]["colors"] == white
+    assert seen[4]["colors"] != white
+    assert np.diff([each["height"] for each in seen[:3]]).max() < -0.02

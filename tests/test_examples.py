@@ -1,0 +1,63 @@
+"""The gallery: each program of `examples/` does what it says."""
+
+import importlib.util
+import json
+import warnings
+from pathlib import Path
+
+import pytest
+
+from selftouch_drake.geometry import SimplifiedWarning
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+def run(name, *arguments):
+    """Runs an example's `main`; a skin that is not what was asked for is an error."""
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SimplifiedWarning)
+        return module.main(*arguments)
+
+
+def test_a_falling_head_feels_its_weight():
+    time_s, sensation = run("falling_head")
+    assert sensation.shape == (len(time_s), 50)
+    assert not sensation[time_s < 0.19].any()
+    assert sensation[-1].sum() == pytest.approx(9.81, rel=0.01)
+
+
+def test_a_forearm_on_a_table_feels_it_and_its_page_plays_it(tmp_path):
+    page = tmp_path / "forearm.html"
+    time_s, sensation = run("forearm_on_table", page)
+    force = sensation.sum(axis=1)
+    assert not force[time_s < 0.5].any()
+    assert 0.0 < force[150] < 0.5 * force[-1]
+    assert page.stat().st_size > 1e6
+
+
+def test_both_fingers_of_a_gripper_feel_how_hard_they_hold():
+    felt = run("gripper")
+    assert felt["left"] == pytest.approx(6.0, rel=0.01)
+    assert felt["right"] == pytest.approx(6.0, rel=0.01)
+    assert felt["height"] > 0.09
+
+
+def test_a_strangers_humanoid_feels_its_weight_from_head_to_toe():
+    pytest.importorskip("gymnasium")
+    felt, weight = run("humanoid")
+    assert len(felt) == 13
+    assert sum(felt.values()) == pytest.approx(weight, rel=0.01)
+
+
+def test_an_agent_in_a_diagram_feels_what_is_wanted():
+    wanted, felt = run("agent_in_a_diagram")
+    assert felt == wanted
+
+
+def test_every_example_is_tested():
+    text = Path(__file__).read_text(encoding="utf-8")
+    for path in EXAMPLES.glob("*.py"):
+        assert f"run({json.dumps(path.stem)}" in text
