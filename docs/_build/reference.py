@@ -72,7 +72,8 @@ def command_line() -> str:
     for name, command in cli.commands.items():
         context = click.Context(command, info_name=name, parent=click.Context(cli))
         usage = " ".join(command.collect_usage_pieces(context))
-        options = [record for p in command.params if (record := p.get_help_record(context))]
+        chosen = [p for p in command.params if isinstance(p, click.Option)]
+        options = [record for p in chosen if (record := p.get_help_record(context))]
         text += [f"\n## {name}\n", f"```\nselftouch {name} {usage}\n```\n", _help(command)]
         if options:
             text += ["", *_table(("option", "meaning"), [(f"`{o}`", h) for o, h in options])]
