@@ -23,8 +23,8 @@ _FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Drops pages that are not written yet from the navigation, and adds those of the API."""
-    # The plugin `offline` would load a script from the network.
-    config.extra["polyfills"] = []
+    # The plugin `offline` would load this script from the network.
+    config.extra["polyfills"] = ["javascripts/file_worker.js"]
     config.nav = _existing(config.nav, Path(config.docs_dir))
     return config
 
