@@ -92,3 +92,14 @@ def test_the_sweep_that_is_shown_is_valid(tmp_path):
     # Of two experiments and three seeds: the grid, in which the defaults are, two other shares of
     # dead receptors, one case.
     assert len(sweep.experiments) == 2 * 3 * (4 + 2 + 1)
+
+
+def test_the_names_of_the_glossary_are_in_the_code():
+    package = ROOT / "selftouch_drake"
+    code = "\n".join(path.read_text(encoding="utf-8") for path in package.rglob("*.py"))
+    known = {*re.findall(r"\w+", code), *(path.stem for path in package.rglob("*"))}
+    for line in (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").splitlines():
+        for name in re.findall(r"`([^`]+)`", line):
+            # Placeholders are in capitals.
+            words = {word for word in re.findall(r"[A-Za-z_]\w{2,}", name) if not word.isupper()}
+            assert words <= known, name

@@ -286,9 +286,7 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
 
 def test_a_plan_on_which_rigid_parts_run_into_each_other_is_refused(run, world, monkeypatch):
     monkeypatch.setattr(world.probe, "collision_depth", lambda q, margin=0.0: np.ones(len(q)))
-    with pytest.raises(
-        NoWayError, match=r"^no way to target 20 was found on which the rigid"
-    ):
+    with pytest.raises(NoWayError, match=r"^no way to target 20 was found on which the rigid"):
         stages.plan(run, world, 3, 20)
     assert not list(run.path.glob("plans/*"))
     trials, without_way = try_pairs(run, world, load_agent(run), stages.silent)
