@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO ?= runs/demo
 
-.PHONY: help demo test fuzz kills lint docs bench million memory install clean
+.PHONY: help demo test fuzz kills lint docs wheel bench million memory install clean
 
 help:  ## what one can ask for
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -13,7 +13,7 @@ help:  ## what one can ask for
 demo: $(VENV)/.installed  ## an agent finds the shape of its body and moves from sensation to sensation
 	$(BIN)/selftouch run cube --out $(DEMO)
 
-test: $(VENV)/.installed-test  ## install what the tests need, and pass them
+test: $(VENV)/.installed-test  ## install what the tests need, and pass them: half an hour on two cores
 	$(BIN)/python -m pytest -n auto
 
 fuzz: $(VENV)/.installed-test  ## thousands of broken inputs to everything that is parsed
@@ -27,8 +27,11 @@ lint: $(VENV)/.installed-dev  ## style and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-docs: $(VENV)/.installed-docs  ## the reference, from the docstrings, into docs/reference
-	$(BIN)/pdoc --docformat google --no-show-source --output-directory docs/reference selftouch_drake
+docs: $(VENV)/.installed-docs  ## the documentation, with a reference from the code, into site/index.html
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+
+wheel: $(VENV)/bin/python  ## the package as one file, into dist
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
 bench: $(VENV)/.installed-bench  ## what a touch costs, beside what one would write instead
 	$(BIN)/python benchmarks/babbling.py

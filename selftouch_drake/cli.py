@@ -1,7 +1,6 @@
-"""The command line: `selftouch run` does everything, and each stage is a verb of its own.
+"""The command line: `selftouch run` does everything, and each stage is a command of its own.
 
-What is slow to import, Drake before all, is imported where it is needed, and after what can be
-refused without it.
+Slow imports, above all Drake, happen where they are needed, after every check that can do without.
 """
 
 from __future__ import annotations
@@ -22,27 +21,33 @@ EXPERIMENT = click.argument("experiment", default="cube")
 OUT = click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Run directory; an unfinished run of the same experiment is resumed.  [runs/NAME]",
+    help="Run directory. An unfinished run of the same experiment resumes.  [default: runs/NAME]",
 )
 SET = click.option(
     "--set",
     "overrides",
     default="{}",
     metavar="YAML",
-    help="Fields laid over the experiment, as in '{babbling: {num_samples: 20000}}'.",
+    help="Fields to change, as in '{babbling: {num_samples: 20000}}'. Give each variant an --out.",
 )
 WORKERS = click.option(
-    "--workers", type=click.IntRange(min=1), help="Processes that babble.  [one a core]"
+    "--workers",
+    type=click.IntRange(min=1),
+    help="Number of processes that babble.  [default: one per core]",
 )
 SCHEDULER = click.option(
-    "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers babble, tcp://host:port."
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Address of a Dask scheduler whose workers babble, tcp://host:port.",
 )
-FROM = click.option("--from", "start", type=int, help="Target sensation to start.")
-TO = click.option("--to", "goal", type=int, help="Target sensation to reach.")
+FROM = click.option(
+    "--from", "start", type=int, help="Number of the target sensation to start from."
+)
+TO = click.option("--to", "goal", type=int, help="Number of the target sensation to reach.")
 
 
 class Numbers(click.ParamType):
-    """Numbers with commas between them."""
+    """Numbers separated by commas."""
 
     name = "numbers"
 
@@ -50,48 +55,48 @@ class Numbers(click.ParamType):
         self._kind = kind
 
     def convert(self, value, param, ctx):
-        """The list of them."""
+        """Returns the numbers as a list."""
         try:
             return [self._kind(text) for text in value.split(",")]
         except ValueError:
-            self.fail(f"{value!r} is not a list of numbers, as in 3,50,120", param, ctx)
+            self.fail(f"{value!r} is not a list of numbers; give one such as 3,50,120", param, ctx)
 
 
 THROUGH = click.option(
     "--through",
     type=Numbers(int),
     metavar="I,J,...",
-    help="Target sensations to pass, in order, instead of --from and --to.",
+    help="Target sensations to visit in this order, instead of --from and --to.",
 )
 FROM_Q = click.option(
     "--from-q",
     "q_start",
     type=Numbers(float),
     metavar="Q1,Q2,...",
-    help="Joint positions to start at, in rad or m, touching or not, instead of --from.",
+    help="Joint positions to start from, in rad or m, touching or not, instead of --from.",
 )
 
 
-FREE = click.option("--free", is_flag=True, help="The plan that was made with --from-q.")
+FREE = click.option("--free", is_flag=True, help="Use the plan that was made with --from-q.")
 
 
 def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
-    """The run, and the options that name one of its plans."""
+    """Adds the run, and the options that name one of its plans."""
     for option in (THROUGH, TO, FREE, FROM, RUN):
         command = option(command)
     return command
 
 
-class Teaching(click.Group):
-    """Lists the verbs in the order in which one uses them."""
+class InOrderOfUse(click.Group):
+    """Lists the commands in the order in which one uses them."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """The verbs as they are defined here."""
+        """Returns the commands in the order of their definition."""
         return list(self.commands)
 
 
 @click.group(
-    cls=Teaching,
+    cls=InOrderOfUse,
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
 )
@@ -100,17 +105,17 @@ class Teaching(click.Group):
 def cli(ctx: click.Context) -> None:
     """An agent finds out, by touching itself, that it has a body.
 
-    It moves at random, keeps what it felt where, and builds from that alone a graph of its own
-    sensations: the shape of its body, and a map on which to plan from any sensation to any other.
+    It moves at random and remembers what it felt where. From that alone it builds a graph of its
+    sensations: the shape of its body, and a map on which it plans from any sensation to any other.
 
     \b
-    selftouch run cube                        everything, into runs/cube
-    selftouch run torus --out runs/my_torus   another body
-    selftouch robot two_arms                  what moves, what feels, what touches what
-    selftouch run cube --set '{seed: 1, babbling: {num_samples: 20000}}'
+    selftouch run cube                        do everything, into runs/cube
+    selftouch run torus --out runs/my_torus   another body, a run directory of your choice
+    selftouch run cube --out runs/cube_1 --set '{seed: 1, babbling: {num_samples: 20000}}'
     selftouch plan runs/cube --from 3 --to 250
     selftouch execute runs/cube --from 3 --to 250
-    selftouch play runs/cube                  watch it in a browser
+    selftouch play runs/cube                  watch it live in a browser
+    selftouch robot two_arms                  what moves, what feels, what touches what
     """  # noqa: D301 - click keeps the lines after a \b as they are
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
@@ -125,10 +130,10 @@ def cli(ctx: click.Context) -> None:
 def run(
     experiment: str, out: Path | None, overrides: str, workers: int | None, scheduler: str | None
 ) -> None:
-    """Do it all: babble, learn, plan, execute, evaluate, report.
+    """Do everything, from babbling to the report.
 
     EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`) or a YAML file.
-    Stages that are done are not done again: a run that was stopped goes on where it was.
+    Finished stages are skipped: a run that was stopped resumes.
     """
     directory, world = _begin(experiment, out, overrides)
 
@@ -160,7 +165,7 @@ def run(
 def babble(
     experiment: str, out: Path | None, overrides: str, workers: int | None, scheduler: str | None
 ) -> None:
-    """Walk at random through motor space and keep what touches."""
+    """Walk at random through motor space and keep every touch."""
     directory, world = _begin(experiment, out, overrides)
     _babble(directory, world, workers, scheduler)
     click.echo(f"experience: {directory.experience}")
@@ -169,7 +174,10 @@ def babble(
 @cli.command()
 @RUN
 def learn(run: Path) -> None:
-    """Build the quotient representation from the experience of RUN."""
+    """Learn the quotient graph and recover the body.
+
+    Reads the experience of RUN, never the truth.
+    """
     directory = _open(run)
 
     from selftouch_drake.run import stages
@@ -192,7 +200,7 @@ def plan(
     goal: int | None,
     through: list[int] | None,
 ) -> None:
-    """Plan a smooth motion from sensation to sensation."""
+    """Plan a smooth motion from one sensation to another."""
     directory = _open(run)
     targets = _targets(start, q_start, goal, through)
 
@@ -216,7 +224,7 @@ def plan(
     "max_tries",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Plan and try up to N times until contact is never lost, and remember what was learned.",
+    help="Plan and try up to N times until contact is never lost; remember what failed.",
 )
 def execute(
     run: Path,
@@ -226,11 +234,12 @@ def execute(
     through: list[int] | None,
     max_tries: int | None,
 ) -> None:
-    """Execute a plan in the dynamic world, and keep what was felt."""
+    """Execute a plan under full dynamics, and store what was felt."""
     directory = _open(run)
     targets = _targets(start, [] if free else None, goal, through)
     if max_tries is not None and (free or through):
-        raise click.UsageError("--rehearse takes --from and --to")
+        given = "--free" if free else "--through"
+        raise click.UsageError(f"--rehearse is given with {given}; give --from and --to instead")
 
     from selftouch_drake.agent.rehearsal import best
     from selftouch_drake.run import stages
@@ -253,9 +262,9 @@ def execute(
 def record(
     run: Path, start: int | None, free: bool, goal: int | None, through: list[int] | None
 ) -> None:
-    """Record an executed plan: a page to keep.
+    """Record an executed plan as an HTML page.
 
-    It lies beside the plan, and needs no network. `selftouch report` records one plan for its
+    The page lies beside the plan and needs no network. `selftouch report` records one plan for its
     own page.
     """
     directory = _open(run)
@@ -270,7 +279,10 @@ def record(
 @cli.command()
 @RUN
 def evaluate(run: Path) -> None:
-    """Score RUN against the truth: its shape, and random plans."""
+    """Score the recovered shape and random plans.
+
+    The score compares RUN with the truth, which the agent never sees.
+    """
     directory = _open(run)
 
     from selftouch_drake.run import stages
@@ -282,9 +294,9 @@ def evaluate(run: Path) -> None:
 
 @cli.command()
 @RUN
-@click.option("--vector", is_flag=True, help="Write the figures as PDF as well, for papers.")
+@click.option("--vector", is_flag=True, help="Also write the figures as PDF, for papers.")
 def report(run: Path, vector: bool) -> None:
-    """Draw figures and a recording of RUN, and write its report."""
+    """Draw the figures of RUN and write its report."""
     directory = _open(run)
 
     from selftouch_drake.run.showing import write_report
@@ -297,12 +309,14 @@ def report(run: Path, vector: bool) -> None:
 @cli.command()
 @RUN
 @click.option(
-    "--port", type=click.IntRange(1024, 65535), help="Of the browser page.  [the first free]"
+    "--port",
+    type=click.IntRange(1024, 65535),
+    help="Port of the page.  [default: the first free one]",
 )
 def play(run: Path, port: int | None) -> None:
-    """Watch the agent of RUN live, and choose what it feels.
+    """Watch the agent of RUN live, and choose what it shall feel.
 
-    A page in the browser has sliders and buttons; it ends with its button or with Ctrl-C.
+    Open the printed address in a browser. End with the button on the page or with Ctrl-C.
     """
     directory = _open(run, writing=False)
 
@@ -316,18 +330,24 @@ def play(run: Path, port: int | None) -> None:
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder of the sweep; one that was stopped goes on.  [runs/sweeps/NAME]",
+    help="Folder of the sweep. A sweep that was stopped resumes.  [default: runs/sweeps/NAME]",
 )
-@click.option("--workers", type=click.IntRange(min=1), help="Runs at a time.  [one a core]")
 @click.option(
-    "--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers run, tcp://host:port."
+    "--workers",
+    type=click.IntRange(min=1),
+    help="Number of runs at a time.  [default: one per core]",
+)
+@click.option(
+    "--scheduler",
+    metavar="ADDRESS",
+    help="Address of a Dask scheduler whose workers do the runs, tcp://host:port.",
 )
 def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | None) -> None:
-    """Run many experiments that differ; gather their figures.
+    """Run many experiments and compare them.
 
     SWEEP is the name of a shipped sweep (see `selftouch experiments`) or a YAML file, as in
     `{experiments: [cube], seeds: [0, 1, 2], grid: {skins.body.num_receptors: [50, 100]}}`.
-    Babbling and learning that runs have in common are done once.
+    Runs that share an experience or a representation compute it once.
     """
     from selftouch_drake.run.executors import dask_executor, local_executor
     from selftouch_drake.sweep.design import load_sweep
@@ -352,7 +372,9 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
 @cli.command()
 @EXPERIMENT
 @SET
-@click.option("--show", is_flag=True, help="Show it in a browser, with sliders for its joints.")
+@click.option(
+    "--show", is_flag=True, help="Show the robot in a browser, with a slider for each joint."
+)
 def robot(experiment: str, overrides: str, show: bool) -> None:
     """Print joints, skins, and what touches what."""
     from selftouch_drake.robot.describe import describe
@@ -366,7 +388,7 @@ def robot(experiment: str, overrides: str, show: bool) -> None:
 
 
 @cli.command()
-@click.option("--show", metavar="NAME", help="Print the file of one, to begin your own with.")
+@click.option("--show", metavar="NAME", help="Print one of them, as a start for your own.")
 def experiments(show: str | None) -> None:
     """List the shipped experiments and sweeps."""
     from selftouch_drake.experiment import closest, shipped_experiments
@@ -379,7 +401,7 @@ def experiments(show: str | None) -> None:
     elif show in names:
         click.echo((EXPERIMENTS / f"{show}.yaml").read_text(encoding="utf-8"), nl=False)
     else:
-        hint = closest(show, names) or f"shipped are {', '.join(names)}"
+        hint = closest(show, names) or f"choose one of {', '.join(names)}"
         raise click.UsageError(f"--show is {show!r}; no such experiment is shipped: {hint}")
 
 
@@ -389,9 +411,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def exit_status(command: Callable[[], object]) -> int:
-    """Runs `command`; a mistake becomes one line on stderr instead of a traceback.
+    """Runs `command`; turns a user's mistake into one line on stderr instead of a traceback.
 
-    So does a warning of this package, which does not end the command.
+    A warning of this package becomes one line too, and does not end the command.
     """
     try:
         with warnings.catch_warnings():
@@ -399,7 +421,7 @@ def exit_status(command: Callable[[], object]) -> int:
             result = command()
         return result if isinstance(result, int) else 0
     except (KeyboardInterrupt, click.Abort):
-        click.echo("selftouch: stopped; the same command goes on from here", err=True)
+        click.echo("selftouch: stopped; give the same command again to resume", err=True)
         return 130
     except click.ClickException as error:
         message = error.format_message()
@@ -422,22 +444,22 @@ def _own_warnings_in_one_line(others: Callable[..., None]) -> Callable[..., None
 def _targets(
     start: int | None, q_start: list[float] | None, goal: int | None, through: list[int] | None
 ) -> list:
-    """The targets that name a plan, from options of which only some go together."""
+    """Returns the targets that name a plan; checks which options go together."""
     begins = [start is not None, q_start is not None, through is not None]
     if sum(begins) != 1 or (goal is None) != (through is not None):
         raise click.UsageError(
-            "a plan has a start and a goal: give --from and --to, or --through alone, "
-            "or a free start and --to"
+            "start or goal is missing, or given twice; give --from and --to, or --through alone, "
+            "or a free start (--from-q, --free) and --to"
         )
     if through is None:
         return ["free" if start is None else start, goal]
     if len(through) < 2:
-        raise click.UsageError(f"--through is {through[0]}; give two target sensations or more")
+        raise click.UsageError(f"--through is {through[0]}; give at least two target sensations")
     return through
 
 
 def _route(motion) -> str:
-    """The kernels on the way; `off` is where nothing is felt."""
+    """The kernels of the route; `off` stands for a place where nothing is felt."""
     words = ["off" if motion.nodes[0] < 0 else str(motion.nodes[0])]
     for node, in_air in zip(motion.nodes[1:], motion.in_air, strict=True):
         if words[-1] == str(node):
@@ -460,13 +482,13 @@ def _tracking(execution, turns) -> str:
 
 
 def _load(experiment: str, overrides: str):
-    """An experiment and its world; what cannot be built is refused before anything is written."""
+    """Loads an experiment and builds its world, so that errors come before anything is written."""
     from selftouch_drake.experiment import load_experiment, parse_overrides
     from selftouch_drake.run.fingerprint import model_digests
     from selftouch_drake.run.stages import build_world
 
     loaded = load_experiment(experiment, parse_overrides(overrides))
-    # For what it says of meshes that it converts.
+    # Reports the meshes that it converts.
     model_digests(loaded, announce=lambda line: click.echo(f"selftouch: {line}", err=True))
     return loaded, build_world(loaded)
 
@@ -495,13 +517,13 @@ def _babble(directory, world, workers: int | None, scheduler: str | None) -> Non
 
     chosen = dask_executor(scheduler) if scheduler else local_executor(workers)
     with _progress("babble") as progress, chosen as executor:
-        progress(0.0, "the first walks")  # which may take minutes under dynamics
+        progress(0.0, "the first walks")  # under dynamics they may take minutes
         stages.babble(directory, world, executor, progress)
 
 
 @contextmanager
 def _progress(stage: str) -> Iterator[Callable[[float, str], None]]:
-    """A progress bar on stderr, with the fraction done and what is being done."""
+    """A progress bar on stderr, with the fraction done and the current task."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -513,7 +535,7 @@ def _progress(stage: str) -> Iterator[Callable[[float, str], None]]:
         TextColumn("{task.description}"),
     )
     with Progress(*columns, console=Console(stderr=True)) as bar:
-        # Seen from its first report on: what is refused at once leaves only the reason.
+        # Hidden until the first report, so that an early error leaves only its reason.
         task = bar.add_task("", total=1.0, stage=stage, visible=False)
         yield lambda fraction, doing: bar.update(
             task, completed=fraction, description=doing, visible=True

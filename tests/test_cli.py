@@ -190,7 +190,7 @@ def test_ctrl_c_leaves_a_run_to_resume(tmp_path, cube_run):
     assert process.returncode == 130
     assert "Traceback" not in stderr
     assert stderr.strip().splitlines()[-1] == (
-        "selftouch: stopped; the same command goes on from here"
+        "selftouch: stopped; give the same command again to resume"
     )
     assert [name for name in files_below(run) if name.endswith(".part")] == []
     assert selftouch("run", "cube", "--out", run, "--set", SMALL).returncode == 0

@@ -1,41 +1,35 @@
-"""The reference builds from the docstrings, and what the documentation shows is there."""
+"""What the documentation shows is there, and its programs run."""
 
-import ast
-import importlib
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 import yaml
+from fenced import blocks
 
-from selftouch_drake.experiment import experiment_from_fields, load_skins
+from selftouch_drake.cli import cli
+from selftouch_drake.experiment import (
+    experiment_from_fields,
+    load_experiment,
+    load_skins,
+    parse_overrides,
+    shipped_experiments,
+)
 from selftouch_drake.sweep import load_sweep
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
-# Files of the repository that pages name; the reference is there once it was made.
-NAMED = re.compile(
-    r"`((?!docs/reference)(?:tests|docs|benchmarks|notebooks|experiments|sweeps)/[\w./-]+)`"
-)
+# Files of the repository that pages name.
+NAMED = re.compile(r"`((?:tests|docs|benchmarks|notebooks|experiments|sweeps)/[\w./-]+)`")
+# Their programs need more than a run, and have tests of their own.
+TESTED_ELSEWHERE = ("drake_users.md", "gymnasium.md", "real_robots.md", "sensor.md")
 
 
-def blocks(path: Path, language: str) -> list[str]:
-    text = path.read_text(encoding="utf-8")
-    return re.findall(rf"```{language}\n(.*?)```", text, flags=re.DOTALL)
-
-
-def test_the_reference_builds(tmp_path):
-    options = ["--docformat", "google", "--no-show-source", "--output-directory", str(tmp_path)]
-    done = subprocess.run(
-        [sys.executable, "-m", "pdoc", *options, "selftouch_drake"], capture_output=True, text=True
-    )
-    assert done.returncode == 0, done.stderr
-    assert "Warn" not in done.stderr, done.stderr
-    robot = (tmp_path / "selftouch_drake" / "robot.html").read_text(encoding="utf-8")
-    assert "TactileSkin.AddToBuilder" in robot
-    assert (tmp_path / "selftouch_drake" / "show.html").is_file()
+def blocks_of(page: Path, *languages: str) -> list[str]:
+    return blocks(page.read_text(encoding="utf-8"), *languages)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
@@ -47,34 +41,65 @@ def test_a_page_names_only_files_that_are_there(page):
     assert missing == []
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a small run of the cube, as one has after `selftouch run cube`."""
+    folder = tmp_path_factory.mktemp("docs")
+    small = {"babbling": {"num_samples": 3000}, "representation": {"metric": "sensorimotor"}}
+    for words in (["babble", "cube", "--set", yaml.safe_dump(small)], ["learn", "runs/cube"]):
+        run_python(["-m", "selftouch_drake.cli", *words], cwd=folder)
+    return folder
+
+
+def run_python(arguments: list[str], *, cwd: Path) -> None:
+    command = [sys.executable, *arguments]
+    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    "page",
+    [page for page in PAGES if blocks_of(page, "python") and page.name not in TESTED_ELSEWHERE],
+    ids=lambda page: page.name,
+)
+def test_the_programs_of_a_page_run(page, folder):
+    run_python(["-c", "".join(blocks_of(page, "python"))], cwd=folder)
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_a_page_imports_only_what_is_there(page):
-    for block in blocks(page, "python"):
-        for node in ast.walk(ast.parse(block)):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("selftouch"):
-                module = importlib.import_module(str(node.module))
-                assert [a.name for a in node.names if not hasattr(module, a.name)] == []
+def test_the_commands_of_a_page_are_understood(page):
+    for line in "".join(blocks_of(page, "")).splitlines():
+        words = shlex.split(line, comments=True)
+        if words[:1] != ["selftouch"] or len(words) < 2 or words[1].startswith("-"):
+            continue
+        name, *arguments = words[1:]
+        context = cli.commands[name].make_context(name, arguments)
+        given = context.params
+        if given.get("experiment") in shipped_experiments():
+            load_experiment(given["experiment"], parse_overrides(given["overrides"]))
 
 
-@pytest.mark.parametrize("number", range(len(blocks(ROOT / "docs" / "drake_users.md", "python"))))
+@pytest.mark.parametrize(
+    "number", range(len(blocks_of(ROOT / "docs" / "drake_users.md", "python")))
+)
 def test_a_program_for_drake_users_runs(number):
-    program = blocks(ROOT / "docs" / "drake_users.md", "python")[number]
+    program = blocks_of(ROOT / "docs" / "drake_users.md", "python")[number]
     exec(compile(program, f"program {number} of drake_users.md", "exec"), {})
 
 
 def test_the_skins_beside_directives_are_valid(tmp_path):
-    (text,) = blocks(ROOT / "docs" / "drake_users.md", "yaml")
+    (text,) = blocks_of(ROOT / "docs" / "drake_users.md", "yaml")
     (tmp_path / "skins.yaml").write_text(text, encoding="utf-8")
     assert list(load_skins(tmp_path / "skins.yaml")) == ["forearm"]
 
 
 def test_the_experiment_that_is_shown_is_valid():
-    (text,) = blocks(ROOT / "docs" / "robots.md", "yaml")
+    (text,) = blocks_of(ROOT / "docs" / "robots.md", "yaml")
     assert experiment_from_fields(yaml.safe_load(text)).num_receptors == 140
 
 
 def test_the_sweep_that_is_shown_is_valid(tmp_path):
-    (text,) = blocks(ROOT / "docs" / "sweeps.md", "yaml")
+    (text,) = blocks_of(ROOT / "docs" / "sweeps.md", "yaml")
     own = (ROOT / "experiments" / "cube.yaml").read_text(encoding="utf-8")
     (tmp_path / "my_robot.yaml").write_text(own, encoding="utf-8")
     (tmp_path / "my_sweep.yaml").write_text(text, encoding="utf-8")
@@ -82,3 +107,14 @@ def test_the_sweep_that_is_shown_is_valid(tmp_path):
     # Of two experiments and three seeds: the grid, in which the defaults are, two other shares of
     # dead receptors, one case.
     assert len(sweep.experiments) == 2 * 3 * (4 + 2 + 1)
+
+
+def test_the_names_of_the_glossary_are_in_the_code():
+    package = ROOT / "selftouch_drake"
+    code = "\n".join(path.read_text(encoding="utf-8") for path in package.rglob("*.py"))
+    known = {*re.findall(r"\w+", code), *(path.stem for path in package.rglob("*"))}
+    for line in (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").splitlines():
+        for name in re.findall(r"`([^`]+)`", line):
+            # Placeholders are in capitals.
+            words = {word for word in re.findall(r"[A-Za-z_]\w{2,}", name) if not word.isupper()}
+            assert words <= known, name

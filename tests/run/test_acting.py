@@ -317,8 +317,8 @@ def test_the_command_line_plans_tours_and_free_starts(run, capsys):
 
 
 ENDS = (
-    "a plan has a start and a goal: give --from and --to, or --through alone, "
-    "or a free start and --to"
+    "start or goal is missing, or given twice; give --from and --to, or --through alone, "
+    "or a free start (--from-q, --free) and --to"
 )
 
 
@@ -330,10 +330,11 @@ ENDS = (
         ("plan --from 3 --to 4 --through 1,2", ENDS),
         ("plan --from 3 --to 4 --from-q 0,0,0,0,0,0", ENDS),
         ("execute --free", ENDS),
-        ("plan --through 3", "--through is 3; give two target sensations or more"),
+        ("plan --through 3", "--through is 3; give at least two target sensations"),
         (
             "plan --through 3,x",
-            "Invalid value for '--through': '3,x' is not a list of numbers, as in 3,50,120",
+            "Invalid value for '--through': '3,x' is not a list of numbers; "
+            "give one such as 3,50,120",
         ),
         ("plan --through 3,60,1", "--through is 60; this run has target sensations 0 to 59"),
         ("plan --from-q 0,0,0,0,0,0 --to 60", "--to is 60; this run has target sensations 0 to 59"),
@@ -359,7 +360,10 @@ ENDS = (
             "RUN has no free plan to 2; make one with `selftouch plan RUN --from-q Q --to 2`",
         ),
         ("record --from 1 --to 2", "plan 1-2 is not there; run `selftouch plan`"),
-        ("execute --through 1,2 --rehearse 2", "--rehearse takes --from and --to"),
+        (
+            "execute --through 1,2 --rehearse 2",
+            "--rehearse is given with --through; give --from and --to instead",
+        ),
         (
             "execute --from 1 --to 2 --rehearse 0",
             "Invalid value for '--rehearse': 0 is not in the range x>=1.",

@@ -55,7 +55,7 @@ def test_a_malicious_name_is_text(page, reported):
 
 def test_metrics_have_meaning_and_unit(page):
     assert "1.2 %" in page
-    assert "error of the recovered body, as a share of its extent" in page
+    assert "RMS distance of recovered from true places" in page
 
 
 def test_the_robot_is_described(page):

@@ -1,0 +1,76 @@
+"""The documentation site builds without a warning, needs no network, and names all there is."""
+
+import dataclasses
+import html
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from selftouch_drake.cli import cli
+from selftouch_drake.experiment import Babbling, Skin
+from selftouch_drake.run.figures import FIGURES as METRICS
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    """The site, built so that a broken link is an error."""
+    folder = tmp_path_factory.mktemp("site")
+    done = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", folder],
+        cwd=ROOT,
+        env=os.environ | {"NO_MKDOCS_2_WARNING": "1"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+def words(page: Path) -> str:
+    return html.unescape(re.sub(r"<[^>]+>", "", page.read_text(encoding="utf-8")))
+
+
+def test_every_page_is_in_the_navigation(site):
+    start = (site / "index.html").read_text(encoding="utf-8")
+    pages = {path.stem for path in (ROOT / "docs").glob("*.md")}
+    assert [name for name in sorted(pages) if f'href="{name}.html"' not in start] == []
+
+
+def test_nothing_is_loaded_from_the_network(site):
+    loaded = re.compile(r"<(?:script|img|iframe|source)\b[^>]*\bsrc=\"?(https?:[^\"\s>]+)")
+    linked = re.compile(
+        r"<link\b(?=[^>]*rel=\"?(?:stylesheet|preconnect))[^>]*href=\"?(https?:\S+)"
+    )
+    for page in site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        assert loaded.findall(text) + linked.findall(text) == [], page
+    for sheet in site.rglob("*.css"):
+        assert re.findall(r"url\(['\"]?https?:", sheet.read_text(encoding="utf-8")) == [], sheet
+
+
+def test_the_reference_names_every_command_field_and_metric(site):
+    reference = site / "reference"
+    commands = words(reference / "cli.html")
+    assert [name for name in cli.commands if f"selftouch {name}" not in commands] == []
+    options = {option for c in cli.commands.values() for p in c.params for option in p.opts}
+    assert [name for name in options if name.startswith("--") and name not in commands] == []
+    fields = words(reference / "experiment.html")
+    for prefix, schema in (("babbling", Babbling), ("skins.NAME", Skin)):
+        names = [f"{prefix}.{field.name}" for field in dataclasses.fields(schema)]
+        assert [name for name in names if name not in fields] == []
+    metrics = words(reference / "metrics.html")
+    assert [metric.key for metric in METRICS if metric.key not in metrics] == []
+    robot = (reference / "api" / "robot.html").read_text(encoding="utf-8")
+    assert 'id="selftouch_drake.robot.TactileSkin.AddToBuilder"' in robot
+
+
+def test_formulas_are_drawn_by_the_browser(site):
+    text = (site / "method.html").read_text(encoding="utf-8")
+    assert text.count("<math") > 40
+    assert "arithmatex" not in text
