@@ -16,7 +16,7 @@ from gymnasium.spaces import Box, Dict, Space
 from selftouch_drake.envs.postures import possible_posture
 from selftouch_drake.envs.rendering import BrowserView
 from selftouch_drake.experiment import Experiment, load_experiment
-from selftouch_drake.robot import Log, Simulation, Touches, World
+from selftouch_drake.robot import Simulation, Touches, World
 from selftouch_drake.robot.joints import remembered
 from selftouch_drake.robot.limits import JointLimits
 from selftouch_drake.robot.world import drakes_refusals
@@ -155,11 +155,15 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         # As Drake counts its steps, so that each period has equally many.
         time_step = self.experiment.execution.time_step
         until = self._num_steps * self._plant_steps * time_step
+        began = self._simulation.time_s
         self._simulation.lead_to(moved.clip(*self._range), until)
         log = self._simulation.take_log()
-        self._touches += [log.felt[:, each].any() for each in self._readings]
+        # What is logged just when a period ends may come into the next log.
+        looks = [log.felt[log.time_s > began + time_step / 2], self._simulation.felt[None]]
+        felt = np.concatenate(looks)
+        self._touches += [felt[:, each].any() for each in self._readings]
         observation = self._observation()
-        reward, terminated = self._judge(observation, log)
+        reward, terminated = self._judge(observation, felt)
         if self.render_mode == "human":
             self.render()
         return observation, reward, terminated, False, self._info()
@@ -227,8 +231,8 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
     def _starting_posture(self, options: dict[str, np.ndarray]) -> np.ndarray:
         return options["q"] if "q" in options else possible_posture(self.world, self.np_random)
 
-    def _judge(self, observation: Observation, log: Log) -> tuple[float, bool]:
-        """The reward of a step, and whether it ends the episode."""
+    def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
+        """The reward of a step, and whether it ends the episode; `(T, S)` N was felt in it."""
         return 0.0, False
 
     def _observation(self) -> Observation:

@@ -9,7 +9,7 @@ from gymnasium.spaces import Box, Space
 
 from selftouch_drake.envs.environment import Observation, SelfTouchEnv
 from selftouch_drake.envs.postures import Contacts, contacts_of, touching_posture
-from selftouch_drake.robot import LOG_PERIOD, Log
+from selftouch_drake.robot import LOG_PERIOD
 
 #: So like the wanted sensation is a sensation that counts as it.
 REACHED = 0.9
@@ -96,7 +96,7 @@ class ReachEnv(SelfTouchEnv):
             return _unit(options["goal"])
         return _unit(touching_posture(self.world, self.np_random, contacts).sensation)
 
-    def _judge(self, observation: Observation, log: Log) -> tuple[float, bool]:
+    def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
         found = likeness(observation["achieved_goal"], observation["desired_goal"])
         return float(found), False
 
@@ -134,9 +134,9 @@ class SlideEnv(ReachEnv):
         self._goal = self._wanted(options, contacts)
         return q
 
-    def _judge(self, observation: Observation, log: Log) -> tuple[float, bool]:
-        reward, _ = super()._judge(observation, log)
-        return reward, not log.felt.any(axis=1).all()
+    def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
+        reward, _ = super()._judge(observation, felt)
+        return reward, not felt.any(axis=1).all()
 
 
 def _unit(sensation: np.ndarray) -> np.ndarray:
