@@ -1,4 +1,4 @@
-from functools import lru_cache
+from functools import cache
 
 import pytest
 
@@ -12,7 +12,7 @@ def one_world_per_experiment():
     """Environments of one experiment share skins and probe, which take seconds to build."""
     yaml = pytest.importorskip("yaml")
 
-    @lru_cache(maxsize=None)
+    @cache
     def known(text: str) -> World:
         return World(experiment_from_fields(yaml.safe_load(text)))
 

@@ -104,7 +104,7 @@ def test_reaching_is_rewarded_by_likeness(reach, posture):
 
 
 def test_rewards_of_many_steps_are_those_of_each(reach):
-    observation, _ = reach.reset(seed=2)
+    reach.reset(seed=2)
     seen = [reach.step(reach.action_space.sample()) for _ in range(5)]
     achieved, desired = (
         np.stack([each[0][key] for each in seen]) for key in ("achieved_goal", "desired_goal")
@@ -128,7 +128,7 @@ def test_sliding_ends_where_contact_is_lost(slide, posture):
         slide.reset(options={"q": posture.q})
         ended.append(any(slide.step(joint.astype(np.float32))[2] for _ in range(10)))
     assert any(ended)
-    with pytest.raises(ValueError, match="where nothing is touched: start in touch$"):
+    with pytest.raises(ValueError, match=r"where nothing is touched: start in touch$"):
         slide.reset(options={"q": np.zeros(6)})
 
 
