@@ -187,6 +187,20 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
             skin_poses=self.world.robot.skin_positions(q[None])[0],
         )
 
+    def actions_along(self, time_s: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """The actions that follow a motion, from its start.
+
+        Args:
+            time_s: `(T,)` s, from 0.
+            q: `(T, J)` rad or m, where the joints are commanded to be; no faster than they may.
+
+        Returns:
+            `(N, J)` float32; the motion ends in the last of N periods.
+        """
+        ends = self.period_s * np.arange(np.ceil(time_s[-1] / self.period_s - 1e-9) + 1)
+        at_ends = np.stack([np.interp(ends, time_s, each) for each in q.T], axis=1)
+        return (np.diff(at_ends, axis=0) / self._step_size).clip(-1.0, 1.0).astype(np.float32)
+
     def _spaces(self) -> dict[str, Space]:
         lower, upper = self._range
         margin = _BEYOND_RANGE * (upper - lower)

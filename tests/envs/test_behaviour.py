@@ -43,6 +43,18 @@ def test_an_action_is_a_share_of_the_greatest_velocity(env):
     assert np.allclose(moved, 0.5 * action, atol=0.01)
 
 
+def test_a_motion_can_be_followed(env):
+    q = np.array([0.3, 0.4, -0.5, 0.2, 0.1, 0.0])
+    time_s = np.linspace(0.0, 1.02, 103)
+    motion = q + 0.4 * np.sin(time_s)[:, None] * np.array([1.0, -1.0, 0.5, 0.2, 0.0, 1.0])
+    actions = env.actions_along(time_s, motion)
+    assert actions.shape == (21, 6)
+    env.reset(options={"q": motion[0]})
+    for action in actions:
+        observation, *_ = env.step(action)
+    assert np.allclose(observation["observation"][:6], motion[-1], atol=0.01)
+
+
 def test_commands_stay_within_the_limits_of_the_joints(env):
     lower, upper = env.world.robot.babbled_range
     env.reset(options={"q": upper})
