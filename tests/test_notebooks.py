@@ -16,6 +16,7 @@ SMALL = {
     "NUM_SAMPLES": 4000,
     "NUM_KERNELS": 80,
     "NUM_PAIRS": 1,
+    "NUM_ACTIONS": 1500,
     "NUM_STEPS": 40_000,
     "NUM_PLACES": 60,
     "NUM_RECEPTORS": (20, 50),

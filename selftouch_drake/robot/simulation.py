@@ -118,6 +118,16 @@ class Simulation:
         return desired.Eval(source_context)[: self.robot.num_joints] + self._slip
 
     @property
+    def q_read(self) -> np.ndarray:
+        """`(J,)` rad or m, where the joints read that they are."""
+        return self.q + self._slip
+
+    @property
+    def v(self) -> np.ndarray:
+        """`(J,)` rad/s or m/s."""
+        return self._state.Eval(self._station_context)[self.robot.num_joints :]
+
+    @property
     def felt(self) -> np.ndarray:
         """`(S,)` N, the sensation."""
         return self._sensation.Eval(self._station_context)
@@ -141,6 +151,16 @@ class Simulation:
         q = q - self._slip
         path = PiecewisePolynomial.CubicHermite(time_s, q.T, v.T)
         self._begin(path, q[0] if jump else None)
+
+    def lead_to(self, q: np.ndarray, time_s: float) -> None:
+        """Leads the joints to `(J,)` q, as they read, at constant velocity, until a later time.
+
+        They are led from where they are commanded to be. Time and the log go on, as they do not
+        where a motion begins.
+        """
+        ends = np.stack([self.q_commanded, q], axis=1) - self._slip[:, None]
+        self._give_path(PiecewisePolynomial.FirstOrderHold([self.time_s, time_s], ends))
+        self.advance_to(time_s)
 
     def babble(self, walk: Walk) -> None:
         """Puts the robot at rest where a walk begins, and lets it walk."""
@@ -200,11 +220,14 @@ class Simulation:
         self.advance_to(LOG_PERIOD * (len(time_s) - 1))
         return self.take_log()
 
-    def _begin(self, path: PiecewisePolynomial, q: np.ndarray | None) -> None:
+    def _give_path(self, path: PiecewisePolynomial) -> None:
         if not isinstance(self._source, PathSource):
             raise TypeError("this simulation babbles; make one with babbles=False")
-        self._context.SetTime(0.0)
         self._source.SetPath(self._source.GetMyMutableContextFromRoot(self._context), path)
+
+    def _begin(self, path: PiecewisePolynomial, q: np.ndarray | None) -> None:
+        self._context.SetTime(0.0)
+        self._give_path(path)
         if q is not None:
             self._put(q)
         self._restart()

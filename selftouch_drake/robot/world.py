@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
 
-from selftouch_drake.experiment import Experiment
+from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.robot.limits import JointLimits
 from selftouch_drake.robot.probe import ContactProbe
 from selftouch_drake.robot.robot import Robot
@@ -53,3 +55,18 @@ class World:
     def simulation(self) -> Simulation:
         """Where plans are executed."""
         return Simulation(self.experiment, self.skins)
+
+
+@contextlib.contextmanager
+def drakes_refusals() -> Iterator[None]:
+    """Says in a line what Drake refuses of a robot that is built inside.
+
+    Raises:
+        ExperimentError: the text is Drake's own.
+    """
+    try:
+        yield
+    # Some of Drake's checks log what is wrong and then raise SystemExit.
+    except (RuntimeError, SystemExit) as error:
+        reason = " ".join(str(error).split())[:500]
+        raise ExperimentError(f"robot.directives gives what Drake refuses: {reason}") from error

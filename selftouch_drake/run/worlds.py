@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import World
+from selftouch_drake.robot.world import drakes_refusals
 from selftouch_drake.run.directory import RunDirectory
 
 
@@ -15,12 +16,8 @@ def build_world(experiment: Experiment) -> World:
         ValueError: the experiment names what the robot does not have, or a skin cannot be made.
     """
     world = World(experiment)
-    try:
+    with drakes_refusals():
         _ = world.robot
-    # Some of Drake's checks log what is wrong and then raise SystemExit.
-    except (RuntimeError, SystemExit) as error:
-        reason = " ".join(str(error).split())[:500]
-        raise ExperimentError(f"robot.directives gives what Drake refuses: {reason}") from error
     return world
 
 

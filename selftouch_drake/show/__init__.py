@@ -1,11 +1,14 @@
 """What a person looks at: figures and the report (page), recordings and live play (meshcat)."""
 
 from selftouch_drake.show.material import Material, MissingError, TouchSample
+from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
 from selftouch_drake.show.meshcat.live import LiveShow, play_live
 from selftouch_drake.show.meshcat.recording_page import recording_page
 from selftouch_drake.show.meshcat.robot_page import show_robot
+from selftouch_drake.show.meshcat.server import open_meshcat
 from selftouch_drake.show.meshcat.skin_visualizer import SkinVisualizer
 from selftouch_drake.show.page.figures import FIGURES, draw_figures
+from selftouch_drake.show.page.posture_picture import PostureCamera
 from selftouch_drake.show.page.report import Picture, Recording, report_page
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.robot_shape import RobotShape
@@ -13,10 +16,12 @@ from selftouch_drake.show.skins import SkinSurface
 
 __all__ = [
     "FIGURES",
+    "FeelingRobot",
     "LiveShow",
     "Material",
     "MissingError",
     "Picture",
+    "PostureCamera",
     "Recording",
     "RecoveredSkin",
     "RobotShape",
@@ -24,6 +29,7 @@ __all__ = [
     "SkinVisualizer",
     "TouchSample",
     "draw_figures",
+    "open_meshcat",
     "play_live",
     "recording_page",
     "report_page",

@@ -26,6 +26,8 @@ PRESSURE = LinearSegmentedColormap.from_list(
 )
 
 DPI = 160
+# N, the reading that is shown in the strongest colour where no experience says what is firm.
+FIRM = 2.0
 
 _STYLE: Any = {
     "figure.facecolor": "white",

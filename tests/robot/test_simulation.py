@@ -212,3 +212,21 @@ def test_a_simulation_either_babbles_or_follows_paths(cube_world):
     message = r"^this simulation follows paths; make one with babbles=True$"
     with pytest.raises(TypeError, match=message):
         cube_world.simulation.babble(random_walk(cube_world.experiment, cube_world.robot, 0))
+
+
+def test_joints_are_led_on_from_where_they_are_commanded_to_be(world):
+    simulation, J = world.simulation, world.robot.num_joints
+    lower, upper = world.robot.babbled_range
+    middle = (lower + upper) / 2
+    simulation.rest_at(middle)
+    simulation.take_log()
+    for k in range(1, 4):
+        simulation.lead_to(middle + 0.01 * k, 0.05 * k)
+        np.testing.assert_allclose(simulation.q_commanded, middle + 0.01 * k, atol=1e-12)
+    assert simulation.time_s == 0.05 * 3
+    assert simulation.v.shape == (J,)
+    np.testing.assert_allclose(simulation.q_read, simulation.q, atol=0)
+    # The log went on, and the joints did: 0.2 rad/s without a stop.
+    log = simulation.take_log()
+    assert len(log.time_s) >= 15
+    assert np.all(log.v[4:] > 0.1)

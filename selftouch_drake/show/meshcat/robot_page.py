@@ -8,16 +8,13 @@ from collections.abc import Callable
 
 import numpy as np
 from pydrake.geometry import Meshcat
-from pydrake.math import RigidTransform
 
 from selftouch_drake.robot import World
+from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
 from selftouch_drake.show.meshcat.receptors import rgba
 from selftouch_drake.show.meshcat.server import open_meshcat
-from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
-from selftouch_drake.show.meshcat.stage import VIEW, RobotDrawing, draw_balls, set_stage
+from selftouch_drake.show.meshcat.stage import VIEW
 from selftouch_drake.show.meshcat.text_meshes import put_text
-from selftouch_drake.show.robot_shape import RobotShape
-from selftouch_drake.show.skins import all_moved, as_one, surfaces_of
 from selftouch_drake.show.style import INK
 
 END = "end"
@@ -25,8 +22,6 @@ END = "end"
 _FRAME_S = 1 / 30
 # Rad or m, between two places of a slider.
 _SLIDER_STEP = 0.001
-# N, the reading that is shown in the strongest colour: a firm touch.
-_FULL = 2.0
 
 
 class RobotPage:
@@ -44,21 +39,14 @@ class RobotPage:
     def __init__(self, meshcat: Meshcat, world: World):
         self.meshcat, self._world = meshcat, world
         self._robot = robot = world.robot
-        self._drawing = RobotDrawing(meshcat, world.experiment, world.skins)
-        skins = surfaces_of(world.skins)
-        self._skins = SkinDrawing(meshcat, "/skins", skins)
-        self._balls = draw_balls(meshcat, RobotShape(robot, world.experiment.touching))
-        self._q = robot.plant.GetPositions(robot.plant.CreateDefaultContext())
+        self._drawing = FeelingRobot(meshcat, world)
+        self._q = self._drawing.home
         lower, upper = robot.babbled_range
         for name, low, high, value in zip(robot.joint_names, lower, upper, self._q, strict=True):
             meshcat.AddSlider(name, low, high, _SLIDER_STEP, value)
         meshcat.AddButton(END, "Escape")
-        home = as_one(all_moved(skins, robot.skin_positions(self._q[None])[0]))
-        low, high = home.vertices.min(axis=0), home.vertices.max(axis=0)
-        self._size = float((high - low).max())
-        self._under = (low + high) / 2 - 0.75 * self._size * VIEW.axes[1]
+        self._under = self._drawing.middle - 0.75 * self._drawing.size * VIEW.axes[1]
         self.status = ""
-        set_stage(meshcat, VIEW, (low + high) / 2, self._size)
         self.show(self._q)
 
     @property
@@ -77,19 +65,14 @@ class RobotPage:
     def show(self, q: np.ndarray) -> None:
         """Shows the robot at `(J,)` q, and what it feels there."""
         self._q = q
-        self._drawing.put(q)
-        self._skins.move(self._robot.skin_positions(q[None])[0])
-        places = self._robot.toucher_positions(q[None])[0]
-        for number, path in self._balls.items():
-            self.meshcat.SetTransform(path, RigidTransform(places[number]))
         (felt,) = self._world.probe.sensations(q[None])
-        self._skins.show(felt / _FULL)
+        self._drawing.show(q, felt)
         (depth,) = self._world.probe.collision_depth(q[None])
         status = f"feels {felt.sum():.1f} N" if felt.any() else "touches nothing"
         if depth > 0:
             status = "rigid parts run into each other: no posture of this robot"
         if status != self.status:
-            size = 0.08 * self._size
+            size = 0.08 * self._drawing.size
             put_text(self.meshcat, "/status", status, self._under, VIEW, size=size, color=rgba(INK))
             self.status = status
 

@@ -1,0 +1,282 @@
+"""A robot that may touch itself, as a Gymnasium environment."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.spaces import Box, Dict, Space
+
+from selftouch_drake.envs.postures import possible_posture
+from selftouch_drake.envs.rendering import BrowserView
+from selftouch_drake.experiment import Experiment, load_experiment
+from selftouch_drake.robot import Simulation, Touches, World
+from selftouch_drake.robot.joints import remembered
+from selftouch_drake.robot.limits import JointLimits
+from selftouch_drake.robot.world import drakes_refusals
+from selftouch_drake.show import PostureCamera
+
+# s, from one action to the next: as often as a person corrects a movement, four times over.
+PERIOD_S = 0.05
+# N, above all readings of a skin that does not saturate.
+_LARGEST_READING = 1000.0
+# Joints give way beyond their limits, and are thrown back, by so much: of their range, and of their
+# greatest velocity. What is beyond that reads as that.
+_BEYOND_RANGE, _BEYOND_VELOCITY = 0.1, 10.0
+
+Observation = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Truth:
+    """What an agent never sees, for whoever scores it.
+
+    Attributes:
+        q: `(J,)` rad or m, where the joints truly are.
+        v: `(J,)` rad/s or m/s.
+        touches: of one instant: which skin is pressed by which toucher, and where, in the frame of
+            the skin's link. The sensation is that of a robot at rest at `q`.
+        skin_poses: `(skins, 3, 4)` of the links that wear skins, in the world.
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    touches: Touches
+    skin_poses: np.ndarray
+
+
+class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
+    """A robot under dynamics, with soft skins, that may do what it likes: it is never rewarded.
+
+    An observation is a dictionary of float32:
+
+    - `observation` `(2J,)`: where the joints read that they are, rad or m, and their velocities,
+      rad/s or m/s.
+    - `touch` `(S,)` N: the readings of all skins, one after another.
+
+    An action `(J,)`, from -1 to 1, is a share of each joint's greatest velocity, at which it is
+    led until the next action. Joint controllers follow, within their effort limits and against
+    whatever the robot runs into. Commands stay within the limits of the joints.
+
+    An episode starts at rest in a random posture that the robot can take, or in
+    `options={"q": posture}`, and never terminates; registered environments are truncated. `info`
+    has `steps`, and `touches`: in how many of them each skin was touched.
+
+    Args:
+        experiment: the name of a shipped experiment, or the path of a YAML file.
+        overrides: a nested mapping laid over it, as `{"seed": 1}`.
+        period_s: s, from one action to the next; whole steps of the simulation.
+        render_mode: `human` for Meshcat, in a browser and in real time, `rgb_array` for pictures.
+
+    Raises:
+        ExperimentError: naming the field of the experiment, its value and the remedy.
+        ValueError: `period_s` is no time; `render_mode` is not known.
+    """
+
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 20}  # noqa: RUF012 - Gymnasium's
+    observation_space: Dict
+    # s, between two looks at what is felt; by default one per step.
+    _log_period: float | None = None
+
+    def __init__(
+        self,
+        experiment: str | Path,
+        *,
+        overrides: Mapping[str, Any] | None = None,
+        period_s: float = PERIOD_S,
+        render_mode: str | None = None,
+    ):
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ValueError(f"render_mode is {render_mode!r}: give human, rgb_array or None")
+        self.experiment: Experiment = load_experiment(experiment, overrides)
+        time_step = self.experiment.execution.time_step
+        if not period_s >= time_step:
+            raise ValueError(f"period_s is {period_s}: give {time_step} s or more")
+        self._plant_steps = round(period_s / time_step)
+        self.period_s = self._plant_steps * time_step
+        self.metadata = {**self.metadata, "render_fps": round(1 / self.period_s)}
+        self.render_mode = render_mode
+        self.world = World(self.experiment)
+        log_period = min(self._log_period or self.period_s, self.period_s)
+        with drakes_refusals():
+            self._simulation = Simulation(self.experiment, self.world.skins, log_period=log_period)
+        robot = self._simulation.robot
+        self._range = robot.babbled_range
+        self._step_size = self.period_s * JointLimits.of(robot, self.experiment.execution).velocity
+        self.action_space = Box(-1.0, 1.0, (robot.num_joints,), np.float32)
+        self.observation_space = Dict(self._spaces())
+        self._num_steps = 0
+        self._touches = np.zeros(len(self.world.skins), dtype=int)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Puts the robot at rest, and begins an episode.
+
+        Args:
+            seed: of all episodes from now on; by default they go on as they were.
+            options: `q` `(J,)` rad or m: where it starts.
+
+        Raises:
+            ValueError: an option is not known, or is no posture of this robot.
+        """
+        super().reset(seed=seed)
+        options = self._known(options)
+        self._simulation.rest_at(self._starting_posture(options))
+        self._simulation.take_log()
+        self._num_steps = 0
+        self._touches[:] = 0
+        if self.render_mode == "human":
+            self.render()
+        return self._observation(), self._info()
+
+    def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+        """Leads the joints for one period.
+
+        Args:
+            action: `(J,)` shares of the joints' greatest velocities, from -1 to 1.
+
+        Raises:
+            ValueError: it has another shape, or is not finite.
+        """
+        action = np.asarray(action, dtype=float)
+        if action.shape != self.action_space.shape or not np.isfinite(action).all():
+            raise ValueError(
+                f"action is {action.tolist()}: give {self.action_space.shape} numbers, -1 to 1"
+            )
+        self._num_steps += 1
+        moved = self._simulation.q_commanded + self._step_size * action.clip(-1.0, 1.0)
+        # As Drake counts its steps, so that each period has equally many.
+        time_step = self.experiment.execution.time_step
+        until = self._num_steps * self._plant_steps * time_step
+        began = self._simulation.time_s
+        self._simulation.lead_to(moved.clip(*self._range), until)
+        log = self._simulation.take_log()
+        # What is logged just when a period ends may come into the next log.
+        looks = [log.felt[log.time_s > began + time_step / 2], self._simulation.felt[None]]
+        felt = np.concatenate(looks)
+        self._touches += [felt[:, each].any() for each in self._readings]
+        observation = self._observation()
+        reward, terminated = self._judge(observation, felt)
+        if self.render_mode == "human":
+            self.render()
+        return observation, reward, terminated, False, self._info()
+
+    def render(self) -> np.ndarray | None:  # type: ignore[override]
+        """Shows the robot and what it feels; `(height, width, 3)` uint8 of an `rgb_array`."""
+        q, felt = self._simulation.q, self._simulation.felt
+        if self.render_mode == "rgb_array":
+            return self._camera.picture(q, felt)
+        if self.render_mode == "human":
+            self._browser.show(q, felt)
+        return None
+
+    def truth(self) -> Truth:
+        """What the agent never sees; it changes nothing."""
+        q = self._simulation.q.copy()
+        return Truth(
+            q=q,
+            v=self._simulation.v.copy(),
+            touches=self.world.probe.touches(q[None]),
+            skin_poses=self.world.robot.skin_positions(q[None])[0],
+        )
+
+    def actions_along(self, time_s: np.ndarray, q: np.ndarray) -> np.ndarray:
+        """The actions that follow a motion, from its start.
+
+        Args:
+            time_s: `(T,)` s, from 0.
+            q: `(T, J)` rad or m, where the joints are commanded to be; no faster than they may.
+
+        Returns:
+            `(N, J)` float32; the motion ends in the last of N periods.
+        """
+        ends = self.period_s * np.arange(np.ceil(time_s[-1] / self.period_s - 1e-9) + 1)
+        at_ends = np.stack([np.interp(ends, time_s, each) for each in q.T], axis=1)
+        return (np.diff(at_ends, axis=0) / self._step_size).clip(-1.0, 1.0).astype(np.float32)
+
+    def _spaces(self) -> dict[str, Space]:
+        lower, upper = self._range
+        margin = _BEYOND_RANGE * (upper - lower)
+        fastest = _BEYOND_VELOCITY * self._step_size / self.period_s
+        lowest = np.concatenate([lower - margin, -fastest]).astype(np.float32)
+        highest = np.concatenate([upper + margin, fastest]).astype(np.float32)
+        saturation = [
+            np.full(each.num_receptors, each.imperfections.saturation or _LARGEST_READING)
+            for each in self.experiment.skins.values()
+        ]
+        most = np.concatenate(saturation).astype(np.float32)
+        return {
+            "observation": Box(lowest, highest, dtype=np.float32),
+            "touch": Box(np.zeros_like(most), most, dtype=np.float32),
+        }
+
+    def _known(self, options: dict[str, Any] | None) -> dict[str, np.ndarray]:
+        """The options of a reset, each checked."""
+        known = dict(options or {})
+        if unknown := sorted(set(known) - {*self._options()}):
+            raise ValueError(
+                f"options has {unknown[0]!r}: known are {', '.join(sorted(self._options()))}"
+            )
+        for name, size in self._options().items():
+            if name in known:
+                known[name] = np.asarray(known[name], dtype=float)
+                if known[name].shape != (size,) or not np.isfinite(known[name]).all():
+                    raise ValueError(
+                        f"options[{name!r}] is {known[name].tolist()}: give {size} finite numbers"
+                    )
+        if "q" in known and np.any(known["q"] != known["q"].clip(*self._range)):
+            raise ValueError(
+                f"options['q'] is {known['q'].tolist()}: keep between {self._range[0].tolist()} "
+                f"and {self._range[1].tolist()}"
+            )
+        return known
+
+    def _options(self) -> dict[str, int]:
+        """Names of what `reset` takes, and how many numbers each has."""
+        return {"q": len(self._step_size)}
+
+    def _starting_posture(self, options: dict[str, np.ndarray]) -> np.ndarray:
+        return options["q"] if "q" in options else possible_posture(self.world, self.np_random)
+
+    def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
+        """The reward of a step, and whether it ends the episode; `(T, S)` N was felt in it."""
+        return 0.0, False
+
+    def _observation(self) -> Observation:
+        simulation = self._simulation
+        (q,) = remembered(self.experiment, simulation.q_read[None])
+        return {
+            "observation": self._within("observation", np.concatenate([q, simulation.v])),
+            "touch": self._within("touch", simulation.felt),
+        }
+
+    def _within(self, name: str, values: np.ndarray) -> np.ndarray:
+        space = self.observation_space[name]
+        assert isinstance(space, Box)
+        return values.astype(np.float32).clip(space.low, space.high)
+
+    def _info(self) -> dict[str, Any]:
+        names = [skin.name for skin in self.world.skins]
+        touches = dict(zip(names, self._touches.tolist(), strict=True))
+        return {"steps": self._num_steps, "touches": touches}
+
+    @cached_property
+    def _readings(self) -> list[slice]:
+        """Where the readings of each skin are in a sensation."""
+        ends = np.cumsum([0, *(skin.fields.num_receptors for skin in self.world.skins)]).tolist()
+        return [slice(a, b) for a, b in pairwise(ends)]
+
+    @cached_property
+    def _browser(self) -> BrowserView:
+        return BrowserView(self.world, self.period_s)
+
+    @cached_property
+    def _camera(self) -> PostureCamera:
+        return PostureCamera(self.world)

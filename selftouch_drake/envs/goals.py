@@ -1,0 +1,146 @@
+"""Environments with a goal: a sensation that is to be felt."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from gymnasium.spaces import Box, Space
+
+from selftouch_drake.envs.environment import Observation, SelfTouchEnv
+from selftouch_drake.envs.postures import Contacts, contacts_of, touching_posture
+from selftouch_drake.robot import LOG_PERIOD
+
+#: So like the wanted sensation is a sensation that counts as it.
+REACHED = 0.9
+
+
+def likeness(achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
+    """How alike sensations are: the cosine between them, 0 where nothing is felt.
+
+    Args:
+        achieved: `(..., S)` unit L2 norm, or zero.
+        desired: `(..., S)` unit L2 norm.
+
+    Returns:
+        `(...)`, from 0 to 1.
+    """
+    return np.sum(np.multiply(achieved, desired, dtype=float), axis=-1).clip(0.0, 1.0)
+
+
+class ReachEnv(SelfTouchEnv):
+    """As `SelfTouchEnv`, and the robot is rewarded for feeling a wanted sensation.
+
+    An observation has two entries more, as Gymnasium's environments with goals have them:
+    `desired_goal` `(S,)`, the sensation that is wanted, and `achieved_goal` `(S,)`, the one that is
+    felt; of unit L2 norm, as how firmly it is felt does not count, and zero where nothing is felt.
+
+    The reward of a step is the likeness of the two: their cosine. It never terminates. `info` has
+    `likeness` and `is_success` besides: whether the likeness is 0.9 or more.
+
+    The goal is what is felt in a random posture that touches firmly, or
+    `options={"goal": sensation}` `(S,)`.
+    """
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observation, dict[str, Any]]:
+        """As `SelfTouchEnv.reset`, towards a new goal.
+
+        Args:
+            seed: of all episodes from now on.
+            options: `q` `(J,)` rad or m, where it starts; `goal` `(S,)`, the sensation that is
+                wanted, of any strength.
+
+        Raises:
+            ValueError: an option is not known, or cannot be.
+        """
+        self._goal = np.zeros(self.experiment.num_receptors, dtype=np.float32)
+        return super().reset(seed=seed, options=options)
+
+    def compute_reward(
+        self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any
+    ) -> np.ndarray | float:
+        """The reward of having felt `(..., S)` where another `(..., S)` was wanted.
+
+        It lets a learner pretend that it wanted what it felt (hindsight); `info` is not used.
+        """
+        found = likeness(achieved_goal, desired_goal)
+        return float(found) if found.ndim == 0 else found
+
+    def _spaces(self) -> dict[str, Space]:
+        unit = Box(0.0, 1.0, (self.experiment.num_receptors,), np.float32)
+        return {**super()._spaces(), "achieved_goal": unit, "desired_goal": unit}
+
+    def _options(self) -> dict[str, int]:
+        return {**super()._options(), "goal": self.experiment.num_receptors}
+
+    def _known(self, options: dict[str, Any] | None) -> dict[str, np.ndarray]:
+        known = super()._known(options)
+        if "goal" in known and (np.any(known["goal"] < 0) or not known["goal"].any()):
+            raise ValueError(
+                f"options['goal'] is {known['goal'].tolist()}: give a sensation, N, of which no "
+                "reading is negative and not all are 0"
+            )
+        return known
+
+    def _starting_posture(self, options: dict[str, np.ndarray]) -> np.ndarray:
+        self._goal = self._wanted(options)
+        return super()._starting_posture(options)
+
+    def _wanted(
+        self, options: dict[str, np.ndarray], contacts: Contacts | None = None
+    ) -> np.ndarray:
+        """The goal of an episode; if it is left to chance, of some contacts."""
+        if "goal" in options:
+            return _unit(options["goal"])
+        return _unit(touching_posture(self.world, self.np_random, contacts).sensation)
+
+    def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
+        found = likeness(observation["achieved_goal"], observation["desired_goal"])
+        return float(found), False
+
+    def _observation(self) -> Observation:
+        plain = super()._observation()
+        return {**plain, "achieved_goal": _unit(plain["touch"]), "desired_goal": self._goal.copy()}
+
+    def _info(self) -> dict[str, Any]:
+        found = float(likeness(_unit(self._simulation.felt), self._goal))
+        return {**super()._info(), "likeness": found, "is_success": found >= REACHED}
+
+
+class SlideEnv(ReachEnv):
+    """As `ReachEnv`, without ever losing contact: whoever feels nothing has failed.
+
+    The robot starts in touch, and an episode terminates when nothing is felt at one of the looks
+    that are taken every 0.01 s. If both start and goal are left to chance, the same skin is touched
+    by the same toucher in both.
+    """
+
+    _log_period = LOG_PERIOD
+
+    def _starting_posture(self, options: dict[str, np.ndarray]) -> np.ndarray:
+        if "q" in options:
+            q = options["q"]
+            touches = self.world.probe.touches(q[None])
+            if not touches.sensation.any():
+                raise ValueError(
+                    f"options['q'] is {q.tolist()}, where nothing is touched: start in touch"
+                )
+            contacts = contacts_of(touches)
+        else:
+            start = touching_posture(self.world, self.np_random)
+            q, contacts = start.q, start.contacts
+        self._goal = self._wanted(options, contacts)
+        return q
+
+    def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
+        reward, _ = super()._judge(observation, felt)
+        return reward, not felt.any(axis=1).all()
+
+
+def _unit(sensation: np.ndarray) -> np.ndarray:
+    """`(S,)` float32 of unit L2 norm; zero where nothing is felt."""
+    norm = np.linalg.norm(sensation)
+    unit = sensation / norm if norm > 0 else sensation
+    return unit.astype(np.float32).clip(0.0, 1.0)

@@ -1,0 +1,86 @@
+"""Random postures of a robot: any that it can take, or those in which it touches itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from selftouch_drake.experiment import ExperimentError
+from selftouch_drake.robot import Touches, World
+
+# Postures that are asked at once: with one touch in thirty, some of them touch.
+_BATCH = 512
+# Where none of so many is as wanted, no more are tried.
+_MOST_BATCHES = 400
+
+#: Which skins are touched by what: pairs of numbers of a skin and a toucher.
+Contacts = frozenset[tuple[int, int]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Posture:
+    """A posture that touches.
+
+    Attributes:
+        q: `(J,)` rad or m.
+        sensation: `(S,)` N, what is felt there without time.
+        contacts: who touches whom.
+    """
+
+    q: np.ndarray
+    sensation: np.ndarray
+    contacts: Contacts
+
+
+def possible_posture(world: World, random: np.random.Generator) -> np.ndarray:
+    """`(J,)` rad or m, a posture that the robot can take, touching or not.
+
+    Raises:
+        ExperimentError: the robot can take none of very many.
+    """
+    for _ in range(_MOST_BATCHES):
+        q = random.uniform(*world.robot.babbled_range)
+        if world.probe.collision_depth(q[None])[0] == 0:
+            return q
+    raise ExperimentError(
+        f"in each of {_MOST_BATCHES} random postures rigid parts of the robot run into each other; "
+        "see them with `selftouch robot EXPERIMENT --show`, or give robot.collision_depth more"
+    )
+
+
+def touching_posture(
+    world: World, random: np.random.Generator, contacts: Contacts | None = None
+) -> Posture:
+    """A posture that the robot can take and in which it touches itself firmly.
+
+    Firm are the stronger half of the touches that chance makes, as those that plans run through.
+
+    Args:
+        world: of the robot.
+        random: where chance comes from.
+        contacts: who is to touch whom; anybody by default.
+
+    Raises:
+        ExperimentError: none of very many touches so.
+    """
+    lower, upper = world.robot.babbled_range
+    for _ in range(_MOST_BATCHES):
+        q = random.uniform(lower, upper, (_BATCH, len(lower)))
+        rows, touches = world.probe.felt(q)
+        strength = np.linalg.norm(touches.sensation, axis=1)
+        firm = np.flatnonzero(strength >= np.median(strength)) if len(rows) else rows
+        for k in firm:
+            found = contacts_of(touches.of_rows(np.array([k])))
+            wanted = contacts is None or found == contacts
+            if wanted and world.probe.collision_depth(q[rows[k]][None])[0] == 0:
+                return Posture(q=q[rows[k]], sensation=touches.sensation[k], contacts=found)
+    raise ExperimentError(
+        f"of {_BATCH * _MOST_BATCHES} random postures none touches as is wanted; see what can "
+        "reach what with `selftouch robot EXPERIMENT --show`"
+    )
+
+
+def contacts_of(touches: Touches) -> Contacts:
+    """Who touches whom at any of some instants."""
+    return frozenset(zip(touches.skin.tolist(), touches.toucher.tolist(), strict=True))
