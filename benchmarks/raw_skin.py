@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter
 
-#: Counts that a firm reading is above rest; one per mille of the readings above 0 is firmer.
+#: Counts that a firm reading is above rest.
 FIRM = 120.0
 #: Counts, standard deviation of the noise.
 NOISE = 1.0
@@ -58,43 +58,61 @@ def recorded(
     force = np.empty((num_rows, num_receptors), dtype=np.float32)
     for first in range(0, num_rows, 5000):
         rows = slice(first, first + 5000)
-        near = (1.0 - np.sqrt(np.maximum(2.0 - 2.0 * place[rows] @ receptors.T, 0.0)) / width)
+        near = 1.0 - np.sqrt(np.maximum(2.0 - 2.0 * place[rows] @ receptors.T, 0.0)) / width
         force[rows] = 2.0 * near.clip(0.0) * depth[rows].clip(0.0)[:, None]
     q = np.hstack([(1.0 - 0.02 * depth[:, None]) * place, 0.1 * _wandering(rng, num_rows, 4, 0.95)])
     return Recorded(
         q=q,
         force=force,
-        raw=raw_readings(force, seed=seed),
+        raw=RawSkin(num_receptors, float(force.max()), num_rows, seed=seed).read(force),
         place=place,
         time_s=np.arange(num_rows) / rate_hz,
     )
 
 
-def raw_readings(force: np.ndarray, *, seed: int = 0, spikes: float = SPIKES) -> np.ndarray:
-    """What a real skin reads.
+class RawSkin:
+    """A skin of S receptors that reads eight bits.
 
     Args:
-        force: `(n, S)` N, what a perfect one feels, row by row in time.
-        seed: of all that is random.
+        num_receptors: S.
+        firm: N, a firm reading of one receptor; it is `FIRM` counts above rest.
+        num_rows: of the whole recording, in which the resting levels drift.
         spikes: share of the readings that are spikes.
-
-    Returns:
-        `(n, S)` uint8.
+        seed: of all that is random.
     """
-    rng = np.random.default_rng(seed)
-    num_rows, num_receptors = force.shape
-    offset = rng.uniform(20.0, 60.0, num_receptors)
-    drift = rng.uniform(-DRIFT, DRIFT, num_receptors)
-    gain = rng.uniform(0.8, 1.2, num_receptors) * FIRM / np.quantile(force[force > 0], 0.999)
-    raw, held = np.empty(force.shape, dtype=np.uint8), np.zeros(num_receptors)
-    for row, pressed in enumerate(force):
-        # Pressure is read at once; when it falls, the foam comes back slowly.
-        held = np.maximum(pressed, held + RECOVERY * (pressed - held))
-        level = offset + drift * row / num_rows + rng.normal(0.0, NOISE, num_receptors)
-        reading = np.rint(level + gain * held).clip(0, 255)
-        wild = rng.random(num_receptors) < spikes
-        raw[row] = np.where(wild, rng.integers(0, 256, num_receptors), reading)
-    return raw
+
+    def __init__(
+        self,
+        num_receptors: int,
+        firm: float,
+        num_rows: int,
+        *,
+        spikes: float = SPIKES,
+        seed: int = 0,
+    ):
+        self._rng = rng = np.random.default_rng(seed)
+        self._offset = rng.uniform(20.0, 60.0, num_receptors)
+        self._drift = rng.uniform(-DRIFT, DRIFT, num_receptors) / num_rows
+        self._gain = rng.uniform(0.8, 1.2, num_receptors) * FIRM / firm
+        self._held = np.zeros(num_receptors)
+        self._row = 0
+        self._spikes = spikes
+
+    def read(self, force: np.ndarray) -> np.ndarray:
+        """`(n, S)` uint8, what it reads in the next n rows where a perfect skin feels `force` N."""
+        rng, shape = self._rng, force.shape
+        held = np.empty(shape, dtype=np.float32)
+        for row, pressed in enumerate(force):
+            # Pressure is read at once; when it falls, the foam comes back slowly.
+            self._held = np.maximum(pressed, self._held + RECOVERY * (pressed - self._held))
+            held[row] = self._held
+        rows = (self._row + np.arange(len(force)))[:, None]
+        self._row += len(force)
+        noise = NOISE * rng.standard_normal(shape, dtype=np.float32)
+        reading = self._offset + self._drift * rows + self._gain * held + noise
+        wild = rng.random(shape, dtype=np.float32) < self._spikes
+        spikes = rng.integers(0, 256, shape, dtype=np.uint8)
+        return np.where(wild, spikes, np.rint(reading).clip(0, 255)).astype(np.uint8)
 
 
 def _wandering(rng: np.random.Generator, num_rows: int, width: int, persistence: float):

@@ -255,9 +255,13 @@ def plan(
 
     from selftouch_drake.run import stages
 
-    # What is felt at a free start, only a world could say.
-    without_world = directory.experiment.imported is not None and q_start is None
+    without_world = directory.experiment.imported is not None
     if without_world:
+        if q_start is not None:
+            raise click.UsageError(
+                f"--from-q needs a robot that could be simulated, and {run} was imported: give "
+                "--from, the target sensation that is felt there"
+            )
         motion = stages.plan_imported(directory, *targets)
     elif q_start is None:
         motion = stages.plan(directory, stages.make_world(directory), *targets)

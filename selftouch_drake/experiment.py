@@ -37,7 +37,7 @@ SHAPES = {
 BABBLING_MODES = ("kinematic", "dynamic")
 METRICS = ("learned", "sensorimotor", "motor", "literal", "revolute_reference")
 # Fields that mean nothing where experience is imported, and where it is not.
-_WITHOUT_ROBOT = ("robot", "skins", "touching", "joints")
+_WITHOUT_ROBOT = ("robot", "skins", "touching", "joints", "execution", "evaluation")
 _WITHOUT_DATA = ("imported",)
 # Purposes of randomness; a new one goes to the end, so that the others stay as they are.
 STREAMS = ("walk", "pairs", "start", "skin", "joints")
@@ -571,14 +571,10 @@ def _samples_of(e: Experiment) -> str:
 
 def _check_imported(e: Experiment, imported: Imported) -> None:
     """Experience from elsewhere has joints and receptors, and no robot."""
-    for name, value, none in (
-        ("robot", e.robot, Robot()),
-        ("skins", e.skins, {}),
-        ("touching", e.touching, {}),
-        ("joints", e.joints, Joints()),
-    ):
-        remedy = "an imported experience has none: leave it out"
-        _require(value == none, name, value, remedy)
+    for name in _WITHOUT_ROBOT:
+        value = getattr(e, name)
+        remedy = "imported experience has no robot: leave it out"
+        _require(value == getattr(Experiment(), name), name, value, remedy)
     names = imported.joints
     _require(bool(names), "imported.joints", names, "name the joints")
     _require(

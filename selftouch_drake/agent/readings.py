@@ -1,7 +1,7 @@
 """From what the receptors of a real skin read to what is felt (naive).
 
 Raw readings are no pressures: each receptor rests at a level of its own, the level drifts, there is
-noise, and some readings are spikes. All of it is found in the readings themselves, because each
+noise, some readings are spikes, and others come back slowly after a touch. All of it is found in the readings themselves, because each
 receptor rests in most rows: one touch is felt by few receptors.
 """
 
@@ -45,6 +45,13 @@ _LIFT = 3.0
 #: of: a light touch may be felt by one receptor, and only once.
 _FEW_ALONE = 0.03
 
+#: Readings come back slowly if pressure falls in so many times more rows than it rises in. Without
+#: hysteresis it is 1, as what a robot does at random looks alike forwards and backwards.
+_SLOW = 1.2
+
+#: Pressure that is at least this share of the row before does not fall: the rest is noise.
+_STEADY = 0.95
+
 #: Rows at a time; bounds the memory for the readings as floats.
 _BLOCK = 8192
 
@@ -61,7 +68,6 @@ class Calibration:
         threshold: `(S,)` above rest, in raw units; smaller readings count as none.
         smoothed: whether the median of three rows was taken first, because there are spikes and
             rows follow each other in time.
-        company: `(S, S)` bool, receptors that feel the same touches; None if there are no spikes.
     """
 
     rising: bool
@@ -70,7 +76,6 @@ class Calibration:
     noise: np.ndarray
     threshold: np.ndarray
     smoothed: bool
-    company: np.ndarray | None
 
     @property
     def offset(self) -> np.ndarray:
@@ -98,8 +103,7 @@ class Calibration:
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """All fields by name, for a file."""
-        arrays = {name: np.asarray(getattr(self, name)) for name in self.__slots__}
-        return {name: array for name, array in arrays.items() if array.dtype != object}
+        return {name: np.asarray(getattr(self, name)) for name in self.__slots__}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -111,7 +115,9 @@ class Felt:
         q: `(n, J)` motor configurations, in the robot's units.
         sensation: `(n, S)` float32, how far readings are above rest, in raw units; no row null.
         calibration: of the receptors.
-        num_lone: readings above the threshold that no other receptor shared: spikes.
+        num_lone: readings above the threshold that no other receptors shared: spikes. They are null
+            in `sensation`.
+        num_fading: rows left out because pressure fell, if readings come back slowly.
     """
 
     rows: np.ndarray
@@ -119,6 +125,7 @@ class Felt:
     sensation: np.ndarray
     calibration: Calibration
     num_lone: int
+    num_fading: int
 
     @property
     def silent(self) -> np.ndarray:
@@ -137,7 +144,8 @@ def felt_touches(
     """Finds the touches in a recording of raw readings.
 
     Args:
-        q: `(n, J)` motor configurations, in the robot's units.
+        q: `(n, J)` motor configurations, in the robot's units; if they move little from row to row,
+            rows count as successive in time, else as unordered.
         readings: `(n, S)` raw, any real type, all finite; rows that touch and rows that do not, as
             recorded. Pressures with an offset of 0 pass as they are.
         offset: resting level in raw units, one or `(S,)`; by default it is found, with its drift.
@@ -150,30 +158,66 @@ def felt_touches(
     """
     q, readings = _checked(q, readings)
     calibration = _calibrated(readings, offset, threshold, rising)
-    if _are_successive(q) and _has_spikes_in_time(readings, calibration):
+    successive = _are_successive(q)
+    if successive and _has_spikes_in_time(readings, calibration):
         readings = _median_of_three(readings)
         calibration = _calibrated(readings, offset, threshold, rising, smoothed=True)
-    rows, sensations, num_lone = [], [], 0
-    for first in range(0, len(readings), _BLOCK):
-        pressure = calibration.pressure(readings[first : first + _BLOCK], first)
-        kept = _in_company(pressure, calibration.company)
-        num_lone += int(np.count_nonzero(pressure) - np.count_nonzero(kept))
-        touched = np.flatnonzero(kept.any(axis=1))
-        rows.append(first + touched)
-        sensations.append(kept[touched])
-    found = np.concatenate(rows)
-    if not len(found):
+    rows, pressure = _pressed(readings, calibration)
+    company = _company(pressure > 0, len(readings))
+    num_lone = 0
+    if company is not None:
+        shared = _shared(pressure > 0, company)
+        num_lone = int(np.count_nonzero(pressure) - np.count_nonzero(shared))
+        rows, pressure = _touching(rows, np.where(shared, pressure, np.float32(0.0)))
+    num_fading = 0
+    if successive and (fading := _fading(rows, pressure.sum(axis=1, dtype=float))).any():
+        num_fading = int(fading.sum())
+        rows, pressure = rows[~fading], pressure[~fading]
+    if not len(rows):
         raise ValueError(
             f"nothing is felt in {len(readings)} rows: the readings of all receptors stay within "
             "their thresholds; lower the threshold, or record touches"
         )
     return Felt(
-        rows=found,
-        q=q[found],
-        sensation=np.concatenate(sensations),
+        rows=rows,
+        q=q[rows],
+        sensation=pressure,
         calibration=calibration,
         num_lone=num_lone,
+        num_fading=num_fading,
     )
+
+
+def _pressed(readings: np.ndarray, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
+    """The rows in which any receptor is above its threshold, and `(n, S)` float32 pressures."""
+    found = []
+    for block in _blocks(0, len(readings)):
+        pressure = calibration.pressure(readings[block], block.start)
+        found.append(_touching(np.arange(block.start, block.stop), pressure))
+    rows, pressures = zip(*found, strict=True)
+    return np.concatenate(rows), np.concatenate(pressures)
+
+
+def _touching(rows: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    touching = pressure.any(axis=1)
+    return rows[touching], pressure[touching]
+
+
+def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """`(n,)` bool, rows in which pressure falls, if readings come back slowly; else none.
+
+    After a touch ends, a slow receptor still reads it for a while. Pressure then falls in many more
+    rows than it rises in, and what is read while it falls is of the past.
+
+    Args:
+        rows: `(n,)` of the recording, rising.
+        total: `(n,)` sum of the pressures.
+    """
+    follows = np.diff(rows) == 1
+    falls, rises = follows & (total[1:] < total[:-1]), follows & (total[1:] > total[:-1])
+    if falls.sum() < _SLOW * rises.sum():
+        return np.zeros(len(rows), dtype=bool)
+    return np.append(False, follows & (total[1:] < _STEADY * total[:-1]))
 
 
 def _calibrated(
@@ -207,7 +251,6 @@ def _calibrated(
         noise=noise,
         threshold=limit,
         smoothed=smoothed,
-        company=_company(apart > np.maximum(limit, 0.0)),
     )
 
 
@@ -226,7 +269,8 @@ def _between(row: np.ndarray, level: np.ndarray, rows: np.ndarray) -> np.ndarray
     place = np.interp(rows, row, np.arange(len(row)))
     before = np.minimum(place.astype(int), len(row) - 2)
     share = (place - before)[:, None]
-    return (1.0 - share) * level[before] + share * level[before + 1]
+    # A level that stays comes out exactly: a receptor that rests reads nothing.
+    return level[before] + share * (level[before + 1] - level[before])
 
 
 def _above(readings: np.ndarray, resting: np.ndarray, rising: bool) -> np.ndarray:
@@ -296,38 +340,35 @@ def _blocks(first: int, last: int) -> Iterator[slice]:
     return (slice(start, min(start + _BLOCK, last)) for start in range(first, last, _BLOCK))
 
 
-def _company(felt: np.ndarray) -> np.ndarray | None:
+def _company(felt: np.ndarray, num_rows: int) -> np.ndarray | None:
     """`(S, S)` bool, receptors that feel together more often than chance; None without spikes.
 
     Args:
-        felt: `(n, S)` bool, which receptors feel in a sample of rows.
+        felt: `(n, S)` bool, which receptors feel, in the rows in which any does.
+        num_rows: of the recording.
     """
-    counts = felt.sum(axis=0, dtype=float)
-    together = felt.astype(np.float32).T @ felt.astype(np.float32)
-    chance = np.outer(counts, counts) / len(felt)
-    company = (together > _LIFT * chance) & (together > chance + _SILENCE * np.sqrt(chance + 1.0))
+    num_receptors = felt.shape[1]
+    together, counts = np.zeros((num_receptors, num_receptors)), felt.sum(axis=0, dtype=float)
+    for rows in _blocks(0, len(felt)):
+        some = felt[rows].astype(np.float32)
+        together += some.T @ some
+    chance = np.outer(counts, counts) / num_rows
+    company = (together > _LIFT * chance) & (together > chance + 3.0 * np.sqrt(chance) + 2.0)
     np.fill_diagonal(company, False)
-    touching = felt[felt.any(axis=1)]
     # Where fields do not overlap, nobody can say what is a spike.
-    judged = company.sum(axis=1) >= _COMPANY
-    if not judged.any():
+    if np.median(company.sum(axis=1)) < _COMPANY:
         return None
-    company[~judged] = False
-    alone = ~_shared(touching, company).any(axis=1)
+    alone = ~_shared(felt, company).any(axis=1)
     return company if np.mean(alone) > _FEW_ALONE else None
 
 
 def _shared(felt: np.ndarray, company: np.ndarray) -> np.ndarray:
-    """`(n, S)` bool, what is felt by enough receptors together, or by one without company."""
-    others = felt.astype(np.float32) @ company.T.astype(np.float32)
-    return felt & ((others >= _COMPANY) | ~company.any(axis=1))
-
-
-def _in_company(pressure: np.ndarray, company: np.ndarray | None) -> np.ndarray:
-    """`(n, S)` the same without readings that are alone."""
-    if company is None:
-        return pressure
-    return np.where(_shared(pressure > 0, company), pressure, np.float32(0.0))
+    """`(n, S)` bool, what is felt by enough receptors together."""
+    shared = np.zeros(felt.shape, dtype=bool)
+    for rows in _blocks(0, len(felt)):
+        others = felt[rows].astype(np.float32) @ company.T.astype(np.float32)
+        shared[rows] = felt[rows] & (others >= _COMPANY)
+    return shared
 
 
 def _one_each(name: str, value: float | np.ndarray, num_receptors: int) -> np.ndarray:

@@ -77,6 +77,12 @@ _IMPORT = (
     ("import_noise_median", "", "standard deviation of a typical receptor at rest", ""),
     ("import_threshold_median", "", "above rest, from where on a reading counts", ""),
     ("import_num_lone", "", "readings left out because no other receptor shared them", ""),
+    (
+        "import_num_fading",
+        "",
+        "rows left out because pressure fell, and readings come back slowly",
+        "",
+    ),
     ("import_silent_receptors", "", "receptors that never read anything", "none"),
     ("import_still_joints", "", "joints that never move", "none"),
 )

@@ -212,12 +212,13 @@ def _figures(data: Data) -> dict[str, Any]:
         "babbling_num_samples": len(felt.rows),
         "import_num_rows": recording.num_rows,
         "import_num_incomplete": recording.num_incomplete,
-        "import_num_null": len(recording.q) - len(felt.rows),
+        "import_num_null": len(recording.q) - len(felt.rows) - felt.num_fading,
         "import_offset_median": float(np.median(calibration.offset)),
         "import_drift_max": float(calibration.drift.max()),
         "import_noise_median": float(np.median(calibration.noise)),
         "import_threshold_median": float(np.median(calibration.threshold)),
         "import_num_lone": felt.num_lone,
+        "import_num_fading": felt.num_fading,
         **({"import_silent_receptors": data.silent} if data.silent else {}),
         **({"import_still_joints": data.still} if data.still else {}),
     }
@@ -230,7 +231,8 @@ def summary(data: Data, experiment: Experiment) -> list[str]:
     assert imported is not None
     lines = [
         f"rows: {recording.num_rows:,}, of which {recording.num_incomplete:,} are incomplete and "
-        f"{len(recording.q) - len(felt.rows):,} feel nothing; {len(felt.rows):,} touches",
+        f"{len(recording.q) - len(felt.rows) - felt.num_fading:,} feel nothing; "
+        f"{len(felt.rows):,} touches",
         f"joints: {_listed(recording.joints)}",
         f"receptors: {_listed(recording.receptors)}; readings "
         f"{'rise' if calibration.rising else 'fall'} with pressure",
@@ -241,7 +243,14 @@ def summary(data: Data, experiment: Experiment) -> list[str]:
     if calibration.smoothed:
         lines.append("spikes: each reading is the median of three in time")
     if felt.num_lone:
-        lines.append(f"spikes: {felt.num_lone:,} readings that no other receptor shared are left out")
+        lines.append(
+            f"spikes: {felt.num_lone:,} readings that no other receptor shared are left out"
+        )
+    if felt.num_fading:
+        lines.append(
+            f"hysteresis: {felt.num_fading:,} rows in which pressure falls are left out, because "
+            "readings come back slowly"
+        )
     if data.silent:
         lines.append(f"receptors that never read anything: {_listed(data.silent)}")
     if data.still:
