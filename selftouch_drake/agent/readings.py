@@ -236,7 +236,7 @@ def _calibrated(
     sample = np.arange(0, len(readings), -(-len(readings) // _SAMPLE))
     apart = readings[sample] - _between(row, level, sample)
     if rising is None:
-        rising = bool(_tail(apart) >= _tail(-apart))
+        rising = _tail(apart) >= _tail(-apart)
     if not rising:
         apart = -apart
     noise = _noise(apart, readings[sample])
