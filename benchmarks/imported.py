@@ -120,7 +120,7 @@ def main() -> None:
     parser.add_argument("--targets", type=int, default=300)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--skins", nargs="+", default=list(SPIKES), choices=list(SPIKES))
-    parser.add_argument("--metrics", nargs="+", default=["learned", "sensorimotor"])
+    parser.add_argument("--metrics", nargs="+", default=["learned"])
     options = parser.parse_args()
     if not (options.out / "truth.npz").exists():
         record(options.out, options.rows, options.seed)
