@@ -2,17 +2,18 @@
 
     python benchmarks/imported.py --out runs/recorded
 
-A torus with 300 receptors turns on one joint of its neck, and an arm of six joints touches it with a
-fingertip: seven joints. They wander at about 0.5 rad/s and are recorded at 50 Hz, touching or not. Every
-recording is a folder of Parquet files with the columns `q`, `sensation` and `time_s`, which
+A torus with 300 receptors turns on one joint of its neck, and an arm of six joints touches it with
+a fingertip: seven joints. They wander at about 0.5 rad/s and are recorded at 50 Hz, touching or
+not. Every recording is a folder of Parquet files with the columns `q`, `sensation` and `time_s`, which
 `selftouch import` reads too:
 
 - `clean`: N, what a perfect skin feels;
-- `raw`: eight bits, with offsets, drift, noise, hysteresis and 1 % spikes (`benchmarks/raw_skin.py`);
+- `raw`: eight bits, with offsets, drift, noise, hysteresis and spikes in 1 % of the readings
+  (`benchmarks/raw_skin.py`);
 - `raw_no_spikes`: the same without spikes.
 
-Each is imported, learned and recovered as `selftouch` does it; then the shapes are compared with the
-truth. Recordings that are there already are not made again.
+Each is imported, learned and recovered as `selftouch` does it; then the shapes are compared with
+the truth. Recordings that are there already are not made again.
 """
 
 from __future__ import annotations
@@ -108,8 +109,8 @@ def scored(data: Data, contacts: Contacts, num_targets: int, metric: str) -> str
     holes = "" if part.topology is None else " ".join(map(str, part.topology.betti))
     margin = "" if part.topology is None else f"{part.topology.margin:.1f}"
     return (
-        f"| {len(felt.rows):,} | {100 * false:.1f} % | {100 * errors.get(0, np.nan):.1f} % | {holes} "
-        f"| {margin} | {part.dimension or np.nan:.2f} | {part.metric} | {seconds:.0f} s |"
+        f"| {len(felt.rows):,} | {100 * false:.1f} % | {100 * errors.get(0, np.nan):.1f} % "
+        f"| {holes} | {margin} | {part.dimension or np.nan:.2f} | {part.metric} | {seconds:.0f} s |"
     )
 
 
@@ -133,9 +134,7 @@ def main() -> None:
         for metric in options.metrics:
             rows.append(f"| {name} {scored(data, contacts, options.targets, metric)}")
             print(rows[-1], flush=True)
-    print(
-        "\n| skin | touches | of these false | shape error | holes | margin | dimension | metric | time |"
-    )
+    print("\n| skin | touches | false | shape error | holes | margin | dimension | metric | time |")
     print("|---|---|---|---|---|---|---|---|---|")
     print("\n".join(rows))
 

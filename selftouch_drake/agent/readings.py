@@ -1,12 +1,13 @@
 """From what the receptors of a real skin read to what is felt (naive).
 
 Raw readings are no pressures: each receptor rests at a level of its own, the level drifts, there is
-noise, some readings are spikes, and others come back slowly after a touch. All of it is found in the readings themselves, because each
-receptor rests in most rows: one touch is felt by few receptors.
+noise, some readings are spikes, and others come back slowly after a touch. All of it is found in
+the readings themselves, because each receptor rests in most rows: one touch is felt by few receptors.
 """
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -54,6 +55,10 @@ _STEADY = 0.95
 
 #: Rows at a time; bounds the memory for the readings as floats.
 _BLOCK = 8192
+
+
+class RestlessWarning(UserWarning):
+    """Receptors seem to feel something most of the time: their resting level is in doubt."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -155,6 +160,9 @@ def felt_touches(
 
     Raises:
         ValueError: shapes disagree, a number is not finite, or nothing is felt.
+
+    Warns:
+        RestlessWarning: most receptors feel something in most rows.
     """
     q, readings = _checked(q, readings)
     calibration = _calibrated(readings, offset, threshold, rising)
@@ -169,6 +177,13 @@ def felt_touches(
         shared = _shared(pressure > 0, company)
         num_lone = int(np.count_nonzero(pressure) - np.count_nonzero(shared))
         rows, pressure = _touching(rows, np.where(shared, pressure, np.float32(0.0)))
+    if len(pressure) and 2 * np.median(np.count_nonzero(pressure, axis=0)) > len(readings):
+        warnings.warn(
+            "half of the receptors feel something in more than half of the rows: record more rows "
+            "without a touch, or give the right offset",
+            RestlessWarning,
+            stacklevel=2,
+        )
     num_fading = 0
     if successive and (fading := _fading(rows, pressure.sum(axis=1, dtype=float))).any():
         num_fading = int(fading.sum())

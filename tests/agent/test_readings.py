@@ -1,16 +1,10 @@
 """Touches are found in what a raw skin reads, and pressures pass as they are."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
-
-from selftouch_drake.agent.readings import felt_touches
-
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))
-
 from raw_skin import NOISE, RawSkin, recorded
+
+from selftouch_drake.agent.readings import RestlessWarning, felt_touches
 
 NUM_ROWS, NUM_RECEPTORS = 12_000, 100
 
@@ -73,9 +67,11 @@ def test_drift_is_followed():
     raw = skin.read(np.zeros((NUM_ROWS, NUM_RECEPTORS), dtype=np.float32))
     drifting = raw + np.linspace(0, 60, NUM_ROWS)[:, None]
     q = np.random.default_rng(0).normal(size=(NUM_ROWS, 3))
-    with pytest.raises(ValueError, match="^nothing is felt in 12000 rows: the readings of all"):
+    with pytest.raises(ValueError, match="nothing is felt in 12000 rows"):
         felt_touches(q, drifting, threshold=30.0)
-    assert len(felt_touches(q, drifting, threshold=20.0, offset=40.0).rows) > NUM_ROWS / 2
+    # With one offset for all of it, the drift is taken for touches.
+    with pytest.warns(RestlessWarning, match="half of the receptors feel something"):
+        felt_touches(q, drifting, threshold=20.0, offset=30.0)
 
 
 def test_readings_may_fall_with_pressure(recording, felt):

@@ -175,16 +175,16 @@ def test_folders_that_cannot_be_used_are_refused(tmp_path):
         read_recording(tmp_path)
     np.savez(tmp_path / "a.npz", q=Q, touch=READINGS)
     np.savez(tmp_path / "b.npz", q=Q[:, :2], touch=READINGS)
-    with pytest.raises(RecordingError, match=r"b.npz has 2 joints of other names than .*a.npz"):
+    with pytest.raises(RecordingError, match=r"b\.npz has 2 joints of other names than .*a.npz"):
         read_recording(tmp_path)
     (tmp_path / "c.csv").write_text("q\n1\n")
-    with pytest.raises(RecordingError, match="holds files of kinds .csv, .npz; give one kind"):
+    with pytest.raises(RecordingError, match=r"holds files of kinds \.csv, \.npz; give one kind"):
         read_recording(tmp_path)
     (tmp_path / "d.parquet").write_bytes(b"PAR1 and no more")
-    with pytest.raises(RecordingError, match="d.parquet is damaged"):
+    with pytest.raises(RecordingError, match=r"d\.parquet is damaged"):
         read_recording(tmp_path / "d.parquet")
     (tmp_path / "notes.txt").write_text("q")
-    with pytest.raises(RecordingError, match=r"notes.txt is no parquet, csv or npz file"):
+    with pytest.raises(RecordingError, match=r"notes\.txt is no parquet, csv or npz file"):
         read_recording(tmp_path / "notes.txt")
     table = {"q": pa.array([[1.0], [1.0, 2.0]]), "touch": pa.array([[1], [1]])}
     pq.write_table(pa.table(table), tmp_path / "e.parquet")

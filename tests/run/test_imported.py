@@ -4,13 +4,13 @@ import csv
 import json
 import re
 import shutil
-import sys
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from raw_skin import recorded
 
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience import ExperienceReader
@@ -21,10 +21,6 @@ from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.imported import imported_experiment, read_data
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "benchmarks"))
-
-from raw_skin import recorded
-
 NUM_ROWS, NUM_RECEPTORS, NUM_TARGETS = 30_000, 300, 150
 SET = f"{{representation: {{num_targets: {NUM_TARGETS}, metric: sensorimotor}}}}"
 SILENT = 7
@@ -246,7 +242,7 @@ def test_mistakes_leave_no_run(data, tmp_path, capfd):
     for words, message in (
         ((tmp_path / "nowhere",), "nowhere is not there; give a file or a folder"),
         ((data, "--q", "angle_*"), "--q is 'angle_*'; "),
-        ((data, "--offset", "300"), "nothing is felt in"),
+        ((data, "--threshold", "300"), "nothing is felt in 29999 rows: "),
         ((data, "--set", "{skins: 3}"), "skins is 3; give a mapping by name"),
         ((data, "--max-velocity", "0"), "imported.max_velocity is [0.0, "),
     ):
