@@ -4,8 +4,8 @@
 
 A torus with 300 receptors turns on one joint of its neck, and an arm of six joints touches it with
 a fingertip: seven joints. They wander at about 0.5 rad/s and are recorded at 50 Hz, touching or
-not. Every recording is a folder of Parquet files with the columns `q`, `sensation` and `time_s`, which
-`selftouch import` reads too:
+not. Every recording is a folder of Parquet files with the columns `q`, `sensation` and `time_s`,
+which `selftouch import` reads too:
 
 - `clean`: N, what a perfect skin feels;
 - `raw`: eight bits, with offsets, drift, noise, hysteresis and spikes in 1 % of the readings

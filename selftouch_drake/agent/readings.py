@@ -2,7 +2,8 @@
 
 Raw readings are no pressures: each receptor rests at a level of its own, the level drifts, there is
 noise, some readings are spikes, and others come back slowly after a touch. All of it is found in
-the readings themselves, because each receptor rests in most rows: one touch is felt by few receptors.
+the readings themselves, because each receptor rests in most rows: one touch is felt by few
+receptors.
 """
 
 from __future__ import annotations
