@@ -13,7 +13,8 @@ which `selftouch import` reads too:
 - `raw_no_spikes`: the same without spikes.
 
 Each is imported, learned and recovered as `selftouch` does it; then the shapes are compared with
-the truth. Recordings that are there already are not made again.
+the truth, and it is looked where along twenty random plans the perfect skin is touched. Recordings
+that are there already are not made again.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ RATE_HZ = 50.0
 STEP = 0.01
 # N, that a firm touch presses on one receptor of 300.
 FIRM = 1.0
+NUM_PLANS = 20
 # Rows of a file.
 PIECE = 25_000
 SPIKES = {"clean": None, "raw": 0.01, "raw_no_spikes": 0.0}
@@ -48,13 +50,15 @@ JOINTS = ["turning_body::neck_z", *(f"arm::{name}" for name in (
 ))]  # fmt: skip
 
 
-def record(folder: Path, num_rows: int, seed: int) -> None:
+def make_world(seed: int) -> World:
+    skins = {"body": {"num_receptors": 300}}
+    changes = {"seed": seed, "robot": {"joints": JOINTS}, "skins": skins}
+    return World(load_experiment("turning_body", changes))
+
+
+def record(folder: Path, world: World, num_rows: int) -> None:
     """Makes all recordings of one motion, and the truth beside them."""
-    experiment = load_experiment(
-        "turning_body",
-        {"seed": seed, "robot": {"joints": JOINTS}, "skins": {"body": {"num_receptors": 300}}},
-    )
-    world = World(experiment)
+    experiment, seed = world.experiment, world.experiment.seed
     lower, upper = world.robot.babbled_range
     walk = RandomWalk(
         lower=lower,
@@ -94,7 +98,18 @@ def lists(rows: np.ndarray) -> pa.Array:
     return pa.FixedSizeListArray.from_arrays(pa.array(rows.reshape(-1)), rows.shape[1])
 
 
-def scored(data: Data, contacts: Contacts, num_targets: int, metric: str) -> str:
+def contact(agent: Agent, world: World) -> np.ndarray:
+    """Shares of the length of random plans in which a perfect skin is touched."""
+    rng, shares = np.random.default_rng(0), []
+    for _ in range(NUM_PLANS):
+        start, goal = rng.choice(agent.representation.num_targets, 2, replace=False)
+        plan = agent.plan(int(start), int(goal))
+        felt = world.probe.sensations(plan.path(np.linspace(*plan.path.t[[0, -1]], 500)))
+        shares.append(np.mean(felt.any(axis=1)))
+    return np.array(shares)
+
+
+def scored(data: Data, contacts: Contacts, world: World, num_targets: int, metric: str) -> str:
     """One row of the table."""
     felt = data.felt
     false = np.mean(np.diff(contacts.offsets)[felt.rows] == 0)
@@ -105,12 +120,13 @@ def scored(data: Data, contacts: Contacts, num_targets: int, metric: str) -> str
     known = agent.representation
     truth = kernel_truth(known, contacts.take(felt.rows[known.kernel_row]))
     errors = shape_errors(body.positions, known.part, truth)
-    part = body.parts[0]
+    part, held = body.parts[0], 100 * contact(agent, world)
     holes = "" if part.topology is None else " ".join(map(str, part.topology.betti))
     margin = "" if part.topology is None else f"{part.topology.margin:.1f}"
     return (
         f"| {len(felt.rows):,} | {100 * false:.1f} % | {100 * errors.get(0, np.nan):.1f} % "
-        f"| {holes} | {margin} | {part.dimension or np.nan:.2f} | {part.metric} | {seconds:.0f} s |"
+        f"| {holes} | {margin} | {part.dimension or np.nan:.2f} | {part.metric} "
+        f"| {held.mean():.1f} % | {held.min():.0f} % | {seconds:.0f} s |"
     )
 
 
@@ -123,8 +139,9 @@ def main() -> None:
     parser.add_argument("--skins", nargs="+", default=list(SPIKES), choices=list(SPIKES))
     parser.add_argument("--metrics", nargs="+", default=["learned"])
     options = parser.parse_args()
+    world = make_world(options.seed)
     if not (options.out / "truth.npz").exists():
-        record(options.out, options.rows, options.seed)
+        record(options.out, world, options.rows)
     contacts = Contacts(**load_arrays(options.out / "truth.npz"))
     rows = []
     for name in options.skins:
@@ -132,10 +149,13 @@ def main() -> None:
         data = read_data(options.out / name, **perfect)
         print(f"{name}:", *summary(data, imported_experiment(data)), sep="\n  ", flush=True)
         for metric in options.metrics:
-            rows.append(f"| {name} {scored(data, contacts, options.targets, metric)}")
+            rows.append(f"| {name} {scored(data, contacts, world, options.targets, metric)}")
             print(rows[-1], flush=True)
-    print("\n| skin | touches | false | shape error | holes | margin | dimension | metric | time |")
-    print("|---|---|---|---|---|---|---|---|---|")
+    print(
+        "\n| skin | touches | false | shape error | holes | margin | dimension | metric "
+        "| contact | worst | time |"
+    )
+    print("|---" * 11 + "|")
     print("\n".join(rows))
 
 
