@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -116,6 +117,7 @@ def cli(ctx: click.Context) -> None:
     selftouch execute runs/cube --from 3 --to 250
     selftouch play runs/cube                  watch it live in a browser
     selftouch robot two_arms                  what moves, what feels, what touches what
+    selftouch import recording.npz            data that another robot recorded
     """  # noqa: D301 - click keeps the lines after a \b as they are
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
@@ -171,6 +173,59 @@ def babble(
     click.echo(f"experience: {directory.experience}")
 
 
+@cli.command("import")
+@click.argument("data", metavar="DATA", type=click.Path(path_type=Path))
+@click.option("--out", type=click.Path(path_type=Path), help="Run directory.  [runs/NAME]")
+@click.option(
+    "--q",
+    metavar="COLUMNS",
+    help="Joint positions: a column of arrays, or 'joint_*' for one column for each joint.",
+)
+@click.option(
+    "--sensation", metavar="COLUMNS", help="Readings of the skin, likewise, as in 'taxel_*'."
+)
+@click.option("--time", metavar="COLUMN", help="Seconds; the speeds of the joints follow from it.")
+@click.option(
+    "--offset", type=float, help="What a receptor reads at rest; 0 for pressures.  [found]"
+)
+@click.option(
+    "--threshold", type=float, help="Above rest, from where on a reading counts.  [found]"
+)
+@click.option("--rising/--falling", default=None, help="With pressure, readings do.  [found]")
+@click.option("--max-velocity", type=float, help="Of plans, rad/s or m/s.  [as recorded, or 1]")
+@click.option("--max-acceleration", type=float, help="Of plans.  [5 times the velocity]")
+@SET
+def import_data(
+    data: Path,
+    out: Path | None,
+    max_velocity: float | None,
+    max_acceleration: float | None,
+    overrides: str,
+    **how: Any,
+) -> None:
+    """Begin a run with data that another robot recorded.
+
+    DATA is a Parquet, CSV or NPZ file or a folder of them, with joint positions and raw readings of
+    the skin in each row. `learn`, `plan` and `report` work on such a run; what needs a simulated
+    robot does not.
+    """
+    from selftouch_drake.experiment import parse_overrides
+    from selftouch_drake.run import imported
+    from selftouch_drake.run.directory import RunDirectory
+
+    fields = parse_overrides(overrides)
+    read = imported.read_data(data, **how)
+    experiment = imported.imported_experiment(
+        read, overrides=fields, max_velocity=max_velocity, max_acceleration=max_acceleration
+    )
+    directory = RunDirectory.create(out or Path("runs") / experiment.name, experiment)
+    with directory.writing():
+        imported.store(directory, read)
+    for line in imported.summary(read, experiment):
+        click.echo(line)
+    click.echo(f"run: {directory.path}")
+
+
 @cli.command()
 @RUN
 def learn(run: Path) -> None:
@@ -208,13 +263,23 @@ def plan(
 
     from selftouch_drake.run import stages
 
-    world = stages.make_world(directory)
-    if q_start is None:
-        motion = stages.plan(directory, world, *targets)
+    without_world = directory.experiment.imported is not None
+    if without_world:
+        if q_start is not None:
+            raise click.UsageError(
+                f"--from-q needs a robot that could be simulated, and {run} was imported: give "
+                "--from, the target sensation that is felt there"
+            )
+        motion = stages.plan_imported(directory, *targets)
+    elif q_start is None:
+        motion = stages.plan(directory, stages.make_world(directory), *targets)
     else:
+        world = stages.make_world(directory)
         motion = stages.plan_from(directory, world, np.array(q_start), targets[-1])
     click.echo(f"route: {_route(motion)}\nduration: {motion.time_s[-1]:.2f} s")
     click.echo(f"plan: {directory.plan(*targets)}")
+    if without_world:
+        click.echo(f"joint trajectory: {directory.plan(*targets).with_suffix('.csv')}")
 
 
 @cli.command()

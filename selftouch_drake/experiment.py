@@ -36,6 +36,9 @@ SHAPES = {
 }
 BABBLING_MODES = ("kinematic", "dynamic")
 METRICS = ("learned", "sensorimotor", "motor", "literal", "revolute_reference")
+# Fields that mean nothing where experience is imported, and where it is not.
+_WITHOUT_ROBOT = ("robot", "skins", "touching", "joints", "execution", "evaluation")
+_WITHOUT_DATA = ("imported",)
 # Purposes of randomness; a new one goes to the end, so that the others stay as they are.
 STREAMS = ("walk", "pairs", "start", "skin", "joints")
 
@@ -225,6 +228,26 @@ class Evaluation:
 
 
 @dataclass(kw_only=True, slots=True)
+class Imported:
+    """Experience that another robot recorded, in place of a robot that Drake loads.
+
+    Nothing is known of the robot but what it felt where, so that nothing can be simulated.
+    `selftouch import` fills it.
+    """
+
+    # The file or folder that it was read from.
+    source: str = ""
+    # SHA-256 of the rows that were kept.
+    content: str = ""
+    # Names of the joints, in the order of a motor configuration.
+    joints: list[str] = field(default_factory=list)
+    num_receptors: int = 0
+    # Limits of the timed plans, one per joint: rad/s and rad/s², or m/s and m/s².
+    max_velocity: list[float] = field(default_factory=list)
+    max_acceleration: list[float] = field(default_factory=list)
+
+
+@dataclass(kw_only=True, slots=True)
 class Experiment:
     """One experiment: a robot, its skins, what touches them, what is learned and how it is scored.
 
@@ -243,10 +266,14 @@ class Experiment:
     planning: Planning = field(default_factory=Planning)
     execution: Execution = field(default_factory=Execution)
     evaluation: Evaluation = field(default_factory=Evaluation)
+    # Experience from elsewhere: then there is no robot, no skin, and nothing that touches.
+    imported: Imported | None = None
 
     @property
     def num_receptors(self) -> int:
         """S, of all skins together."""
+        if self.imported is not None:
+            return self.imported.num_receptors
         return sum(skin.num_receptors for skin in self.skins.values())
 
     def random_stream(self, purpose: str, *index: int) -> np.random.SeedSequence:
@@ -338,10 +365,11 @@ def skins_from_fields(fields: Any) -> dict[str, Skin]:
 
 
 def dump_experiment(experiment: Experiment) -> str:
-    """The resolved experiment as YAML text, every field spelled out."""
-    return yaml.safe_dump(
-        dataclasses.asdict(experiment), sort_keys=False, allow_unicode=True, width=100
-    )
+    """The resolved experiment as YAML text, every field spelled out that means something."""
+    fields = dataclasses.asdict(experiment)
+    for absent in _WITHOUT_DATA if experiment.imported is None else _WITHOUT_ROBOT:
+        del fields[absent]
+    return yaml.safe_dump(fields, sort_keys=False, allow_unicode=True, width=100)
 
 
 def _find(source: str | Path) -> Path:
@@ -490,12 +518,12 @@ def closest(text: str, choices: typing.Iterable[str]) -> str:
 
 
 def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
-    if dataclasses.is_dataclass(kind):
-        return _made(value, typing.cast(type, kind), prefix=f"{name}.")
     if type(None) in typing.get_args(kind):
         if value is None:
             return None
         kind = next(arg for arg in typing.get_args(kind) if arg is not type(None))
+    if dataclasses.is_dataclass(kind):
+        return _made(value, typing.cast(type, kind), prefix=f"{name}.")
     if kind is float and isinstance(value, (int, float, str)) and not isinstance(value, bool):
         try:  # YAML 1.1 reads 3e4 as text
             number = float(value)
@@ -562,6 +590,50 @@ def _one_of(name: str, value: str, choices: typing.Iterable[str]) -> None:
 def _check_values(e: Experiment) -> None:
     _require(e.name != "" and e.name.isprintable(), "name", e.name, "give a printable name")
     _require(0 <= e.seed < 2**63, "seed", e.seed, "give a number from 0 to 2^63 - 1")
+    if e.imported is None:
+        _check_robot(e)
+    else:
+        _check_imported(e, e.imported)
+    for name, value, least, most, words in _ranges(e):
+        if value is not None:
+            _require(least <= value <= most, name, value, f"give {words}")
+    _one_of("babbling.mode", e.babbling.mode, BABBLING_MODES)
+    _require(
+        e.representation.num_targets <= e.babbling.num_samples,
+        "representation.num_targets",
+        e.representation.num_targets,
+        f"give at most {_samples_of(e)}, {e.babbling.num_samples}",
+    )
+    _one_of("representation.metric", e.representation.metric, METRICS)
+    for number, metric in enumerate(e.evaluation.shape_metrics or []):
+        _one_of(f"evaluation.shape_metrics[{number}]", metric, METRICS)
+
+
+def _samples_of(e: Experiment) -> str:
+    return "babbling.num_samples" if e.imported is None else "the number of touches"
+
+
+def _check_imported(e: Experiment, imported: Imported) -> None:
+    """Experience from elsewhere has joints and receptors, and no robot."""
+    for name in _WITHOUT_ROBOT:
+        value = getattr(e, name)
+        remedy = "imported experience has no robot: leave it out"
+        _require(value == getattr(Experiment(), name), name, value, remedy)
+    names = imported.joints
+    _require(bool(names), "imported.joints", names, "name the joints")
+    _require(
+        imported.num_receptors >= 4,
+        "imported.num_receptors",
+        imported.num_receptors,
+        "give at least 4",
+    )
+    for name in ("max_velocity", "max_acceleration"):
+        limits = getattr(imported, name)
+        valid = len(limits) == len(names) and all(limit > 0 for limit in limits)
+        _require(valid, f"imported.{name}", limits, "give a number above 0 for each joint")
+
+
+def _check_robot(e: Experiment) -> None:
     robot = e.robot
     _require(
         robot.directives != "" and robot.directives.isprintable(),
@@ -578,19 +650,6 @@ def _check_values(e: Experiment) -> None:
         _check_skin(f"skins.{name}", skin)
     for name, toucher in e.touching.items():
         _check_toucher(f"touching.{name}", toucher)
-    for name, value, least, most, words in _ranges(e):
-        if value is not None:
-            _require(least <= value <= most, name, value, f"give {words}")
-    _one_of("babbling.mode", e.babbling.mode, BABBLING_MODES)
-    _require(
-        e.representation.num_targets <= e.babbling.num_samples,
-        "representation.num_targets",
-        e.representation.num_targets,
-        f"give at most babbling.num_samples, {e.babbling.num_samples}",
-    )
-    _one_of("representation.metric", e.representation.metric, METRICS)
-    for number, metric in enumerate(e.evaluation.shape_metrics or []):
-        _one_of(f"evaluation.shape_metrics[{number}]", metric, METRICS)
 
 
 _TINY = sys.float_info.min

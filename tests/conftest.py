@@ -11,6 +11,8 @@ from selftouch_drake.robot import World
 
 # pytest's importlib mode imports test files alone: this lets them share `fenced`.
 sys.path.insert(0, str(Path(__file__).parent))
+# The imitation of a real skin is the one that the benchmarks have.
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
 # The same examples every time; `make fuzz` looks for new ones.
 settings.register_profile("steady", derandomize="SELFTOUCH_FUZZ" not in os.environ)

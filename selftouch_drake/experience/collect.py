@@ -149,6 +149,13 @@ def collect(
     return counts
 
 
+def how_to_collect(experiment: Experiment, folder: Path) -> str:
+    """The command that makes what is missing of the experience in a run's folder."""
+    if experiment.imported is not None:
+        return f"selftouch import {experiment.imported.source} --out {folder}"
+    return f"selftouch babble {folder / 'experiment.yaml'} --out {folder}"
+
+
 def require_complete(
     experiment: Experiment, folder: Path, *, fingerprint: str, truth: bool = False
 ) -> None:
@@ -166,7 +173,7 @@ def require_complete(
         if known is None:
             raise StoreError(
                 f"{shards / shard_name(walk)} is missing; collect it again with "
-                f"`selftouch babble {folder / 'experiment.yaml'} --out {folder}`"
+                f"`{how_to_collect(experiment, folder)}`"
             )
     if len(list(shards.glob("part-*.parquet"))) > len(sizes):
         raise StoreError(f"{shards} holds shards that are not of this run; remove them")

@@ -105,7 +105,7 @@ class Shard:
         step: `(N,)` the step of each touch.
         q: `(N, J)` rad or m, motor configurations.
         sensation: `(N, S)` N, the skins' readings one after another.
-        contacts: of each touch: the truth.
+        contacts: of each touch: the truth; None where nobody knows it.
     """
 
     walk: int
@@ -114,7 +114,7 @@ class Shard:
     step: np.ndarray
     q: np.ndarray
     sensation: np.ndarray
-    contacts: Contacts
+    contacts: Contacts | None
 
     @property
     def counts(self) -> WalkCounts:
@@ -128,7 +128,7 @@ def shard_name(walk: int) -> str:
 
 
 def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
-    """Writes the experience and the truth of one walk into the run directory."""
+    """Writes the experience of one walk, and the truth if it is known, into the run directory."""
     metadata = {
         b"selftouch.fingerprint": fingerprint.encode(),
         b"selftouch.num_steps": str(shard.num_steps).encode(),
@@ -136,15 +136,18 @@ def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
     }
     walk = pa.array(np.full(len(shard.step), shard.walk, dtype=np.int32))
     key = {"walk": walk, "step": pa.array(shard.step.astype(np.int64))}
-    contacts = shard.contacts
-    truth = {
-        **key,
-        "skin": _lists(contacts.offsets, pa.array(contacts.skin.astype(np.int8))),
-        "toucher": _lists(contacts.offsets, pa.array(contacts.toucher.astype(np.int8))),
-        "p_LC": _lists(contacts.offsets, _vectors(contacts.p_LC)),
-    }
     felt = {**key, "q": _vectors(shard.q), "sensation": _vectors(shard.sensation)}
-    for folder, columns in (("truth", truth), ("experience", felt)):
+    folders = {"experience": felt}
+    if (contacts := shard.contacts) is not None:
+        truth = {
+            **key,
+            "skin": _lists(contacts.offsets, pa.array(contacts.skin.astype(np.int8))),
+            "toucher": _lists(contacts.offsets, pa.array(contacts.toucher.astype(np.int8))),
+            "p_LC": _lists(contacts.offsets, _vectors(contacts.p_LC)),
+        }
+        # Truth first: experience without it would look complete.
+        folders = {"truth": truth} | folders
+    for folder, columns in folders.items():
         table = pa.table(columns).replace_schema_metadata(metadata)
         (run / folder).mkdir(exist_ok=True)
         with written_whole(run / folder / shard_name(shard.walk)) as aside:

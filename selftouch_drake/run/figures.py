@@ -68,6 +68,24 @@ _BABBLING = (
     ("babbling_force_max_N", "N", "total force of the hardest touch", ""),
     ("babbling_wall_s", "s", "duration of the stage", ""),
 )
+_IMPORT = (
+    ("import_num_rows", "", "rows of the recording", ""),
+    ("import_num_incomplete", "", "rows left out because a number was missing", "0"),
+    ("import_num_null", "", "rows left out because nothing was felt", ""),
+    ("import_offset_median", "", "what a typical receptor reads at rest, in raw units", ""),
+    ("import_drift_max", "", "how far the resting level of a receptor went, in raw units", ""),
+    ("import_noise_median", "", "standard deviation of a typical receptor at rest", ""),
+    ("import_threshold_median", "", "above rest, from where on a reading counts", ""),
+    ("import_num_lone", "", "readings left out because no other receptor shared them", ""),
+    (
+        "import_num_fading",
+        "",
+        "rows left out because pressure fell, and readings come back slowly",
+        "",
+    ),
+    ("import_silent_receptors", "", "receptors that never read anything", "none"),
+    ("import_still_joints", "", "joints that never move", "none"),
+)
 _COVERAGE = (
     (
         "coverage_share_10_touches",
@@ -347,6 +365,7 @@ _REHEARSAL = (
 )
 _SECTIONS = (
     ("Babbling", "babble", _BABBLING),
+    ("Imported data", "babble", _IMPORT),
     ("Coverage of the skin", "evaluate", _COVERAGE),
     ("Learning", "learn", _LEARNING),
     ("What the agent found out about its body", "learn", _FOUND),

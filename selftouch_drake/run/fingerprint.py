@@ -36,6 +36,10 @@ def model_digests(
         ExperimentError: the mesh file of a skin is not there.
         ModelError: a file is not found, or cannot be read.
     """
+    # Imported experience was kept whole: no file outside the run decides anything.
+    if experiment.imported is not None:
+        return {}
+
     from selftouch_drake.robot.models import load_model
 
     robot = experiment.robot
@@ -67,6 +71,8 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     kept["robot"] = {key: fields["robot"][key] for key in ("joints", "collision_depth")}
     # Their order counts: that of the readings in a sensation, and of the numbers in the truth.
     kept |= {key: list(fields[key].items()) for key in ("skins", "touching")}
+    if experiment.imported is not None:
+        kept["imported"] = experiment.imported.content
     if experiment.joints.noise:
         kept["joints"] = experiment.joints.noise
     if experiment.babbling.mode == "dynamic":

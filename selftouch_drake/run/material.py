@@ -38,6 +38,7 @@ from selftouch_drake.run.knowledge import (
     was_executed,
 )
 from selftouch_drake.run.stages import make_world
+from selftouch_drake.run.worlds import NoWorldError, require_robot
 from selftouch_drake.show import MissingError, RecoveredSkin, RobotShape, SkinSurface, TouchSample
 from selftouch_drake.show.recovered import at_poses, laid_on_skins, skins_of
 
@@ -91,9 +92,16 @@ class Material:
         """The few metrics that sum the run up: name and value."""
         return headline(self.metrics)
 
+    def _require_robot(self) -> None:
+        try:
+            require_robot(self.experiment)
+        except NoWorldError as error:
+            raise MissingError(str(error)) from None
+
     @cached_property
     def world(self) -> World:
         """The world of the experiment."""
+        self._require_robot()
         if self._known_world is not None:
             return self._known_world
         try:
@@ -118,6 +126,7 @@ class Material:
     @cached_property
     def skins(self) -> tuple[SkinSurface, ...]:
         """The skins, each in the frame of its link."""
+        self._require_robot()
         names = list(self.experiment.skins)
         kinds = ("vertices", "faces", "p_LS")
         if not self.run.skin.exists():
@@ -181,6 +190,7 @@ class Material:
     @cached_property
     def kernel_truth(self) -> KernelTruth:
         """Where the kernels truly are."""
+        self._require_robot()
         representation, run = self.representation, self.run
         try:
             require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
@@ -245,6 +255,7 @@ class Material:
 
     def execution(self, *targets: int | str) -> Execution:
         """A plan that was executed."""
+        self._require_robot()
         self.motion(*targets)
         if not was_executed(self.run, *targets):
             name = self.run.plan(*targets).stem
@@ -254,6 +265,7 @@ class Material:
     @property
     def _truth(self) -> ExperienceReader:
         """Where the touches of the experience truly were."""
+        self._require_robot()
         if not any(self.run.truth.glob("part-*.parquet")):
             raise MissingError("the truth is not there; run `selftouch babble`")
         return ExperienceReader(self.run.truth)

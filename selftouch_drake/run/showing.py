@@ -14,6 +14,7 @@ from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.knowledge import load_agent
 from selftouch_drake.run.material import Material
+from selftouch_drake.run.worlds import require_robot
 from selftouch_drake.show import (
     MissingError,
     Picture,
@@ -140,6 +141,7 @@ def play(
         ValueError: the run has not learned, or the port is taken.
     """
     # What is missing is reported before a page is opened.
+    require_robot(run.experiment)
     agent = load_agent(run)
     material = Material(run)
     pilot = Pilot(agent, material.world)

@@ -17,12 +17,18 @@ from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.rehearsal import Try, best
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.shape import recover
-from selftouch_drake.experience import ExperienceReader, collect, require_complete
+from selftouch_drake.experience import (
+    ExperienceReader,
+    collect,
+    how_to_collect,
+    require_complete,
+)
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.figures import keys_of
+from selftouch_drake.run.imported import timed, write_trajectory
 from selftouch_drake.run.knowledge import (
     load_agent,
     load_body,
@@ -50,6 +56,7 @@ __all__ = [
     "make_world",
     "plan",
     "plan_from",
+    "plan_imported",
     "rehearse",
     "silent",
 ]
@@ -179,6 +186,26 @@ def plan(run: RunDirectory, world: World, *targets: int) -> Motion:
     return motion
 
 
+def plan_imported(run: RunDirectory, *targets: int) -> Motion:
+    """Plans through target sensations of an imported run; keeps the plan, as CSV as well.
+
+    It starts at the configuration that feels most like the first. Nobody can go along it before the
+    robot does: whether rigid parts run into each other on it is not known.
+
+    Raises:
+        RunError: there is no such target sensation, or nothing was learned.
+        ValueError: there is no way.
+    """
+    imported = run.experiment.imported
+    assert imported is not None
+    agent = load_agent(run)
+    _require_targets(run, targets)
+    motion = timed(agent, agent.tour(targets), imported)
+    save_plan(run, motion, *targets)
+    write_trajectory(run.plan(*targets).with_suffix(".csv"), motion, imported.joints)
+    return motion
+
+
 def plan_from(run: RunDirectory, world: World, q_start: np.ndarray, goal: int) -> Motion:
     """Plans from any `(J,)` configuration, touching or not; keeps the plan as `free-GOAL`.
 
@@ -285,8 +312,9 @@ def _require_targets(run: RunDirectory, targets: Sequence[int | str]) -> None:
 def _require_experience(run: RunDirectory) -> None:
     """Refuses experience that is not there, or only in part."""
     if not has_babbled(run):
+        what = "babbling" if run.experiment.imported is None else "the import"
         raise RunError(
-            f"{run.path} is half-finished: babbling has not come to its end; "
-            f"resume it with `selftouch babble {run.path / 'experiment.yaml'} --out {run.path}`"
+            f"{run.path} is half-finished: {what} has not come to its end; "
+            f"resume it with `{how_to_collect(run.experiment, run.path)}`"
         )
     require_complete(run.experiment, run.path, fingerprint=run.fingerprint())

@@ -8,13 +8,32 @@ from selftouch_drake.robot.world import drakes_refusals
 from selftouch_drake.run.directory import RunDirectory
 
 
+class NoWorldError(ExperimentError):
+    """The experience was imported: there is no robot whose world could be built."""
+
+
+def require_robot(experiment: Experiment) -> None:
+    """Refuses what needs a world where the experience was imported.
+
+    Raises:
+        NoWorldError: it was.
+    """
+    if experiment.imported is not None:
+        raise NoWorldError(
+            f"{experiment.name} was imported and has no robot that could be simulated: use learn, "
+            "plan and report, and execute its plans on the robot that recorded it"
+        )
+
+
 def build_world(experiment: Experiment) -> World:
     """The world of an experiment, with its robot built.
 
     Raises:
         ExperimentError: Drake refuses it; the text is Drake's own.
+        NoWorldError: the experience was imported.
         ValueError: the experiment names what the robot does not have, or a skin cannot be made.
     """
+    require_robot(experiment)
     world = World(experiment)
     with drakes_refusals():
         _ = world.robot

@@ -1,0 +1,415 @@
+"""From what the receptors of a real skin read to what is felt (naive).
+
+Raw readings are no pressures: each receptor rests at a level of its own, the level drifts, there is
+noise, some readings are spikes, and others come back slowly after a touch. All of it is found in
+the readings themselves, because each receptor rests in most rows: one touch is felt by few
+receptors.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+#: In standard deviations of the noise at rest. With 300 receptors it is one false reading in three
+#: million rows at six, and one in six thousand at five, if the noise is normal.
+_SILENCE = 6.0
+
+#: Share of normal numbers that are more than one standard deviation below the mean.
+_BELOW = 0.159
+
+#: What a receptor does in a smaller share of the rows is chance. Spikes of eight bits in 1 % of the
+#: readings are one step below rest in 0.004 %.
+_SELDOM = 5e-4
+
+#: Rows over which a receptor's resting level counts as constant: at 50 Hz less than two minutes.
+_WINDOW = 5000
+
+#: Rows in which receptors are looked at for noise and company.
+_SAMPLE = 20_000
+
+#: Rows are successive if the joints move from one to the next by less than this share of what lies
+#: between two rows at random. A robot that crosses its range in a second has 0.04 at 50 Hz.
+_SUCCESSIVE = 0.05
+
+#: A touch is felt by at least so many receptors together, where fields overlap. A spike is alone:
+#: with spikes in 1 % of all readings, 1 in 60 has two of 18 neighbours that spike as well.
+_COMPANY = 2
+
+#: Receptors are company for each other if they feel together so many times more often than chance.
+_LIFT = 3.0
+
+#: If no more of the rows that touch than this have lone readings only, there are no spikes to speak
+#: of: a light touch may be felt by one receptor, and only once.
+_FEW_ALONE = 0.03
+
+#: Readings come back slowly if pressure falls in so many times more rows than it rises in. Without
+#: hysteresis it is 1, as what a robot does at random looks alike forwards and backwards.
+_SLOW = 1.2
+
+#: Pressure that is at least this share of the row before does not fall: the rest is noise.
+_STEADY = 0.95
+
+#: Rows at a time; bounds the memory for the readings as floats.
+_BLOCK = 8192
+
+
+class RestlessWarning(UserWarning):
+    """Receptors seem to feel something most of the time: their resting level is in doubt."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Calibration:
+    """What S receptors read at rest, and from where on a reading counts.
+
+    Attributes:
+        rising: whether readings rise with pressure; those of some skins fall.
+        row: `(W,)` rows at which the resting level was found, rising.
+        level: `(W, S)` resting level there, in raw units; between those rows it changes evenly.
+        noise: `(S,)` standard deviation at rest, in raw units.
+        threshold: `(S,)` above rest, in raw units; smaller readings count as none.
+        smoothed: whether the median of three rows was taken first, because there are spikes and
+            rows follow each other in time.
+    """
+
+    rising: bool
+    row: np.ndarray
+    level: np.ndarray
+    noise: np.ndarray
+    threshold: np.ndarray
+    smoothed: bool
+
+    @property
+    def offset(self) -> np.ndarray:
+        """`(S,)` typical resting level."""
+        return np.median(self.level, axis=0)
+
+    @property
+    def drift(self) -> np.ndarray:
+        """`(S,)` how far the resting level went while it was recorded."""
+        return np.ptp(self.level, axis=0)
+
+    def pressure(self, readings: np.ndarray, first_row: int = 0) -> np.ndarray:
+        """`(n, S)` float32, how far readings are above rest, in raw units; 0 below the threshold.
+
+        Args:
+            readings: `(n, S)` raw, rows `first_row` and on of what was calibrated.
+            first_row: number of the first of them.
+        """
+        above = _above(readings, self.resting(first_row + np.arange(len(readings))), self.rising)
+        return np.where(above > self.threshold, above, 0.0).astype(np.float32)
+
+    def resting(self, rows: np.ndarray) -> np.ndarray:
+        """`(n, S)` or `(1, S)` the resting level at some rows."""
+        return _between(self.row, self.level, rows)
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """All fields by name, for a file."""
+        return {name: np.asarray(getattr(self, name)) for name in self.__slots__}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Felt:
+    """The touches of a recording.
+
+    Attributes:
+        rows: `(n,)` the rows of the recording in which something is felt.
+        q: `(n, J)` motor configurations, in the robot's units.
+        sensation: `(n, S)` float32, how far readings are above rest, in raw units; no row null.
+        calibration: of the receptors.
+        num_lone: readings above the threshold that no other receptors shared: spikes. They are null
+            in `sensation`.
+        num_fading: rows left out because pressure fell, if readings come back slowly.
+    """
+
+    rows: np.ndarray
+    q: np.ndarray
+    sensation: np.ndarray
+    calibration: Calibration
+    num_lone: int
+    num_fading: int
+
+    @property
+    def silent(self) -> np.ndarray:
+        """Numbers of the receptors that never feel anything."""
+        return np.flatnonzero(~self.sensation.any(axis=0))
+
+
+def felt_touches(
+    q: np.ndarray,
+    readings: np.ndarray,
+    *,
+    offset: float | np.ndarray | None = None,
+    threshold: float | np.ndarray | None = None,
+    rising: bool | None = None,
+) -> Felt:
+    """Finds the touches in a recording of raw readings.
+
+    Args:
+        q: `(n, J)` motor configurations, in the robot's units; if they move little from row to row,
+            rows count as successive in time, else as unordered.
+        readings: `(n, S)` raw, any real type, all finite; rows that touch and rows that do not, as
+            recorded. Pressures with an offset of 0 pass as they are.
+        offset: resting level in raw units, one or `(S,)`; by default it is found, with its drift.
+        threshold: above rest, in raw units, one or `(S,)`; by default six standard deviations of
+            the noise.
+        rising: whether readings rise with pressure; by default found.
+
+    Raises:
+        ValueError: shapes disagree, a number is not finite, or nothing is felt.
+
+    Warns:
+        RestlessWarning: most receptors feel something in most rows.
+    """
+    q, readings = _checked(q, readings)
+    calibration = _calibrated(readings, offset, threshold, rising)
+    successive = _are_successive(q)
+    if successive and _has_spikes_in_time(readings, calibration):
+        readings = _median_of_three(readings)
+        calibration = _calibrated(readings, offset, threshold, rising, smoothed=True)
+    rows, pressure = _pressed(readings, calibration)
+    company = _company(pressure > 0, len(readings))
+    num_lone = 0
+    if company is not None:
+        shared = _shared(pressure > 0, company)
+        num_lone = int(np.count_nonzero(pressure) - np.count_nonzero(shared))
+        rows, pressure = _touching(rows, np.where(shared, pressure, np.float32(0.0)))
+    if len(pressure) and 2 * np.median(np.count_nonzero(pressure, axis=0)) > len(readings):
+        warnings.warn(
+            "half of the receptors feel something in more than half of the rows: record more rows "
+            "without a touch, or give the right offset",
+            RestlessWarning,
+            stacklevel=2,
+        )
+    num_fading = 0
+    if successive and (fading := _fading(rows, pressure.sum(axis=1, dtype=float))).any():
+        num_fading = int(fading.sum())
+        rows, pressure = rows[~fading], pressure[~fading]
+    if not len(rows):
+        raise ValueError(
+            f"nothing is felt in {len(readings)} rows: the readings of all receptors stay within "
+            "their thresholds; lower the threshold, or record touches"
+        )
+    return Felt(
+        rows=rows,
+        q=q[rows],
+        sensation=pressure,
+        calibration=calibration,
+        num_lone=num_lone,
+        num_fading=num_fading,
+    )
+
+
+def _pressed(readings: np.ndarray, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
+    """The rows in which any receptor is above its threshold, and `(n, S)` float32 pressures."""
+    found = []
+    for block in _blocks(0, len(readings)):
+        pressure = calibration.pressure(readings[block], block.start)
+        found.append(_touching(np.arange(block.start, block.stop), pressure))
+    rows, pressures = zip(*found, strict=True)
+    return np.concatenate(rows), np.concatenate(pressures)
+
+
+def _touching(rows: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    touching = pressure.any(axis=1)
+    return rows[touching], pressure[touching]
+
+
+def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
+    """`(n,)` bool, rows in which pressure falls, if readings come back slowly; else none.
+
+    After a touch ends, a slow receptor still reads it for a while. Pressure then falls in many more
+    rows than it rises in, and what is read while it falls is of the past.
+
+    Args:
+        rows: `(n,)` of the recording, rising.
+        total: `(n,)` sum of the pressures.
+    """
+    follows = np.diff(rows) == 1
+    falls, rises = follows & (total[1:] < total[:-1]), follows & (total[1:] > total[:-1])
+    if falls.sum() < _SLOW * rises.sum():
+        return np.zeros(len(rows), dtype=bool)
+    return np.append(False, follows & (total[1:] < _STEADY * total[:-1]))
+
+
+def _calibrated(
+    readings: np.ndarray,
+    offset: float | np.ndarray | None,
+    threshold: float | np.ndarray | None,
+    rising: bool | None,
+    *,
+    smoothed: bool = False,
+) -> Calibration:
+    num_receptors = readings.shape[1]
+    if offset is None:
+        row, level = _resting_levels(readings)
+    else:
+        row, level = np.zeros(1), _one_each("offset", offset, num_receptors)[None]
+    sample = np.arange(0, len(readings), -(-len(readings) // _SAMPLE))
+    apart = readings[sample] - _between(row, level, sample)
+    if rising is None:
+        rising = _tail(apart) >= _tail(-apart)
+    if not rising:
+        apart = -apart
+    noise = _noise(apart, readings[sample])
+    if threshold is None:
+        limit = _SILENCE * noise
+    else:
+        limit = _one_each("threshold", threshold, num_receptors)
+    return Calibration(
+        rising=rising,
+        row=row,
+        level=level,
+        noise=noise,
+        threshold=limit,
+        smoothed=smoothed,
+    )
+
+
+def _resting_levels(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows at the middle of each window, and `(W, S)` the median readings in it."""
+    cuts = np.linspace(0, len(readings), max(len(readings) // _WINDOW, 1) + 1).astype(int)
+    windows = [slice(*ends) for ends in pairwise(cuts)]
+    level = np.stack([np.median(readings[window], axis=0) for window in windows])
+    return (cuts[:-1] + cuts[1:] - 1) / 2, level.astype(float)
+
+
+def _between(row: np.ndarray, level: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """`(n, S)` levels at some rows, of levels at others; constant before the first and after."""
+    if len(row) == 1:
+        return level
+    place = np.interp(rows, row, np.arange(len(row)))
+    before = np.minimum(place.astype(int), len(row) - 2)
+    share = (place - before)[:, None]
+    # A level that stays comes out exactly: a receptor that rests reads nothing.
+    return level[before] + share * (level[before + 1] - level[before])
+
+
+def _above(readings: np.ndarray, resting: np.ndarray, rising: bool) -> np.ndarray:
+    return readings - resting if rising else resting - readings
+
+
+def _tail(apart: np.ndarray) -> float:
+    """How far readings go to one side of rest, of all receptors together."""
+    return float(np.square(apart.clip(0.0)).sum())
+
+
+def _noise(apart: np.ndarray, readings: np.ndarray) -> np.ndarray:
+    """`(S,)` standard deviation at rest, from the side of rest on which there are no touches.
+
+    Half a step of the readings is added where they go up and down by it, because nothing says where
+    the level lies between two steps.
+    """
+    noise = np.maximum(-np.quantile(apart, _BELOW, axis=0), 0.0)
+    for receptor, values in enumerate(readings.T):
+        known = np.unique(values)
+        if len(known) > 1:
+            step, down = float(np.diff(known.astype(float)).min()), -apart[:, receptor]
+            flickers = np.mean((down > 0) & (down <= 1.5 * step)) > _SELDOM
+            noise[receptor] += 0.5 * step * flickers
+    return noise
+
+
+def _are_successive(q: np.ndarray) -> bool:
+    """Whether the joints move little from row to row, compared with rows at random."""
+    if len(q) < 100:
+        return False
+    other = np.random.default_rng(0).permutation(len(q))
+
+    def typical(steps: np.ndarray) -> float:
+        return float(np.median(np.abs(steps / spread).sum(axis=1)))
+
+    spread = np.where((deviation := q.std(axis=0)) > 0, deviation, np.inf)
+    return typical(np.diff(q, axis=0)) < _SUCCESSIVE * typical(q - q[other])
+
+
+def _has_spikes_in_time(readings: np.ndarray, calibration: Calibration) -> bool:
+    """Whether there are many rows in which no reading lasts to the next row or from the last."""
+    first = max((len(readings) - _SAMPLE) // 2, 0)
+    sample = readings[first : first + _SAMPLE]
+    # Whether readings rise or fall is not known before spikes are gone.
+    apart = np.abs(sample - calibration.resting(first + np.arange(len(sample))))
+    felt = apart > np.maximum(calibration.threshold, 0.0)
+    lasts = felt[1:-1] & (felt[:-2] | felt[2:])
+    touching = felt[1:-1].any(axis=1)
+    return bool(np.mean(~lasts[touching].any(axis=1)) > _FEW_ALONE) if touching.any() else False
+
+
+def _median_of_three(readings: np.ndarray) -> np.ndarray:
+    """`(n, S)` of the same type, each reading the median of itself and its neighbours in time."""
+    found = readings.copy()
+    for rows in _blocks(1, len(readings) - 1):
+        before, after = (
+            readings[rows.start - 1 : rows.stop - 1],
+            readings[rows.start + 1 : rows.stop + 1],
+        )
+        low, high = np.minimum(before, after), np.maximum(before, after)
+        found[rows] = readings[rows].clip(low, high)
+    return found
+
+
+def _blocks(first: int, last: int) -> Iterator[slice]:
+    return (slice(start, min(start + _BLOCK, last)) for start in range(first, last, _BLOCK))
+
+
+def _company(felt: np.ndarray, num_rows: int) -> np.ndarray | None:
+    """`(S, S)` bool, receptors that feel together more often than chance; None without spikes.
+
+    Args:
+        felt: `(n, S)` bool, which receptors feel, in the rows in which any does.
+        num_rows: of the recording.
+    """
+    num_receptors = felt.shape[1]
+    together, counts = np.zeros((num_receptors, num_receptors)), felt.sum(axis=0, dtype=float)
+    for rows in _blocks(0, len(felt)):
+        some = felt[rows].astype(np.float32)
+        together += some.T @ some
+    chance = np.outer(counts, counts) / num_rows
+    company = (together > _LIFT * chance) & (together > chance + 3.0 * np.sqrt(chance) + 2.0)
+    np.fill_diagonal(company, False)
+    # Where fields do not overlap, nobody can say what is a spike.
+    if np.median(company.sum(axis=1)) < _COMPANY:
+        return None
+    alone = ~_shared(felt, company).any(axis=1)
+    return company if np.mean(alone) > _FEW_ALONE else None
+
+
+def _shared(felt: np.ndarray, company: np.ndarray) -> np.ndarray:
+    """`(n, S)` bool, what is felt by enough receptors together."""
+    shared = np.zeros(felt.shape, dtype=bool)
+    for rows in _blocks(0, len(felt)):
+        others = felt[rows].astype(np.float32) @ company.T.astype(np.float32)
+        shared[rows] = felt[rows] & (others >= _COMPANY)
+    return shared
+
+
+def _one_each(name: str, value: float | np.ndarray, num_receptors: int) -> np.ndarray:
+    """`(S,)` the same as floats, one for each receptor."""
+    array = np.asarray(value, dtype=float)
+    if array.shape not in ((), (num_receptors,)) or not np.isfinite(array).all():
+        raise ValueError(
+            f"{name} has shape {array.shape}: give one finite number, or one for each of "
+            f"{num_receptors} receptors"
+        )
+    return np.broadcast_to(array, (num_receptors,)).astype(float)
+
+
+def _checked(q: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    q, readings = np.asarray(q), np.asarray(readings)
+    for name, rows, columns in (("q", q, "joints"), ("readings", readings, "receptors")):
+        if rows.ndim != 2 or 0 in rows.shape:
+            raise ValueError(f"{name} has shape {rows.shape}: give it as (rows, {columns})")
+        if rows.dtype.kind not in "fiub":
+            raise ValueError(f"{name} holds {rows.dtype}: give real numbers")
+        if rows.dtype.kind == "f" and not np.isfinite(rows).all():
+            bad = int(np.flatnonzero(~np.isfinite(rows).all(axis=1))[0])
+            raise ValueError(f"{name} row {bad} holds NaN or infinity: drop such rows")
+    if len(q) != len(readings):
+        raise ValueError(
+            f"q has {len(q)} rows and readings {len(readings)}: give one configuration for each row"
+        )
+    return q.astype(float), readings.astype(np.uint8) if readings.dtype.kind == "b" else readings

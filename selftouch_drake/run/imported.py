@@ -1,0 +1,271 @@
+"""Runs of experience that another robot recorded: no robot is known, and no truth.
+
+An imported run has an experience, like any other, and `learn`, `plan` and `report` work on it. Its
+experiment has `imported` in place of robot, skins and touching.
+"""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.motions import Motion, Plan
+from selftouch_drake.agent.readings import Felt, felt_touches
+from selftouch_drake.experience import Recording, Shard, read_recording, write_shard
+from selftouch_drake.experience.collect import walk_sizes
+from selftouch_drake.experiment import (
+    Experiment,
+    ExperimentError,
+    Imported,
+    experiment_from_fields,
+    merged,
+)
+from selftouch_drake.files import save_arrays, write_text_whole
+from selftouch_drake.robot import LOG_PERIOD
+from selftouch_drake.robot.timing import time_path
+from selftouch_drake.run.directory import RunDirectory
+
+# Of the speeds of a joint between rows, the one that is allowed: one in a hundred is a slip.
+_FAST = 0.99
+# 1/s, acceleration allowed per speed allowed, as the default limits of an experiment have it.
+# Second differences of recorded joints are mostly noise.
+_ACCELERATION_PER_SPEED = 5.0
+# rad/s or m/s, where the data say nothing.
+_DEFAULT_SPEED = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Data:
+    """A recording, and the touches in it.
+
+    Attributes:
+        source: the file or folder that it was read from.
+        recording: n rows of J joints and S receptors.
+        felt: the touches.
+    """
+
+    source: Path
+    recording: Recording
+    felt: Felt
+
+    @property
+    def still(self) -> list[str]:
+        """Names of the joints that never move."""
+        travel = np.ptp(self.recording.q, axis=0)
+        return [self.recording.joints[joint] for joint in np.flatnonzero(travel == 0)]
+
+    @property
+    def silent(self) -> list[str]:
+        """Names of the receptors that never feel anything."""
+        return [self.recording.receptors[number] for number in self.felt.silent]
+
+
+def read_data(
+    source: Path,
+    *,
+    q: str | None = None,
+    sensation: str | None = None,
+    time: str | None = None,
+    offset: float | None = None,
+    threshold: float | None = None,
+    rising: bool | None = None,
+) -> Data:
+    """Reads a recording and finds the touches in it.
+
+    Args:
+        source: as of `read_recording`.
+        q: as of `read_recording`.
+        sensation: as of `read_recording`.
+        time: as of `read_recording`.
+        offset: as of `felt_touches`.
+        threshold: as of `felt_touches`.
+        rising: as of `felt_touches`.
+
+    Raises:
+        FileNotFoundError: there is no recording.
+        ValueError: it cannot be used; the text says why.
+    """
+    recording = read_recording(source, q=q, sensation=sensation, time=time)
+    felt = felt_touches(
+        recording.q, recording.readings, offset=offset, threshold=threshold, rising=rising
+    )
+    return Data(source=source.resolve(), recording=recording, felt=felt)
+
+
+def imported_experiment(
+    data: Data,
+    *,
+    overrides: Mapping[str, Any] | None = None,
+    max_velocity: float | None = None,
+    max_acceleration: float | None = None,
+) -> Experiment:
+    """The experiment of a run that begins with data from elsewhere.
+
+    Args:
+        data: what was read.
+        overrides: fields of the experiment, as in `{"seed": 1}`.
+        max_velocity: rad/s or m/s, of all joints; by default 99 of 100 speeds between rows are
+            below that of a joint, and it is 1 where no time was recorded.
+        max_acceleration: rad/s^2 or m/s^2; by default five times the velocity, per second.
+
+    Raises:
+        ExperimentError: a field cannot be so.
+    """
+    recording, felt = data.recording, data.felt
+    num_joints = len(recording.joints)
+    velocity = _speeds(recording) if max_velocity is None else np.full(num_joints, max_velocity)
+    if max_acceleration is None:
+        acceleration = _ACCELERATION_PER_SPEED * velocity
+    else:
+        acceleration = np.full(num_joints, max_acceleration)
+    given = {"name": data.source.stem, **(overrides or {})}
+    if taken := [name for name in ("imported", "babbling") if name in given]:
+        raise ExperimentError(f"{taken[0]} comes from the imported data; leave it out of --set")
+    fields = {
+        "babbling": {"num_samples": len(felt.rows)},
+        "imported": {
+            "source": str(data.source),
+            "content": _content(felt),
+            "joints": list(recording.joints),
+            "num_receptors": len(recording.receptors),
+            "max_velocity": velocity.tolist(),
+            "max_acceleration": acceleration.tolist(),
+        },
+    }
+    return experiment_from_fields(merged(fields, given))
+
+
+def store(run: RunDirectory, data: Data) -> None:
+    """Writes the touches into the run, and how its receptors were calibrated."""
+    felt, last = data.felt, 0
+    save_arrays(run.path / "calibration.npz", felt.calibration.to_arrays() | run.body_stamp())
+    ends = np.cumsum(walk_sizes(run.experiment)).tolist()
+    for walk, (first, end) in enumerate(zip([0, *ends], ends, strict=False)):
+        rows = felt.rows[first:end]
+        before, last = last, len(data.recording.q) if end == ends[-1] else int(rows[-1]) + 1
+        shard = Shard(
+            walk=walk,
+            num_steps=last - before,
+            num_impossible=0,
+            step=rows,
+            q=felt.q[first:end],
+            sensation=felt.sensation[first:end],
+            contacts=None,
+        )
+        write_shard(run.path, shard, fingerprint=run.fingerprint())
+    run.add_metrics(_figures(data))
+
+
+def timed(agent: Agent, plan: Plan, imported: Imported) -> Motion:
+    """A plan with times within the limits of an imported run, and what the agent expects to feel.
+
+    Raises:
+        ValueError: the limits are so low that the motion would last very long.
+    """
+    found = time_path(
+        plan.path,
+        velocity_limit=np.array(imported.max_velocity),
+        acceleration_limit=np.array(imported.max_acceleration),
+        rate_hz=1 / LOG_PERIOD,
+    )
+    return agent.motion(plan, time_s=found.time_s, s=found.s, q=found.q, v=found.v)
+
+
+def write_trajectory(path: Path, motion: Motion, joints: list[str]) -> None:
+    """Writes a motion as CSV: `time_s`, each joint by name, and its `_velocity`."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["time_s", *joints, *(f"{name}_velocity" for name in joints)])
+    for row in np.hstack([motion.time_s[:, None], motion.q, motion.v]):
+        writer.writerow([f"{number:.9g}" for number in row])
+    write_text_whole(path, text.getvalue())
+
+
+def _speeds(recording: Recording) -> np.ndarray:
+    """`(J,)` rad/s or m/s that each joint was recorded at."""
+    speeds = recording.speeds()
+    if speeds is None:
+        return np.full(recording.q.shape[1], _DEFAULT_SPEED)
+    fast = np.quantile(speeds, _FAST, axis=0)
+    return np.where(fast > 0, fast, _DEFAULT_SPEED)
+
+
+def _content(felt: Felt) -> str:
+    digest = hashlib.sha256()
+    for array in (felt.rows, felt.q.astype(np.float32), felt.sensation):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()
+
+
+def _figures(data: Data) -> dict[str, Any]:
+    felt, recording = data.felt, data.recording
+    calibration = felt.calibration
+    return {
+        "babbling_num_samples": len(felt.rows),
+        "import_num_rows": recording.num_rows,
+        "import_num_incomplete": recording.num_incomplete,
+        "import_num_null": len(recording.q) - len(felt.rows) - felt.num_fading,
+        "import_offset_median": float(np.median(calibration.offset)),
+        "import_drift_max": float(calibration.drift.max()),
+        "import_noise_median": float(np.median(calibration.noise)),
+        "import_threshold_median": float(np.median(calibration.threshold)),
+        "import_num_lone": felt.num_lone,
+        "import_num_fading": felt.num_fading,
+        **({"import_silent_receptors": data.silent} if data.silent else {}),
+        **({"import_still_joints": data.still} if data.still else {}),
+    }
+
+
+def summary(data: Data, experiment: Experiment) -> list[str]:
+    """What was found, in lines for people."""
+    recording, felt = data.recording, data.felt
+    calibration, imported = felt.calibration, experiment.imported
+    assert imported is not None
+    lines = [
+        f"rows: {recording.num_rows:,}, of which {recording.num_incomplete:,} are incomplete and "
+        f"{len(recording.q) - len(felt.rows) - felt.num_fading:,} feel nothing; "
+        f"{len(felt.rows):,} touches",
+        f"joints: {_listed(recording.joints)}",
+        f"receptors: {_listed(recording.receptors)}; readings "
+        f"{'rise' if calibration.rising else 'fall'} with pressure",
+        f"at rest: {_range(calibration.offset)}, drift {_range(calibration.drift)}, noise "
+        f"{_range(calibration.noise)}, threshold {_range(calibration.threshold)} above rest "
+        "(median, least to most)",
+    ]
+    if calibration.smoothed:
+        lines.append("spikes: each reading is the median of three in time")
+    if felt.num_lone:
+        lines.append(
+            f"spikes: {felt.num_lone:,} readings that no other receptor shared are left out"
+        )
+    if felt.num_fading:
+        lines.append(
+            f"hysteresis: {felt.num_fading:,} rows in which pressure falls are left out, because "
+            "readings come back slowly"
+        )
+    if data.silent:
+        lines.append(f"receptors that never read anything: {_listed(data.silent)}")
+    if data.still:
+        lines.append(f"joints that never move: {_listed(data.still)}")
+    lines.append(
+        f"limits of plans: {_range(np.array(imported.max_velocity))} per second, "
+        f"{_range(np.array(imported.max_acceleration))} per second²"
+    )
+    return lines
+
+
+def _listed(names: tuple[str, ...] | list[str]) -> str:
+    more = f", ... {names[-1]}" if len(names) > 8 else ""
+    return f"{len(names)} ({', '.join(names[: 7 if more else 8])}{more})"
+
+
+def _range(values: np.ndarray) -> str:
+    return f"{np.median(values):.3g} ({values.min():.3g} to {values.max():.3g})"

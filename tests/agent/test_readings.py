@@ -1,0 +1,144 @@
+"""Touches are found in what a raw skin reads, and pressures pass as they are."""
+
+import numpy as np
+import pytest
+from raw_skin import NOISE, RawSkin, recorded
+
+from selftouch_drake.agent.readings import RestlessWarning, felt_touches
+
+NUM_ROWS, NUM_RECEPTORS = 12_000, 100
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return recorded(NUM_ROWS, NUM_RECEPTORS)
+
+
+@pytest.fixture(scope="module")
+def felt(recording):
+    return felt_touches(recording.q, recording.raw)
+
+
+def touched(recording):
+    return recording.force.any(axis=1)
+
+
+def cosine_distance(felt, force):
+    force = force[felt.rows]
+    norms = np.linalg.norm(force, axis=1) * np.linalg.norm(felt.sensation, axis=1)
+    return 1 - (force * felt.sensation).sum(axis=1) / norms
+
+
+def test_pressures_pass_as_they_are(recording):
+    order = np.random.default_rng(0).permutation(NUM_ROWS)
+    for rows in (order, np.arange(NUM_ROWS)):
+        force = recording.force[rows]
+        found = felt_touches(recording.q[rows], force)
+        np.testing.assert_array_equal(found.rows, np.flatnonzero(force.any(axis=1)))
+        np.testing.assert_array_equal(found.sensation, force[found.rows])
+        np.testing.assert_array_equal(found.q, recording.q[rows][found.rows])
+        assert (found.num_lone, found.num_fading) == (0, 0)
+
+
+def test_touches_of_a_raw_skin_are_found(recording, felt):
+    true = touched(recording)
+    assert np.mean(~true[felt.rows]) < 0.01
+    # Light touches are below the threshold.
+    firm = recording.force.max(axis=1) > 0.5
+    assert np.mean(np.isin(np.flatnonzero(firm), felt.rows)) > 0.6
+    touching = true[felt.rows]
+    assert np.median(cosine_distance(felt, recording.force)[touching]) < 0.05
+
+
+def test_rest_is_found(recording, felt):
+    calibration = felt.calibration
+    resting = np.where(recording.force == 0, recording.raw, np.nan)
+    np.testing.assert_allclose(calibration.offset, np.nanmedian(resting, axis=0), atol=3)
+    assert calibration.rising
+    assert calibration.smoothed
+    # Of the median of three, with half a step for the eight bits.
+    assert 0.4 * NOISE < np.median(calibration.noise) < 2 * NOISE
+    np.testing.assert_allclose(calibration.threshold, 6 * calibration.noise)
+    assert 0 < calibration.drift.max() <= 10
+
+
+def test_drift_is_followed():
+    skin = RawSkin(NUM_RECEPTORS, 1.0, NUM_ROWS, spikes=0.0, seed=3)
+    raw = skin.read(np.zeros((NUM_ROWS, NUM_RECEPTORS), dtype=np.float32))
+    drifting = raw + np.linspace(0, 60, NUM_ROWS)[:, None]
+    q = np.random.default_rng(0).normal(size=(NUM_ROWS, 3))
+    with pytest.raises(ValueError, match="nothing is felt in 12000 rows"):
+        felt_touches(q, drifting, threshold=30.0)
+    # With one offset for all of it, the drift is taken for touches.
+    with pytest.warns(RestlessWarning, match="half of the receptors feel something"):
+        felt_touches(q, drifting, threshold=20.0, offset=30.0)
+
+
+def test_readings_may_fall_with_pressure(recording, felt):
+    falling = felt_touches(recording.q, 255 - recording.raw)
+    assert not falling.calibration.rising
+    np.testing.assert_array_equal(falling.rows, felt.rows)
+    np.testing.assert_allclose(falling.sensation, felt.sensation)
+    wrong = felt_touches(recording.q, recording.raw, rising=False)
+    assert len(wrong.rows) < 0.01 * len(felt.rows)
+
+
+def test_spikes_are_left_out_where_rows_have_no_order(recording):
+    rows = np.random.default_rng(1).permutation(NUM_ROWS)
+    found = felt_touches(recording.q[rows], recording.raw[rows])
+    assert not found.calibration.smoothed
+    assert found.num_lone > 0.5 * 0.01 * recording.raw.size
+    assert np.mean(~touched(recording)[rows][found.rows]) < 0.05
+
+
+def test_what_comes_back_slowly_is_left_out():
+    """Short touches of a skin that takes ten rows to come back."""
+    num_rows = 4000
+    time = np.arange(num_rows)
+    q = np.stack([np.sin(time / 150), np.cos(time / 110)], axis=1)
+    force = np.zeros((num_rows, 20))
+    touching = time % 40 < 8
+    force[touching, :3] = np.sin((time[touching] % 40 + 0.5) / 8 * np.pi)[:, None]
+    at_once = felt_touches(q, force, offset=0.0, threshold=0.0)
+    assert at_once.num_fading == 0
+    held = force.copy()
+    for row in range(1, num_rows):
+        held[row] = np.maximum(force[row], 0.8 * held[row - 1])
+    found = felt_touches(q, held, offset=0.0, threshold=0.01)
+    assert found.num_fading > 0
+    assert np.mean(touching[found.rows]) == 1.0
+    # Of those in which the pressure rises, none is lost.
+    rising = np.flatnonzero(touching & (time % 40 < 4))
+    assert np.isin(rising, found.rows).all()
+
+
+def test_a_receptor_that_never_reads_is_known(recording):
+    raw = recording.raw.copy()
+    raw[:, 17] = 33
+    assert felt_touches(recording.q, raw).silent.tolist() == [17]
+
+
+def test_offset_and_threshold_can_be_set(recording):
+    offset = np.full(NUM_RECEPTORS, 60.0)
+    found = felt_touches(recording.q, recording.raw, offset=offset, threshold=50.0, rising=True)
+    assert (found.calibration.offset == 60).all()
+    assert (found.calibration.threshold == 50).all()
+    assert found.calibration.drift.max() == 0
+    assert found.sensation[found.sensation > 0].min() > 50
+
+
+@pytest.mark.parametrize(
+    ("q", "readings", "settings", "message"),
+    [
+        (np.ones(5), np.ones((5, 4)), {}, "q has shape (5,): give it as (rows, joints)"),
+        (np.ones((5, 2)), np.ones((4, 4)), {}, "q has 5 rows and readings 4: give one"),
+        (np.ones((5, 2)), np.full((5, 4), "a"), {}, "readings holds <U1: give real numbers"),
+        (np.ones((5, 2)), np.full((5, 4), np.nan), {}, "readings row 0 holds NaN or infinity: dr"),
+        (np.ones((5, 2)), np.ones((5, 4)), {"offset": np.ones(3)}, "offset has shape (3,): give"),
+        (np.ones((5, 2)), np.ones((5, 4)), {}, "nothing is felt in 5 rows: the readings of all"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(q, readings, settings, message):
+    with pytest.raises(ValueError, match=r"^\w") as error:
+        felt_touches(q, readings, **settings)
+    assert str(error.value).startswith(message)

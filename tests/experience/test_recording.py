@@ -1,0 +1,192 @@
+"""Tables that other tools write are read, checked and, where they cannot serve, refused."""
+
+import json
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet as pq
+import pytest
+
+from selftouch_drake.experience import RecordingError, read_recording
+
+Q = np.arange(12.0).reshape(4, 3)
+READINGS = (np.arange(48).reshape(4, 12) * 5).astype(np.uint8)
+TIME_S = np.array([0.0, 0.1, 0.2, 0.4])
+
+
+def arrays(rows):
+    flat = pa.array(np.ascontiguousarray(rows).reshape(-1))
+    return pa.FixedSizeListArray.from_arrays(flat, rows.shape[1])
+
+
+def columns():
+    """One column for each number, in no order."""
+    named = {f"taxel_{n}": READINGS[:, n] for n in reversed(range(12))}
+    return named | {f"joint_{n}": Q[:, n] for n in range(3)} | {"time_s": TIME_S}
+
+
+def lerobot(folder, names):
+    (folder / "meta").mkdir(parents=True)
+    (folder / "data" / "chunk-000").mkdir(parents=True)
+    features = {"observation.state": {"dtype": "float32", "shape": [3], "names": names}}
+    (folder / "meta" / "info.json").write_text(json.dumps({"features": features}))
+    pq.write_table(pa.table({"tasks": ["touch"]}), folder / "meta" / "tasks.parquet")
+    for episode, rows in enumerate((slice(0, 2), slice(2, 4))):
+        table = {
+            "observation.state": pa.array(Q[rows].astype(np.float32).tolist()),
+            # A grid of taxels, as an array of two dimensions is stored.
+            "observation.touch": pa.array(READINGS[rows].reshape(2, 3, 4).tolist()),
+            "timestamp": np.array([0.0, 0.1]),
+            "episode_index": np.full(2, episode),
+            "next.done": np.array([False, True]),
+        }
+        file = folder / "data" / "chunk-000" / f"episode_{episode:06d}.parquet"
+        pq.write_table(pa.table(table), file)
+
+
+def written(kind, folder):
+    """A recording in some form, and the options that it needs."""
+    if kind == "npz":
+        np.savez(folder / "a.npz", q=Q, taxels=READINGS, time_s=TIME_S)
+        return folder / "a.npz", {}
+    if kind == "parquet":
+        table = {"q": arrays(Q), "sensation": arrays(READINGS), "time": TIME_S}
+        pq.write_table(pa.table(table), folder / "a.parquet")
+        return folder / "a.parquet", {}
+    if kind == "csv":
+        pa.csv.write_csv(pa.table(columns()), folder / "a.csv")
+        return folder / "a.csv", {}
+    if kind == "named":
+        table = {"angles": arrays(Q), "t": TIME_S}
+        table |= {f"pad{n}_raw": READINGS[:, n] for n in range(12)}
+        pq.write_table(pa.table(table), folder / "a.parquet")
+        return folder / "a.parquet", {"q": "angles", "sensation": "pad*_raw"}
+    if kind == "folder":
+        for number in range(2):
+            rows = slice(2 * number, 2 * number + 2)
+            part = {"q": Q[rows], "touch": READINGS[rows], "t": TIME_S[rows]}
+            np.savez(folder / f"{number}.npz", **part)
+        return folder, {}
+    lerobot(folder / "robot", ["yaw", "pitch", "roll"])
+    return folder / "robot", {}
+
+
+@pytest.mark.parametrize("kind", ["npz", "parquet", "csv", "named", "folder", "lerobot"])
+def test_every_form_gives_the_same(kind, tmp_path):
+    source, options = written(kind, tmp_path)
+    found = read_recording(source, **options)
+    np.testing.assert_array_equal(found.q, Q)
+    np.testing.assert_array_equal(found.readings, READINGS)
+    assert (found.num_rows, found.num_incomplete) == (4, 0)
+    assert len(found.joints) == 3
+    assert len(found.receptors) == 12
+    pieces = 2 if kind in ("folder", "lerobot") else 1
+    assert len(np.unique(found.piece)) == pieces
+    # Nothing is known between two pieces.
+    assert len(found.speeds()) == 4 - pieces
+    assert found.speeds()[0] == pytest.approx(30.0)
+
+
+def test_names_are_those_of_the_columns(tmp_path):
+    source, _ = written("csv", tmp_path)
+    found = read_recording(source)
+    assert found.joints == ("joint_0", "joint_1", "joint_2")
+    assert found.receptors == tuple(f"taxel_{n}" for n in range(12))
+    source, _ = written("lerobot", tmp_path)
+    assert read_recording(source).joints == ("yaw", "pitch", "roll")
+
+
+def test_columns_can_be_listed(tmp_path):
+    source, _ = written("csv", tmp_path)
+    found = read_recording(source, q="joint_2,joint_0", sensation="taxel_1*", time="joint_1")
+    assert found.joints == ("joint_2", "joint_0")
+    assert found.receptors == ("taxel_1", "taxel_10", "taxel_11")
+    np.testing.assert_array_equal(found.time_s, Q[:, 1])
+
+
+def test_bytes_stay_bytes(tmp_path):
+    for kind in ("csv", "lerobot", "npz"):
+        source, _ = written(kind, tmp_path)
+        assert read_recording(source).readings.dtype == np.uint8
+
+
+def test_incomplete_rows_are_left_out_and_counted(tmp_path):
+    q, readings = Q.copy(), READINGS.astype(float)
+    q[1, 2], readings[3, 5] = np.nan, np.inf
+    np.savez(tmp_path / "a.npz", q=q, touch=readings)
+    found = read_recording(tmp_path / "a.npz")
+    assert (found.num_rows, found.num_incomplete) == (4, 2)
+    np.testing.assert_array_equal(found.q, Q[[0, 2]])
+    table = {"q": pa.array([[1.0, 2.0], None, [3.0, None]]), "touch": pa.array([[1, 2]] * 3)}
+    pq.write_table(pa.table(table), tmp_path / "a.parquet")
+    assert read_recording(tmp_path / "a.parquet").num_incomplete == 2
+
+
+@pytest.mark.parametrize(
+    ("arrays", "options", "message"),
+    [
+        (
+            {"angles": Q, "touch": READINGS},
+            {},
+            "a.npz has no column that is known to be what --q names; it has angles, touch: "
+            "name it, as in --q 'q' or --q 'joint*'",
+        ),
+        (
+            {"q": Q, "touch": READINGS},
+            {"sensation": "tuch"},
+            "--sensation is 'tuch'; a.npz has no such column: did you mean touch?",
+        ),
+        (
+            {"q": Q, "touch": READINGS},
+            {"time": "stamp"},
+            "--time is 'stamp'; a.npz has no such column: it has q, touch",
+        ),
+        (
+            {"q": Q, "touch": READINGS[:3]},
+            {},
+            "a.npz has 4 rows of q and 3 of sensation; record them together",
+        ),
+        (
+            {"q": Q, "touch": np.full((4, 12), "a")},
+            {},
+            "column touch of a.npz holds <U1; name one that holds numbers",
+        ),
+        (
+            {"q": np.full((4, 3), np.nan), "touch": READINGS},
+            {},
+            "a.npz has no complete row: in each of 4 a number is missing; record q and sensation "
+            "in the same row",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_refused(arrays, options, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    np.savez("a.npz", **arrays)
+    with pytest.raises(RecordingError, match=r"\w") as error:
+        read_recording(tmp_path / "a.npz", **options)
+    assert str(error.value).replace(f"{tmp_path}/", "") == message
+
+
+def test_folders_that_cannot_be_used_are_refused(tmp_path):
+    with pytest.raises(FileNotFoundError, match="nowhere is not there; give a file or a folder"):
+        read_recording(tmp_path / "nowhere")
+    with pytest.raises(RecordingError, match="holds no parquet, csv or npz file"):
+        read_recording(tmp_path)
+    np.savez(tmp_path / "a.npz", q=Q, touch=READINGS)
+    np.savez(tmp_path / "b.npz", q=Q[:, :2], touch=READINGS)
+    with pytest.raises(RecordingError, match=r"b\.npz has 2 joints of other names than .*a.npz"):
+        read_recording(tmp_path)
+    (tmp_path / "c.csv").write_text("q\n1\n")
+    with pytest.raises(RecordingError, match=r"holds files of kinds \.csv, \.npz; give one kind"):
+        read_recording(tmp_path)
+    (tmp_path / "d.parquet").write_bytes(b"PAR1 and no more")
+    with pytest.raises(RecordingError, match=r"d\.parquet is damaged"):
+        read_recording(tmp_path / "d.parquet")
+    (tmp_path / "notes.txt").write_text("q")
+    with pytest.raises(RecordingError, match=r"notes\.txt is no parquet, csv or npz file"):
+        read_recording(tmp_path / "notes.txt")
+    table = {"q": pa.array([[1.0], [1.0, 2.0]]), "touch": pa.array([[1], [1]])}
+    pq.write_table(pa.table(table), tmp_path / "e.parquet")
+    with pytest.raises(RecordingError, match="arrays of different lengths"):
+        read_recording(tmp_path / "e.parquet")

@@ -1,0 +1,263 @@
+"""Data that another robot recorded: imported, learned from, planned on and reported; no world."""
+
+import csv
+import json
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from raw_skin import recorded
+
+from selftouch_drake.cli import cli, exit_status
+from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experiment import ExperimentError
+from selftouch_drake.files import load_arrays
+from selftouch_drake.run import stages
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.imported import imported_experiment, read_data
+
+ROOT = Path(__file__).parents[2]
+NUM_ROWS, NUM_RECEPTORS, NUM_TARGETS = 30_000, 300, 150
+SET = f"{{representation: {{num_targets: {NUM_TARGETS}, metric: sensorimotor}}}}"
+SILENT = 7
+
+
+@pytest.fixture(scope="module")
+def recording():
+    return recorded(NUM_ROWS, NUM_RECEPTORS)
+
+
+@pytest.fixture(scope="module")
+def data(recording, tmp_path_factory):
+    """Two files with 7 joints and 300 receptors of eight bits, as a real robot writes them."""
+    folder = tmp_path_factory.mktemp("data") / "my_robot"
+    folder.mkdir()
+    raw = recording.raw.copy()
+    raw[:, SILENT] = 40
+    q = recording.q.copy()
+    q[11] = np.nan
+    for number, rows in enumerate(np.array_split(np.arange(NUM_ROWS), 2)):
+        table = {f"joint_{joint}": q[rows, joint] for joint in range(7)}
+        table["taxels"] = pa.FixedSizeListArray.from_arrays(
+            pa.array(raw[rows].reshape(-1)), NUM_RECEPTORS
+        )
+        table["timestamp"] = recording.time_s[rows]
+        pq.write_table(pa.table(table), folder / f"part-{number}.parquet")
+    return folder
+
+
+def selftouch(*words):
+    return exit_status(lambda: cli.main(list(map(str, words)), standalone_mode=False))
+
+
+@pytest.fixture(scope="module")
+def learned(data, tmp_path_factory):
+    path = tmp_path_factory.mktemp("runs") / "run"
+    assert selftouch("import", data, "--out", path, "--set", SET) == 0
+    assert selftouch("learn", path) == 0
+    assert selftouch("plan", path, "--from", 3, "--to", 100) == 0
+    return RunDirectory.open(path)
+
+
+@pytest.fixture
+def run(learned, tmp_path):
+    shutil.copytree(learned.path, tmp_path / "run")
+    return RunDirectory.open(tmp_path / "run")
+
+
+def test_what_was_found_is_reported(data, tmp_path, capfd):
+    assert selftouch("import", data, "--out", tmp_path / "run", "--set", SET) == 0
+    out = capfd.readouterr().out
+    assert "rows: 30,000, of which 1 are incomplete and " in out
+    assert "joints: 7 (joint_0, joint_1, joint_2, joint_3, joint_4, joint_5, joint_6)" in out
+    assert "readings rise with pressure" in out
+    assert "spikes: each reading is the median of three in time" in out
+    assert "receptors that never read anything: 1 (taxels[7])" in out
+    metrics = json.loads((tmp_path / "run" / "metrics.json").read_text())
+    assert metrics["import_num_rows"] == NUM_ROWS
+    assert metrics["import_num_incomplete"] == 1
+    assert metrics["import_silent_receptors"] == ["taxels[7]"]
+    left_out = sum(metrics[f"import_num_{name}"] for name in ("incomplete", "null", "fading"))
+    assert metrics["babbling_num_samples"] == NUM_ROWS - left_out
+    calibration = load_arrays(tmp_path / "run" / "calibration.npz")
+    assert calibration["threshold"].shape == (NUM_RECEPTORS,)
+    assert calibration["level"].shape == (len(calibration["row"]), NUM_RECEPTORS)
+
+
+def test_touches_are_stored_as_those_of_any_run(learned):
+    reader = ExperienceReader(learned.experience)
+    assert reader.num_rows == learned.experiment.babbling.num_samples
+    assert reader.read("sensation").shape[1] == NUM_RECEPTORS
+    assert reader.read("sensation").any(axis=1).all()
+    assert reader.read("q").shape[1] == 7
+    assert not learned.truth.exists()
+
+
+def test_the_body_is_recovered_from_raw_readings(learned):
+    metrics = learned.metrics()
+    assert metrics["topology_betti"] == [1, 0, 1]
+    assert metrics["intrinsic_dimension"] == pytest.approx(2.0, abs=0.25)
+    assert metrics["topology_margin"] > 2
+
+
+def test_a_plan_is_a_joint_trajectory(learned, recording):
+    motion = load_arrays(learned.plan(3, 100))
+    with learned.plan(3, 100).with_suffix(".csv").open() as file:
+        header, *rows = csv.reader(file)
+    joints = [f"joint_{joint}" for joint in range(7)]
+    assert header == ["time_s", *joints, *(f"{joint}_velocity" for joint in joints)]
+    table = np.array(rows, dtype=float)
+    np.testing.assert_allclose(table[:, 0], motion["time_s"], atol=1e-6)
+    np.testing.assert_allclose(table[:, 1:8], motion["q"], atol=1e-6)
+    np.testing.assert_allclose(table[:, 8:], motion["v"], atol=1e-6)
+    assert np.abs(table[[0, -1], 8:]).max() < 1e-6
+    # Not faster than it was recorded.
+    fastest = np.quantile(np.abs(np.diff(recording.q, axis=0)) * 50, 0.99, axis=0)
+    assert learned.experiment.imported.max_velocity == pytest.approx(fastest, rel=0.02)
+    assert (np.abs(motion["v"]) <= 1.001 * fastest).all()
+
+
+def test_the_report_says_what_there_is(run):
+    assert selftouch("report", run.path) == 0
+    page = run.report.read_text()
+    text = " ".join(re.sub("<[^>]+>", " ", page).split())
+    assert "A robot that runs elsewhere recorded its 7 joints (joint_0, joint_1" in text
+    assert "taxels[7]" in text
+    assert page.count("was imported and has no robot") <= 1
+    assert "selftouch evaluate" not in page
+    assert {path.stem for path in run.figures.glob("*.png")} == {
+        *("kernels", "distance_matrix", "quotient_graph", "persistence"),
+    }
+
+
+PLAN = ("--from", 3, "--to", 100)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("execute", "RUN", *PLAN),
+        ("execute", "RUN", *PLAN, "--rehearse", 2),
+        ("record", "RUN", *PLAN),
+        ("evaluate", "RUN"),
+        ("play", "RUN"),
+        ("babble", "RUN/experiment.yaml", "--out", "RUN"),
+        ("run", "RUN/experiment.yaml", "--out", "RUN"),
+        ("robot", "RUN/experiment.yaml"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_what_needs_a_world_says_so(words, learned, capfd):
+    words = [str(word).replace("RUN", str(learned.path)) for word in words]
+    assert selftouch(*words) == 2
+    assert capfd.readouterr().err.strip() == (
+        "selftouch: my_robot was imported and has no robot that could be simulated: use learn, "
+        "plan and report, and execute its plans on the robot that recorded it"
+    )
+
+
+def test_a_free_start_needs_a_world(learned, capfd):
+    assert selftouch("plan", learned.path, "--from-q", "0,0,0,0,0,0,0", "--to", 3) == 2
+    assert "--from-q needs a robot that could be simulated" in capfd.readouterr().err
+
+
+def test_the_same_data_resume_an_import(data, run, capfd):
+    before = ExperienceReader(run.experience).read("sensation")
+    shard = next(iter(sorted(run.experience.glob("*.parquet"))))
+    shard.unlink()
+    assert selftouch("learn", run.path) == 2
+    assert f"with `selftouch import {data} --out {run.path}`" in capfd.readouterr().err
+    assert selftouch("import", data, "--out", run.path, "--set", SET) == 0
+    np.testing.assert_array_equal(ExperienceReader(run.experience).read("sensation"), before)
+    assert selftouch("import", data, "--out", run.path, "--set", SET, "--threshold", 30) == 2
+    assert "was begun with" in capfd.readouterr().err
+
+
+def test_an_import_that_did_not_come_to_its_end_is_no_experience(data, tmp_path):
+    experiment = imported_experiment(
+        read_data(data), overrides={"representation": {"num_targets": NUM_TARGETS}}
+    )
+    run = RunDirectory.create(tmp_path / "run", experiment)
+    assert not stages.has_babbled(run)
+    with pytest.raises(ValueError, match="the import has not come to its end; resume it with"):
+        stages.learn(run)
+
+
+def test_an_imported_experiment_is_read_back(learned):
+    assert RunDirectory.open(learned.path).experiment == learned.experiment
+    text = (learned.path / "experiment.yaml").read_text()
+    assert "directives" not in text
+    assert learned.experiment.num_receptors == NUM_RECEPTORS
+
+
+def test_limits_can_be_set(data, tmp_path):
+    options = ("--max-velocity", 0.5, "--max-acceleration", 2.0, "--set", SET)
+    assert selftouch("import", data, "--out", tmp_path / "run", *options) == 0
+    imported = RunDirectory.open(tmp_path / "run").experiment.imported
+    assert imported.max_velocity == [0.5] * 7
+    assert imported.max_acceleration == [2.0] * 7
+
+
+def test_limits_without_time_are_the_default(tmp_path):
+    rng = np.random.default_rng(0)
+    np.savez(tmp_path / "a.npz", q=rng.normal(size=(200, 2)), touch=rng.random((200, 5)))
+    data = read_data(tmp_path / "a.npz", offset=0.0, threshold=0.0)
+    imported = imported_experiment(data, overrides={"representation": {"num_targets": 50}}).imported
+    assert imported.max_velocity == [1.0, 1.0]
+    assert imported.max_acceleration == [5.0, 5.0]
+
+
+@pytest.mark.parametrize(
+    ("overrides", "message"),
+    [
+        (
+            {"representation": {"num_targets": 300}},
+            "representation.num_targets is 300; give at most the number of touches, 200",
+        ),
+        (
+            {"robot": {"directives": "a.dmd.yaml"}},
+            "robot is Robot(directives='a.dmd.yaml', packages={}, joints=None, "
+            "collision_depth=0.005); imported experience has no robot: leave it out",
+        ),
+        (
+            {"babbling": {"num_samples": 5}},
+            "babbling comes from the imported data; leave it out of --set",
+        ),
+    ],
+)
+def test_fields_that_cannot_be_set_are_refused(overrides, message, tmp_path):
+    rng = np.random.default_rng(0)
+    np.savez(tmp_path / "a.npz", q=rng.normal(size=(200, 2)), touch=rng.random((200, 5)))
+    data = read_data(tmp_path / "a.npz", offset=0.0, threshold=0.0)
+    with pytest.raises(ExperimentError, match=r"\w") as error:
+        imported_experiment(data, overrides={"representation": {"num_targets": 50}} | overrides)
+    assert str(error.value) == message
+
+
+def test_mistakes_leave_no_run(data, tmp_path, capfd):
+    for words, message in (
+        ((tmp_path / "nowhere",), "nowhere is not there; give a file or a folder"),
+        ((data, "--q", "angle_*"), "--q is 'angle_*'; "),
+        ((data, "--threshold", "300"), "nothing is felt in 29999 rows: "),
+        ((data, "--set", "{skins: 3}"), "skins is 3; give a mapping by name"),
+        ((data, "--max-velocity", "0"), "imported.max_velocity is [0.0, "),
+    ):
+        assert selftouch("import", *words, "--out", tmp_path / "run") == 2
+        said = capfd.readouterr().err
+        assert message in said
+        assert "Traceback" not in said
+        assert not (tmp_path / "run").exists()
+
+
+def test_the_program_of_the_page_works(recording, tmp_path, monkeypatch, capsys):
+    page = (ROOT / "docs" / "real_robots.md").read_text(encoding="utf-8")
+    (program,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    np.savez("recording.npz", q=recording.q, taxels=recording.raw, time_s=recording.time_s)
+    exec(compile(program, "docs/real_robots.md", "exec"), {})
+    assert "1, 0, 1" in capsys.readouterr().out
+    assert load_arrays(Path("trajectory.npz"))["q"].shape[1] == 7
