@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from selftouch_drake.experiment import Experiment
+from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.robot import World
 from selftouch_drake.robot.world import drakes_refusals
 from selftouch_drake.run.directory import RunDirectory
