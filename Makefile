@@ -36,6 +36,9 @@ wheel: $(VENV)/bin/python  ## the package as one file, into dist
 bench: $(VENV)/.installed-bench  ## what a touch costs, beside what one would write instead
 	$(BIN)/python benchmarks/babbling.py
 
+pictures: $(VENV)/.installed  ## draw the pictures of the README anew, from a run of 400,000 touches
+	$(BIN)/python benchmarks/pictures.py
+
 million: $(VENV)/.installed  ## collect a million touches of sphere, cube and torus
 	$(BIN)/python benchmarks/million.py
 

@@ -6,11 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from fenced import blocks
 
 from selftouch_drake.cli import cli
+from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.experiment import (
     experiment_from_fields,
     load_experiment,
@@ -48,6 +50,9 @@ def folder(tmp_path_factory):
     small = {"babbling": {"num_samples": 3000}, "representation": {"metric": "sensorimotor"}}
     for words in (["babble", "cube", "--set", yaml.safe_dump(small)], ["learn", "runs/cube"]):
         run_python(["-m", "selftouch_drake.cli", *words], cwd=folder)
+    touches = ExperienceReader(folder / "runs" / "cube" / "experience")
+    arrays = {name: touches.read(name) for name in ("q", "sensation")}
+    np.savez(folder / "recording.npz", **arrays)
     return folder
 
 

@@ -245,7 +245,7 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
 def _part(kernels: np.ndarray, places: np.ndarray, distance: np.ndarray) -> RecoveredPart:
     positions = 4.0 * (places[kernels] - places[kernels].mean(axis=0)) * [1.0, 1.0, -1.0]
     return RecoveredPart(
-        metric="sensorimotor",
+        doubt=None,
         kernels=kernels,
         distances=distance[np.ix_(kernels, kernels)],
         embedding=Embedding(
