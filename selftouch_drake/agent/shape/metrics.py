@@ -125,6 +125,10 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
     disagree, so that another is tried; if that does no better, lengths are those by feel alone. If
     no network knows the neighbours, the metric is `sensorimotor`.
     """
+
+    def of_network(number: int) -> Progress:
+        return lambda fraction: progress((number + fraction) / _MOST_NETWORKS)
+
     targets = representation.target_sensations
     tries: list[tuple[float, BodyGraph, np.ndarray]] = []
     share_unlike = 1.0
@@ -134,7 +138,7 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
             representation.kernel_offsets,
             seed=seed + number,
             target_sensations=targets if number else None,
-            progress=lambda fraction, n=number: progress((n + fraction) / _MOST_NETWORKS),  # type: ignore[misc]
+            progress=of_network(number),
         )
         graph = _between_cells(coordinates, representation.kernel_offsets)
         ends = graph.edges if graph.kernel is None else graph.kernel[graph.edges]
