@@ -8,8 +8,10 @@ Needs `pip install 'selftouch-drake[bench]'`. Each way lays out the kernels in s
 - `isomap`: Isomap on target sensations (ANISOMAP: McGregor, Polani and Dautenhahn 2011);
 - `correlation`: receptors laid out by multidimensional scaling of 1 - correlation (Pierce and
   Kuipers 1997); a kernel lies at the mean of the receptors, weighted by what it feels;
-- `information`: the same by the information distance of readings in eight bins (Olsson, Nehaniv
-  and Polani 2006);
+- `correlation_local`: the same by Isomap, which trusts high correlations only (as Modayil 2010
+  lays out receptors from their nearest ones);
+- `information`: as `correlation`, by the information distance of readings in eight bins (Olsson,
+  Nehaniv and Polani 2006);
 - `som`: a self-organising sheet trained on sensations (Hoffmann et al. 2018); a kernel lies at its
   best matching unit, the sheet bent in space by the distances between its units;
 - `autoencoder`: the three middle units of an autoencoder of sensations, a stand-in for the
@@ -66,11 +68,14 @@ def isomap(representation: QuotientRepresentation, felt: np.ndarray, seed: int) 
     return found.embedding_, found.dist_matrix_
 
 
-def by_receptors(apart: Callable[[np.ndarray], np.ndarray]) -> Rival:
+def by_receptors(apart: Callable[[np.ndarray], np.ndarray], *, local: bool = False) -> Rival:
     """Receptors laid out by how far apart their readings `(n, S)` say that they are."""
 
     def lay(representation: QuotientRepresentation, felt: np.ndarray, seed: int) -> Layout:
-        scaling = MDS(3, dissimilarity="precomputed", n_init=4, random_state=seed)
+        if local:
+            scaling = Isomap(n_neighbors=6, n_components=3, metric="precomputed")
+        else:
+            scaling = MDS(3, dissimilarity="precomputed", n_init=4, random_state=seed)
         receptors = scaling.fit_transform(apart(some(felt, seed)))
         weight = representation.target_sensations
         positions = (weight / weight.sum(axis=1, keepdims=True)) @ receptors
@@ -147,6 +152,7 @@ WAYS: dict[str, Rival] = {
     "literal": ours("literal"),
     "isomap": isomap,
     "correlation": by_receptors(correlation),
+    "correlation_local": by_receptors(correlation, local=True),
     "information": by_receptors(information),
     "som": som,
     "autoencoder": autoencoder,
