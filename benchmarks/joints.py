@@ -1,0 +1,139 @@
+"""Shape and contact over the number of joints: a torus that turns on more and more of them.
+
+    python benchmarks/joints.py --joints 6 7 9 12 16 --pairs 20 --out runs/joints
+
+The paper's arm touches a torus on a neck of joints that turn about z, y and x in turn; the more there
+are, the less each one turns. What has run already is not run again.
+"""
+
+from __future__ import annotations
+
+import argparse
+from concurrent.futures import ProcessPoolExecutor
+from itertools import pairwise
+from multiprocessing import get_context
+from pathlib import Path
+
+import yaml
+
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.resources import MODELS
+from selftouch_drake.robot import World
+from selftouch_drake.run import stages
+from selftouch_drake.run.directory import RunDirectory
+
+#: Joints of the arm; rad, how far each of three joints of a neck turns; m, from neck to body.
+_ARM, _TURN, _NECK = 6, 0.65, 0.25
+_AXES = ("0 0 1", "0 1 0", "1 0 0")
+_LINK = """<link name="{name}"><pose>0 0 {z} 0 0 0</pose><inertial><mass>{mass}</mass><inertia>
+<ixx>{i}</ixx><ixy>0</ixy><ixz>0</ixz><iyy>{i}</iyy><iyz>0</iyz><izz>{i}</izz></inertia></inertial></link>
+"""
+_JOINT = """<joint name="{name}" type="revolute"><pose>0 0 {z} 0 0 0</pose><parent>{parent}</parent>
+<child>{child}</child><axis><xyz>{axis}</xyz><limit><lower>-{turn}</lower><upper>{turn}</upper>
+<effort>60</effort><velocity>6</velocity></limit><dynamics><damping>0.5</damping></dynamics></axis>
+</joint>
+"""
+
+
+def neck(num_joints: int) -> str:
+    """The SDFormat text of a body on so many joints, one or more."""
+    names = ["base", *(f"neck_{number}" for number in range(1, num_joints)), "body"]
+    turn = round(_TURN * (3 / max(num_joints, 3)) ** 0.5, 3)
+    parts = [_LINK.format(name=name, z=-_NECK, mass=0.3, i=0.0002) for name in names[:-1]]
+    parts.append(_LINK.format(name="body", z=0, mass=1.0, i=0.05))
+    for number, (parent, child) in enumerate(pairwise(names)):
+        parts.append(
+            _JOINT.format(
+                name=f"joint_{number}",
+                # In the frame of the child, of which only the body's is elsewhere.
+                z=-_NECK if child == "body" else 0,
+                parent=parent,
+                child=child,
+                axis=_AXES[number % 3],
+                turn=turn,
+            )
+        )
+    return f'<sdf version="1.9"><model name="turning_body">\n{"".join(parts)}</model></sdf>\n'
+
+
+def experiment_file(folder: Path, num_joints: int) -> str | Path:
+    """The name of an experiment with so many joints, or a file that describes one."""
+    if num_joints == _ARM:
+        return "torus"
+    model, directives = folder / f"neck_{num_joints}.sdf", folder / f"neck_{num_joints}.dmd.yaml"
+    model.write_text(neck(num_joints - _ARM), encoding="utf-8")
+    shipped = (MODELS / "turning_body.dmd.yaml").read_text(encoding="utf-8")
+    own = shipped.replace(
+        "package://selftouch_drake/turning_body.sdf", f"package://necks/{model.name}"
+    )
+    directives.write_text(own, encoding="utf-8")
+    (folder / "package.xml").write_text('<package format="2"><name>necks</name></package>\n')
+    fields = {
+        "robot": {"packages": {"necks": "."}, "directives": f"package://necks/{directives.name}"},
+        "skins": {
+            "body": {
+                "link": "turning_body::body",
+                "surface": {"shape": "torus", "major_radius": 0.22, "minor_radius": 0.09},
+            }
+        },
+        "touching": {"fingertip": {"frame": "fingertip_0", "radius": 0.01}},
+    }
+    file = folder / f"joints_{num_joints}.yaml"
+    file.write_text(yaml.safe_dump(fields), encoding="utf-8")
+    return file
+
+
+def measured(num_joints: int, arguments: argparse.Namespace) -> str:
+    """A line of the table."""
+    size = {
+        "seed": arguments.seed,
+        "babbling": {"num_samples": arguments.touches},
+        "representation": {"num_targets": arguments.targets},
+        "evaluation": {"num_pairs": arguments.pairs},
+    }
+    experiment = load_experiment(experiment_file(arguments.out, num_joints), size)
+    run = RunDirectory.create(arguments.out / f"run_{num_joints}", experiment)
+    world = World(experiment)
+    if not stages.has_babbled(run):
+        with ProcessPoolExecutor(mp_context=get_context("spawn")) as executor:
+            stages.babble(run, world, executor)
+    if not stages.has_learned(run):
+        stages.learn(run)
+    if "execution_contact_mean" not in run.metrics():
+        stages.evaluate(run, world)
+    found = run.metrics()
+    errors = " | ".join(
+        f"{found['shape_rms_fraction_by_metric'][metric]:.1%}"
+        for metric in ("motor", "sensorimotor", "learned")
+    )
+    holes = " ".join(map(str, found["topology_betti"]))
+    return (
+        f"| {num_joints} | {errors} | {holes} | {found['planning_contact_straight_mean']:.1%} "
+        f"| {found['execution_contact_mean']:.1%} / {found['execution_contact_worst']:.0%} "
+        f"| {found['execution_reach_rate']:.0%} | {found.get('shape_doubt_by_part', [''])[0]} |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--joints", nargs="+", type=int, default=[6, 7, 9, 12, 16])
+    parser.add_argument("--touches", type=int, default=400_000)
+    parser.add_argument("--targets", type=int, default=500)
+    parser.add_argument("--pairs", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=501)
+    parser.add_argument("--out", type=Path, default=Path("runs/joints"))
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    print(
+        "| joints | motor | sensorimotor | learned | holes | contact straight "
+        "| contact, mean / worst | reached | doubt |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|")
+    for num_joints in arguments.joints:
+        print(measured(num_joints, arguments), flush=True)
+
+
+if __name__ == "__main__":
+    main()
