@@ -2,8 +2,8 @@
 
     python benchmarks/joints.py --joints 6 7 9 12 16 --pairs 20 --out runs/joints
 
-The paper's arm touches a torus on a neck of joints that turn about z, y and x in turn; the more there
-are, the less each one turns. What has run already is not run again.
+The paper's arm touches a torus on a neck of joints that turn about z, y and x in turn; the more
+there are, the less each one turns. What has run already is not run again.
 """
 
 from __future__ import annotations
