@@ -45,7 +45,7 @@ def neck(num_joints: int) -> str:
         parts.append(
             _JOINT.format(
                 name=f"joint_{number}",
-                # In the frame of the child, of which only the body's is elsewhere.
+                # In the frame of the child; all but the body's are at the neck.
                 z=-_NECK if child == "body" else 0,
                 parent=parent,
                 child=child,

@@ -175,7 +175,7 @@ def babble(
 
 @cli.command("import")
 @click.argument("data", metavar="DATA", type=click.Path(path_type=Path))
-@click.option("--out", type=click.Path(path_type=Path), help="Run directory.  [runs/NAME]")
+@OUT
 @click.option(
     "--q",
     metavar="COLUMNS",
@@ -186,14 +186,24 @@ def babble(
 )
 @click.option("--time", metavar="COLUMN", help="Seconds; the speeds of the joints follow from it.")
 @click.option(
-    "--offset", type=float, help="What a receptor reads at rest; 0 for pressures.  [found]"
+    "--offset", type=float, help="Reading of a receptor at rest; 0 for pressures.  [default: found]"
 )
 @click.option(
-    "--threshold", type=float, help="Above rest, from where on a reading counts.  [found]"
+    "--threshold", type=float, help="Smallest reading above rest that counts.  [default: found]"
 )
-@click.option("--rising/--falling", default=None, help="With pressure, readings do.  [found]")
-@click.option("--max-velocity", type=float, help="Of plans, rad/s or m/s.  [as recorded, or 1]")
-@click.option("--max-acceleration", type=float, help="Of plans.  [5 times the velocity]")
+@click.option(
+    "--rising/--falling",
+    default=None,
+    help="Whether readings rise with pressure.  [default: found]",
+)
+@click.option(
+    "--max-velocity", type=float, help="Limit of plans, rad/s or m/s.  [default: as recorded, or 1]"
+)
+@click.option(
+    "--max-acceleration",
+    type=float,
+    help="Limit of plans, rad/s² or m/s².  [default: 5 times the velocity]",
+)
 @SET
 def import_data(
     data: Path,

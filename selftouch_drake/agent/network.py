@@ -128,6 +128,39 @@ def train(
         progress((step + 1) / num_steps)
 
 
+def train_to_expect(
+    network: Network,
+    x: np.ndarray,
+    kernel: np.ndarray,
+    wanted: np.ndarray,
+    draw: Callable[[], np.ndarray],
+    num_steps: int,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> None:
+    """Trains a network in place to give what is wanted of the kernel that a row is in.
+
+    Args:
+        network: changed.
+        x: `(R, inputs)` float32.
+        kernel: `(R,)` the kernel of each row.
+        wanted: `(K, outputs)` float32.
+        draw: draws `(n,)` rows to learn from.
+        num_steps: of training.
+        progress: called with the fraction done.
+    """
+    rows = np.empty(0, dtype=int)
+
+    def batch() -> np.ndarray:
+        nonlocal rows
+        rows = draw()
+        return x[rows]
+
+    def slope(found: np.ndarray) -> np.ndarray:
+        return 2.0 * (found - wanted[kernel[rows]]) / len(found)
+
+    train(network, batch, slope, num_steps, progress)
+
+
 def _orthogonal(matrix: np.ndarray) -> np.ndarray:
     """Roughly the nearest orthogonal matrix, by Newton-Schulz steps of degree five."""
     x = matrix / (np.linalg.norm(matrix) + 1e-9)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -112,6 +111,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         self.action_space = Box(-1.0, 1.0, (robot.num_joints,), np.float32)
         self.observation_space = Dict(self._spaces())
         self._num_steps = 0
+        self._receptor_skin = self.world.receptor_skin
         self._touches = np.zeros(len(self.world.skins), dtype=int)
 
     def reset(
@@ -161,7 +161,8 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         # What is logged just when a period ends may come into the next log.
         looks = [log.felt[log.time_s > began + time_step / 2], self._simulation.felt[None]]
         felt = np.concatenate(looks)
-        self._touches += [felt[:, each].any() for each in self._readings]
+        touched = np.unique(self._receptor_skin[felt.any(axis=0)])
+        self._touches[touched] += 1
         observation = self._observation()
         reward, terminated = self._judge(observation, felt)
         if self.render_mode == "human":
@@ -266,12 +267,6 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         names = [skin.name for skin in self.world.skins]
         touches = dict(zip(names, self._touches.tolist(), strict=True))
         return {"steps": self._num_steps, "touches": touches}
-
-    @cached_property
-    def _readings(self) -> list[slice]:
-        """Where the readings of each skin are in a sensation."""
-        ends = np.cumsum([0, *(skin.fields.num_receptors for skin in self.world.skins)]).tolist()
-        return [slice(a, b) for a, b in pairwise(ends)]
 
     @cached_property
     def _browser(self) -> BrowserView:

@@ -27,8 +27,8 @@ from selftouch_drake.robot.pairs import (
     touching_pairs,
 )
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.tactile_skin import RegisterSkin
 from selftouch_drake.robot.touchers import register_ball, register_shapes
+from selftouch_drake.robot.wearing import wear
 
 # rad, how far babbling turns a joint that turns without limits.
 TURN = 2 * np.pi
@@ -129,18 +129,7 @@ def MakeRobot(experiment: Experiment, skins: Sequence[SkinModel], scene_graph: S
     fix_joints(plant, experiment, model)
     own = own_geometries(plant, scene_graph)
 
-    worn = []
-    for skin in skins:
-        link = find_link(plant, skin.link, f"skins.{skin.name}.link")
-        geometry_id = RegisterSkin(
-            plant,
-            link,
-            skin.wall,
-            hydroelastic_modulus=skin.hydroelastic_modulus,
-            name=f"skin_{skin.name}",
-            visible=False,
-        )
-        worn.append(WornSkin(model=skin, link=link, geometry_id=geometry_id))
+    worn = [wear(plant, skin, visible=False) for skin in skins]
     touchers = [
         _add_toucher(plant, scene_graph, name, toucher, worn, own)
         for name, toucher in experiment.touching.items()

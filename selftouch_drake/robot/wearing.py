@@ -83,7 +83,7 @@ def AddSkins(
     }
     for geometry in own:
         scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
-    return tuple(_worn(plant, model, visible) for model in models)
+    return tuple(wear(plant, model, visible=visible) for model in models)
 
 
 def _own_geometry(
@@ -93,7 +93,8 @@ def _own_geometry(
     return link_geometries(plant, scene_graph.model_inspector(), link, Role.kProximity)
 
 
-def _worn(plant: MultibodyPlant, model: SkinModel, visible: bool) -> WornSkin:
+def wear(plant: MultibodyPlant, model: SkinModel, *, visible: bool) -> WornSkin:
+    """Gives the link of a skin its soft geometry, before the plant is finalized."""
     link = find_link(plant, model.link, f"skins.{model.name}.link")
     geometry_id = RegisterSkin(
         plant,

@@ -57,6 +57,11 @@ class Data:
     felt: Felt
 
     @property
+    def num_null(self) -> int:
+        """Complete rows in which nothing is felt."""
+        return len(self.recording.q) - len(self.felt.rows) - self.felt.num_fading
+
+    @property
     def still(self) -> list[str]:
         """Names of the joints that never move."""
         travel = np.ptp(self.recording.q, axis=0)
@@ -212,7 +217,7 @@ def _figures(data: Data) -> dict[str, Any]:
         "babbling_num_samples": len(felt.rows),
         "import_num_rows": recording.num_rows,
         "import_num_incomplete": recording.num_incomplete,
-        "import_num_null": len(recording.q) - len(felt.rows) - felt.num_fading,
+        "import_num_null": data.num_null,
         "import_offset_median": float(np.median(calibration.offset)),
         "import_drift_max": float(calibration.drift.max()),
         "import_noise_median": float(np.median(calibration.noise)),
@@ -231,8 +236,7 @@ def summary(data: Data, experiment: Experiment) -> list[str]:
     assert imported is not None
     lines = [
         f"rows: {recording.num_rows:,}, of which {recording.num_incomplete:,} are incomplete and "
-        f"{len(recording.q) - len(felt.rows) - felt.num_fading:,} feel nothing; "
-        f"{len(felt.rows):,} touches",
+        f"{data.num_null:,} feel nothing; {len(felt.rows):,} touches",
         f"joints: {_listed(recording.joints)}",
         f"receptors: {_listed(recording.receptors)}; readings "
         f"{'rise' if calibration.rising else 'fall'} with pressure",

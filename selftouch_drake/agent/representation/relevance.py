@@ -15,7 +15,7 @@ import numpy as np
 from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.network import Network, standardised, train
+from selftouch_drake.agent.network import Network, standardised, train_to_expect
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 
 #: Of the network that expects sensations: hidden layers, outputs (principal components of target
@@ -144,27 +144,19 @@ class _Expectation:
         by_part = trained[np.argsort(of_part[trained], kind="stable")]
         _, sizes = np.unique(of_part[trained], return_counts=True)
         first = np.cumsum(sizes) - sizes
-        rows = np.empty(0, dtype=int)
 
-        def batch() -> np.ndarray:
-            nonlocal rows
+        def draw() -> np.ndarray:
             some = rng.integers(len(sizes), size=_BATCH // 2)
-            rows = np.concatenate(
+            return np.concatenate(
                 [
                     trained[rng.integers(len(trained), size=_BATCH // 2)],
                     by_part[first[some] + (rng.random(len(some)) * sizes[some]).astype(int)],
                 ]
             )
-            return x[rows]
 
         network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
-        train(
-            network,
-            batch,
-            lambda found: 2.0 * (found - outputs[kernel[rows]]) / len(found),
-            min(_MOST_STEPS, len(x) // _ROWS_A_STEP),
-            progress,
-        )
+        num_steps = min(_MOST_STEPS, len(x) // _ROWS_A_STEP)
+        train_to_expect(network, x, kernel, outputs, draw, num_steps, progress)
         return cls(network, x, kernel, outputs)
 
     def error(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import eigh
 
-from selftouch_drake.agent.network import Network, standardised, train
+from selftouch_drake.agent.network import Network, standardised, train, train_to_expect
 
 #: Three hidden layers of 128, 16 outputs. With 10 outputs some networks fold the torus: they find
 #: finer waves round its ring, and miss that its top is not its bottom.
@@ -88,11 +88,11 @@ def quotient_coordinates(
     expecting = 0
     if target_sensations is not None:
         expecting = round(_EXPECTING * num_steps)
-        kernel = np.repeat(np.arange(len(sizes)), sizes)
         _expect(
             network,
             x,
-            target_sensations[kernel],
+            sizes,
+            target_sensations,
             rng,
             expecting,
             lambda fraction: progress(_EXPECTING * fraction),
@@ -113,7 +113,8 @@ def quotient_coordinates(
 def _expect(
     network: Network,
     x: np.ndarray,
-    felt: np.ndarray,
+    sizes: np.ndarray,
+    target_sensations: np.ndarray,
     rng: np.random.Generator,
     num_steps: int,
     progress: Callable[[float], None],
@@ -122,29 +123,27 @@ def _expect(
 
     Args:
         network: its hidden layers are changed.
-        x: `(R, J)` float32, standardised configurations.
-        felt: `(R, S)` what each of them is to expect.
+        x: `(R, J)` float32, standardised configurations grouped by kernel.
+        sizes: `(K,)` configurations of each kernel.
+        target_sensations: `(K, S)` what each kernel is to expect.
         rng: draws the configurations.
         num_steps: of training.
         progress: called with the fraction done.
     """
-    wanted = felt - felt.mean(axis=0)
-    wanted = (wanted / np.sqrt(np.square(wanted).sum(axis=1).mean())).astype(np.float32)
+    wanted = target_sensations - np.average(target_sensations, axis=0, weights=sizes)
+    spread = np.sqrt(np.average(np.square(wanted).sum(axis=1), weights=sizes))
     out = Network.random([network.weights[-1].shape[0], wanted.shape[1]], rng)
-    both = Network(
-        weights=network.weights[:-1] + out.weights, biases=network.biases[:-1] + out.biases
+    train_to_expect(
+        Network(
+            weights=network.weights[:-1] + out.weights, biases=network.biases[:-1] + out.biases
+        ),
+        x,
+        np.repeat(np.arange(len(sizes)), sizes),
+        (wanted / spread).astype(np.float32),
+        lambda: rng.integers(len(x), size=2 * _NUM_PAIRS),
+        num_steps,
+        progress,
     )
-    rows = np.empty(0, dtype=int)
-
-    def batch() -> np.ndarray:
-        nonlocal rows
-        rows = rng.integers(len(x), size=2 * _NUM_PAIRS)
-        return x[rows]
-
-    def slope(outputs: np.ndarray) -> np.ndarray:
-        return (outputs - wanted[rows]) / len(rows)
-
-    train(both, batch, slope, num_steps, progress)
 
 
 def scatter_loss(outputs: np.ndarray) -> tuple[float, np.ndarray]:

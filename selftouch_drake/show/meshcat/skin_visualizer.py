@@ -17,10 +17,8 @@ from selftouch_drake.robot import TactileSkin, WornSkin
 from selftouch_drake.show.meshcat.receptors import key_frames
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
 from selftouch_drake.show.skins import surfaces_of
-from selftouch_drake.show.style import PRESSURE
+from selftouch_drake.show.style import FIRM, PRESSURE
 
-# N, the reading that is shown in the strongest colour: a firm touch.
-FULL = 2.0
 # s, from frame to frame.
 PERIOD_S = 1 / 32
 # m, a patch that has moved less than this is not drawn anew.
@@ -123,7 +121,7 @@ class SkinVisualizer(LeafSystem):
         meshcat: Meshcat,
         worn: Sequence[WornSkin],
         *,
-        full: float = FULL,
+        full: float = FIRM,
         period_s: float = PERIOD_S,
         root: str = "/tactile_skin",
     ):
@@ -150,7 +148,7 @@ class SkinVisualizer(LeafSystem):
         touch: TactileSkin,
         meshcat: Meshcat,
         *,
-        full: float = FULL,
+        full: float = FIRM,
         period_s: float = PERIOD_S,
     ) -> SkinVisualizer:
         """Adds a visualizer to a diagram and connects it.
