@@ -142,6 +142,18 @@ _FOUND = (
         "above 2",
     ),
     (
+        "shape_expected_error",
+        "%",
+        "error of the shape that the agent itself expects, of the worst part",
+        "below 4 %",
+    ),
+    (
+        "shape_trusted",
+        "",
+        "whether the agent trusts shape and holes: expected error below 4 %, margin 3 or more",
+        "yes",
+    ),
+    (
         "embedding_fourth_eigenvalue",
         "%",
         "share of the shape that three dimensions leave out",
@@ -376,6 +388,8 @@ _SECTIONS = (
 )
 _HEADLINE = {
     "shape_rms_fraction": "shape error",
+    "shape_expected_error": "expected by the agent",
+    "shape_trusted": "trusted",
     "parts_found": "parts",
     "topology_betti": "components, loops, voids",
     "topology_betti_by_part": "components, loops, voids by part",
@@ -448,7 +462,9 @@ def _text(value: Any, unit: str) -> str:
     if isinstance(value, list):
         nested = any(isinstance(entry, list) for entry in value)
         return ("; " if nested else ", ").join(_text(entry, unit) for entry in value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if not isinstance(value, int | float):
         return str(value)
     if unit == "%":
         return f"{100 * value:.1f} %"

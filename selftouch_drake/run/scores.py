@@ -82,6 +82,9 @@ def found_figures(run: RunDirectory, body: Body) -> Figures:
     figures: Figures = {"parts_found": len(body.parts)}
     if any(part.doubt for part in body.parts):
         figures["shape_doubt_by_part"] = [part.doubt for part in body.parts]
+    if body.expected_error is not None:
+        figures["shape_expected_error"] = body.expected_error
+        figures["shape_trusted"] = body.trusted
     if margins:
         figures["topology_margin"] = min(margins)
     figures["embedding_fourth_eigenvalue"] = max(
