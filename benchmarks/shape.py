@@ -40,6 +40,7 @@ import numpy as np
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 from selftouch_drake.agent.shape import METRICS, Body, intrinsic_dimension, recover, topology
+from selftouch_drake.agent.shape.confidence import trusted
 from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader
 from selftouch_drake.files import load_arrays, save_arrays
@@ -182,6 +183,8 @@ def rows(
             "error": round(max(errors.values()), 4),
             **figures,
             **common,
+            "expected_error": body.expected_error,
+            "trusted": trusted(body.expected_error, float(str(figures["margin"]))),
         }
 
 
@@ -289,10 +292,12 @@ def _key(row: dict) -> tuple[str, ...]:
 
 
 def _append(path: Path, row: dict[str, object]) -> None:
+    """Adds a row; to a table that lacks some of its columns, without them."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    columns = list(read(path)[0]) if read(path) else list(row)
     begins = not path.exists()
     with path.open("a", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(row))
+        writer = csv.DictWriter(file, fieldnames=columns, extrasaction="ignore")
         if begins:
             writer.writeheader()
         writer.writerow(row)

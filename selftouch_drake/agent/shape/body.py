@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.representation.neighbours import geodesics
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.shape.confidence import LEAST_MARGIN, MOST_ERROR, expected_error
+from selftouch_drake.agent.shape.confidence import expected_error, trusted
 from selftouch_drake.agent.shape.dimension import LEAST_KERNELS, intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import Embedding, warn_of_misfit
 from selftouch_drake.agent.shape.homology import Topology, flat, topology
@@ -99,8 +99,7 @@ class Body:
     def trusted(self) -> bool:
         """Whether shape and holes of all parts are to be trusted: see `confidence`."""
         margins = [0.0 if part.topology is None else part.topology.margin for part in self.parts]
-        error = self.expected_error
-        return error is not None and error < MOST_ERROR and min(margins) >= LEAST_MARGIN
+        return trusted(self.expected_error, min(margins))
 
     def embed(self, representation: QuotientRepresentation) -> QuotientRepresentation:
         """The representation that the body was recovered from, its `embedding` filled."""

@@ -36,6 +36,16 @@ def expected_error(layout: Embedding) -> float:
     return float(np.exp(_CONSTANT + _OF_STRESS * stress + _OF_UNEVENNESS * uneven))
 
 
+def trusted(error: float | None, margin: float) -> bool:
+    """Whether a shape and its holes are to be trusted.
+
+    Args:
+        error: the expected one; None if it is not known.
+        margin: the least of its parts, as `Topology.margin`.
+    """
+    return error is not None and error < MOST_ERROR and margin >= LEAST_MARGIN
+
+
 def unevenness(positions: np.ndarray) -> float:
     """Standard deviation of the logarithm of the spacing around each of the `(n, 3)` positions."""
     distance, _ = cKDTree(positions).query(positions, _NEIGHBOURS + 1)
