@@ -25,6 +25,7 @@ from selftouch_drake.experience import (
 )
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
+from selftouch_drake.run import acting
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.figures import keys_of
@@ -234,11 +235,11 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     Raises:
         RunError: there is no such target sensation, or no such plan.
     """
-    pilot = Pilot(load_agent(run, predicts=False), world)
+    agent = load_agent(run, predicts=False)
     _require_targets(run, targets)
-    execution, _ = pilot.execute(load_motion(run, *targets))
+    execution, _ = acting.execute(world, load_motion(run, *targets))
     save_plan(run, execution, *targets)
-    return pilot.agent.judge(execution)
+    return agent.judge(execution)
 
 
 def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: int) -> list[Try]:
