@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import importlib
+import itertools
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager
+from typing import Any
 
 
 def local_executor(num_workers: int | None = None, *, ends_on_ctrl_c: bool = False) -> Executor:
@@ -22,6 +33,44 @@ def local_executor(num_workers: int | None = None, *, ends_on_ctrl_c: bool = Fal
         initializer=signal.signal,
         initargs=(signal.SIGINT, signal.SIG_DFL if ends_on_ctrl_c else signal.SIG_IGN),
     )
+
+
+class HereAndInProcesses(ThreadPoolExecutor):
+    """This process, and others that join in when they have started, which takes seconds.
+
+    Args:
+        num_workers: number of processes, with this one; one a core by default.
+    """
+
+    def __init__(self, num_workers: int | None = None):
+        num_workers = num_workers or os.cpu_count() or 1
+        self._others = local_executor(num_workers - 1) if num_workers > 1 else None
+        self._thread, self._number, self._ends = threading.local(), itertools.count(), Future()
+        super().__init__(num_workers, initializer=self._begin)
+
+    def submit(self, fn, /, *args: Any, **kwargs: Any) -> Future:
+        """Schedules a call, here or in a process that has started."""
+        return super().submit(self._run, fn, args, kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Waits for calls that run, but not for processes that have not started."""
+        self._ends.cancel()
+        super().shutdown(wait=wait, cancel_futures=cancel_futures)
+        if self._others is not None:
+            self._others.shutdown(wait=False)
+
+    def _begin(self) -> None:
+        """Each thread stands for one process, the first for this one."""
+        self._thread.is_here = next(self._number) == 0
+        if not self._thread.is_here:
+            # The first call would otherwise wait for Drake, which others here could have done.
+            started = self._others.submit(importlib.import_module, "selftouch_drake.experience")
+            wait([started, self._ends], return_when=FIRST_COMPLETED)
+
+    def _run(self, fn, args, kwargs):
+        if self._thread.is_here:
+            return fn(*args, **kwargs)
+        return self._others.submit(fn, *args, **kwargs).result()
 
 
 @contextmanager

@@ -99,6 +99,7 @@ def babble(
         fingerprint=run.fingerprint(),
         executor=executor,
         progress=count,
+        world=world,
     )
     wall = time.perf_counter() - began
     median, largest = force_figures(run)

@@ -138,18 +138,13 @@ def _normal_equations(num_intervals: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _basis(u: np.ndarray, knots: np.ndarray, degree: int) -> np.ndarray:
-    """`(M, samples, degree + 1)` the basis functions that are not 0, at the samples in each knot
-    interval.
-    """
-    return BSpline.design_matrix(u, knots, degree).data.reshape(
-        -1, _SAMPLES_PER_INTERVAL, degree + 1
-    )
+    """`(M, samples, degree + 1)` the basis functions that are not 0 at the samples."""
+    values = BSpline.design_matrix(u, knots, degree).data
+    return values.reshape(-1, _SAMPLES_PER_INTERVAL, degree + 1)
 
 
 def _third_differences(knots: np.ndarray, num_intervals: int) -> np.ndarray:
-    """`(M, DEGREE - 2, DEGREE + 1)` from the control points that count in a knot interval to those
-    of the third derivative.
-    """
+    """`(M, DEGREE - 2, DEGREE + 1)` from an interval's control points to those of its jerk."""
     differences = np.eye(DEGREE + 1)
     for degree in range(DEGREE, DEGREE - 3, -1):
         first = np.arange(num_intervals)[:, None] + np.arange(degree) + DEGREE - degree
