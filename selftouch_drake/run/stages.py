@@ -1,7 +1,8 @@
 """The stages of a run: babble, learn, plan, execute, rehearse, evaluate.
 
 Each is a function of the run, reads and writes its directory, and leaves what it computes to the
-packages. A stage that runs again replaces what it made and drops what was made from it.
+packages. A stage that runs again replaces what it made and drops what was made from it. What one
+stage alone needs is imported there: the others start sooner.
 """
 
 from __future__ import annotations
@@ -15,8 +16,7 @@ import numpy as np
 
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.rehearsal import Try, best
-from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
-from selftouch_drake.agent.shape import recover
+from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experience import (
     ExperienceReader,
     collect,
@@ -38,10 +38,7 @@ from selftouch_drake.run.knowledge import (
     save_memory,
     save_plan,
 )
-from selftouch_drake.run.scores import found_figures, score_body
 from selftouch_drake.run.touches import force_figures, touch_counts, warn_of_untouched
-from selftouch_drake.run.trial_figures import trial_figures, trial_table
-from selftouch_drake.run.trials import try_pairs
 from selftouch_drake.run.worlds import build_world, make_world
 
 __all__ = [
@@ -126,6 +123,10 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
         RunError: the experience is not complete.
         ValueError: it cannot be learned from.
     """
+    from selftouch_drake.agent.representation import QuotientLearner
+    from selftouch_drake.agent.shape import recover
+    from selftouch_drake.run.scores import found_figures
+
     began = time.perf_counter()
     _require_experience(run)
     settings, seed = run.experiment.representation, run.experiment.seed
@@ -263,6 +264,10 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
     Raises:
         StoreError: the truth is not there, or only in part.
     """
+    from selftouch_drake.run.scores import score_body
+    from selftouch_drake.run.trial_figures import trial_figures, trial_table
+    from selftouch_drake.run.trials import try_pairs
+
     agent = load_agent(run)
     require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
     run.metrics()  # what cannot be added to is refused now
