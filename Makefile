@@ -4,6 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO ?= runs/demo
+BEFORE ?= build/before
 
 .PHONY: help demo test fuzz kills lint docs wheel bench million memory install clean
 
@@ -33,8 +34,11 @@ docs: $(VENV)/.installed-docs  ## the documentation, with a reference from the c
 wheel: $(VENV)/bin/python  ## the package as one file, into dist
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
-bench: $(VENV)/.installed-bench  ## what a touch costs, beside what one would write instead
-	$(BIN)/python benchmarks/babbling.py
+bench: $(VENV)/.installed-bench $(BEFORE)/Makefile  ## what everything costs, beside what one would have instead
+	$(BIN)/python benchmarks/table.py --before $(BEFORE)
+
+$(BEFORE)/Makefile:  # the version that `bench` compares with
+	git worktree add --detach $(BEFORE) 3128edc
 
 pictures: $(VENV)/.installed  ## draw the pictures of the README anew, from a run of 400,000 touches
 	$(BIN)/python benchmarks/pictures.py

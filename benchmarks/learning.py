@@ -29,7 +29,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
-from selftouch_drake.agent.representation.set_distances import _nearest_squared
+from selftouch_drake.agent.representation.set_distances import _NOT_TOLD, _nearest_squared
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
@@ -45,15 +45,18 @@ def measure_peers(representation: QuotientRepresentation, num_sets: int, turns: 
     The ways take turns; each has float32 or float64 as it likes best, trees included.
     """
     chosen = np.random.default_rng(0).choice(representation.num_targets, num_sets, replace=False)
-    sets = [representation.kernel_x[representation.members(k)] for k in chosen]
+    sets = [
+        representation.scaled(representation.kernel_q[representation.members(k)]).astype(np.float32)
+        for k in chosen
+    ]
     doubles = [np.asarray(members, dtype=float) for members in sets]
     members, offsets = np.concatenate(sets), np.cumsum([0, *map(len, sets)])
-    nearest_squared = _nearest_squared(members.shape[1])
+    nearest_squared = _nearest_squared(members.shape[1], False)
 
     def here() -> list[np.ndarray]:
         tables = [np.empty((num_sets, len(a)), dtype=np.float32) for a in sets]
         for a, table in zip(sets, tables, strict=True):
-            nearest_squared(np.ascontiguousarray(a.T), members, offsets, table)
+            nearest_squared(np.ascontiguousarray(a.T), members, offsets, table, _NOT_TOLD)
         return [np.sqrt(table) for table in tables]
 
     def tree() -> list[np.ndarray]:

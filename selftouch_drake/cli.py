@@ -588,9 +588,9 @@ def _open(run: Path, *, writing: bool = True):
 
 def _babble(directory, world, workers: int | None, scheduler: str | None) -> None:
     from selftouch_drake.run import stages
-    from selftouch_drake.run.executors import dask_executor, local_executor
+    from selftouch_drake.run.executors import HereAndInProcesses, dask_executor
 
-    chosen = dask_executor(scheduler) if scheduler else local_executor(workers)
+    chosen = dask_executor(scheduler) if scheduler else HereAndInProcesses(workers)
     with _progress("babble") as progress, chosen as executor:
         progress(0.0, "the first walks")  # under dynamics they may take minutes
         stages.babble(directory, world, executor, progress)

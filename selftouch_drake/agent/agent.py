@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -23,14 +23,15 @@ from selftouch_drake.agent.planning import (
 from selftouch_drake.agent.practice import doubtful_steps, out_of_the_way, practise
 from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge
 from selftouch_drake.agent.representation import (
-    Batches,
-    QuotientLearner,
     QuotientRepresentation,
     felt_kernels,
     kernel_sensations,
 )
-from selftouch_drake.agent.shape import Body, recover
 from selftouch_drake.agent.sliding import Slider
+
+if TYPE_CHECKING:
+    from selftouch_drake.agent.representation import Batches
+    from selftouch_drake.agent.shape import Body
 
 
 # No slots: the planner is built when it is first asked for, and kept.
@@ -111,6 +112,8 @@ class Agent:
         Raises:
             ValueError: the experience cannot be learned from; the text says why.
         """
+        from selftouch_drake.agent.representation import QuotientLearner  # not needed to plan
+
         learner = QuotientLearner(**{"num_targets": 500} | parameters, random_state=seed)
         representation = learner.fit_batches(batches).representation_
         sensations = (sensation for sensation, _ in batches())
@@ -120,6 +123,8 @@ class Agent:
 
     def recover(self, metric: str = "learned", *, seed: int = 0) -> Body:
         """Recovers the body: shape, holes and dimension of each of its parts."""
+        from selftouch_drake.agent.shape import recover  # not needed to plan
+
         return recover(self.representation, metric, seed=seed)
 
     def knowing(self, body: Body) -> Agent:

@@ -48,7 +48,7 @@ class PathSource(LeafSystem):
     def _calc_desired_state(self, context, output):
         path = self._path.Eval(context)
         time = context.get_time()
-        q = path.value(np.clip(time, path.start_time(), path.end_time())).ravel()
+        q = path.value(min(max(time, path.start_time()), path.end_time())).ravel()
         moving = path.start_time() <= time < path.end_time()
         v = path.EvalDerivative(time, 1).ravel() if moving else np.zeros_like(q)
         output.SetFromVector(np.concatenate([q, v]))

@@ -15,7 +15,7 @@ from selftouch_drake.agent.planning import checked_configuration, jerk_reduction
 from selftouch_drake.agent.rehearsal import Try, rehearse
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
-from selftouch_drake.robot.timing import time_path
+from selftouch_drake.robot.timing import TimedPath, time_path
 
 # m, of rigid parts that may not be deeper in each other: what is executed is off by less.
 _MARGIN = 0.0005
@@ -49,6 +49,15 @@ class Query:
     jerk_reduction: float
 
 
+def execute(world: World, motion: Motion) -> tuple[Execution, Log]:
+    """Lets the robot follow a motion from its start; the log has every step of the plant."""
+    log = world.simulation.execute(motion.time_s, motion.q, motion.v)
+    execution = Execution(
+        motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
+    )
+    return execution, log
+
+
 class Pilot:
     """An agent in its world: plans become motions, and motions are executed.
 
@@ -60,9 +69,8 @@ class Pilot:
     def __init__(self, agent: Agent, world: World):
         self.agent = agent
         self.world = world
-        # Built before the first query, of which the time is taken.
         self._limits = world.limits
-        _ = agent.planner
+        self._get_ready()
 
     def plan(self, *targets: int) -> Query:
         """Plans through two or more target sensations, in order.
@@ -108,14 +116,6 @@ class Pilot:
             lambda agent, **how: agent.plan_from(q_start, felt, goal, limits=limits, **how)
         )
 
-    def execute(self, motion: Motion) -> tuple[Execution, Log]:
-        """Lets the robot follow a motion from its start; the log has every step of the plant."""
-        log = self.world.simulation.execute(motion.time_s, motion.q, motion.v)
-        execution = Execution(
-            motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
-        )
-        return execution, log
-
     def rehearse(
         self, start: int, goal: int, *, max_tries: int, known: Try | None = None
     ) -> list[Try]:
@@ -148,7 +148,7 @@ class Pilot:
             motion = queries[-1].motion
             if known is not None and np.array_equal(motion.q, known.execution.motion.q):
                 return known
-            execution, _ = self.execute(motion)
+            execution, _ = execute(self.world, motion)
             return self.agent.judge(execution)
 
         def learn(one: Try, agent: Agent) -> Agent:
@@ -184,12 +184,7 @@ class Pilot:
                     "robot do not run into each other: choose another start or goal, or babble "
                     "longer"
                 )
-        timed = time_path(
-            plan.path,
-            velocity_limit=self._limits.velocity,
-            acceleration_limit=self._limits.acceleration,
-            rate_hz=1 / LOG_PERIOD,
-        )
+        timed = self._timed(plan)
         seconds = time.perf_counter() - began
         motion = agent.motion(plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v)
         return Query(
@@ -200,6 +195,21 @@ class Pilot:
             seconds=seconds,
             jerk_reduction=jerk_reduction(plan, self.agent.representation.joint_scale),
         )
+
+    def _timed(self, plan: Plan) -> TimedPath:
+        return time_path(
+            plan.path,
+            velocity_limit=self._limits.velocity,
+            acceleration_limit=self._limits.acceleration,
+            rate_hz=1 / LOG_PERIOD,
+        )
+
+    def _get_ready(self) -> None:
+        """Builds what every query needs, and loads what is compiled: the first takes no longer."""
+        for edge in self.agent.representation.edges[:1].tolist():
+            plan = self.agent.tour(edge)
+            self.agent.doubtful(plan, self._slider)
+            self._timed(plan)
 
     def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, bool]:
         """The agent and its plan after practice, and whether the robot can be everywhere on it.

@@ -9,8 +9,8 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
@@ -22,10 +22,12 @@ from selftouch_drake.agent.representation import (
     to_networkx,
     without_vectors,
 )
-from selftouch_drake.agent.shape import Body, Embedding, RecoveredPart, Topology
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.files import load_arrays, save_arrays, written_whole
 from selftouch_drake.run.directory import RunDirectory, RunError
+
+if TYPE_CHECKING:
+    from selftouch_drake.agent.shape import Body, RecoveredPart
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -110,6 +112,8 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
         RunError: it is not there, or of another experiment.
         ValueError: a file is damaged.
     """
+    from selftouch_drake.agent.shape import Body  # not needed to plan
+
     remedy = f"run `selftouch learn {run.path}`"
     read: list[dict[str, np.ndarray]] = []
     for file, names in ((run.topology, ["num_parts"]), (run.body_distances, ["distances"])):
@@ -200,6 +204,8 @@ def was_executed(run: RunDirectory, *targets: int | str) -> bool:
 
 def export_graph(run: RunDirectory, representation: QuotientRepresentation) -> None:
     """Writes the quotient graph as GraphML, for tools of others."""
+    import networkx as nx  # needed here alone
+
     graph = without_vectors(to_networkx(representation))
     with written_whole(run.path / "quotient_graph.graphml") as aside:
         nx.write_graphml(graph, aside)
@@ -274,6 +280,8 @@ def _topology_arrays(body: Body) -> dict[str, np.ndarray]:
 def _part_from(
     arrays: Arrays, number: int, representation: QuotientRepresentation, distances: np.ndarray
 ) -> RecoveredPart:
+    from selftouch_drake.agent.shape import Embedding, RecoveredPart, Topology
+
     def array(name: str) -> np.ndarray:
         return arrays[_named(number, name)]
 

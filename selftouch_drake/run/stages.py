@@ -1,7 +1,8 @@
 """The stages of a run: babble, learn, plan, execute, rehearse, evaluate.
 
 Each is a function of the run, reads and writes its directory, and leaves what it computes to the
-packages. A stage that runs again replaces what it made and drops what was made from it.
+packages. A stage that runs again replaces what it made and drops what was made from it. What one
+stage alone needs is imported there: the others start sooner.
 """
 
 from __future__ import annotations
@@ -15,8 +16,7 @@ import numpy as np
 
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.rehearsal import Try, best
-from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
-from selftouch_drake.agent.shape import recover
+from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experience import (
     ExperienceReader,
     collect,
@@ -25,6 +25,7 @@ from selftouch_drake.experience import (
 )
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
+from selftouch_drake.run import acting
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.figures import keys_of
@@ -37,10 +38,7 @@ from selftouch_drake.run.knowledge import (
     save_memory,
     save_plan,
 )
-from selftouch_drake.run.scores import found_figures, score_body
 from selftouch_drake.run.touches import force_figures, touch_counts, warn_of_untouched
-from selftouch_drake.run.trial_figures import trial_figures, trial_table
-from selftouch_drake.run.trials import try_pairs
 from selftouch_drake.run.worlds import build_world, make_world
 
 __all__ = [
@@ -98,6 +96,7 @@ def babble(
         fingerprint=run.fingerprint(),
         executor=executor,
         progress=count,
+        world=world,
     )
     wall = time.perf_counter() - began
     median, largest = force_figures(run)
@@ -124,6 +123,10 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
         RunError: the experience is not complete.
         ValueError: it cannot be learned from.
     """
+    from selftouch_drake.agent.representation import QuotientLearner
+    from selftouch_drake.agent.shape import recover
+    from selftouch_drake.run.scores import found_figures
+
     began = time.perf_counter()
     _require_experience(run)
     settings, seed = run.experiment.representation, run.experiment.seed
@@ -234,11 +237,11 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     Raises:
         RunError: there is no such target sensation, or no such plan.
     """
-    pilot = Pilot(load_agent(run, predicts=False), world)
+    agent = load_agent(run, predicts=False)
     _require_targets(run, targets)
-    execution, _ = pilot.execute(load_motion(run, *targets))
+    execution, _ = acting.execute(world, load_motion(run, *targets))
     save_plan(run, execution, *targets)
-    return pilot.agent.judge(execution)
+    return agent.judge(execution)
 
 
 def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: int) -> list[Try]:
@@ -261,6 +264,10 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
     Raises:
         StoreError: the truth is not there, or only in part.
     """
+    from selftouch_drake.run.scores import score_body
+    from selftouch_drake.run.trial_figures import trial_figures, trial_table
+    from selftouch_drake.run.trials import try_pairs
+
     agent = load_agent(run)
     require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
     run.metrics()  # what cannot be added to is refused now

@@ -28,7 +28,7 @@ from selftouch_drake.experiment import Experiment
 from selftouch_drake.geometry import wall_points
 from selftouch_drake.robot import World
 from selftouch_drake.robot.limits import limit_shares
-from selftouch_drake.run.acting import NoWayError, Pilot
+from selftouch_drake.run.acting import NoWayError, Pilot, execute
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.knowledge import save_plan
 
@@ -124,7 +124,7 @@ def try_pairs(
             without_way.append((start, goal))
             continue
         motion = query.motion
-        execution, log = naive.execute(motion)
+        execution, log = execute(world, motion)
         known = agent.judge(execution)
         tries = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known) or [known]
         save_plan(run, execution, start, goal)
