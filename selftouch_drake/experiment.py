@@ -214,6 +214,8 @@ class Execution:
     max_acceleration: float = 5.0
     # Tries of a rehearsal: after six, those pairs that still lose contact seldom get better.
     max_tries: int = 6
+    # Whether the robot corrects its path by what it feels; before that it feels its way along it.
+    touch_servo: bool = False
 
 
 @dataclass(kw_only=True, slots=True)

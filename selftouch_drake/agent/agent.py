@@ -21,6 +21,7 @@ from selftouch_drake.agent.planning import (
     predict_sensation,
 )
 from selftouch_drake.agent.practice import doubtful_steps, out_of_the_way, practise
+from selftouch_drake.agent.pressing import Pressing, felt_across
 from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge
 from selftouch_drake.agent.representation import (
     Batches,
@@ -235,6 +236,10 @@ class Agent:
     def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:
         """Where to move what stands in the way of a plan; see `practice.out_of_the_way`."""
         return out_of_the_way(plan, self.representation, slider)
+
+    def felt_across(self, motion: Motion, offsets: np.ndarray, slider: Slider) -> Pressing:
+        """What is felt to either side of a motion; see `pressing.felt_across`."""
+        return felt_across(motion, offsets, self.representation, slider)
 
     def prepare(self, plan: Plan, doubtful: np.ndarray, slider: Slider) -> Agent:
         """The agent after it looked for other ways for the doubtful steps of a plan.

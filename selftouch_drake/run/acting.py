@@ -15,6 +15,7 @@ from selftouch_drake.agent.planning import checked_configuration, jerk_reduction
 from selftouch_drake.agent.rehearsal import Try, rehearse
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
+from selftouch_drake.robot.servo import OFFSETS, Beside
 from selftouch_drake.robot.timing import time_path
 
 # m, of rigid parts that may not be deeper in each other: what is executed is off by less.
@@ -110,11 +111,22 @@ class Pilot:
 
     def execute(self, motion: Motion) -> tuple[Execution, Log]:
         """Lets the robot follow a motion from its start; the log has every step of the plant."""
-        log = self.world.simulation.execute(motion.time_s, motion.q, motion.v)
+        beside = self.beside(motion) if self.world.experiment.execution.touch_servo else None
+        log = self.world.simulation.execute(motion.time_s, motion.q, motion.v, beside)
         execution = Execution(
             motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
         )
         return execution, log
+
+    def beside(self, motion: Motion) -> Beside:
+        """What the agent feels beside a motion, for the touch servo."""
+        felt = self.agent.felt_across(motion, OFFSETS, self._slider)
+        return Beside(
+            time_s=felt.time_s,
+            across=felt.across,
+            joint_scale=self.agent.representation.joint_scale,
+            strength=felt.strength,
+        )
 
     def rehearse(
         self, start: int, goal: int, *, max_tries: int, known: Try | None = None
