@@ -5,6 +5,7 @@
     python benchmarks/two_fingers.py figure    # the bars of the touches
     python benchmarks/two_fingers.py mixed     # sensations as they are, one touch or two
     python benchmarks/two_fingers.py runs RUN... # runs of shipped experiments with two fingers
+    python benchmarks/two_fingers.py prediction RUN... # what is foretold along their plans
 
 Needs ripser: pip install 'selftouch-drake[homology]'. The figures stand in docs/two_fingers.md.
 """
@@ -24,6 +25,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 
+from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation import (
     KernelReservoir,
     QuotientLearner,
@@ -42,10 +44,16 @@ from selftouch_drake.agent.representation.touches import (
 )
 from selftouch_drake.agent.shape import Turns, intrinsic_dimension, landmarks, turns
 from selftouch_drake.agent.shape.metrics import motor
+from selftouch_drake.evaluation import cosine_distance, in_link_frames
 from selftouch_drake.experience import Contacts, ExperienceReader, random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.robot.screen import TouchScreen
+from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.knowledge import load_agent
+from selftouch_drake.run.trials import random_pairs
+from selftouch_drake.run.worlds import make_world
 
 DOCS = Path(__file__).parent.parent / "docs"
 
@@ -416,9 +424,65 @@ def runs(arguments: argparse.Namespace) -> None:
         write("runs", rows)
 
 
+def prediction(arguments: argparse.Namespace) -> None:
+    """How far what is foretold along plans is from what is felt on them, without dynamics.
+
+    Two lines are limits, which know the truth: what stored touches would foretell whose fingers
+    were nearest to the true places of the fingers, and which were most like what is felt.
+    """
+    for path in arguments.runs:
+        run = RunDirectory.open(path)
+        agent, world = load_agent(run), make_world(run)
+        agent = agent.recalling(RehearsalMemory.blank(agent.representation))
+        pilot = Pilot(agent, world)
+        stored = agent.representation.kernel_q.astype(float)
+        tips = cKDTree(tip_places(world, stored))
+        errors: dict[str, list[float]] = {}
+        for pair in random_pairs(run.experiment, agent.representation):
+            query = pilot.plan(*pair)
+            motion = query.motion
+            felt = world.probe.sensations(motion.q)
+            kept = felt.any(axis=1) & motion.predicted.any(axis=1)
+            felt, q = felt[kept], motion.q[kept]
+            from_touches = query.agent.predict(query.plan, motion.s[kept]).sensation
+            distance, near = tips.query(tip_places(world, q), 8)
+            weight = 1.0 / (distance + 1e-4)
+            likely = [
+                np.average(agent.kernel_sensation[rows].toarray(), axis=0, weights=by)
+                for rows, by in zip(near, weight, strict=True)
+            ]
+            unit = felt / np.linalg.norm(felt, axis=1, keepdims=True)
+            most_alike = (agent.kernel_sensation @ unit.T).max(axis=0)
+            for name, error in (
+                ("stored touches", cosine_distance(felt, from_touches)),
+                ("gone along before", cosine_distance(felt, motion.predicted[kept])),
+                ("limit: fingers nearest", cosine_distance(felt, np.array(likely))),
+                ("limit: most alike", 1.0 - most_alike),
+            ):
+                errors.setdefault(name, []).append(float(np.mean(error)))
+        for name, found in errors.items():
+            print(f"| {path.name} | {name} | {np.mean(found):.4f} / {max(found):.4f} |", flush=True)
+
+
+def tip_places(world: World, q: np.ndarray) -> np.ndarray:
+    """`(N, 3 F)` m, the centres of the fingertips in the frame of the body: the truth."""
+    p_LT = in_link_frames(world.robot.toucher_positions(q), world.robot.skin_positions(q))
+    return p_LT[:, 0].reshape(len(q), -1)
+
+
+WHAT = {
+    "ideal": ideal,
+    "touches": touches,
+    "mixed": mixed,
+    "figure": figure,
+    "runs": runs,
+    "prediction": prediction,
+}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["ideal", "touches", "mixed", "figure", "runs"])
+    parser.add_argument("what", choices=list(WHAT))
     parser.add_argument("runs", nargs="*", type=Path)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rows", type=int, default=400_000)
@@ -426,8 +490,7 @@ def main() -> None:
     parser.add_argument("--landmarks", type=int, default=300)
     parser.add_argument("--data", type=Path, default=Path("two_fingers.npz"))
     arguments = parser.parse_args()
-    what = {"ideal": ideal, "touches": touches, "mixed": mixed, "figure": figure, "runs": runs}
-    what[arguments.what](arguments)
+    WHAT[arguments.what](arguments)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 """What is felt beside a motion: on the way to the skin, and from it (naive).
 
-Before a motion is executed, the agent feels its way along it. At places along it, it tries which
-small movement of all joints lets the touch die away on one side and on the other: that is the way
-through the skin. Then it feels how strong the touch is along that way.
+Before a motion is executed, the agent feels its way along it. At places along it, it tries along
+which movement of all joints the touch changes most: that is the way through the skin. Then it feels
+how strong the touch is along that way.
 """
 
 from __future__ import annotations
@@ -57,17 +57,16 @@ def felt_across(
     _, rows = np.unique((motion.s / _SAMPLED).astype(int), return_index=True)
     across = np.zeros((len(rows), x.shape[1]))
     strength = np.zeros((len(rows), len(offsets)))
-    way = _unit(slider.slope(x[0]))
-    rounds = _FIRST_ROUNDS
+    way = np.zeros(x.shape[1])
     for place, row in enumerate(rows):
-        for _ in range(rounds):
-            # Between the flanks the slope changes most along the way: an iteration of the power
-            # method, for the leading eigenvector of the second derivative.
-            turned = _unit(
-                slider.slope(x[row] - _FLANK * way) - slider.slope(x[row] + _FLANK * way)
-            )
-            way = turned if turned @ way > 0 or rounds > 1 else -turned
-        rounds = 1
+        known = way.any()
+        way = way if known else _unit(slider.slope(x[row]))
+        for _ in range(1 if known else _FIRST_ROUNDS):
+            # On either flank of a touch the slope leads across, to the skin's middle: this is an
+            # iteration of the power method, for the line that slopes are nearest to.
+            slopes = [slider.slope(x[row] + flank * way) for flank in (-_FLANK, _FLANK)]
+            turned = _unit(sum(slope * (slope @ way) for slope in slopes))
+            way = turned if turned.any() else way
         across[place] = way
         if motion.touching[row]:
             felt = slider.feel(slider.within(x[row] + offsets[:, None] * way))
