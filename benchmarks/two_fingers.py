@@ -425,43 +425,71 @@ def runs(arguments: argparse.Namespace) -> None:
 
 
 def prediction(arguments: argparse.Namespace) -> None:
-    """How far what is foretold along plans is from what is felt on them, without dynamics.
+    """How far what is foretold along plans is from what is felt on them.
 
-    Two lines are limits, which know the truth: what stored touches would foretell whose fingers
-    were nearest to the true places of the fingers, and which were most like what is felt.
+    Three lines are limits, which know the truth: what the stored touches say whose fingertips were
+    nearest to where the fingertips truly are, averaged or fitted linearly, and those that are most
+    like what is felt.
     """
     for path in arguments.runs:
         run = RunDirectory.open(path)
         agent, world = load_agent(run), make_world(run)
         agent = agent.recalling(RehearsalMemory.blank(agent.representation))
-        pilot = Pilot(agent, world)
-        stored = agent.representation.kernel_q.astype(float)
-        tips = cKDTree(tip_places(world, stored))
+        pilot, stored = Pilot(agent, world), agent.kernel_sensation
+        tips = tip_places(world, agent.representation.kernel_q.astype(float))
+        tree = cKDTree(tips)
         errors: dict[str, list[float]] = {}
         for pair in random_pairs(run.experiment, agent.representation):
             query = pilot.plan(*pair)
             motion = query.motion
+            executed = pilot.execute(motion)[0].felt
             felt = world.probe.sensations(motion.q)
-            kept = felt.any(axis=1) & motion.predicted.any(axis=1)
-            felt, q = felt[kept], motion.q[kept]
-            from_touches = query.agent.predict(query.plan, motion.s[kept]).sensation
-            distance, near = tips.query(tip_places(world, q), 8)
-            weight = 1.0 / (distance + 1e-4)
-            likely = [
-                np.average(agent.kernel_sensation[rows].toarray(), axis=0, weights=by)
-                for rows, by in zip(near, weight, strict=True)
-            ]
+            kept = felt.any(axis=1) & executed.any(axis=1) & motion.touching
+            felt, there = felt[kept], tip_places(world, motion.q[kept])
+            distance, near = tree.query(there, 60)
+            around = tips[near] - there[:, None]
+            foretold = {
+                "stored touches": query.agent.predict(query.plan, motion.s[kept]).sensation,
+                "gone along before": motion.predicted[kept],
+                "limit: mean of the 8 nearest": fitted(
+                    stored, near[:, :8], around[:, :8, :0], distance[:, :8]
+                ),
+                "limit: linear in the 60 nearest": fitted(stored, near, around, distance),
+            }
+            found = {name: cosine_distance(felt, each) for name, each in foretold.items()}
             unit = felt / np.linalg.norm(felt, axis=1, keepdims=True)
-            most_alike = (agent.kernel_sensation @ unit.T).max(axis=0)
-            for name, error in (
-                ("stored touches", cosine_distance(felt, from_touches)),
-                ("gone along before", cosine_distance(felt, motion.predicted[kept])),
-                ("limit: fingers nearest", cosine_distance(felt, np.array(likely))),
-                ("limit: most alike", 1.0 - most_alike),
-            ):
+            found["limit: most alike"] = 1.0 - (stored @ unit.T).max(axis=0)
+            found["gone along before, under dynamics"] = cosine_distance(
+                executed[kept], motion.predicted[kept]
+            )
+            for name, error in found.items():
                 errors.setdefault(name, []).append(float(np.mean(error)))
-        for name, found in errors.items():
-            print(f"| {path.name} | {name} | {np.mean(found):.4f} / {max(found):.4f} |", flush=True)
+        for name, of_plans in errors.items():
+            print(
+                f"| {path.name} | {name} | {np.mean(of_plans):.4f} / {max(of_plans):.4f} |",
+                flush=True,
+            )
+
+
+def fitted(
+    stored: csr_array, near: np.ndarray, around: np.ndarray, distance: np.ndarray
+) -> np.ndarray:
+    """`(T, S)` what is felt at a place, by a linear fit to the stored touches near it.
+
+    Args:
+        stored: `(R, S)` what was felt.
+        near: `(T, n)` rows of it.
+        around: `(T, n, D)` m, where they are from the place; with D = 0 they are averaged.
+        distance: `(T, n)` m, how far away; the nearer one counts more.
+    """
+    result = []
+    for rows, x, apart in zip(near, around, distance, strict=True):
+        weight = 1.0 / (apart + 1e-3)
+        terms = np.concatenate([np.ones((len(rows), 1)), x / 0.01], axis=1) * weight[:, None]
+        ridge = np.diag([0.0] + [1e-3 * weight.sum()] * x.shape[1])
+        felt = stored[rows].toarray() * weight[:, None]
+        result.append(np.linalg.solve(terms.T @ terms + ridge, terms.T @ felt)[0])
+    return np.maximum(result, 0.0)
 
 
 def tip_places(world: World, q: np.ndarray) -> np.ndarray:

@@ -65,7 +65,7 @@ def felt_across(
             # On either flank of a touch the slope leads across, to the skin's middle: this is an
             # iteration of the power method, for the line that slopes are nearest to.
             slopes = [slider.slope(x[row] + flank * way) for flank in (-_FLANK, _FLANK)]
-            turned = _unit(sum(slope * (slope @ way) for slope in slopes))
+            turned = _unit(np.sum([slope * (slope @ way) for slope in slopes], axis=0))
             way = turned if turned.any() else way
         across[place] = way
         if motion.touching[row]:
