@@ -5,6 +5,7 @@
     python benchmarks/two_fingers.py figure    # the bars of the touches
     python benchmarks/two_fingers.py mixed     # sensations as they are, one touch or two
     python benchmarks/two_fingers.py runs RUN... # runs of shipped experiments with two fingers
+    python benchmarks/two_fingers.py prediction RUN... # what is foretold along their plans
 
 Needs ripser: pip install 'selftouch-drake[homology]'. The figures stand in docs/two_fingers.md.
 """
@@ -24,6 +25,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 
+from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation import (
     KernelReservoir,
     QuotientLearner,
@@ -42,10 +44,16 @@ from selftouch_drake.agent.representation.touches import (
 )
 from selftouch_drake.agent.shape import Turns, intrinsic_dimension, landmarks, turns
 from selftouch_drake.agent.shape.metrics import motor
+from selftouch_drake.evaluation import cosine_distance, in_link_frames
 from selftouch_drake.experience import Contacts, ExperienceReader, random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.robot.screen import TouchScreen
+from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.knowledge import load_agent
+from selftouch_drake.run.trials import random_pairs
+from selftouch_drake.run.worlds import make_world
 
 DOCS = Path(__file__).parent.parent / "docs"
 
@@ -416,9 +424,93 @@ def runs(arguments: argparse.Namespace) -> None:
         write("runs", rows)
 
 
+def prediction(arguments: argparse.Namespace) -> None:
+    """How far what is foretold along plans is from what is felt on them.
+
+    Three lines are limits, which know the truth: what the stored touches say whose fingertips were
+    nearest to where the fingertips truly are, averaged or fitted linearly, and those that are most
+    like what is felt.
+    """
+    for path in arguments.runs:
+        run = RunDirectory.open(path)
+        agent, world = load_agent(run), make_world(run)
+        agent = agent.recalling(RehearsalMemory.blank(agent.representation))
+        pilot, stored = Pilot(agent, world), agent.kernel_sensation
+        tips = tip_places(world, agent.representation.kernel_q.astype(float))
+        tree = cKDTree(tips)
+        errors: dict[str, list[float]] = {}
+        for pair in random_pairs(run.experiment, agent.representation):
+            query = pilot.plan(*pair)
+            motion = query.motion
+            executed = pilot.execute(motion)[0].felt
+            felt = world.probe.sensations(motion.q)
+            kept = felt.any(axis=1) & executed.any(axis=1) & motion.touching
+            felt, there = felt[kept], tip_places(world, motion.q[kept])
+            distance, near = tree.query(there, 60)
+            around = tips[near] - there[:, None]
+            foretold = {
+                "stored touches": query.agent.predict(query.plan, motion.s[kept]).sensation,
+                "gone along before": motion.predicted[kept],
+                "limit: mean of the 8 nearest": fitted(
+                    stored, near[:, :8], around[:, :8, :0], distance[:, :8]
+                ),
+                "limit: linear in the 60 nearest": fitted(stored, near, around, distance),
+            }
+            found = {name: cosine_distance(felt, each) for name, each in foretold.items()}
+            unit = felt / np.linalg.norm(felt, axis=1, keepdims=True)
+            found["limit: most alike"] = 1.0 - (stored @ unit.T).max(axis=0)
+            found["gone along before, under dynamics"] = cosine_distance(
+                executed[kept], motion.predicted[kept]
+            )
+            for name, error in found.items():
+                errors.setdefault(name, []).append(float(np.mean(error)))
+        for name, of_plans in errors.items():
+            print(
+                f"| {path.name} | {name} | {np.mean(of_plans):.4f} / {max(of_plans):.4f} |",
+                flush=True,
+            )
+
+
+def fitted(
+    stored: csr_array, near: np.ndarray, around: np.ndarray, distance: np.ndarray
+) -> np.ndarray:
+    """`(T, S)` what is felt at a place, by a linear fit to the stored touches near it.
+
+    Args:
+        stored: `(R, S)` what was felt.
+        near: `(T, n)` rows of it.
+        around: `(T, n, D)` m, where they are from the place; with D = 0 they are averaged.
+        distance: `(T, n)` m, how far away; the nearer one counts more.
+    """
+    result = []
+    for rows, x, apart in zip(near, around, distance, strict=True):
+        weight = 1.0 / (apart + 1e-3)
+        terms = np.concatenate([np.ones((len(rows), 1)), x / 0.01], axis=1) * weight[:, None]
+        ridge = np.diag([0.0] + [1e-3 * weight.sum()] * x.shape[1])
+        felt = stored[rows].toarray() * weight[:, None]
+        result.append(np.linalg.solve(terms.T @ terms + ridge, terms.T @ felt)[0])
+    return np.maximum(result, 0.0)
+
+
+def tip_places(world: World, q: np.ndarray) -> np.ndarray:
+    """`(N, 3 F)` m, the centres of the fingertips in the frame of the body: the truth."""
+    p_LT = in_link_frames(world.robot.toucher_positions(q), world.robot.skin_positions(q))
+    return p_LT[:, 0].reshape(len(q), -1)
+
+
+WHAT = {
+    "ideal": ideal,
+    "touches": touches,
+    "mixed": mixed,
+    "figure": figure,
+    "runs": runs,
+    "prediction": prediction,
+}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("what", choices=["ideal", "touches", "mixed", "figure", "runs"])
+    parser.add_argument("what", choices=list(WHAT))
     parser.add_argument("runs", nargs="*", type=Path)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--rows", type=int, default=400_000)
@@ -426,8 +518,7 @@ def main() -> None:
     parser.add_argument("--landmarks", type=int, default=300)
     parser.add_argument("--data", type=Path, default=Path("two_fingers.npz"))
     arguments = parser.parse_args()
-    what = {"ideal": ideal, "touches": touches, "mixed": mixed, "figure": figure, "runs": runs}
-    what[arguments.what](arguments)
+    WHAT[arguments.what](arguments)
 
 
 if __name__ == "__main__":

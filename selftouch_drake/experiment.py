@@ -214,6 +214,8 @@ class Execution:
     max_acceleration: float = 5.0
     # Tries of a rehearsal: after six, those pairs that still lose contact seldom get better.
     max_tries: int = 6
+    # Whether the robot corrects its path by what it feels; before that it feels its way along it.
+    touch_servo: bool = False
 
 
 @dataclass(kw_only=True, slots=True)
@@ -535,7 +537,7 @@ def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
         if abs(value) < 2**63:
             return value
         raise ExperimentError(f"{name} is {shown(value)}; give a whole number below 2^63")
-    if kind is str and isinstance(value, str):
+    if kind in (str, bool) and isinstance(value, kind):
         return value
     if typing.get_origin(kind) is list and isinstance(value, list):
         (item,) = typing.get_args(kind)
@@ -546,7 +548,12 @@ def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
             _checked_name(key, name): _checked_value(entry, item, name=f"{name}.{key}")
             for key, entry in value.items()
         }
-    wanted = {float: "a finite number", int: "a whole number", str: "a text"}.get(kind)
+    wanted = {
+        float: "a finite number",
+        int: "a whole number",
+        str: "a text",
+        bool: "true or false",
+    }.get(kind)
     wanted = wanted or ("a mapping by name" if typing.get_origin(kind) is dict else "a list")
     raise ExperimentError(f"{name} is {shown(value)}; give {wanted}")
 

@@ -120,6 +120,7 @@ FIRST_VERSION = (
         ),
         ("skins: {body: {thickness: .nan}}", "skins.body.thickness is nan; give a finite number"),
         ("skins: {body: {thickness: .inf}}", "skins.body.thickness is inf; give a finite number"),
+        ("execution: {touch_servo: 1}", "execution.touch_servo is 1; give true or false"),
         ("skins: {body: {thickness: true}}", "skins.body.thickness is True; give a finite number"),
         ("skins: {body: {thickness: 0}}", "skins.body.thickness is 0.0; give a number above 0"),
         ("skins: {body: {num_receptors: 3}}", "skins.body.num_receptors is 3; give 4 to 1000"),

@@ -19,8 +19,10 @@ from selftouch_drake.agent.planning import (
     Prediction,
     checked_target,
     predict_sensation,
+    recall_sensation,
 )
-from selftouch_drake.agent.practice import doubtful_steps, out_of_the_way, practise
+from selftouch_drake.agent.practice import Passage, go_along, out_of_the_way, practise
+from selftouch_drake.agent.pressing import Pressing, felt_across
 from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge
 from selftouch_drake.agent.representation import (
     QuotientRepresentation,
@@ -210,15 +212,28 @@ class Agent:
         targets = [self.felt(felt), goal]
         return self.tour(targets, q_start=q_start, aside=aside, lift_off=lift_off, limits=limits)
 
-    def predict(self, plan: Plan, s: np.ndarray) -> Prediction:
-        """The sensation expected at path lengths `s` `(T,)` of a plan, in rad."""
+    def predict(self, plan: Plan, s: np.ndarray, passage: Passage | None = None) -> Prediction:
+        """The sensation expected at path lengths `s` `(T,)` of a plan, in rad.
+
+        It is what was felt when the agent went along the plan, if it did (`passage`); else what its
+        stored touches say.
+        """
+        if passage is not None:
+            return recall_sensation(plan, s, passage.s, passage.felt)
         return predict_sensation(self.representation, plan, s, self.kernel_sensation)
 
     def motion(
-        self, plan: Plan, *, time_s: np.ndarray, s: np.ndarray, q: np.ndarray, v: np.ndarray
+        self,
+        plan: Plan,
+        *,
+        time_s: np.ndarray,
+        s: np.ndarray,
+        q: np.ndarray,
+        v: np.ndarray,
+        passage: Passage | None = None,
     ) -> Motion:
         """A plan that someone timed, with what the agent expects to feel; see `Motion`."""
-        expected = self.predict(plan, s)
+        expected = self.predict(plan, s, passage)
         return Motion.of(
             plan,
             time_s=time_s,
@@ -233,13 +248,17 @@ class Agent:
         """What the agent itself makes of an executed plan."""
         return judge(execution, self.representation)
 
-    def doubtful(self, plan: Plan, slider: Slider) -> tuple[np.ndarray, np.ndarray]:
-        """Steps of a plan that fail when gone along slowly; see `practice.doubtful_steps`."""
-        return doubtful_steps(plan, self.representation, slider)
+    def go_along(self, plan: Plan, slider: Slider) -> Passage:
+        """What becomes of a plan that it goes along slowly; see `practice.go_along`."""
+        return go_along(plan, self.representation, slider)
 
     def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:
         """Where to move what stands in the way of a plan; see `practice.out_of_the_way`."""
         return out_of_the_way(plan, self.representation, slider)
+
+    def felt_across(self, motion: Motion, offsets: np.ndarray, slider: Slider) -> Pressing:
+        """What is felt to either side of a motion; see `pressing.felt_across`."""
+        return felt_across(motion, offsets, self.representation, slider)
 
     def prepare(self, plan: Plan, doubtful: np.ndarray, slider: Slider) -> Agent:
         """The agent after it looked for other ways for the doubtful steps of a plan.

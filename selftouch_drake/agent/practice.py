@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -23,29 +23,45 @@ _NUM_SHORT, _NUM_ANY = 60, 300
 _NUM_ASIDE = 24
 
 
-def doubtful_steps(
-    plan: Plan, representation: QuotientRepresentation, slider: Slider
-) -> tuple[np.ndarray, np.ndarray]:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Passage:
+    """What became of a plan that the agent went along slowly.
+
+    n places, S receptors.
+
+    Attributes:
+        s: `(n,)` rad, where on the path it felt.
+        felt: `(n, S)` N, what it felt there.
+        lost: steps on which touch was lost where it was expected.
+        impossible: steps on which the robot cannot be everywhere.
+    """
+
+    s: np.ndarray
+    felt: np.ndarray
+    lost: np.ndarray
+    impossible: np.ndarray
+
+
+def go_along(plan: Plan, representation: QuotientRepresentation, slider: Slider) -> Passage:
     """Goes along the smooth path of a plan slowly.
 
     Args:
         plan: the plan.
         representation: the one that it was made with.
         slider: feels in the agent's world.
-
-    Returns:
-        `(n,)` steps on which touch is lost where it is expected, and `(m,)` those on which the
-        robot cannot be everywhere.
     """
-    if not len(plan.in_air):  # it stays
-        return np.empty(0, dtype=int), np.empty(0, dtype=int)
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, 2 + int(length / _SAMPLED))
     x = representation.scaled(plan.path(s))
+    felt = slider.feel(x)
     step = steps(plan.waypoint_s, s)
-    expected = touching(plan.waypoint_s, plan.in_air, s)
-    expected[expected] = ~slider.feel(x[expected]).any(axis=1)
-    return np.unique(step[expected]), np.unique(step[~slider.possible(x)])
+    lost = touching(plan.waypoint_s, plan.in_air, s) & ~felt.any(axis=1)
+    impossible = ~slider.possible(x)
+    if not len(plan.in_air):  # it stays
+        lost[:] = impossible[:] = False
+    return Passage(
+        s=s, felt=felt, lost=np.unique(step[lost]), impossible=np.unique(step[impossible])
+    )
 
 
 def practise(

@@ -235,11 +235,27 @@ class Slider:
                 length[i, j] = length[j, i] = 0.0
         return None
 
+    def slope(self, x: np.ndarray, joints: np.ndarray | None = None) -> np.ndarray:
+        """`(J,)` N/rad, by how much more is felt along each joint at `(J,)` x, or along some."""
+        joints = np.arange(len(x)) if joints is None else joints
+        trials = np.zeros((len(joints), len(x)))
+        trials[np.arange(len(joints)), joints] = _TRIAL
+        tried = self.within(np.concatenate([x + trials, x - trials]))
+        more, less = np.split(_strength(self.feel(tried)), 2)
+        apart = np.linalg.norm(np.subtract(*np.split(tried, 2)), axis=1)
+        slope = np.zeros(len(x))
+        slope[joints] = np.divide(more - less, apart, out=np.zeros(len(apart)), where=apart > 0)
+        return slope
+
+    def within(self, x: np.ndarray) -> np.ndarray:
+        """`(..., J)` the nearest that the joints can take."""
+        return x.clip(self.lower, self.upper)
+
     def _go(
         self, x: np.ndarray, x_to: np.ndarray, felt: np.ndarray, wanted: float, joints: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray] | None:
         """The next configuration, and what is felt there."""
-        slope = self._slope(x, joints)
+        slope = self.slope(x, joints)
         steepness = float(np.linalg.norm(slope))
         if not steepness > 0:
             return None
@@ -251,7 +267,7 @@ class Slider:
         step = min(_STEP, length)
         for _ in range(_MOST_HALVINGS + 1):
             press = np.clip((wanted - _strength(felt)) / steepness, -0.5 * step, 0.5 * step)
-            there = self._within(x + step / length * along + press * up)
+            there = self.within(x + step / length * along + press * up)
             for _ in range(_CORRECTIONS):
                 (now,) = self.feel(there[None])
                 share = float(_strength(now)) / wanted
@@ -260,23 +276,9 @@ class Slider:
                         return there, now
                     break
                 correction = np.clip((1.0 - share) * wanted / steepness, -step, step)
-                there = self._within(there + correction * up)
+                there = self.within(there + correction * up)
             step /= 2
         return None
-
-    def _slope(self, x: np.ndarray, joints: np.ndarray) -> np.ndarray:
-        """`(J,)` N/rad, by how much more is felt along each joint."""
-        trials = np.zeros((len(joints), len(x)))
-        trials[np.arange(len(joints)), joints] = _TRIAL
-        tried = self._within(np.concatenate([x + trials, x - trials]))
-        more, less = np.split(_strength(self.feel(tried)), 2)
-        apart = np.linalg.norm(np.subtract(*np.split(tried, 2)), axis=1)
-        slope = np.zeros(len(x))
-        slope[joints] = np.divide(more - less, apart, out=np.zeros(len(apart)), where=apart > 0)
-        return slope
-
-    def _within(self, x: np.ndarray) -> np.ndarray:
-        return x.clip(self.lower, self.upper)
 
 
 def straight(x_from: np.ndarray, x_to: np.ndarray) -> np.ndarray:

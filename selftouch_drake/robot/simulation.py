@@ -14,6 +14,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.joints import slip
+from selftouch_drake.robot.servo import Beside, TouchServo
 from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.sources import Babbler, PathSource, Walk
 from selftouch_drake.robot.station import MakeDynamicStation
@@ -77,10 +78,23 @@ class Simulation:
             )
         else:
             self._source = builder.AddNamedSystem("path_source", PathSource(num_joints))
-        builder.Connect(
-            self._source.GetOutputPort("desired_state"),
-            station.diagram.GetInputPort("desired_state"),
-        )
+        desired_state = self._source.GetOutputPort("desired_state")
+        self._servo: TouchServo | None = None
+        if experiment.execution.touch_servo and not babbles:
+            self._servo = builder.AddNamedSystem(
+                "touch_servo",
+                TouchServo(
+                    num_receptors=experiment.num_receptors,
+                    lower=self.robot.lower,
+                    upper=self.robot.upper,
+                ),
+            )
+            builder.Connect(desired_state, self._servo.GetInputPort("desired_state"))
+            builder.Connect(
+                station.diagram.GetOutputPort("sensation"), self._servo.GetInputPort("sensation")
+            )
+            desired_state = self._servo.get_output_port()
+        builder.Connect(desired_state, station.diagram.GetInputPort("desired_state"))
         self._logs = {
             name: LogVectorOutput(station.diagram.GetOutputPort(port), builder, publish_period=step)
             for name, port, step in (
@@ -138,7 +152,13 @@ class Simulation:
         self._begin(PiecewisePolynomial((q - self._slip)[:, None]), q - self._slip)
 
     def follow(
-        self, time_s: np.ndarray, q: np.ndarray, v: np.ndarray, *, jump: bool = False
+        self,
+        time_s: np.ndarray,
+        q: np.ndarray,
+        v: np.ndarray,
+        *,
+        jump: bool = False,
+        beside: Beside | None = None,
     ) -> None:
         """Begins a motion at time 0, from where the robot is.
 
@@ -147,10 +167,11 @@ class Simulation:
             q: `(T, J)` rad or m, as the joints read.
             v: `(T, J)` rad/s or m/s.
             jump: whether the robot is put at rest where the motion starts.
+            beside: what would be felt beside it, for the touch servo; it keeps its offset without.
         """
         q = q - self._slip
         path = PiecewisePolynomial.CubicHermite(time_s, q.T, v.T)
-        self._begin(path, q[0] if jump else None)
+        self._begin(path, q[0] if jump else None, beside)
 
     def lead_to(self, q: np.ndarray, time_s: float) -> None:
         """Leads the joints to `(J,)` q, as they read, at constant velocity, until a later time.
@@ -204,19 +225,22 @@ class Simulation:
             each.Clear()
         return log
 
-    def execute(self, time_s: np.ndarray, q: np.ndarray, v: np.ndarray) -> Log:
+    def execute(
+        self, time_s: np.ndarray, q: np.ndarray, v: np.ndarray, beside: Beside | None = None
+    ) -> Log:
         """Puts the robot at rest where a motion starts, and lets it follow to its end.
 
         Args:
             time_s: `(T,)` s, from 0, every `LOG_PERIOD` but for the last, which may be earlier.
             q: `(T, J)` rad or m.
             v: `(T, J)` rad/s or m/s.
+            beside: as of `follow`.
 
         Returns:
             What happened until the end of the period in which the motion ends: T entries, if the
             world logs every `LOG_PERIOD`.
         """
-        self.follow(time_s, q, v, jump=True)
+        self.follow(time_s, q, v, jump=True, beside=beside)
         self.advance_to(LOG_PERIOD * (len(time_s) - 1))
         return self.take_log()
 
@@ -225,7 +249,12 @@ class Simulation:
             raise TypeError("this simulation babbles; make one with babbles=False")
         self._source.SetPath(self._source.GetMyMutableContextFromRoot(self._context), path)
 
-    def _begin(self, path: PiecewisePolynomial, q: np.ndarray | None) -> None:
+    def _begin(
+        self, path: PiecewisePolynomial, q: np.ndarray | None, beside: Beside | None = None
+    ) -> None:
+        if self._servo is not None:
+            servo_context = self._servo.GetMyMutableContextFromRoot(self._context)
+            self._servo.Begin(servo_context, beside, at_rest=q is not None)
         self._context.SetTime(0.0)
         self._give_path(path)
         if q is not None:

@@ -43,7 +43,7 @@ class PathSource(LeafSystem):
 
     def SetPath(self, context: Context, path: Trajectory) -> None:
         """Gives this system's context a path over the context's time, s."""
-        self._path.FixValue(context, _value(path))
+        self._path.FixValue(context, value_of(path))
 
     def _calc_desired_state(self, context, output):
         path = self._path.Eval(context)
@@ -80,7 +80,7 @@ class Babbler(LeafSystem):
         self._num_joints = num_joints
         self._period_s = period_s
         # The walk, and the step after the next one.
-        self._walk = self.DeclareAbstractState(_value(()))
+        self._walk = self.DeclareAbstractState(value_of(()))
         # The step just taken, the next one, and when it was taken.
         self._steps = self.DeclareDiscreteState(2 * num_joints + 1)
         # Drake updates all discrete states of an instant at once, so that whoever follows the walk
@@ -128,7 +128,7 @@ class Babbler(LeafSystem):
         return given
 
 
-def _value(content: object) -> AbstractValue:
+def value_of(content: object) -> AbstractValue:
     """Any Python object as a Drake value; newer bindings take none where they make it."""
     value = Value[object]()
     value.set_value(content)

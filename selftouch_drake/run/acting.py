@@ -12,9 +12,11 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning import checked_configuration, jerk_reduction
+from selftouch_drake.agent.practice import Passage
 from selftouch_drake.agent.rehearsal import Try, rehearse
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
+from selftouch_drake.robot.servo import OFFSETS, Beside
 from selftouch_drake.robot.timing import TimedPath, time_path
 
 # m, of rigid parts that may not be deeper in each other: what is executed is off by less.
@@ -116,6 +118,25 @@ class Pilot:
             lambda agent, **how: agent.plan_from(q_start, felt, goal, limits=limits, **how)
         )
 
+    def execute(self, motion: Motion) -> tuple[Execution, Log]:
+        """Lets the robot follow a motion from its start; the log has every step of the plant."""
+        beside = self.beside(motion) if self.world.experiment.execution.touch_servo else None
+        log = self.world.simulation.execute(motion.time_s, motion.q, motion.v, beside)
+        execution = Execution(
+            motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
+        )
+        return execution, log
+
+    def beside(self, motion: Motion) -> Beside:
+        """What the agent feels beside a motion, for the touch servo."""
+        felt = self.agent.felt_across(motion, OFFSETS, self._slider)
+        return Beside(
+            time_s=felt.time_s,
+            across=felt.across,
+            joint_scale=self.agent.representation.joint_scale,
+            strength=felt.strength,
+        )
+
     def rehearse(
         self, start: int, goal: int, *, max_tries: int, known: Try | None = None
     ) -> list[Try]:
@@ -174,11 +195,11 @@ class Pilot:
         """Plans; practises what is doubtful of the plan, and plans again."""
         began = time.perf_counter()
         first = make_plan(self.agent)
-        agent, plan, possible = self._prepared(make_plan, first)
-        if not possible:
+        agent, plan, passage = self._prepared(make_plan, first)
+        if len(passage.impossible):
             in_air = partial(make_plan, lift_off=True)
-            agent, plan, possible = self._prepared(in_air, in_air(self.agent))
-            if not possible:
+            agent, plan, passage = self._prepared(in_air, in_air(self.agent))
+            if len(passage.impossible):
                 raise NoWayError(
                     f"no way to target {plan.nodes[-1]} was found on which the rigid parts of the "
                     "robot do not run into each other: choose another start or goal, or babble "
@@ -186,7 +207,9 @@ class Pilot:
                 )
         timed = self._timed(plan)
         seconds = time.perf_counter() - began
-        motion = agent.motion(plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v)
+        motion = agent.motion(
+            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, passage=passage
+        )
         return Query(
             agent=agent,
             plan=plan,
@@ -208,28 +231,29 @@ class Pilot:
         """Builds what every query needs, and loads what is compiled: the first takes no longer."""
         for edge in self.agent.representation.edges[:1].tolist():
             plan = self.agent.tour(edge)
-            self.agent.doubtful(plan, self._slider)
+            self.agent.go_along(plan, self._slider)
             self._timed(plan)
 
-    def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, bool]:
-        """The agent and its plan after practice, and whether the robot can be everywhere on it.
+    def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, Passage]:
+        """The agent and its plan after practice, and what became of it when it went along.
 
         What stands in the way is moved aside.
         """
         agent, aside, slider = self.agent, None, self._slider
-        lost, impossible = agent.doubtful(plan, slider)
+        passage = agent.go_along(plan, slider)
         for _ in range(_MOST_PREPARATIONS):
-            if not len(lost) and not len(impossible):
+            if not len(passage.lost) and not len(passage.impossible):
                 break
             if aside is None and (aside := agent.aside(plan, slider)) is not None:
                 plan = make_plan(agent, aside=aside)
-                lost, impossible = agent.doubtful(plan, slider)
-            before, agent = agent, agent.prepare(plan, np.union1d(lost, impossible), slider)
+                passage = agent.go_along(plan, slider)
+            before, doubtful = agent, np.union1d(passage.lost, passage.impossible)
+            agent = agent.prepare(plan, doubtful, slider)
             if agent.memory.same_as(before.memory):
                 break
             plan = make_plan(agent, aside=aside)
-            lost, impossible = agent.doubtful(plan, slider)
-        return agent, plan, not len(impossible)
+            passage = agent.go_along(plan, slider)
+        return agent, plan, passage
 
     def _some_configuration(self, *targets: int) -> np.ndarray:
         """Where the joints are when it is asked: any configuration of the first kernel."""

@@ -9,7 +9,7 @@ from test_sliding import LIMIT, deep, feel, touches
 
 from selftouch_drake.agent.motions import Plan
 from selftouch_drake.agent.planning.smoothing import path_length, smooth_path
-from selftouch_drake.agent.practice import doubtful_steps, out_of_the_way, practise
+from selftouch_drake.agent.practice import go_along, out_of_the_way, practise
 from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider
@@ -74,7 +74,7 @@ def a_pair():
     for a in x:
         for b in x:
             plan = a_plan([a, b])
-            if len(doubtful_steps(plan, REPRESENTATION, SLIDER)[1]):
+            if len(go_along(plan, REPRESENTATION, SLIDER).impossible):
                 _, found = practise(plan, np.array([0]), SLIDER, BLANK, REPRESENTATION)
                 if found.all():
                     return a, b
@@ -95,11 +95,11 @@ def test_a_step_that_fails_is_slid_along_and_what_is_felt_is_named():
 def test_where_touch_is_lost_or_the_robot_cannot_be_is_found_slowly():
     a, b = a_pair()
     away = np.array([np.pi, 0.0, 0.0, 0.0])
-    lost, _ = doubtful_steps(a_plan([a, away, b]), REPRESENTATION, SLIDER)
+    lost = go_along(a_plan([a, away, b]), REPRESENTATION, SLIDER).lost
     assert lost.tolist() == [0, 1]
     in_air = a_plan([a, away, b], links=[-1, -1], in_air=[True, True])
-    assert doubtful_steps(in_air, REPRESENTATION, SLIDER)[0].tolist() == []
-    assert doubtful_steps(a_plan([a, b]), REPRESENTATION, SLIDER)[1].tolist() == [0]
+    assert go_along(in_air, REPRESENTATION, SLIDER).lost.tolist() == []
+    assert go_along(a_plan([a, b]), REPRESENTATION, SLIDER).impossible.tolist() == [0]
 
 
 def test_what_holds_still_is_not_slid_along():
@@ -166,5 +166,6 @@ def test_a_plan_to_stay_has_no_step_to_doubt():
         waypoints_q=np.array([[np.pi, 0.0, 0.0, 0.0]]),
         waypoint_s=np.zeros(1),
     )
-    lost, impossible = doubtful_steps(plan, REPRESENTATION, SLIDER)
+    passage = go_along(plan, REPRESENTATION, SLIDER)
+    lost, impossible = passage.lost, passage.impossible
     assert (lost.tolist(), impossible.tolist()) == ([], [])

@@ -15,7 +15,7 @@ from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
-from selftouch_drake.run.acting import NoWayError
+from selftouch_drake.run.acting import NoWayError, Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.figures import FIGURES
 from selftouch_drake.run.knowledge import (
@@ -87,6 +87,24 @@ def test_a_tour_is_planned_and_executed_as_one_motion(run, world):
     np.testing.assert_array_equal(stored.motion.q, motion.q)
     again = stages.plan(run, world, 3, 20, 41)
     np.testing.assert_array_equal(again.q, motion.q)
+
+
+def test_the_touch_servo_holds_a_touch_that_is_lost_without_it(run, world):
+    execution = dataclasses.replace(run.experiment.execution, touch_servo=True)
+    served = World(dataclasses.replace(run.experiment, execution=execution))
+    vars(served).update(skins=world.skins, probe=world.probe)
+    pilot = Pilot(load_agent(run), served)
+    motion = pilot.plan(3, 41).motion
+    beside = pilot.beside(motion)
+    off = 0.04 * beside.across[len(beside.across) // 2] / beside.joint_scale
+
+    def contact(beside):
+        log = served.simulation.execute(motion.time_s, motion.q + off, motion.v, beside)
+        return log.felt.any(axis=1)[motion.touching].mean()
+
+    assert contact(None) < 0.8
+    assert contact(beside) > 0.9
+    assert pilot.execute(motion)[0].contact == 1.0
 
 
 def test_plans_keep_the_limits_of_each_joint(run):

@@ -2,7 +2,11 @@
 
 from selftouch_drake.agent.planning.checks import Limits, checked_configuration, checked_target
 from selftouch_drake.agent.planning.planner import Planner, RouteMethod
-from selftouch_drake.agent.planning.prediction import Prediction, predict_sensation
+from selftouch_drake.agent.planning.prediction import (
+    Prediction,
+    predict_sensation,
+    recall_sensation,
+)
 from selftouch_drake.agent.planning.smoothing import (
     KNOT_SPACING,
     jerk_reduction,
@@ -21,5 +25,6 @@ __all__ = [
     "jerk_reduction",
     "polyline",
     "predict_sensation",
+    "recall_sensation",
     "smooth_path",
 ]

@@ -75,6 +75,21 @@ def predict_sensation(
     )
 
 
+def recall_sensation(plan: Plan, s: np.ndarray, places: np.ndarray, felt: np.ndarray) -> Prediction:
+    """The sensation expected along a plan that the agent went along before.
+
+    Args:
+        plan: the plan.
+        s: `(T,)` rad, path lengths in `[0, plan.waypoint_s[-1]]`.
+        places: `(n,)` rad, rising, where on the path it felt, from the start to the end.
+        felt: `(n, S)` N, what.
+    """
+    at_places = _unit(felt)
+    expected = _mixed(at_places, *_share(places, s))
+    expected[~touching(plan.waypoint_s, plan.in_air, s)] = 0.0
+    return Prediction(sensation=_unit(expected), spread=_spread(places, at_places, s))
+
+
 def _at_waypoints(
     representation: QuotientRepresentation,
     plan: Plan,
@@ -164,9 +179,14 @@ def _blend(plan: Plan, sensation: np.ndarray, s: np.ndarray) -> np.ndarray:
     In the air it changes at once, halfway, so that smoothing mixes no touch with the next one.
     """
     before, share = _share(plan.waypoint_s, s)
-    after = np.minimum(before + 1, len(plan.waypoint_s) - 1)
     if plan.in_air.any():
         share = np.where(plan.in_air[before], np.round(share), share)
+    return _mixed(sensation, before, share)
+
+
+def _mixed(sensation: np.ndarray, before: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """`(T, S)` so much of the `(W, S)` sensation after as is the share of the way to it."""
+    after = np.minimum(before + 1, len(sensation) - 1)
     return (1.0 - share[:, None]) * sensation[before] + share[:, None] * sensation[after]
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.motions import NO_KERNEL
-from selftouch_drake.agent.planning import Planner, predict_sensation
+from selftouch_drake.agent.planning import Planner, predict_sensation, recall_sensation
 
 SENSORS = 2 * np.pi * np.arange(12) / 12
 
@@ -88,3 +88,21 @@ def test_the_agent_is_surer_at_waypoints_than_between(dense):
     assert between.min() > at.max()
     apart = 1.0 - np.sum(felt_at(plan.waypoints_q[1:]) * felt_at(plan.waypoints_q[:-1]), axis=1)
     assert np.allclose(between, apart + 0.1 * apart.mean(), atol=1e-6)
+
+
+def test_what_was_felt_on_the_way_is_expected_there_again(dense):
+    plan = Planner(dense).plan(dense.kernel_q[5], 0, 3)
+    places = np.linspace(0.0, plan.waypoint_s[-1], 60)
+    felt = 3.0 * felt_at(plan.path(places))
+    s = np.linspace(0.0, plan.waypoint_s[-1], 211)
+    found = recall_sensation(plan, s, places, felt)
+    assert error(found.sensation, plan, s) < 1e-4
+    assert np.allclose(np.linalg.norm(found.sensation, axis=1), 1.0)
+    assert np.all(found.spread > 0.0)
+
+
+def test_what_was_felt_in_the_air_is_not_expected(dense):
+    plan = Planner(dense).plan(np.array([1.5, 0.0, 0.4]), None, 2)
+    places = np.linspace(0.0, plan.waypoint_s[-1], 60)
+    found = recall_sensation(plan, places, places, felt_at(plan.path(places))).sensation
+    assert not found[places < plan.waypoint_s[1]].any()

@@ -1,0 +1,195 @@
+"""A touch servo: it moves a robot that follows a path to the skin, when it feels that it is off.
+
+How strong a touch is does not say on which side of the skin's middle a finger is: it is weaker on
+both. So the servo keeps a belief of how far the robot is off, and corrects it by what is felt as
+the motion goes on (a histogram filter, as of Thrun, Burgard, Fox: Probabilistic Robotics, 2005).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.systems.framework import BasicVector, Context, LeafSystem
+
+from selftouch_drake.robot.sources import value_of
+
+#: rad, places across the skin that the servo tells apart: 4 mm at an arm's length.
+OFFSETS = 0.005 * np.arange(-12, 13)
+
+#: s, between two updates: five in the time constant of the servo, and more.
+PERIOD = 0.01
+
+#: rad/s: the offset follows what is believed with a time constant of 83 ms. So the bandwidth is
+#: 1.9 Hz.
+BANDWIDTH = 12.0
+
+#: rad, the longest offset: 6 cm at an arm's length.
+MAX_OFFSET = 0.08
+
+# rad: before anything is felt, the robot is believed to be off by so much (standard deviation).
+_PRIOR = 0.02
+
+# rad per root of a second: so fast what is believed gets uncertain, as the way across turns.
+_DRIFT = 0.02
+
+# N, and a share of what is expected: so far what is felt may be off. Neighbouring readings err
+# alike, so that each counts as half of one.
+_ERROR_N, _ERROR_SHARE, _WEIGHT = 0.3, 0.2, 0.5
+
+# Of a place that nothing speaks for: what is believed can still change.
+_LEAST_BELIEF = 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Beside:
+    """What a robot would feel beside its path.
+
+    K places along the path, J joints, G places across it (`OFFSETS`).
+
+    Attributes:
+        time_s: `(K,)` s, when the robot is there.
+        across: `(K, J)` unit length, the way across, in scaled configurations.
+        joint_scale: `(J,)` rad per rad or m, what configurations are scaled by.
+        strength: `(K, G)` N, the strength of touch; null where the servo is to rest.
+    """
+
+    time_s: np.ndarray
+    across: np.ndarray
+    joint_scale: np.ndarray
+    strength: np.ndarray
+
+    def at(self, time_s: float) -> tuple[np.ndarray, np.ndarray]:
+        """`(J,)` the way across, and `(G,)` N the strength beside the path, at a time."""
+        place = max(int(np.searchsorted(self.time_s, time_s, side="right")) - 1, 0)
+        return self.across[place], self.strength[place]
+
+
+def corrected(belief: np.ndarray, felt: float, expected: np.ndarray, period_s: float) -> np.ndarray:
+    """What is believed after something was felt.
+
+    Args:
+        belief: `(G,)` how likely the robot is at each of `OFFSETS`.
+        felt: N, strength of touch.
+        expected: `(G,)` N, what would be felt there.
+        period_s: s, since the last time.
+    """
+    error = _ERROR_N + _ERROR_SHARE * expected
+    likely = -0.5 * np.square((felt - expected) / error) - np.log(error)
+    belief = belief * np.exp(_WEIGHT * (likely - likely.max()))
+    belief = belief / belief.sum()
+    spread = _DRIFT**2 * period_s / (2.0 * (OFFSETS[1] - OFFSETS[0]) ** 2)
+    beside = np.pad(belief, 1, mode="edge")
+    return belief + spread * (beside[2:] + beside[:-2] - 2.0 * belief)
+
+
+def shifted(belief: np.ndarray, by: float) -> np.ndarray:
+    """What is believed after the robot moved across by so many rad."""
+    belief = np.interp(OFFSETS - by, OFFSETS, belief, left=0.0, right=0.0)
+    belief = np.maximum(belief, _LEAST_BELIEF)
+    return belief / belief.sum()
+
+
+class TouchServo(LeafSystem):
+    """Moves a commanded path towards the skin, as far as what is felt says that it is off.
+
+    .. pydrake_system::
+
+        name: TouchServo
+        input_ports:
+        - desired_state
+        - sensation
+        - beside
+        output_ports:
+        - desired_state
+
+    - desired_state: `(2J,)` rad or m, and their rates; in as planned, out with the offset.
+    - sensation: `(S,)` N.
+    - beside: a `Beside`, over the context's time; None where the offset is to stay.
+
+    The offset, its rate and the belief are discrete state. The offset never exceeds `MAX_OFFSET`,
+    and never leads out of the limits of the joints.
+
+    Args:
+        num_receptors: S.
+        lower: `(J,)` rad or m, of the joints.
+        upper: `(J,)` rad or m, of the joints.
+        bandwidth: rad/s.
+    """
+
+    def __init__(
+        self,
+        *,
+        num_receptors: int,
+        lower: np.ndarray,
+        upper: np.ndarray,
+        bandwidth: float = BANDWIDTH,
+    ):
+        super().__init__()
+        self._lower, self._upper, self._bandwidth = lower, upper, bandwidth
+        self._num_joints = num_joints = len(lower)
+        planned = self.DeclareVectorInputPort("desired_state", 2 * num_joints)
+        self._sensation = self.DeclareVectorInputPort("sensation", num_receptors)
+        self._beside = self.DeclareAbstractInputPort("beside", Value[object]())
+        # The offset at the last update, its rate, and when that was.
+        offset = self.DeclareDiscreteState(2 * num_joints + 1)
+        self._offset = int(offset)
+        self._belief = int(self.DeclareDiscreteState(_prior()))
+        self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
+        self.DeclareVectorOutputPort(
+            "desired_state",
+            BasicVector(2 * num_joints),
+            self._calc_desired_state,
+            prerequisites_of_calc={
+                self.input_port_ticket(planned.get_index()),
+                self.discrete_state_ticket(offset),
+                self.time_ticket(),
+            },
+        )
+
+    def Begin(self, context: Context, beside: Beside | None, *, at_rest: bool) -> None:
+        """Begins a motion at time 0: gives this system's context what is beside its path.
+
+        Where the robot is put at rest, the offset is 0, else as it was.
+        """
+        self._beside.FixValue(context, value_of(beside))
+        offset = np.zeros(self._num_joints) if at_rest else self._moved(context)[0]
+        held = np.zeros(self._num_joints + 1)
+        context.SetDiscreteState(self._offset, np.concatenate([offset, held]))
+        context.SetDiscreteState(self._belief, _prior())
+
+    def _moved(self, context):
+        """The offset now, and its rate."""
+        state = context.get_discrete_state(self._offset).value()
+        offset, rate = state[: self._num_joints], state[self._num_joints : -1]
+        return offset + (context.get_time() - state[-1]) * rate, rate
+
+    def _update(self, context, discrete_state):
+        beside, time_s = self._beside.Eval(context), context.get_time()
+        offset, _ = self._moved(context)
+        rate, belief = np.zeros(self._num_joints), context.get_discrete_state(self._belief).value()
+        across, expected = (None, None) if beside is None else beside.at(time_s)
+        if expected is not None and expected.any():
+            felt = float(np.linalg.norm(self._sensation.Eval(context)))
+            belief = corrected(belief, felt, expected, PERIOD)
+            # Out of touch, the mean of two sides is neither.
+            off = OFFSETS @ belief if felt > 0 else OFFSETS[belief.argmax()]
+            x = offset * beside.joint_scale
+            aim = x - self._bandwidth * PERIOD * off * across
+            aim *= min(1.0, MAX_OFFSET / max(float(np.linalg.norm(aim)), MAX_OFFSET))
+            belief = shifted(belief, float(across @ (aim - x)))
+            rate = (aim - x) / beside.joint_scale / PERIOD
+        discrete_state.set_value(self._offset, np.concatenate([offset, rate, [time_s]]))
+        discrete_state.set_value(self._belief, belief)
+
+    def _calc_desired_state(self, context, output):
+        q, v = np.split(self.GetInputPort("desired_state").Eval(context), 2)
+        offset, rate = self._moved(context)
+        there = (q + offset).clip(self._lower, self._upper)
+        output.SetFromVector(np.concatenate([there, v + rate]))
+
+
+def _prior() -> np.ndarray:
+    belief = np.exp(-0.5 * np.square(OFFSETS / _PRIOR))
+    return belief / belief.sum()
