@@ -21,6 +21,7 @@ from selftouch_drake.run.fingerprint import (
     learning_fingerprint,
     model_digests,
 )
+from selftouch_drake.run.naming import leaves
 
 #: Raised whenever a file of a run changes its meaning.
 RUN_FORMAT = 2
@@ -217,7 +218,10 @@ class RunDirectory:
         return self.path / "report.html"
 
     def plan(self, *targets: int | str) -> Path:
-        """The file of the plan from one target sensation to the next and on, as in `3-50-120`."""
+        """The file of the plan from one target sensation to the next and on, as in `3-50-120`.
+
+        A free start is named by `free_start`.
+        """
         return self.path / "plans" / f"{'-'.join(map(str, targets))}.npz"
 
     def metrics(self) -> dict[str, Any]:
@@ -299,15 +303,6 @@ def _of_a_killed_start(path: Path) -> bool:
 
 
 def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, Any] | None:
-    def leaves(fields: Any, prefix: str = "") -> dict[str, Any]:
-        if not isinstance(fields, dict):
-            return {prefix[:-1]: fields}
-        return {
-            name: value
-            for key, entry in fields.items()
-            for name, value in leaves(entry, f"{prefix}{key}.").items()
-        }
-
     def all_of(experiment: Experiment) -> dict[str, Any]:
         # The order of skins is that of the readings in a sensation.
         order = {

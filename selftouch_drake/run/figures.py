@@ -52,6 +52,21 @@ class Reading:
     target: str = ""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tile:
+    """One of the few metrics that sum a run up.
+
+    Attributes:
+        name: in a few words.
+        value: the number with its unit, as text.
+        explanation: what it measures, and which value is good.
+    """
+
+    name: str
+    value: str
+    explanation: str
+
+
 # Heading, stage, then of each figure: key, unit, meaning, target.
 _BABBLING = (
     ("babbling_num_samples", "", "touches that were kept", ""),
@@ -374,15 +389,40 @@ _SECTIONS = (
     ("Plans, executed under dynamics", "evaluate", _EXECUTION),
     ("The same after rehearsal", "evaluate", _REHEARSAL),
 )
+# Of the metrics that sum a run up: the name, and what a newcomer should know of the value.
 _HEADLINE = {
-    "shape_rms_fraction": "shape error",
-    "parts_found": "parts",
-    "topology_betti": "components, loops, voids",
-    "topology_betti_by_part": "components, loops, voids by part",
-    "intrinsic_dimension": "dimension",
-    "execution_contact_mean": "contact held",
-    "execution_reach_rate": "goals reached",
-    "execution_prediction_error_mean": "prediction error",
+    "shape_rms_fraction": (
+        "shape error",
+        "distance of the recovered places from the true ones, as a share of the body's size; "
+        "below 5 % the body is easy to recognise",
+    ),
+    "parts_found": ("parts", "pieces of the body that no touch joins; one skin is one part"),
+    "topology_betti": (
+        "components, loops, voids",
+        "1, 0, 1 is one closed surface without handles, 1, 2, 1 a torus",
+    ),
+    "topology_betti_by_part": (
+        "components, loops, voids by part",
+        "1, 0, 1 is closed, 1, 0, 0 a patch with one rim, 1, 1, 0 an open tube",
+    ),
+    "intrinsic_dimension": (
+        "dimension",
+        "number of directions in which one can move on the body; a surface has 2",
+    ),
+    "execution_contact_mean": (
+        "contact held",
+        "share of the time in which motions touch the skin; at 99 % or more, a finger hardly ever "
+        "lifts off",
+    ),
+    "execution_reach_rate": (
+        "goals reached",
+        "share of the motions that end in the sensation that was asked for; 100 % is best",
+    ),
+    "execution_prediction_error_mean": (
+        "prediction error",
+        "difference between expected and felt sensations, without a unit: 0 is none, 1 is nothing "
+        "in common; below 0.05 is good",
+    ),
 }
 #: Every figure that a stage makes, in the order of the report.
 FIGURES = tuple(
@@ -393,7 +433,7 @@ FIGURES = tuple(
         stage=stage,
         section=section,
         target=target,
-        headline=_HEADLINE.get(key, ""),
+        headline=_HEADLINE.get(key, ("", ""))[0],
     )
     for section, stage, entries in _SECTIONS
     for key, unit, meaning, target in entries
@@ -430,12 +470,12 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
     return found | ({"Others": others} if others else {})
 
 
-def headline(metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The few figures that sum a run up, as far as they are known: name and value."""
-    by_key = {figure.key: figure for figure in FIGURES}
+def headline(metrics: Mapping[str, Any]) -> list[Tile]:
+    """The few metrics that sum a run up, as far as they are known."""
+    units = {figure.key: figure.unit for figure in FIGURES}
     return [
-        (name, _text(metrics[key], by_key[key].unit))
-        for key, name in _HEADLINE.items()
+        Tile(name=name, value=_text(metrics[key], units[key]), explanation=explanation)
+        for key, (name, explanation) in _HEADLINE.items()
         if key in metrics
     ]
 

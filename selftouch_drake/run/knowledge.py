@@ -173,7 +173,7 @@ def load_motion(run: RunDirectory, *targets: int | str) -> Motion:
 
     Args:
         run: a run that has planned.
-        targets: of the plan, in order; `"free", GOAL` for one from any configuration.
+        targets: of the plan, in order; a free start as `free_start` names it.
 
     Raises:
         RunError: there is no such plan, or it was made of something else that was learned.
@@ -198,6 +198,18 @@ def was_executed(run: RunDirectory, *targets: int | str) -> bool:
     return "felt" in load_arrays(run.plan(*targets))
 
 
+def no_plan(run: RunDirectory, *targets: int | str) -> str:
+    """Says that a plan is not there, and what makes it."""
+    what, options = _described(*targets)
+    return f"{run.path} has no {what}; make one with `selftouch plan {run.path} {options}`"
+
+
+def not_executed(run: RunDirectory, *targets: int | str) -> str:
+    """Says that a plan was not executed, and what executes it."""
+    what, options = _described(*targets)
+    return f"{run.path} has not executed its {what}; run `selftouch execute {run.path} {options}`"
+
+
 def export_graph(run: RunDirectory, representation: QuotientRepresentation) -> None:
     """Writes the quotient graph as GraphML, for tools of others."""
     graph = without_vectors(to_networkx(representation))
@@ -206,14 +218,14 @@ def export_graph(run: RunDirectory, representation: QuotientRepresentation) -> N
 
 
 def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
-    file, (what, options) = run.plan(*targets), _described(*targets)
-    remedy = f"with `selftouch plan {run.path} {options}`"
+    file = run.plan(*targets)
+    remedy = f"with `selftouch plan {run.path} {_described(*targets)[1]}`"
     if not file.exists():
-        raise RunError(f"{run.path} has no {what}; make one {remedy}")
+        raise RunError(no_plan(run, *targets))
     arrays = load_arrays(file)
     run.require_stamp(file, arrays, remedy=f"make it again {remedy}")
     if kind is Execution and "felt" not in arrays:
-        raise RunError(f"{run.path} has not executed its {what}; run `selftouch execute`")
+        raise RunError(not_executed(run, *targets))
     try:
         plan = kind.from_arrays(arrays)
     except ValueError as error:
@@ -232,8 +244,8 @@ def _reason(error: Exception) -> str:
 
 def _described(start: int | str, *goals: int | str) -> tuple[str, str]:
     """A plan in words, and the options that ask for it."""
-    if start == "free":
-        return f"free plan to {goals[-1]}", f"--from-q Q --to {goals[-1]}"
+    if isinstance(start, str):  # a free start, as in q=0.1,0,2
+        return f"plan from {start} to {goals[-1]}", f"--from-q Q --to {goals[-1]}"
     if len(goals) > 1:
         through = ",".join(map(str, (start, *goals)))
         return f"plan through {through}", f"--through {through}"

@@ -28,12 +28,14 @@ from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot import MakeRobot, Robot, Touches, World
 from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import Reading, headline, readings
+from selftouch_drake.run.figures import Reading, Tile, headline, readings
 from selftouch_drake.run.knowledge import (
     load_body,
     load_execution,
     load_motion,
     load_representation,
+    no_plan,
+    not_executed,
     stored_pairs,
     was_executed,
 )
@@ -88,8 +90,8 @@ class Material:
         return readings(self.metrics)
 
     @property
-    def headline(self) -> list[tuple[str, str]]:
-        """The few metrics that sum the run up: name and value."""
+    def headline(self) -> list[Tile]:
+        """The few metrics that sum the run up."""
         return headline(self.metrics)
 
     def _require_robot(self) -> None:
@@ -249,8 +251,8 @@ class Material:
 
     def motion(self, *targets: int | str) -> Motion:
         """A plan, executed or not; the targets name it, in order."""
-        if not (file := self.run.plan(*targets)).exists():
-            raise MissingError(f"plan {file.stem} is not there; run `selftouch plan`")
+        if not self.run.plan(*targets).exists():
+            raise MissingError(no_plan(self.run, *targets))
         return load_motion(self.run, *targets)
 
     def execution(self, *targets: int | str) -> Execution:
@@ -258,8 +260,7 @@ class Material:
         self._require_robot()
         self.motion(*targets)
         if not was_executed(self.run, *targets):
-            name = self.run.plan(*targets).stem
-            raise MissingError(f"plan {name} was not executed; run `selftouch execute`")
+            raise MissingError(not_executed(self.run, *targets))
         return load_execution(self.run, *targets)
 
     @property

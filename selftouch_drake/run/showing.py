@@ -72,7 +72,7 @@ def write_recording(
     Args:
         run: the run.
         targets: target sensations from the first to the last that the plan leads through; the first
-            is `"free"` if it begins in any configuration.
+            is a text if it begins in any configuration.
         path: the page; the run's `playback.html` by default.
         world: its world, if it was built already.
 

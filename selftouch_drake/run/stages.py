@@ -37,6 +37,7 @@ from selftouch_drake.run.knowledge import (
     save_memory,
     save_plan,
 )
+from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.scores import found_figures, score_body
 from selftouch_drake.run.touches import force_figures, touch_counts, warn_of_untouched
 from selftouch_drake.run.trial_figures import trial_figures, trial_table
@@ -207,7 +208,7 @@ def plan_imported(run: RunDirectory, *targets: int) -> Motion:
 
 
 def plan_from(run: RunDirectory, world: World, q_start: np.ndarray, goal: int) -> Motion:
-    """Plans from any `(J,)` configuration, touching or not; keeps the plan as `free-GOAL`.
+    """Plans from any `(J,)` configuration, touching or not; the file of the plan names it.
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
@@ -216,7 +217,7 @@ def plan_from(run: RunDirectory, world: World, q_start: np.ndarray, goal: int) -
     pilot = Pilot(load_agent(run), world)
     _require_targets(run, (0, goal))
     motion = pilot.plan_from(q_start, goal).motion
-    save_plan(run, motion, "free", goal)
+    save_plan(run, motion, free_start(q_start), goal)
     return motion
 
 
@@ -226,7 +227,7 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     Args:
         run: a run that has planned.
         world: its world.
-        targets: of the plan, in order; `"free", GOAL` for one of `plan_from`.
+        targets: of the plan, in order; a free start as `free_start` names it.
 
     Returns:
         What the agent makes of it.

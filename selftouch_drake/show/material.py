@@ -17,7 +17,7 @@ from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import SkinSurface
 
-#: The targets that name a plan, in order; the first is "free" if it begins anywhere.
+#: The targets that name a plan, in order; the first is a text if it begins in any configuration.
 Targets = tuple[int | str, ...]
 
 
@@ -60,6 +60,22 @@ class Reading(Protocol):
         """Which value is good; empty where none is better than another."""
 
 
+class Tile(Protocol):
+    """One of the few metrics that sum a run up."""
+
+    @property
+    def name(self) -> str:
+        """In a few words."""
+
+    @property
+    def value(self) -> str:
+        """The number with its unit."""
+
+    @property
+    def explanation(self) -> str:
+        """What it measures, and which value is good."""
+
+
 class Material(Protocol):
     """What there is to show of a run; each part raises `MissingError` where it is not there."""
 
@@ -76,8 +92,8 @@ class Material(Protocol):
         """The metrics by section of the report."""
 
     @property
-    def headline(self) -> Sequence[tuple[str, str]]:
-        """The few metrics that sum the run up: name and value."""
+    def headline(self) -> Sequence[Tile]:
+        """The few metrics that sum the run up."""
 
     @property
     def world(self) -> World:

@@ -52,6 +52,12 @@ def sensations(material: Material) -> Figure:
     return sensation_figures.sensations(_skins(material), targets)
 
 
+def sensation_map(material: Material) -> Figure:
+    """Where some of the target sensations are felt, by number."""
+    targets = material.representation.target_sensations
+    return sensation_figures.sensation_map(_skins(material), targets)
+
+
 def kernels(material: Material) -> Figure:
     """Sizes, likeness and firmness of the motor kernel sets."""
     known = material.representation
@@ -125,6 +131,7 @@ FIGURES: dict[str, Callable[[Material], Figure]] = {
     "agent": agent,
     "coverage": coverage,
     "sensations": sensations,
+    "sensation_map": sensation_map,
     "kernels": kernels,
     "distance_matrix": distance_matrix,
     "quotient_graph": quotient_graph,
