@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ def default_path(name: str, changes: Mapping[str, Any]) -> Path:
     return Path("runs") / "-".join(filter(None, (name, _short(text, repr(fields)))))
 
 
-def free_start(q_start: Sequence[float]) -> str:
+def free_start(q_start: Iterable[float]) -> str:
     """Names a start at joint positions `(J,)`, rad or m, in the file of a plan."""
     text = ",".join(f"{position:.6g}" for position in q_start)
     return f"q={_short(text, text)}"

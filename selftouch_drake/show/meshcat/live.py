@@ -65,7 +65,7 @@ class LiveShow:
         self._motion_from, self._announce, self._meshcat = motion_from, announce, meshcat
         self._material = material
         self._full = firm_touch(known)
-        self._scene = MeshcatScene(meshcat, material)
+        self._scene = MeshcatScene(meshcat, material, beside_panel=True)
         self._scene.draw_legend(self._full)
         self.simulation = Simulation(material.experiment, material.world.skins, meshcat)
         self.simulation.rest_at(self._firm_configuration(0))

@@ -89,8 +89,8 @@ def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -
     grid = figure.add_gridspec(1, 2)
     front = View()
     views = {"from the front": front, "from behind": View(front.elevation, front.azimuth + 180.0)}
-    for where, (title, view) in zip(grid, views.items(), strict=True):
-        ax = add_scene(figure, where, title)
+    for column, (title, view) in enumerate(views.items()):
+        ax = add_scene(figure, grid[column], title)
         draw(ax, view, surface(vertices, skin.faces, SKIN))
         seen = named[visible(places[named], vertices, skin.faces, view)]
         draw(ax, view, balls(places[seen], 0.01 * skin.extent, BLUE), zorder=2)
