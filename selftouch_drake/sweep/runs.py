@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import warnings
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import (
@@ -32,6 +33,10 @@ from selftouch_drake.run.fingerprint import learning_fingerprint
 from selftouch_drake.sweep.design import Sweep
 
 _HEADER = "# A sweep of selftouch_drake, format 1\n"
+
+
+class RunWarning(UserWarning):
+    """A warning of one run of a sweep; the text begins with the run's name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +131,9 @@ def run_sweep(
     Returns:
         For each run that failed by a mistake of its own, the reason, by the run's name.
 
+    Warns:
+        RunWarning: what the stages of a run warn of, with the name of the run.
+
     Raises:
         ChildProcessError: a process of the executor was killed.
     """
@@ -145,7 +153,10 @@ def run_sweep(
                     num_done += 1 + _drop(later, name)
             for future in wait(pending, return_when=FIRST_COMPLETED).done:
                 name = pending.pop(future)
-                failed |= future.result()
+                fallen, warned = future.result()
+                failed |= fallen
+                for text in warned:
+                    warnings.warn(text, RunWarning, stacklevel=2)
                 num_done += 1
                 progress(num_done / len(jobs), name)
                 # Unfinished runs go first: a sweep that is cut short has some whole runs, not many
@@ -209,10 +220,11 @@ def _drop(later: dict[str, _Job], name: str) -> int:
     return len(after) + sum(_drop(later, waiting) for waiting in after)
 
 
-def _do(stage: str, runs: list[tuple[str, str]]) -> dict[str, str]:
-    """Runs a stage for the first of `runs` and shares it; returns the names of those that failed.
+def _do(stage: str, runs: list[tuple[str, str]]) -> tuple[dict[str, str], list[str]]:
+    """Runs a stage for the first of `runs`, and shares it with the others.
 
-    Each with the reason.
+    Returns:
+        The reason by the name of each run that failed, and warnings that begin with a run's name.
     """
     work: dict[str, Callable[..., None]] = {
         "babble": _babble,
@@ -220,7 +232,9 @@ def _do(stage: str, runs: list[tuple[str, str]]) -> dict[str, str]:
         "evaluate": _evaluate,
     }
     # Runs are many and cores are few: one thread each.
-    with threadpool_limits(1):
+    failed: dict[str, str] = {}
+    with threadpool_limits(1), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
         try:
             directories = [
                 RunDirectory.create(Path(path), experiment_from_fields(yaml.safe_load(text)))
@@ -228,8 +242,11 @@ def _do(stage: str, runs: list[tuple[str, str]]) -> dict[str, str]:
             ]
             work[stage](*directories)
         except ValueError as error:
-            return {Path(path).name: " ".join(str(error).split()) for path, _ in runs}
-    return {}
+            failed = {Path(path).name: " ".join(str(error).split()) for path, _ in runs}
+    first = Path(runs[0][0]).name
+    # Those of other packages speak to developers.
+    ours = [one for one in caught if one.category.__module__.startswith("selftouch_drake.")]
+    return failed, [f"{first}: {one.message}" for one in ours]
 
 
 def _babble(first: RunDirectory, *others: RunDirectory) -> None:
