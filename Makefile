@@ -5,7 +5,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO ?= runs/demo
 
-.PHONY: help demo test fuzz kills lint docs wheel bench million memory install clean
+.PHONY: help demo test fuzz kills lint docs wheel bench million memory pictures notebooks install clean
 
 help:  ## what one can ask for
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -36,8 +36,11 @@ wheel: $(VENV)/bin/python  ## the package as one file, into dist
 bench: $(VENV)/.installed-bench  ## what a touch costs, beside what one would write instead
 	$(BIN)/python benchmarks/babbling.py
 
-pictures: $(VENV)/.installed  ## draw the pictures of the README anew, from a run of 400,000 touches
+pictures: $(VENV)/.installed-test  ## draw all pictures of README and documentation anew: half an hour
 	$(BIN)/python benchmarks/pictures.py
+
+notebooks: $(VENV)/.installed-test  ## run all notebooks, and store what they show: an hour
+	$(BIN)/python benchmarks/notebooks.py
 
 million: $(VENV)/.installed  ## collect a million touches of sphere, cube and torus
 	$(BIN)/python benchmarks/million.py
