@@ -1,8 +1,8 @@
-"""The one table of the figures in `metrics.json`: what each means, its unit, who makes it.
+"""The one table of the metrics in `metrics.json`: meaning, unit, target, and stage.
 
-The report, the headline and the stages read it; a stage that runs again drops the figures of the
-stages after it. A figure that means nothing for an experiment, as the error of shape with two
-fingers on one hand, is absent.
+The report, the headline and the stages read it. A stage that runs again drops the metrics of the
+stages after it. A metric that means nothing for an experiment is absent, as the shape error with
+two fingers on one hand.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figure:
-    """One figure of `metrics.json`.
+    """One metric of `metrics.json`.
 
     Attributes:
         key: its name there.
@@ -22,8 +22,8 @@ class Figure:
         unit: `%` for a share, which is stored as 0 to 1; empty for a plain number.
         stage: the stage that makes it: babble, learn or evaluate.
         section: its heading in the report.
-        target: which value is good, in a few words; empty where none is better than another.
-        headline: its name in the headline; empty if it is not there.
+        target: which value is good, in a few words; empty if no value is better than another.
+        headline: its name in the headline; empty if the headline does not show it.
     """
 
     key: str
@@ -37,13 +37,13 @@ class Figure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """One figure of a run, ready to be read.
+    """One metric of a run, as text.
 
     Attributes:
         key: its name in `metrics.json`.
         value: the number with its unit, as text.
         meaning: one line.
-        target: which value is good; empty where none is better than another.
+        target: which value is good; empty if no value is better than another.
     """
 
     key: str
@@ -67,7 +67,7 @@ class Tile:
     explanation: str
 
 
-# Heading, stage, then of each figure: key, unit, meaning, target.
+# Heading and stage, then key, unit, meaning and target of each metric.
 _BABBLING = (
     ("babbling_num_samples", "", "touches that were kept", ""),
     ("babbling_num_steps", "", "steps of the random walk that found them", ""),
@@ -389,7 +389,7 @@ _SECTIONS = (
     ("Plans, executed under dynamics", "evaluate", _EXECUTION),
     ("The same after rehearsal", "evaluate", _REHEARSAL),
 )
-# Of the metrics that sum a run up: the name, and what a newcomer should know of the value.
+# The metrics that sum a run up, each with its name and what a newcomer should know about it.
 _HEADLINE = {
     "shape_rms_fraction": (
         "shape error",
@@ -424,7 +424,7 @@ _HEADLINE = {
         "in common; below 0.05 is good",
     ),
 }
-#: Every figure that a stage makes, in the order of the report.
+#: Every metric, in the order of the report.
 FIGURES = tuple(
     Figure(
         key=key,
@@ -441,15 +441,15 @@ FIGURES = tuple(
 
 
 def keys_of(*stages: str) -> frozenset[str]:
-    """The figures that some stages make."""
+    """The keys of the metrics that some stages make."""
     return frozenset(figure.key for figure in FIGURES if figure.stage in stages)
 
 
 def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
-    """All figures of a run by section, in order; sections without a figure are left out.
+    """All metrics of a run by section, in order; sections without a metric are left out.
 
     Args:
-        metrics: what `RunDirectory.metrics` returns. Figures of unknown name come last.
+        metrics: as `RunDirectory.metrics` returns them. Unknown ones come last.
     """
     found: dict[str, list[Reading]] = {}
     for figure in FIGURES:

@@ -1,4 +1,4 @@
-"""What there is to show of a run: each part read when first asked for, or missing with a reason."""
+"""Everything that can be shown of a run; each part is read at its first use, or is missing."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from selftouch_drake.show.recovered import at_poses, laid_on_skins, skins_of
 
 
 class Material:
-    """Everything that figures, report, recording and live play are made of.
+    """The data behind figures, report, recording and live play.
 
     Args:
         run: the run.
@@ -61,7 +61,7 @@ class Material:
         self._known_world = world
 
     def require_sound(self) -> None:
-        """Reads every file that there is, before anything is made of any.
+        """Reads all files, before anything is drawn.
 
         Raises:
             ValueError: one is damaged, or of another experiment.
@@ -118,11 +118,11 @@ class Material:
 
     @cached_property
     def shape(self) -> RobotShape:
-        """What is drawn of the robot."""
+        """The shape of the robot, as it is drawn."""
         return RobotShape(self.robot, self.experiment.touching)
 
     def touches_at(self, q: np.ndarray) -> Touches:
-        """What touches what at configurations `(N, J)`."""
+        """The touches at configurations `(N, J)`."""
         return self.world.probe.touches(q)
 
     @cached_property
@@ -151,7 +151,7 @@ class Material:
 
     @cached_property
     def home(self) -> np.ndarray:
-        """`(skins, 3, 4)` poses of the skins' links in the posture that is the model's default."""
+        """`(skins, 3, 4)` poses of the skins' links in the default posture of the model."""
         plant = self.robot.plant
         q = plant.GetPositions(plant.CreateDefaultContext())
         return self.robot.skin_positions(q[None])[0]
@@ -191,7 +191,7 @@ class Material:
 
     @cached_property
     def kernel_truth(self) -> KernelTruth:
-        """Where the kernels truly are."""
+        """The true places of the kernels."""
         self._require_robot()
         representation, run = self.representation, self.run
         try:
@@ -265,7 +265,7 @@ class Material:
 
     @property
     def _truth(self) -> ExperienceReader:
-        """Where the touches of the experience truly were."""
+        """The true places of the touches."""
         self._require_robot()
         if not any(self.run.truth.glob("part-*.parquet")):
             raise MissingError("the truth is not there; run `selftouch babble`")
@@ -273,6 +273,6 @@ class Material:
 
     @cached_property
     def _touch_counts(self) -> TouchCounts:
-        # Of the fields only the surfaces count, and those of the run are stored with it.
+        # Only the surfaces of the fields count, and the run stores them.
         surfaces = cast(Sequence[ReceptiveFields], self.skins)
         return count_touches(surfaces, self._truth.contacts())

@@ -1,4 +1,4 @@
-"""What a person looks at of a run: figures, a recording and the report in its folder, live play."""
+"""Figures, recording and report of a run, and live play."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ def play(
     Raises:
         ValueError: the run has not learned, or the port is taken.
     """
-    # What is missing is reported before a page is opened.
+    # Missing parts are reported before a page opens.
     require_robot(run.experiment)
     agent = load_agent(run)
     material = Material(run)

@@ -85,6 +85,7 @@ def label(name: str) -> str:
     else:
         words, _, part = name.partition(".")
         notes = [part, metric.unit]
+        words = words.removesuffix(f"_{metric.unit}")
     words = words.replace("num_", "number of ").replace("_fraction", "").replace("_", " ")
     return f"{words} ({', '.join(filter(None, notes))})" if any(notes) else words
 

@@ -47,10 +47,10 @@ class SweepDirectory:
 
     @staticmethod
     def create(path: Path, sweep: Sweep) -> SweepDirectory:
-        """Begins a sweep, or goes on with one; runs that are there already are kept.
+        """Begins or resumes a sweep; existing runs are kept.
 
         Raises:
-            RunError: the folder is not empty, and no sweep of that name.
+            RunError: the folder is not empty, and is not a sweep of that name.
         """
         header = f"{_HEADER}name: {sweep.name}\n"
         file = path / "sweep.yaml"
@@ -67,7 +67,7 @@ class SweepDirectory:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Holds the sweep for one writer.
+        """Locks the sweep for one writer.
 
         Raises:
             PermissionError: nothing can be written there.
@@ -88,7 +88,7 @@ class SweepDirectory:
 
     @property
     def table(self) -> Path:
-        """All figures of all runs."""
+        """All metrics of all runs."""
         return self.path / "table.parquet"
 
     @property
@@ -97,7 +97,7 @@ class SweepDirectory:
         return self.path / "figures"
 
     def run(self, experiment: Experiment) -> RunDirectory:
-        """The run of an experiment, whether it is there or not."""
+        """The run of an experiment, whether it exists or not."""
         return RunDirectory(self.path / "runs" / run_name(experiment), experiment)
 
 
@@ -116,20 +116,20 @@ def run_sweep(
     *,
     num_pending: int = 8,
 ) -> dict[str, str]:
-    """Runs what is missing of a sweep.
+    """Runs the missing parts of a sweep.
 
     Runs that share their experience share its files, as hard links where the disk has them; so do
     those that share what is learned.
 
     Args:
-        sweep: what is run.
-        directory: where.
+        sweep: the experiments.
+        directory: of the sweep.
         executor: its workers must see the directory.
-        progress: called with the fraction done and what was done last.
+        progress: called with the fraction done and the job that finished last.
         num_pending: jobs that the executor has at a time; twice its workers keep them busy.
 
     Returns:
-        For each run that failed by a mistake of its own, the reason, by the run's name.
+        The reason for each run that failed by a mistake of its own, by the run's name.
 
     Warns:
         RunWarning: what the stages of a run warn of, with the name of the run.
@@ -186,7 +186,7 @@ class _Job:
 
 
 def _jobs(sweep: Sweep, directory: SweepDirectory) -> dict[str, _Job]:
-    """What is to be done, by name: babbling first, then learning from it, then evaluation."""
+    """All jobs by name: babbling first, then learning from it, then evaluation."""
     groups: dict[str, dict[str, list[Experiment]]] = defaultdict(lambda: defaultdict(list))
     for experiment in sweep.experiments:
         experience = directory.run(experiment).fingerprint()
@@ -213,7 +213,7 @@ def _entries(directory: SweepDirectory, experiments: list[Experiment]) -> list[t
 
 
 def _drop(later: dict[str, _Job], name: str) -> int:
-    """Forgets what waits for a job that will not run; returns how many these were."""
+    """Removes the jobs that wait for a job that will not run; returns their number."""
     after = [waiting for waiting, job in later.items() if job.after == name]
     for waiting in after:
         del later[waiting]
@@ -244,13 +244,13 @@ def _do(stage: str, runs: list[tuple[str, str]]) -> tuple[dict[str, str], list[s
         except ValueError as error:
             failed = {Path(path).name: " ".join(str(error).split()) for path, _ in runs}
     first = Path(runs[0][0]).name
-    # Those of other packages speak to developers.
+    # Warnings of other packages are for developers.
     ours = [one for one in caught if one.category.__module__.startswith("selftouch_drake.")]
     return failed, [f"{first}: {one.message}" for one in ours]
 
 
 def _babble(first: RunDirectory, *others: RunDirectory) -> None:
-    # Whoever has babbled already serves the others.
+    # A run that has babbled already shares its experience with the others.
     donor = next((run for run in (first, *others) if stages.has_babbled(run)), first)
     if not stages.has_babbled(donor):
         with donor.writing(), ThreadPoolExecutor(1) as executor:
@@ -279,7 +279,7 @@ def _evaluate(run: RunDirectory) -> None:
 
 
 def _share(donor: RunDirectory, run: RunDirectory, files: list[Path], stage: str) -> None:
-    """Gives `run` the files of a stage, and then its figures, which say that the stage is done."""
+    """Gives `run` the files of a stage, then its metrics, which mark the stage as done."""
     with run.writing():
         for file in files:
             there = run.path / file.relative_to(donor.path)
