@@ -51,6 +51,8 @@ TOUR = (3, 250, 700, 480, 3)
 RATE_HZ, PIXELS, COLORS = 12, 720, 64
 # Frames of the live page before the picture is taken: in the middle of a motion.
 NUM_FRAMES = 45
+# Pixels of the page without its empty margins.
+LIVE_CLIP = {"x": 160, "y": 180, "width": 730, "height": 285}
 
 
 @functools.cache
@@ -134,10 +136,10 @@ def live(runs: Path) -> None:
     with sync_playwright() as driver:
         path = shutil.which("chromium") or shutil.which("google-chrome")
         browser = driver.chromium.launch(executable_path=path, args=SOFTWARE_GL)
-        page = browser.new_page(viewport={"width": 1200, "height": 620})
+        page = browser.new_page(viewport={"width": 1200, "height": 620}, device_scale_factor=1.5)
         page.goto(meshcat.web_url())
         page.wait_for_timeout(5000)
-        page.screenshot(path=IMAGES / "live.png", timeout=120_000)
+        page.screenshot(path=IMAGES / "live.png", clip=LIVE_CLIP, timeout=120_000)
 
 
 def drawn(name: str, runs: Path) -> None:

@@ -392,7 +392,7 @@ def report(run: Path, vector: bool) -> None:
     help="Port of the page.  [default: the first free one]",
 )
 def play(run: Path, port: int | None) -> None:
-    """Watch the agent of RUN live, and choose what it shall feel.
+    """Watch the agent of RUN live, and choose what it feels next.
 
     Open the printed address in a browser. End with the button on the page or with Ctrl-C.
     """

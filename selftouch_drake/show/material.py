@@ -1,4 +1,4 @@
-"""What there is to show of a run, as everything here takes it."""
+"""The interface through which this package reads a run."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Targets = tuple[int | str, ...]
 
 
 class MissingError(ValueError):
-    """What was asked for is not there; the text says why, and what makes it."""
+    """Something to show is missing; the text says why, and what makes it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,8 +31,8 @@ class TouchSample:
 
     Attributes:
         places: `(n, 3)` m, with the skins at home.
-        num_drawn: of so many touches, of which some are at several places.
-        num_touches: touches in all.
+        num_drawn: number of touches in the sample; some have several places.
+        num_touches: number of all touches.
     """
 
     places: np.ndarray
@@ -41,7 +41,7 @@ class TouchSample:
 
 
 class Reading(Protocol):
-    """A metric of the run, ready to be read."""
+    """A metric of the run, as text."""
 
     @property
     def key(self) -> str:
@@ -57,7 +57,7 @@ class Reading(Protocol):
 
     @property
     def target(self) -> str:
-        """Which value is good; empty where none is better than another."""
+        """Which value is good; empty if no value is better than another."""
 
 
 class Tile(Protocol):
@@ -77,7 +77,7 @@ class Tile(Protocol):
 
 
 class Material(Protocol):
-    """What there is to show of a run; each part raises `MissingError` where it is not there."""
+    """The data of a run; each part raises `MissingError` if it is missing."""
 
     @property
     def experiment(self) -> Experiment:

@@ -1,10 +1,10 @@
-"""What stands in Meshcat, live and in recordings: the robot's skins three times, side by side.
+"""The scene in Meshcat, live and in recordings: the robot's skins three times, side by side.
 
-In the middle the real ones, on the robot, whose receptors show what is felt; to the left the same
-skins showing what the agent expects to feel; to the right the body that the agent recovered, with
-the sensation that it feels marked in red. Meshcat records and changes transforms and properties,
-no objects: whatever is to change is drawn here once. All that belongs to a skin is drawn below one
-path, whose transform follows the skin's link.
+In the middle are the real skins on the robot; their receptors show the sensation. On the left the
+same skins show the sensation that the agent expects. On the right is the recovered body, with the
+sensation marked in red. Meshcat records transforms and properties, but no new objects: everything
+that changes is drawn once. The parts of a skin are drawn below one path, whose transform follows
+the skin's link.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from selftouch_drake.show.paths import SkinPath, evenly_spaced
 from selftouch_drake.show.skins import all_moved, as_one, moved
 from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, VERMILION
 
-# The three stand this many times their size apart.
+# Distance between the three, as a multiple of their size.
 _APART = 1.55
 # Of the places where moving skins are, this share on each side may overlap with the neighbours.
 _RARE = 0.03
@@ -37,7 +37,7 @@ _NUM_POSTURES = 200
 # Between lines of text, as a share of the size.
 _LINE = 0.18
 # Sensations whose numbers are written on the recovered body.
-_NUM_NUMBERS = 24
+_NUM_NUMBERS = 16
 # Paths of the real skins, of the expected ones, and of the recovered body.
 FELT, EXPECTED, RECOVERED_BODY = "/skins", "/expected", "/recovered"
 
@@ -47,8 +47,8 @@ def firm_touch(representation: QuotientRepresentation) -> float:
 
     Executed plans run through the firmer half of each kernel, whose middle this is; six
     plans on the cube pressed with 0.97 to 1.08 times as much (medians). A receptor that feels all
-    of it is at the end of the scale, and an expected sensation, which has no strength, is shown as
-    if it were so firm.
+    of it is at the end of the scale. An expected sensation has no strength, and is shown as a touch
+    of this strength.
     """
     return float(np.quantile(representation.kernel_strength, 0.75))
 
@@ -143,7 +143,7 @@ class MeshcatScene:
                 recording.SetTransform(frame, f"{RECOVERED_BODY}/here", here)
 
     def draw_path(self, name: str, paths: Sequence[SkinPath], num_rows: int) -> None:
-        """Draws the planned paths over the skins, from green to blue; `name` tells plans apart."""
+        """Draws the planned paths over the skins, from green to blue; `name` is the plan's."""
         for number, path in enumerate(paths):
             root = f"{self.path_root(path, name)}/path_{number}"
             self._draw_dots(root, path, BLUE, spacing=0.008, point_size=0.007)
@@ -258,7 +258,7 @@ def _reach(material: Material, middle: np.ndarray) -> tuple[float, float]:
     poses = material.robot.skin_positions(some)
     if np.ptp(poses, axis=0).max() < 1e-9:
         return width, lowest
-    # As many points as the outline of a picture needs.
+    # No more points than the outline of a picture needs.
     outlines = [skin.vertices[:: max(len(skin.vertices) // 200, 1)] for skin in material.skins]
     places = [
         moved(outline, pose) for number, outline in enumerate(outlines) for pose in poses[:, number]

@@ -1,4 +1,4 @@
-"""What stands round the skins in Meshcat: background, camera, the robot itself."""
+"""Background, camera and robot in Meshcat."""
 
 from __future__ import annotations
 
