@@ -51,8 +51,8 @@ memory: $(VENV)/.installed  ## peak memory of every stage at RUN's touches and a
 install: $(VENV)/.installed  ## the package and what it needs, into .venv
 
 $(VENV)/bin/python:
-	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 11) <= v <= (3, 13))' || \
-	  { echo 'Python 3.11 to 3.13 is needed; name one with `make PYTHON=python3.12 ...`'; exit 1; }
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 11) <= v <= (3, 14))' || \
+	  { echo 'Python 3.11 to 3.14 is needed; name one with `make PYTHON=python3.12 ...`'; exit 1; }
 	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	  echo 'Python cannot make a virtual environment; try `sudo apt install python3-venv`'; exit 1; }
 
