@@ -32,7 +32,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("run", type=Path, help="run directory")
     parser.add_argument("--seconds", type=float, default=20.0, help="of the clock, for each speed")
-    parser.add_argument("--no-browser", action="store_true", help="nobody looks on")
+    parser.add_argument("--no-browser", action="store_true", help="measure without a browser")
     given = parser.parse_args()
     run = RunDirectory.open(given.run)
     material, meshcat = Material(run), open_meshcat()
