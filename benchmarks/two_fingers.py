@@ -119,7 +119,7 @@ def write(name: str, rows: list[dict]) -> None:
 
 
 def ideal(arguments: argparse.Namespace) -> None:
-    """Chords of one length, both ends pressed alike; then distinguished; then with lifted fingers."""
+    """Chords of one length, ends pressed alike; then distinguished; then with lifted fingers."""
     rng = np.random.default_rng(arguments.seed)
     receptors = sphere_points(100)
 

@@ -38,11 +38,11 @@ from selftouch_drake.agent.sliding import Slider
 class Agent:
     """A naive agent: it knows motor configurations and sensations, and nothing else.
 
-    It is immutable: what changes it returns another agent.
+    It is immutable: methods that change it return another agent.
 
     Attributes:
-        representation: what it made of its experience.
-        memory: what rehearsals have taught it.
+        representation: learned from its experience.
+        memory: of its rehearsals.
         kernel_sensation: `(R, S)` unit L2 norm, what was felt at each configuration of the
             representation; predictions are five times nearer with it. None if it was not kept.
         knot_spacing: rad of path length between knots of smooth paths; larger is smoother.
@@ -80,7 +80,7 @@ class Agent:
         max_kernel_size: int = 1000,
         seed: int = 0,
     ) -> Agent:
-        """Learns from experience that is at hand.
+        """Learns from experience in memory.
 
         Args:
             q: `(n, J)` motor configurations, in the robot's units.
@@ -212,7 +212,7 @@ class Agent:
     def motion(
         self, plan: Plan, *, time_s: np.ndarray, s: np.ndarray, q: np.ndarray, v: np.ndarray
     ) -> Motion:
-        """A plan that someone timed, with what the agent expects to feel; see `Motion`."""
+        """A plan with times and with the sensations that the agent expects; see `Motion`."""
         expected = self.predict(plan, s)
         return Motion.of(
             plan,
@@ -225,15 +225,15 @@ class Agent:
         )
 
     def judge(self, execution: Execution) -> Try:
-        """What the agent itself makes of an executed plan."""
+        """The agent's own judgement of an executed plan."""
         return judge(execution, self.representation)
 
     def doubtful(self, plan: Plan, slider: Slider) -> tuple[np.ndarray, np.ndarray]:
-        """Steps of a plan that fail when gone along slowly; see `practice.doubtful_steps`."""
+        """Steps of a plan that fail in slow motion; see `practice.doubtful_steps`."""
         return doubtful_steps(plan, self.representation, slider)
 
     def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:
-        """Where to move what stands in the way of a plan; see `practice.out_of_the_way`."""
+        """Where to move parts that are in the way of a plan; see `practice.out_of_the_way`."""
         return out_of_the_way(plan, self.representation, slider)
 
     def prepare(self, plan: Plan, doubtful: np.ndarray, slider: Slider) -> Agent:
@@ -272,7 +272,7 @@ class Agent:
         return Planner(self.representation, knot_spacing=self.knot_spacing)
 
     def _with(self, **changes: Any) -> Agent:
-        """Changes nothing that the planner depends on, so that it goes along."""
+        """A changed agent that keeps the planner, which depends on none of the changes."""
         changed = dataclasses.replace(self, **changes)
         if "planner" in vars(self):
             vars(changed)["planner"] = self.planner
