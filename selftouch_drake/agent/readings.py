@@ -39,7 +39,7 @@ _SUCCESSIVE = 0.05
 #: with spikes in 1 % of all readings, 1 in 60 has two of 18 neighbours that spike as well.
 _COMPANY = 2
 
-#: Receptors are company for each other if they feel together this many times more often than chance.
+#: Receptors are company if they feel together this many times more often than by chance.
 _LIFT = 3.0
 
 #: Up to this share of touching rows may have lone readings only without a sign of spikes: one
