@@ -22,7 +22,6 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 from memory import peak_memory_mb
 from scipy.spatial import cKDTree
@@ -148,26 +147,6 @@ def grid(largest: int) -> list[tuple[str, int, int, int]]:
     ]
 
 
-def draw(points: list[dict], path: Path) -> None:
-    """Time and memory over each thing that grows."""
-    labels = {"rows": "touches", "targets": "target sensations", "kernel size": "kernel size"}
-    figure, axes = plt.subplots(2, 3, figsize=(9, 5), sharey="row", layout="constrained")
-    for column, (grown, label) in enumerate(labels.items()):
-        own = [point for point in points if point["grown"] == grown]
-        x = [point[grown.replace(" ", "_")] for point in own]
-        for row, (key, name) in enumerate(
-            (("processor_s", "processor time (s)"), ("peak_MB", "peak memory (MB)"))
-        ):
-            axis = axes[row, column]
-            axis.plot(x, [point[key] for point in own], "o-")
-            axis.set(xscale="log", xlabel=label if row else "")
-            axis.set_ylim(0, 1.1 * max(point[key] for point in points))
-            if column == 0:
-                axis.set_ylabel(name)
-            axis.grid(alpha=0.3)
-    figure.savefig(path, dpi=120)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("run", type=Path)
@@ -175,7 +154,6 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--largest", type=int, default=10_000_000, help="most touches")
     parser.add_argument("--data", type=Path, default=Path("learning.csv"))
-    parser.add_argument("--plot", type=Path, default=Path("learning.png"))
     parser.add_argument("--child", type=json.loads, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.child is not None:
@@ -212,7 +190,6 @@ def main() -> None:
             writer.writerow(point)
             file.flush()
             print(f"{key[0]:>12,}{key[1]:>10,}{key[2]:>8,}{'':<4}{_costs(point)}", flush=True)
-    draw(points, arguments.plot)
 
 
 def _costs(found: dict[str, float]) -> str:

@@ -17,7 +17,7 @@ from selftouch_drake.geometry.geodesics import surface_paths
 
 FEWEST_RECEPTORS, MOST_RECEPTORS = 4, 1000
 
-# Every point of the skin is felt by at least so many receptors.
+# Every point of the skin is felt by at least this number of receptors.
 OVERLAP = 3
 
 # The field reaches beyond the worst point's third receptor, so that this one does feel it.
@@ -108,7 +108,7 @@ def place_receptors(
 ) -> np.ndarray:
     """Spreads receptors evenly: each sits at the vertex farthest, on the surface, from all before.
 
-    An uneven layout takes distances for shorter the farther they lie to one side of the surface.
+    For an uneven layout, distances count less towards one side of the surface.
 
     Args:
         surface: Closed outer surface in the link's frame L, m.

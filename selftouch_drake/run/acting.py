@@ -1,4 +1,4 @@
-"""How an agent moves its robot: it plans, someone times the plan, the robot follows it."""
+"""How an agent moves its robot: the agent plans, the plan gets its times, the robot follows it."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from selftouch_drake.robot import LOG_PERIOD, Log, World
 from selftouch_drake.robot.servo import OFFSETS, Beside
 from selftouch_drake.robot.timing import TimedPath, time_path
 
-# m, of rigid parts that may not be deeper in each other: what is executed is off by less.
+# m, less than the allowed depth of rigid parts in each other: executions are off by less.
 _MARGIN = 0.0005
 
-# What has no other way is planned round; each time, other steps may be doubtful.
+# The agent plans round steps without another way; the new plan may have other doubtful steps.
 _MOST_PREPARATIONS = 8
 
 
@@ -32,14 +32,14 @@ class NoWayError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Query:
-    """A motion that was asked for.
+    """The answer to a request for a motion.
 
     Attributes:
-        agent: who planned, with what it practised for it.
-        plan: what was planned.
-        straight: what was planned before it practised.
+        agent: the agent that planned, after its practice.
+        plan: the plan.
+        straight: the plan before practice.
         motion: the timed plan, with what the agent expects to feel.
-        seconds: s, what planning, practising and timing took.
+        seconds: s, duration of planning, practice and timing.
         jerk_reduction: how many times less jerk it has than straight steps between kernels.
     """
 
@@ -64,7 +64,7 @@ class Pilot:
     """An agent in its world: plans become motions, and motions are executed.
 
     Args:
-        agent: who plans; rehearsals put an agent with more memory in its place.
+        agent: the agent that plans; a rehearsal replaces it by one that remembers more.
         world: its world.
     """
 
@@ -103,11 +103,11 @@ class Pilot:
         return self.plan_feeling(q_start, felt, goal)
 
     def plan_feeling(self, q_start: np.ndarray, felt: np.ndarray, goal: int) -> Query:
-        """As `plan_from`, where it is known what is felt.
+        """Like `plan_from`, with the sensation at the start already known.
 
         Args:
             q_start: `(J,)` rad or m, where the joints are.
-            felt: `(S,)` N, what is felt there.
+            felt: `(S,)` N, the sensation there.
             goal: the target sensation to reach.
 
         Raises:
@@ -142,16 +142,16 @@ class Pilot:
     ) -> list[Try]:
         """Plans and executes until contact is never lost; the agent remembers what it learned.
 
-        Where touch was lost, the agent practises before it tries again: it slides along.
+        Where it lost contact, the agent practises by sliding along before it tries again.
 
         Args:
-            start: the target sensation to leave.
+            start: the target sensation to start from.
             goal: the target sensation to reach.
-            max_tries: most executions.
-            known: a try from before; the same motion is not executed again.
+            max_tries: largest number of executions.
+            known: an earlier try; the same motion is not executed again.
 
         Returns:
-            The tries, in order. If `known` is given, and no way is found, none.
+            The tries, in order; none if `known` is given and no way is found.
 
         Raises:
             NoWayError: none was found at the first try.
@@ -181,7 +181,7 @@ class Pilot:
 
     @cached_property
     def _slider(self) -> Slider:
-        """How the agent moves by feel: what a configuration feels like, and whether it can be."""
+        """How the agent moves by feel: what it feels, and which configurations are possible."""
         scaled, unscaled = self.agent.representation.scaled, self.agent.representation.unscaled
         probe, robot = self.world.probe, self.world.robot
         return Slider(
@@ -192,7 +192,7 @@ class Pilot:
         )
 
     def _queried(self, make_plan: Callable[..., Plan]) -> Query:
-        """Plans; practises what is doubtful of the plan, and plans again."""
+        """Plans, practises the doubtful steps of the plan, and plans again."""
         began = time.perf_counter()
         first = make_plan(self.agent)
         agent, plan, passage = self._prepared(make_plan, first)
@@ -237,7 +237,7 @@ class Pilot:
     def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, Passage]:
         """The agent and its plan after practice, and what became of it when it went along.
 
-        What stands in the way is moved aside.
+        Parts of the robot that are in the way are moved aside.
         """
         agent, aside, slider = self.agent, None, self._slider
         passage = agent.go_along(plan, slider)
@@ -256,7 +256,7 @@ class Pilot:
         return agent, plan, passage
 
     def _some_configuration(self, *targets: int) -> np.ndarray:
-        """Where the joints are when it is asked: any configuration of the first kernel."""
+        """The start of the motion: any configuration of the first kernel."""
         representation = self.agent.representation
         members = representation.kernel_q[representation.members(targets[0])]
         stream = self.world.experiment.random_stream("start", *targets)

@@ -14,10 +14,10 @@ from typing import Any
 
 
 def local_executor(num_workers: int | None = None, *, ends_on_ctrl_c: bool = False) -> Executor:
-    """A pool of processes, one a core by default.
+    """A pool of processes, one for each core by default.
 
-    They leave Ctrl-C to the main process, which waits for the jobs that are running; or they end on
-    it, for jobs that are long.
+    By default they ignore Ctrl-C: the main process waits for the jobs that are running. For long
+    jobs they end on Ctrl-C.
     """
     return ProcessPoolExecutor(
         num_workers or os.cpu_count(),
@@ -85,7 +85,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
         address: of the scheduler, as in `tcp://10.0.0.1:8786`.
 
     Raises:
-        ValueError: Dask is not installed, or nobody answers there.
+        ValueError: Dask is not installed, or no scheduler answers there.
     """
     try:
         from distributed import Client
