@@ -109,7 +109,7 @@ def test_the_fourth_eigenvalue_warns_of_a_body_that_does_not_fit():
     assert str(told[0].message) == (
         "the recovered body does not fit in space: the fourth eigenvalue is "
         f"{found.fourth_eigenvalue:.0%} of the first, above 15%: babble longer, or choose another "
-        "metric."
+        "metric"
     )
 
 
@@ -128,6 +128,6 @@ def test_errors():
     apart = geodesics(np.array([[0, 1], [2, 3]]), np.ones(2), 4)
     with pytest.raises(ValueError, match="infinite") as error:
         stress_embedding(apart)
-    assert str(error.value) == (
-        "distances are infinite where no path exists: connect the graph first"
+    assert (
+        str(error.value) == "distances are infinite where no path exists: connect the graph first"
     )
