@@ -212,7 +212,7 @@ class Agent:
     def motion(
         self, plan: Plan, *, time_s: np.ndarray, s: np.ndarray, q: np.ndarray, v: np.ndarray
     ) -> Motion:
-        """A plan with given times and the sensations that the agent predicts; see `Motion`."""
+        """A plan that someone timed, with what the agent expects to feel; see `Motion`."""
         expected = self.predict(plan, s)
         return Motion.of(
             plan,
@@ -229,7 +229,7 @@ class Agent:
         return judge(execution, self.representation)
 
     def doubtful(self, plan: Plan, slider: Slider) -> tuple[np.ndarray, np.ndarray]:
-        """Steps of a plan that fail when tried slowly; see `practice.doubtful_steps`."""
+        """Steps of a plan that fail when gone along slowly; see `practice.doubtful_steps`."""
         return doubtful_steps(plan, self.representation, slider)
 
     def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:

@@ -1,4 +1,4 @@
-"""Learns the quotient representation from experience (paper, sections II, III)."""
+"""What the agent makes of its experience: the quotient representation (paper, sections II, III)."""
 
 from selftouch_drake.agent.representation.graphs import (
     step_links,
