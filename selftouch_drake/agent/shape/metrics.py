@@ -196,7 +196,7 @@ def _angles(targets: np.ndarray, ends: np.ndarray) -> np.ndarray:
 def revolute_reference(
     representation: QuotientRepresentation, seed: int, progress: Progress
 ) -> BodyGraph:
-    """Not naive: as `learned`, in coordinates found with the knowledge that all joints turn."""
+    """Not naive: neighbours and lengths in coordinates found by knowing that all joints turn."""
     return _between_cells(
         *revolute_coordinates(representation.kernel_q, representation.kernel_offsets)
     )
