@@ -1,1 +1,1 @@
-"""The naive agent: its representation, its recovered body, its plans."""
+"""The naive agent: it learns from experience, recovers its body and plans."""

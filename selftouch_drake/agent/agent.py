@@ -44,10 +44,10 @@ class Agent:
     It is immutable: methods that change it return another agent.
 
     Attributes:
-        representation: learned from its experience.
-        memory: of its rehearsals.
-        kernel_sensation: `(R, S)` unit L2 norm, what was felt at each configuration of the
-            representation; predictions are five times nearer with it. None if it was not kept.
+        representation: what it learned from its experience.
+        memory: what it learned from rehearsals.
+        kernel_sensation: `(R, S)` unit L2 norm, the sensation at each configuration of the
+            representation; it makes prediction errors five times smaller. None if not kept.
         knot_spacing: rad of path length between knots of smooth paths; larger is smoother.
     """
 
@@ -65,7 +65,7 @@ class Agent:
         kernel_sensation: csr_array | np.ndarray | None = None,
         knot_spacing: float = KNOT_SPACING,
     ) -> Agent:
-        """An agent with a representation learned before; without `memory`, a blank one."""
+        """An agent with a representation learned before; its memory is blank by default."""
         return cls(
             representation=representation,
             memory=RehearsalMemory.blank(representation) if memory is None else memory,
@@ -83,13 +83,13 @@ class Agent:
         max_kernel_size: int = 1000,
         seed: int = 0,
     ) -> Agent:
-        """Learns from experience in memory.
+        """Learns from experience held in arrays.
 
         Args:
             q: `(n, J)` motor configurations, in the robot's units.
-            sensation: `(n, S)` N, what was felt there; no row null.
+            sensation: `(n, S)` N, sensations at these configurations; no row null.
             num_targets: K, number of target sensations.
-            max_kernel_size: most motor configurations kept in a kernel set.
+            max_kernel_size: most motor configurations kept per kernel.
             seed: the same seed and experience give the same bytes.
 
         Raises:
@@ -107,9 +107,9 @@ class Agent:
         """Learns from experience of any size, in bounded memory.
 
         Args:
-            batches: called three times, gives the same `(sensation, q)` each time.
-            seed: the same seed and experience give the same bytes, however it is cut.
-            parameters: as of `QuotientLearner`.
+            batches: called three times, returns the same `(sensation, q)` batches each time.
+            seed: the same seed and experience give the same bytes, whatever the batches.
+            parameters: as for `QuotientLearner`.
 
         Raises:
             ValueError: the experience cannot be learned from; the text says why.
@@ -130,7 +130,7 @@ class Agent:
         return recover(self.representation, metric, seed=seed)
 
     def knowing(self, body: Body) -> Agent:
-        """The same agent, its representation embedded in the recovered `body`."""
+        """The same agent with its representation embedded in the recovered `body`."""
         return self._with(representation=body.embed(self.representation))
 
     def felt(self, sensation: np.ndarray) -> int | None:
@@ -142,10 +142,10 @@ class Agent:
         """Plans from one target sensation to another.
 
         Args:
-            start: the target sensation that is felt.
+            start: the target sensation that is felt now.
             goal: the target sensation to feel.
-            q_start: `(J,)` where the joints are; by default the configuration of `start` that feels
-                most like it.
+            q_start: `(J,)` positions of the joints; by default the configuration of `start` whose
+                sensation is nearest to it.
 
         Raises:
             ValueError: as `Planner.plan_tour`.
@@ -165,10 +165,10 @@ class Agent:
 
         Args:
             targets: two or more; the first is felt at the start, None if nothing is.
-            q_start: `(J,)` where the joints are; by default the configuration of the first target
-                that feels most like it.
-            aside: as of `Planner.plan_tour`.
-            lift_off: as of `Planner.plan_tour`.
+            q_start: `(J,)` positions of the joints; by default the configuration of the first
+                target whose sensation is nearest to it.
+            aside: as for `Planner.plan_tour`.
+            lift_off: as for `Planner.plan_tour`.
             limits: of the joints; by default the range of experience.
 
         Raises:
@@ -199,11 +199,11 @@ class Agent:
         """Plans from any configuration, whether it touches or not.
 
         Args:
-            q_start: `(J,)` where the joints are, in the robot's units.
-            felt: `(S,)` N, what is felt there.
+            q_start: `(J,)` positions of the joints, in the robot's units.
+            felt: `(S,)` N, the sensation there.
             goal: the target sensation to feel.
-            aside: as of `Planner.plan_tour`.
-            lift_off: as of `Planner.plan_tour`.
+            aside: as for `Planner.plan_tour`.
+            lift_off: as for `Planner.plan_tour`.
             limits: of the joints; by default the range of experience.
 
         Raises:
@@ -253,7 +253,7 @@ class Agent:
         return go_along(plan, self.representation, slider)
 
     def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:
-        """Where to move parts that are in the way of a plan; see `practice.out_of_the_way`."""
+        """Where to move joints that obstruct a plan; see `practice.out_of_the_way`."""
         return out_of_the_way(plan, self.representation, slider)
 
     def felt_across(self, motion: Motion, offsets: np.ndarray, slider: Slider) -> Pressing:
@@ -261,7 +261,7 @@ class Agent:
         return felt_across(motion, offsets, self.representation, slider)
 
     def prepare(self, plan: Plan, doubtful: np.ndarray, slider: Slider) -> Agent:
-        """The agent after it looked for other ways for the doubtful steps of a plan.
+        """The agent after it searched for other ways for the doubtful steps of a plan.
 
         Links for which it found none cost more from then on.
         """
@@ -269,10 +269,10 @@ class Agent:
         return self._with(memory=memory.avoiding(lost))
 
     def practise(self, plan: Plan, one: Try, slider: Slider) -> Agent:
-        """The agent after a try of a plan: where touch was lost, it slides along.
+        """The agent after it practised slides where a try of a plan lost contact.
 
-        Links that it could not slide along cost more from then on, and the last one if the goal was
-        missed.
+        Links on which it found no slide cost more from then on, and so does the last link if the
+        goal was missed.
         """
         in_touch = one.lost_steps[~plan.in_air[one.lost_steps]]
         memory, lost = self._practised(plan, in_touch, slider)
@@ -292,26 +292,26 @@ class Agent:
 
     @cached_property
     def planner(self) -> Planner:
-        """The engine of all plans."""
+        """The planner that makes all plans."""
         return Planner(self.representation, knot_spacing=self.knot_spacing)
 
     def _with(self, **changes: Any) -> Agent:
-        """A changed agent that keeps the planner, which depends on none of the changes."""
+        """A changed copy that keeps the planner, which must not depend on the changes."""
         changed = dataclasses.replace(self, **changes)
         if "planner" in vars(self):
             vars(changed)["planner"] = self.planner
         return changed
 
     def _typical(self, targets: Sequence[int | None]) -> np.ndarray:
-        """`(J,)` the configuration that feels most like the first target."""
+        """`(J,)` the configuration of the first target whose sensation is nearest to it."""
         start = targets[0] if targets else None
         if start is None:
-            raise ValueError("q_start is missing: say where the joints are if nothing is felt")
+            raise ValueError("q_start is missing: give joint positions if nothing is felt")
         members = self.representation.members(checked_target(start, self.representation))
         best = members.start + int(self.representation.kernel_error[members].argmin())
         return self.representation.kernel_q[best].astype(float)
 
 
 def _links(rows: np.ndarray) -> np.ndarray:
-    """Those rows that are links."""
+    """The rows that are links, unique and sorted; steps in the air have none."""
     return np.unique(rows[rows >= 0]).astype(int)

@@ -1,7 +1,8 @@
 """Motions of the agent: planned, timed, executed.
 
-A `Plan` is a path. A `Motion` adds times and expected sensations. An `Execution` is a motion with
-its results. Each can be turned into a flat dictionary of arrays and back, for files.
+A `Plan` is a path. A `Motion` adds times and the sensations that the agent predicts. An `Execution`
+records what happened. Each can be converted to a flat dictionary of arrays and back, so that other
+packages can store it.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.interpolate import BSpline
 
-#: Stands in `nodes` for a configuration in which nothing is felt.
+#: Value in `nodes` of a configuration in which nothing is felt.
 NO_KERNEL = -1
 
 
@@ -21,17 +22,16 @@ class Plan:
     """A geometric path in motor space through one configuration of each kernel on a route.
 
     W waypoints and J joints. Motor configurations are in the robot's units; lengths along the path
-    are in scaled ones (rad).
+    are between scaled configurations (rad).
 
     Attributes:
         nodes: `(W,)` kernels, from the start to the goal; the first is `NO_KERNEL` if the agent
             touches nothing there.
-        links: `(W - 1,)` row in the planner's `links` of each step; -1 where it follows none: in
-            the air, and on a literal route.
-        in_air: `(W - 1,)` bool, steps on which the agent leaves one touch, or none, and lands at
-            another.
+        links: `(W - 1,)` row of each step in the planner's `links`; -1 where there is none: in the
+            air, and on a literal route.
+        in_air: `(W - 1,)` bool, steps through the air, from one touch (or none) to another.
         waypoints_q: `(W, J)` one motor configuration per kernel.
-        waypoint_s: `(W,)` rad, where on `path` each waypoint is: length of the polyline up to it.
+        waypoint_s: `(W,)` rad, parameter of each waypoint on `path`: polyline length up to it.
         path: smooth quintic B-spline of motor configurations over `[0, waypoint_s[-1]]`, from the
             first waypoint to the last; constant over `[0, 1]` if the start is the goal.
 
@@ -60,10 +60,10 @@ class Plan:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Plan:
-        """What `to_arrays` gave; other names are ignored.
+        """Inverse of `to_arrays`; other names are ignored.
 
         Raises:
-            ValueError: an array is missing, or does not fit the others; the text names it.
+            ValueError: an array is missing or does not fit the others; the text names it.
         """
         found = _named(arrays, "path_knots", "path_control")
         knots, control = found["path_knots"], found["path_control"]
@@ -75,21 +75,21 @@ class Plan:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion:
-    """A plan with times and expected sensations.
+    """A plan with times, and with the sensations that the agent predicts.
 
     W waypoints, J joints, S receptors and T instants, evenly spaced in time.
 
     Attributes:
-        nodes: `(W,)` as of the `Plan`.
-        links: `(W - 1,)` as of the `Plan`.
-        in_air: `(W - 1,)` bool, as of the `Plan`.
-        waypoints_q: `(W, J)` as of the `Plan`.
-        waypoint_s: `(W,)` rad, as of the `Plan`.
+        nodes: `(W,)` as in `Plan`.
+        links: `(W - 1,)` as in `Plan`.
+        in_air: `(W - 1,)` bool, as in `Plan`.
+        waypoints_q: `(W, J)` as in `Plan`.
+        waypoint_s: `(W,)` rad, as in `Plan`.
         time_s: `(T,)` s.
-        s: `(T,)` rad, wanted length along the path.
-        q: `(T, J)` motor configurations, in the robot's units.
+        s: `(T,)` rad, desired position along the path.
+        q: `(T, J)` desired motor configurations, in the robot's units.
         v: `(T, J)` their velocities, per second.
-        predicted: `(T, S)` unit L2 norm, the expected sensation; null where nothing is expected.
+        predicted: `(T, S)` unit L2 norm, the predicted sensation; null where none is expected.
         predicted_spread: `(T,)` scale of the expected error, a cosine distance.
 
     Raises:
@@ -130,7 +130,7 @@ class Motion:
         predicted: np.ndarray,
         predicted_spread: np.ndarray,
     ) -> Motion:
-        """A plan with times and expectations; arguments are the fields."""
+        """Combines a plan with times and predictions; arguments are the fields."""
         return cls(
             **_arrays(plan, but="path"),
             time_s=time_s,
@@ -148,12 +148,12 @@ class Motion:
 
     @property
     def step(self) -> np.ndarray:
-        """`(T,)` the step that each instant belongs to, from one waypoint to the next."""
+        """`(T,)` the step of each instant; step i leads from waypoint i to the next."""
         return steps(self.waypoint_s, self.s)
 
     @property
     def touching(self) -> np.ndarray:
-        """`(T,)` bool, whether touch is expected: where the agent is not in the air."""
+        """`(T,)` bool, whether contact is expected: where the agent is not in the air."""
         return touching(self.waypoint_s, self.in_air, self.s)
 
     def to_arrays(self) -> dict[str, np.ndarray]:
@@ -162,26 +162,26 @@ class Motion:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Motion:
-        """What `to_arrays` gave; other names are ignored.
+        """Inverse of `to_arrays`; other names are ignored.
 
         Raises:
-            ValueError: an array is missing, or does not fit the others; the text names it.
+            ValueError: an array is missing or does not fit the others; the text names it.
         """
         return cls(**_fields(cls, arrays))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Execution:
-    """A motion with its results.
+    """What happened when a motion was executed.
 
     T instants, S receptors, J joints; N instants at which torques were read.
 
     Attributes:
-        motion: the motion.
-        felt: `(T, S)` N, sensations.
-        q_measured: `(T, J)` where the joints were, in the robot's units.
+        motion: the desired motion.
+        felt: `(T, S)` N, measured sensations.
+        q_measured: `(T, J)` measured joint positions, in the robot's units.
         v_measured: `(T, J)` their velocities, per second.
-        torque: `(N, J)` N m or N, of the actuators.
+        torque: `(N, J)` N m or N, actuator torques or forces.
 
     Raises:
         ValueError: shapes disagree; the text names the first array that does not fit.
@@ -206,7 +206,7 @@ class Execution:
 
     @property
     def contact(self) -> float:
-        """Share of the time with expected touch in which something was felt; else 1."""
+        """Share of the time with expected contact in which something was felt; 1 without any."""
         expected = self.motion.touching
         felt = np.any(self.felt, axis=1)[expected]
         return float(np.mean(felt)) if expected.any() else 1.0
@@ -217,21 +217,21 @@ class Execution:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Execution:
-        """What `to_arrays` gave; other names are ignored.
+        """Inverse of `to_arrays`; other names are ignored.
 
         Raises:
-            ValueError: an array is missing, or does not fit the others; the text names it.
+            ValueError: an array is missing or does not fit the others; the text names it.
         """
         return cls(motion=Motion.from_arrays(arrays), **_fields(cls, arrays, but="motion"))
 
 
 def steps(waypoint_s: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """`(T,)` between which waypoint and the next each `s` lies."""
+    """`(T,)` the step of each `s`: the index of the waypoint before it."""
     return np.searchsorted(waypoint_s, s, side="right").clip(1, max(len(waypoint_s) - 1, 1)) - 1
 
 
 def touching(waypoint_s: np.ndarray, in_air: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """`(T,)` bool, whether the agent expects touch at each `s`; at the end it does."""
+    """`(T,)` bool, whether the agent expects contact at each `s`; at the end it always does."""
     if not len(in_air):
         return np.ones(len(s), dtype=bool)
     return ~in_air[steps(waypoint_s, s)] | (s >= waypoint_s[-1])
@@ -252,7 +252,7 @@ def _width(array: np.ndarray) -> int:
     return array.shape[1] if array.ndim == 2 else 0
 
 
-#: Kinds of numbers, where they are not real ones.
+#: Kinds of numbers of the arrays that do not hold real numbers.
 _KINDS = {"nodes": "iu", "links": "iu", "in_air": "b"}
 
 
@@ -260,12 +260,12 @@ def _check(record: Plan | Motion | Execution, expected: Mapping[str, tuple[int, 
     for name, shape in expected.items():
         array = getattr(record, name)
         if array.shape != shape or array.ndim != len(shape):
-            raise ValueError(f"{name} has shape {array.shape}, not {shape}: it does not fit")
+            raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
         if array.dtype.kind not in _KINDS.get(name, "iuf") or not np.isfinite(array).all():
-            raise ValueError(f"{name} holds what is no {_WORDS.get(name, 'finite number')}")
+            raise ValueError(f"{name} must hold {_WORDS.get(name, 'finite numbers')}")
 
 
-_WORDS = {"nodes": "whole number", "links": "whole number", "in_air": "truth value"}
+_WORDS = {"nodes": "whole numbers", "links": "whole numbers", "in_air": "booleans"}
 
 
 def _named(arrays: Mapping[str, np.ndarray], *names: str) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""A small smooth network: sines of sums, trained by hand-written gradients in plain numpy."""
+"""A small smooth network with sine activations and hand-written gradients, in plain numpy."""
 
 from __future__ import annotations
 
@@ -8,25 +8,25 @@ from itertools import pairwise
 
 import numpy as np
 
-#: Step sizes at the start: of hidden layers, whose steps are orthogonal, and of all other weights.
-#: Measured on torus, cube and sphere: half or twice of either comes to a higher loss.
+#: Initial learning rates: of hidden layers, whose steps are orthogonal, and of all other weights.
+#: Measured on torus, cube and sphere: half or twice either rate gives a higher loss.
 _HIDDEN_RATE, _OTHER_RATE = 0.05, 0.01
 
-#: Share of the training over which the step size rises; it falls as a cosine from there.
+#: Share of the training over which the learning rate rises; afterwards it falls as a cosine.
 _WARM_UP = 0.05
 
-#: Spread of the first weights of a hidden layer, against what keeps the variance of its input.
+#: Standard deviation of initial hidden weights, relative to the one that preserves the variance.
 _GAIN = 0.7
 
-# Momentum of hidden layers; decay of the first and second moment of all others.
+# Momentum of hidden layers; decay of the first and second moments of all other weights.
 _MOMENTUM, _FIRST, _SECOND = 0.95, 0.9, 0.99
 
-# Rows in one batch.
+# Rows per evaluation of a network.
 _CHUNK = 16_384
 
 
 def standardised(x: np.ndarray) -> np.ndarray:
-    """`(n, inputs)` float32, as a network takes them: mean 0 and deviation 1 in each column."""
+    """`(n, inputs)` float32, with mean 0 and standard deviation 1 in each column."""
     deviation = x.std(axis=0)
     scale = np.where(deviation > 0, deviation, 1.0)
     return ((x - x.mean(axis=0)) / scale).astype(np.float32)
@@ -56,12 +56,12 @@ class Network:
         return cls(weights=weights, biases=[*phases, np.zeros(sizes[-1], np.float32)])
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """`(n, inputs)` to `(n, outputs)`, in batches that bound the memory."""
+        """Maps `(n, inputs)` to `(n, outputs)`, in chunks that bound the memory."""
         starts = range(0, max(len(x), 1), _CHUNK)
         return np.concatenate([self.forward(x[i : i + _CHUNK])[0] for i in starts])
 
     def forward(self, x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
-        """Returns the outputs, and what `gradients` needs: the input and slope of each layer."""
+        """Returns the outputs, and the inputs and slopes of the layers for `gradients`."""
         inputs, slopes = [x], []
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
             angle = inputs[-1] @ weight
@@ -73,7 +73,7 @@ class Network:
     def gradients(
         self, slope: np.ndarray, inputs: list[np.ndarray], slopes: list[np.ndarray]
     ) -> list[np.ndarray]:
-        """Carries the slope of a loss in the outputs back to `[*weights, *biases]`."""
+        """Backpropagates the gradient of a loss in the outputs to `[*weights, *biases]`."""
         of_weights: list[np.ndarray] = []
         of_biases: list[np.ndarray] = []
         for layer in reversed(range(len(self.weights))):
@@ -92,16 +92,16 @@ def train(
     num_steps: int,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> None:
-    """Trains a network in place, by steepest descent of two kinds.
+    """Trains a network in place, with two optimisers.
 
-    The weights of hidden layers move along the nearest orthogonal matrix to their momentum (Muon,
-    Jordan et al. 2024), which came to the loss of Adam in two thirds of its steps; all others by
-    Adam.
+    The weights of hidden layers move along the orthogonal matrix nearest to their momentum (Muon,
+    Jordan et al. 2024), which reached the loss of Adam in two thirds of the steps. All other
+    weights use Adam.
 
     Args:
-        network: changed.
+        network: changed in place.
         batch: draws `(n, inputs)` float32.
-        loss_slope: returns the slope of the loss in the outputs `(n, outputs)`.
+        loss_slope: returns the gradient of the loss at the outputs `(n, outputs)`.
         num_steps: of training.
         progress: called with the fraction done.
     """
@@ -137,14 +137,14 @@ def train_to_expect(
     num_steps: int,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> None:
-    """Trains a network in place to return the wanted outputs for the kernel of each row.
+    """Trains a network in place to predict the wanted outputs of the kernel of each row.
 
     Args:
-        network: changed.
+        network: changed in place.
         x: `(R, inputs)` float32.
         kernel: `(R,)` the kernel of each row.
         wanted: `(K, outputs)` float32.
-        draw: draws `(n,)` rows to learn from.
+        draw: draws `(n,)` rows for a training step.
         num_steps: of training.
         progress: called with the fraction done.
     """
@@ -162,7 +162,7 @@ def train_to_expect(
 
 
 def _orthogonal(matrix: np.ndarray) -> np.ndarray:
-    """Roughly the nearest orthogonal matrix, by Newton-Schulz steps of degree five."""
+    """Approximates the nearest orthogonal matrix by Newton-Schulz steps of degree five."""
     x = matrix / (np.linalg.norm(matrix) + 1e-9)
     for _ in range(5):
         square = x @ x.T

@@ -1,8 +1,9 @@
-"""From raw readings of a real skin to sensations (naive).
+"""Turns raw readings of a real skin into sensations (naive).
 
-Raw readings are not pressures: each receptor has its own resting level, the level drifts, there is
-noise, some readings are spikes, and others come back slowly after a touch. The readings themselves
-show all this, because each receptor rests in most rows: few receptors feel one touch.
+Raw readings are not pressures: each receptor has its own resting level, which drifts, there is
+noise, some readings are spikes, and others decay slowly after a touch. All this is estimated from
+the readings themselves, because few receptors feel each touch, and each receptor is at rest in most
+rows.
 """
 
 from __future__ import annotations
@@ -14,65 +15,65 @@ from itertools import pairwise
 
 import numpy as np
 
-#: In standard deviations of the noise at rest. With 300 receptors it is one false reading in three
-#: million rows at six, and one in six thousand at five, if the noise is normal.
+#: Threshold in standard deviations of the noise at rest. With 300 receptors and normal noise, six
+#: gives one false reading in three million rows, five gives one in six thousand.
 _SILENCE = 6.0
 
-#: Share of normal numbers that are more than one standard deviation below the mean.
+#: Share of a normal distribution that is more than one standard deviation below the mean.
 _BELOW = 0.159
 
-#: An event in a smaller share of the rows is chance. Spikes of eight bits in 1 % of the readings
-#: are one step below rest in 0.004 %.
+#: Flicker in a smaller share of the rows than this is chance. With spikes in 1 % of eight-bit
+#: readings, 0.004 % are one step below rest.
 _SELDOM = 5e-4
 
-#: Rows over which a receptor's resting level counts as constant: at 50 Hz less than two minutes.
+#: Rows over which the resting level counts as constant: at 50 Hz less than two minutes.
 _WINDOW = 5000
 
-#: Number of rows that are used to find noise and company.
+#: Most rows from which noise and spikes are estimated.
 _SAMPLE = 20_000
 
-#: Rows are successive if the joints move from one to the next by less than this share of the
-#: distance between two random rows. A robot that crosses its range in a second has 0.04 at 50 Hz.
+#: Rows are successive in time if the joints move between them by less than this share of the
+#: distance between random rows. A robot that crosses its range in a second has 0.04 at 50 Hz.
 _SUCCESSIVE = 0.05
 
-#: Where fields overlap, at least this number of receptors feels a touch. A spike is alone:
-#: with spikes in 1 % of all readings, 1 in 60 has two of 18 neighbours that spike as well.
+#: A reading counts as a touch if at least this many neighbouring receptors feel it too, where
+#: fields overlap. With spikes in 1 % of all readings, 1 spike in 60 has two among 18 neighbours.
 _COMPANY = 2
 
-#: Receptors are company if they feel together this many times more often than by chance.
+#: Receptors are neighbours if they feel together this many times more often than by chance.
 _LIFT = 3.0
 
-#: Up to this share of touching rows may have lone readings only without a sign of spikes: one
-#: receptor alone may feel a light touch.
+#: Spikes are ignored if at most this share of the rows that touch has only isolated readings: one
+#: receptor may feel a light touch, and only once.
 _FEW_ALONE = 0.03
 
-#: Readings come back slowly if pressure falls in this many times more rows than it rises in.
-#: Without hysteresis it is 1: random motion looks the same forwards and backwards.
+#: Readings decay slowly if pressure falls in this many times more rows than it rises in. Without
+#: hysteresis the ratio is 1, since random motion looks the same forwards and backwards.
 _SLOW = 1.2
 
-#: Pressure that is at least this share of the previous row does not fall: the rest is noise.
+#: Pressure that is at least this share of the previous row is not falling, but noisy.
 _STEADY = 0.95
 
-#: Rows at a time; bounds the memory for the readings as floats.
+#: Rows per block; bounds the memory for readings as floats.
 _BLOCK = 8192
 
 
 class RestlessWarning(UserWarning):
-    """Receptors seem to feel something most of the time: their resting level is in doubt."""
+    """Receptors seem to feel something most of the time: their resting level is doubtful."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Calibration:
-    """The resting levels of S receptors, and the thresholds above which a reading counts.
+    """Resting levels, noise and thresholds of S receptors.
 
     Attributes:
-        rising: whether readings rise with pressure; those of some skins fall.
-        row: `(W,)` rows at which the resting level was found, rising.
-        level: `(W, S)` resting level there, in raw units; between those rows it changes evenly.
+        rising: whether readings rise with pressure; on some skins they fall.
+        row: `(W,)` rows at which the resting level was estimated, ascending.
+        level: `(W, S)` resting level there, in raw units; interpolated linearly in between.
         noise: `(S,)` standard deviation at rest, in raw units.
-        threshold: `(S,)` above rest, in raw units; smaller readings count as none.
-        smoothed: whether the median of three rows was taken first, because there are spikes and
-            rows follow each other in time.
+        threshold: `(S,)` above rest, in raw units; smaller readings count as 0.
+        smoothed: whether a median filter over three rows was applied first, because there are
+            spikes and the rows are successive in time.
     """
 
     rising: bool
@@ -89,21 +90,21 @@ class Calibration:
 
     @property
     def drift(self) -> np.ndarray:
-        """`(S,)` range of the resting level during the recording."""
+        """`(S,)` range of the resting level over the recording."""
         return np.ptp(self.level, axis=0)
 
     def pressure(self, readings: np.ndarray, first_row: int = 0) -> np.ndarray:
-        """`(n, S)` float32, how far readings are above rest, in raw units; 0 below the threshold.
+        """`(n, S)` float32, pressures: readings above rest, in raw units; 0 below the threshold.
 
         Args:
-            readings: `(n, S)` raw, rows `first_row` and on of what was calibrated.
-            first_row: number of the first of them.
+            readings: `(n, S)` raw, rows of the calibrated recording from `first_row` on.
+            first_row: number of the first row.
         """
         above = _above(readings, self.resting(first_row + np.arange(len(readings))), self.rising)
         return np.where(above > self.threshold, above, 0.0).astype(np.float32)
 
     def resting(self, rows: np.ndarray) -> np.ndarray:
-        """`(n, S)` or `(1, S)` the resting level at some rows."""
+        """`(n, S)` or `(1, S)` resting level at the given rows."""
         return _between(self.row, self.level, rows)
 
     def to_arrays(self) -> dict[str, np.ndarray]:
@@ -116,13 +117,13 @@ class Felt:
     """The touches of a recording.
 
     Attributes:
-        rows: `(n,)` the rows of the recording in which something is felt.
+        rows: `(n,)` rows of the recording in which something is felt.
         q: `(n, J)` motor configurations, in the robot's units.
-        sensation: `(n, S)` float32, how far readings are above rest, in raw units; no row null.
+        sensation: `(n, S)` float32, pressures in raw units; no row null.
         calibration: of the receptors.
-        num_lone: readings above the threshold that no other receptors shared: spikes. They are null
-            in `sensation`.
-        num_fading: rows left out because pressure fell, if readings come back slowly.
+        num_lone: number of spikes: readings above the threshold that no neighbouring receptors
+            shared. They are 0 in `sensation`.
+        num_fading: number of rows excluded because pressure fell, if readings decay slowly.
     """
 
     rows: np.ndarray
@@ -134,7 +135,7 @@ class Felt:
 
     @property
     def silent(self) -> np.ndarray:
-        """Numbers of the receptors that never feel anything."""
+        """Indices of the receptors that never feel anything."""
         return np.flatnonzero(~self.sensation.any(axis=0))
 
 
@@ -149,14 +150,14 @@ def felt_touches(
     """Finds the touches in a recording of raw readings.
 
     Args:
-        q: `(n, J)` motor configurations, in the robot's units; if they move little from row to row,
-            rows count as successive in time, else as unordered.
+        q: `(n, J)` motor configurations, in the robot's units; if they change little from row to
+            row, rows count as successive in time, else as unordered.
         readings: `(n, S)` raw, any real type, all finite; rows that touch and rows that do not, as
-            recorded. Pressures with an offset of 0 pass as they are.
-        offset: resting level in raw units, one or `(S,)`; by default it is found, with its drift.
+            recorded. Pressures with an offset of 0 are returned unchanged.
+        offset: resting level in raw units, one or `(S,)`; estimated by default, with its drift.
         threshold: above rest, in raw units, one or `(S,)`; by default six standard deviations of
             the noise.
-        rising: whether readings rise with pressure; by default found.
+        rising: whether readings rise with pressure; estimated by default.
 
     Raises:
         ValueError: shapes disagree, a number is not finite, or nothing is felt.
@@ -180,7 +181,7 @@ def felt_touches(
     if len(pressure) and 2 * np.median(np.count_nonzero(pressure, axis=0)) > len(readings):
         warnings.warn(
             "half of the receptors feel something in more than half of the rows: record more rows "
-            "without a touch, or give the right offset",
+            "without a touch, or give the correct offset",
             RestlessWarning,
             stacklevel=2,
         )
@@ -204,7 +205,7 @@ def felt_touches(
 
 
 def _pressed(readings: np.ndarray, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
-    """The rows in which any receptor is above its threshold, and `(n, S)` float32 pressures."""
+    """Rows in which any receptor is above its threshold, and `(n, S)` float32 pressures."""
     found = []
     for block in _blocks(0, len(readings)):
         pressure = calibration.pressure(readings[block], block.start)
@@ -219,13 +220,13 @@ def _touching(rows: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
-    """`(n,)` bool, rows in which pressure falls, if readings come back slowly; else none.
+    """`(n,)` bool, rows in which pressure falls, if readings decay slowly; else none.
 
     After a touch ends, a slow receptor still reads it for a while. Pressure then falls in many more
-    rows than it rises in, and falling readings describe the past.
+    rows than it rises in, and falling readings show past touches.
 
     Args:
-        rows: `(n,)` of the recording, rising.
+        rows: `(n,)` of the recording, ascending.
         total: `(n,)` sum of the pressures.
     """
     follows = np.diff(rows) == 1
@@ -270,7 +271,7 @@ def _calibrated(
 
 
 def _resting_levels(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Rows at the middle of each window, and `(W, S)` the median readings in it."""
+    """The middle row of each window, and `(W, S)` the median readings in it."""
     cuts = np.linspace(0, len(readings), max(len(readings) // _WINDOW, 1) + 1).astype(int)
     windows = [slice(*ends) for ends in pairwise(cuts)]
     level = np.stack([np.median(readings[window], axis=0) for window in windows])
@@ -278,13 +279,13 @@ def _resting_levels(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _between(row: np.ndarray, level: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """`(n, S)` levels at some rows, of levels at others; constant before the first and after."""
+    """`(n, S)` levels interpolated at `rows`; constant before the first and after the last."""
     if len(row) == 1:
         return level
     place = np.interp(rows, row, np.arange(len(row)))
     before = np.minimum(place.astype(int), len(row) - 2)
     share = (place - before)[:, None]
-    # A level that stays comes out exactly: a receptor that rests reads nothing.
+    # This form is exact for a constant level, so a receptor at rest reads exactly 0.
     return level[before] + share * (level[before + 1] - level[before])
 
 
@@ -293,15 +294,15 @@ def _above(readings: np.ndarray, resting: np.ndarray, rising: bool) -> np.ndarra
 
 
 def _tail(apart: np.ndarray) -> float:
-    """How far readings go to one side of rest, of all receptors together."""
+    """Sum of squares of the readings above rest, over all receptors."""
     return float(np.square(apart.clip(0.0)).sum())
 
 
 def _noise(apart: np.ndarray, readings: np.ndarray) -> np.ndarray:
-    """`(S,)` standard deviation at rest, from the side of rest on which there are no touches.
+    """`(S,)` standard deviation at rest, from the side of rest without touches.
 
-    Half a step of the readings is added where they go up and down by it, because nothing says where
-    the level lies between two steps.
+    If readings flicker by one quantisation step, half a step is added, because the level may lie
+    anywhere between two steps.
     """
     noise = np.maximum(-np.quantile(apart, _BELOW, axis=0), 0.0)
     for receptor, values in enumerate(readings.T):
@@ -314,7 +315,7 @@ def _noise(apart: np.ndarray, readings: np.ndarray) -> np.ndarray:
 
 
 def _are_successive(q: np.ndarray) -> bool:
-    """Whether the joints move little from row to row, compared with rows at random."""
+    """Whether the joints move little from row to row, compared with random rows."""
     if len(q) < 100:
         return False
     other = np.random.default_rng(0).permutation(len(q))
@@ -327,10 +328,10 @@ def _are_successive(q: np.ndarray) -> bool:
 
 
 def _has_spikes_in_time(readings: np.ndarray, calibration: Calibration) -> bool:
-    """Whether there are many rows in which no reading lasts to the next row or from the last."""
+    """Whether in many rows no reading is shared with the previous or the next row."""
     first = max((len(readings) - _SAMPLE) // 2, 0)
     sample = readings[first : first + _SAMPLE]
-    # Whether readings rise or fall is not known before spikes are gone.
+    # Both signs count: until spikes are removed, it is unknown whether readings rise or fall.
     apart = np.abs(sample - calibration.resting(first + np.arange(len(sample))))
     felt = apart > np.maximum(calibration.threshold, 0.0)
     lasts = felt[1:-1] & (felt[:-2] | felt[2:])
@@ -339,7 +340,7 @@ def _has_spikes_in_time(readings: np.ndarray, calibration: Calibration) -> bool:
 
 
 def _median_of_three(readings: np.ndarray) -> np.ndarray:
-    """`(n, S)` of the same type, each reading the median of itself and its neighbours in time."""
+    """`(n, S)` of the same type: median filter over each row, the previous and the next."""
     found = readings.copy()
     for rows in _blocks(1, len(readings) - 1):
         before, after = (
@@ -359,7 +360,7 @@ def _company(felt: np.ndarray, num_rows: int) -> np.ndarray | None:
     """`(S, S)` bool, receptors that feel together more often than chance; None without spikes.
 
     Args:
-        felt: `(n, S)` bool, which receptors feel, in the rows in which any does.
+        felt: `(n, S)` bool, the receptors above threshold, in rows with at least one.
         num_rows: of the recording.
     """
     num_receptors = felt.shape[1]
@@ -370,7 +371,7 @@ def _company(felt: np.ndarray, num_rows: int) -> np.ndarray | None:
     chance = np.outer(counts, counts) / num_rows
     company = (together > _LIFT * chance) & (together > chance + 3.0 * np.sqrt(chance) + 2.0)
     np.fill_diagonal(company, False)
-    # Without overlap of fields, spikes cannot be recognised.
+    # If fields do not overlap, spikes cannot be distinguished from touches.
     if np.median(company.sum(axis=1)) < _COMPANY:
         return None
     alone = ~_shared(felt, company).any(axis=1)
@@ -378,7 +379,7 @@ def _company(felt: np.ndarray, num_rows: int) -> np.ndarray | None:
 
 
 def _shared(felt: np.ndarray, company: np.ndarray) -> np.ndarray:
-    """`(n, S)` bool, what is felt by enough receptors together."""
+    """`(n, S)` bool, readings that enough neighbouring receptors share."""
     shared = np.zeros(felt.shape, dtype=bool)
     for rows in _blocks(0, len(felt)):
         others = felt[rows].astype(np.float32) @ company.T.astype(np.float32)
@@ -387,7 +388,7 @@ def _shared(felt: np.ndarray, company: np.ndarray) -> np.ndarray:
 
 
 def _one_each(name: str, value: float | np.ndarray, num_receptors: int) -> np.ndarray:
-    """`(S,)` the same as floats, one for each receptor."""
+    """`(S,)` floats, one per receptor."""
     array = np.asarray(value, dtype=float)
     if array.shape not in ((), (num_receptors,)) or not np.isfinite(array).all():
         raise ValueError(

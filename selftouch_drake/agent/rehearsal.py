@@ -1,4 +1,4 @@
-"""Rehearsal: the agent acts, notices where it felt nothing, and plans round that place."""
+"""Rehearsal: the agent acts, notices where it felt nothing, and plans around that place."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ _MOST_PENALTY = LOSS_FACTOR**6
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RehearsalMemory:
-    """What the agent remembers of its rehearsals, for every later plan.
+    """What the agent remembers from its rehearsals; every later plan uses it.
 
     Attributes:
         link_penalty: `(L,)` factors on the cost of the links of its planner, 1 or more.
-        slides: practised ways between touches whose straight connection loses contact.
-        num_tries: number of executed motions behind it.
-        belongs_to: fingerprint of the representation whose links these are.
+        slides: practised ways between touches, where straight ones lose contact.
+        num_tries: number of motions executed to learn it.
+        belongs_to: fingerprint of the representation that these links belong to.
     """
 
     link_penalty: np.ndarray
@@ -49,7 +49,7 @@ class RehearsalMemory:
         )
 
     def after(self, lost_links: np.ndarray) -> RehearsalMemory:
-        """The memory after one more try, which lost contact on `lost_links` `(n,)`."""
+        """The memory after one more try that lost contact on `lost_links` `(n,)`."""
         return replace(self.avoiding(lost_links), num_tries=self.num_tries + 1)
 
     def avoiding(self, links: np.ndarray) -> RehearsalMemory:
@@ -59,7 +59,7 @@ class RehearsalMemory:
         return replace(self, link_penalty=penalty)
 
     def same_as(self, other: RehearsalMemory) -> bool:
-        """Whether plans are the same with it as with another memory of the agent."""
+        """Whether plans are the same with this memory as with another of the same agent."""
         same = len(self.slides.ends) == len(other.slides.ends)
         return same and np.array_equal(self.link_penalty, other.link_penalty)
 
@@ -76,11 +76,11 @@ class RehearsalMemory:
     def from_arrays(
         cls, arrays: Mapping[str, np.ndarray], representation: QuotientRepresentation
     ) -> RehearsalMemory:
-        """What `to_arrays` gave; other names are ignored.
+        """Inverse of `to_arrays`; other names are ignored.
 
         Raises:
-            ForeignMemoryError: it remembers the links of another representation.
-            ValueError: an array is missing, or is none of a memory; the text names it.
+            ForeignMemoryError: the arrays belong to another representation.
+            ValueError: an array is missing or invalid; the text names it.
         """
         blank = cls.blank(representation)
         if missing := [name for name in blank.to_arrays() if name not in arrays]:
@@ -89,11 +89,11 @@ class RehearsalMemory:
             np.asarray(arrays[name]) for name in ("link_penalty", "num_tries", "belongs_to")
         )
         if str(belongs_to) != blank.belongs_to or penalty.shape != blank.link_penalty.shape:
-            raise ForeignMemoryError("the rehearsals are of another representation")
+            raise ForeignMemoryError("the rehearsals belong to another representation")
         if num_tries.shape != () or num_tries.dtype.kind not in "iu" or num_tries < 0:
-            raise ValueError(f"num_tries is {num_tries.tolist()}, not a whole number, 0 or more")
+            raise ValueError(f"num_tries is {num_tries.tolist()}, expected a whole number >= 0")
         if penalty.dtype.kind != "f" or not (np.isfinite(penalty) & (penalty >= 1)).all():
-            raise ValueError("link_penalty holds what is no factor, 1 or more")
+            raise ValueError("link_penalty must hold finite factors, 1 or more")
         slides = Slides(**{f.name: np.asarray(arrays[f"slide_{f.name}"]) for f in fields(Slides)})
         slides.check(representation.kernel_q.shape[1], representation.num_targets)
         return cls(
@@ -105,20 +105,20 @@ class RehearsalMemory:
 
 
 class ForeignMemoryError(ValueError):
-    """A memory of rehearsals with another representation."""
+    """A memory that belongs to another representation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Try:
-    """One executed plan, as the agent itself can judge it.
+    """One executed plan, judged by the agent itself.
 
     Attributes:
         contact: share of the time with expected touch in which something was felt.
-        reached: whether the last sensation was nearest to the goal.
-        lost_links: `(n,)` rows of the planner's `links` on which nothing was felt; the
-            last link of the plan if the goal was missed.
-        lost_steps: `(n,)` steps of the plan on which nothing was felt.
-        execution: of the plan.
+        reached: whether the goal is the target sensation nearest to the last sensation.
+        lost_links: `(n,)` rows of the planner's `links` on which contact was lost, and the last
+            link of the plan if the goal was missed.
+        lost_steps: `(n,)` steps of the plan on which contact was lost.
+        execution: what was executed and felt.
     """
 
     contact: float
@@ -129,16 +129,16 @@ class Try:
 
     @property
     def perfect(self) -> bool:
-        """Whether nothing can be improved."""
+        """Whether the goal was reached without losing contact."""
         return self.reached and self.contact == 1.0
 
 
 def judge(execution: Execution, representation: QuotientRepresentation) -> Try:
-    """Judges an executed plan by what was felt along it.
+    """Judges an executed plan by the sensations along it.
 
     Args:
-        execution: of the plan.
-        representation: the one that the plan was made with.
+        execution: what was executed and felt.
+        representation: the one used to make the plan.
     """
     motion, links = execution.motion, execution.motion.links
     lost_touch = motion.touching & ~execution.felt.any(axis=1)
@@ -164,13 +164,13 @@ def rehearse(
     *,
     max_tries: int,
 ) -> tuple[list[Try], Mind]:
-    """Tries until no contact is lost; each try uses what the earlier ones taught.
+    """Repeats a motion until a try is perfect; each try uses what the earlier ones taught.
 
     Args:
-        attempt: plans, executes and judges; returns None if there is no way.
+        attempt: plans with what is known, executes and judges; returns None if there is no plan.
         learn: returns what is known after a try.
         mind: what is known at first; an agent, or its memory.
-        max_tries: largest number of tries, at least one.
+        max_tries: most tries, at least one.
 
     Returns:
         The tries in order (`best` chooses the one to keep), and what is known after them.
@@ -196,7 +196,7 @@ def best(tries: list[Try]) -> Try:
 
 
 def _fingerprint(representation: QuotientRepresentation, links: np.ndarray) -> str:
-    """Identifies the targets of a representation, and the links between them."""
+    """Hash of the target sensations, joint scale and links of a representation."""
     digest = hashlib.sha256()
     for array in (representation.target_sensations, representation.joint_scale, links):
         digest.update(np.ascontiguousarray(array).tobytes())

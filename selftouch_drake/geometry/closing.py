@@ -1,4 +1,4 @@
-"""A link's own geometry, made one closed surface that a skin can be put on."""
+"""Turns the geometry of a link into one closed surface that can wear a skin."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ _ROOM = 1.25
 # The second try, as triangles follow the surface in steps only.
 _WIDER = (1.3, 1.6)
 
-# A part that hangs in the air is debris of a drawing if its share of the volume is less than this.
+# A detached part with less than this share of the volume is debris of the drawing.
 _DEBRIS = 0.01
 
-# An open piece is a sheet if its lids enclose less than this share of its convex hull.
+# An open piece is a sheet if, closed by lids, it encloses less than this share of its convex hull.
 _SHEET = 0.1
 
-# Share of the volume that must be left for a surface to count as that of the link.
+# Share of the volume that a surface must keep; below it, the user is warned.
 _MOSTLY_KEPT = 0.9
 
 
@@ -45,32 +45,32 @@ class SimplifiedWarning(UserWarning):
 def closed_surface(
     pieces: Sequence[trimesh.Trimesh], *, resolution: float = 0.02, thickness: float = 0.0
 ) -> trimesh.Trimesh:
-    """Makes one closed, evenly triangulated surface round pieces that overlap or touch.
+    """Makes one closed, evenly triangulated surface around pieces that overlap or touch.
 
-    The surface is that of all pieces together as seen from outside: cavities are filled. Balls of
-    0.7 resolutions roll over it. The one outside closes gaps that it does not get into; the one
-    inside rounds edges, and leaves out what is thinner than itself. For a thick skin the ball
-    inside is larger, 1.25 thicknesses or more, so that the skin fits. A piece that is open gets
-    lids over its rims; if they enclose next to nothing, its convex hull takes its place.
+    This is the outer surface of all pieces together: cavities are filled. Two balls with a radius
+    of 0.7 times the resolution roll over it. The outer one closes gaps that it does not fit into.
+    The inner one rounds edges, and removes parts thinner than itself. For a thick skin its radius
+    is at least 1.25 times the thickness, so that the skin fits. An open piece gets lids over its
+    rims; if it still encloses next to nothing, its convex hull replaces it.
 
     Args:
-        pieces: In the link's frame, m: primitives or meshes, of any size of triangles, nested or
+        pieces: In the link's frame, m: primitives or meshes with triangles of any size, nested or
             overlapping.
-        resolution: m, edge length of the triangles; 0.8 to 1 times as much on average.
-        thickness: m, of the skin that is to fit under the surface; 0 if none is.
+        resolution: m, edge length of the triangles; their mean is 0.8 to 1 times as long.
+        thickness: m, of the skin that must fit under the surface; 0 without skin.
 
     Raises:
         ValueError: If the pieces have no triangles, do not touch each other, are thinner than the
             ball everywhere, or the resolution is too fine for their size.
 
     Warns:
-        SimplifiedWarning: If the ball left out more than a tenth of the volume.
+        SimplifiedWarning: If more than a tenth of the volume was removed.
     """
     if not (math.isfinite(resolution) and resolution > 0):
         raise ValueError(f"surface.resolution is {resolution}; give a positive length in metres")
     triangles = [_closed_triangles(piece) for piece in pieces if len(piece.faces)]
     if not triangles:
-        raise ValueError("surface is without any triangle; choose a shape, or another link")
+        raise ValueError("surface has no triangles; choose a shape, or another link")
     surface, share = _rounded_surface(np.concatenate(triangles), resolution, thickness, 1.0)
     for wider in _WIDER:
         if thickness == 0 or _fits(surface, thickness):
@@ -80,7 +80,7 @@ def closed_surface(
                 np.concatenate(triangles), resolution, thickness, wider
             )
         except ValueError:
-            break  # Rounder, it would fall apart.
+            break  # More rounding would split the surface.
     if share < _MOSTLY_KEPT:
         skin = f" and a skin of {thickness:g} m" if thickness else ""
         warnings.warn(
@@ -95,7 +95,7 @@ def closed_surface(
 def _rounded_surface(
     triangles: np.ndarray, resolution: float, thickness: float, wider: float
 ) -> tuple[trimesh.Trimesh, float]:
-    """Returns the surface round closed triangles `(F, 3, 3)`, and the share of volume it keeps."""
+    """Surface around closed triangles `(F, 3, 3)`, and the share of the volume that it keeps."""
     edge = wider * max(_EDGE_RADIUS * resolution, _ROOM * thickness)
     gap = wider * _GAP_RADIUS * resolution
     solid = rounded_solid(triangles, _CELL * resolution, gap=gap, edge=edge)
@@ -129,15 +129,15 @@ def _fits(surface: trimesh.Trimesh, thickness: float) -> bool:
 
 
 def _closed_triangles(piece: trimesh.Trimesh) -> np.ndarray:
-    """Returns `(F, 3, 3)` m, the triangles of a piece and of what closes it."""
+    """Returns `(F, 3, 3)` m, the triangles of a piece and of the lids that close it."""
     piece = trimesh.Trimesh(piece.vertices, piece.faces, process=False)
     piece.merge_vertices()
     _, first, count = np.unique(piece.edges_unique_inverse, return_index=True, return_counts=True)
     rim = piece.edges[first[count % 2 == 1]]
     if not len(rim):
         return piece.triangles
-    # Edges with an odd number of triangles form closed loops, which a fan of triangles round their
-    # middle closes.
+    # Edges with an odd number of triangles form closed loops. A fan of triangles around its middle
+    # closes each.
     shape = (len(piece.vertices), len(piece.vertices))
     graph = coo_array((np.ones(len(rim)), tuple(rim.T)), shape=shape)
     _, loop = connected_components(graph, directed=False)
@@ -151,7 +151,7 @@ def _closed_triangles(piece: trimesh.Trimesh) -> np.ndarray:
     try:
         hull = ConvexHull(piece.vertices)
     except QhullError:
-        return closed  # It is flat, and encloses nothing in any case.
+        return closed  # It is flat, and encloses nothing anyway.
     enclosed = np.linalg.det(closed - piece.vertices.mean(axis=0)).sum() / 6
     return closed if abs(enclosed) > _SHEET * hull.volume else hull.points[hull.simplices]
 

@@ -21,12 +21,12 @@ def farthest_points(
 
     Args:
         distance_from: Called with the index of a point; returns `(n,)` its distances to all
-            points. Those greater than the least distance to any point picked before need not be
-            right, so that a search may stop early.
-        num_points: How many to pick; fewer are returned if there are fewer.
-        first: Index of the point to begin with.
+            points. It may overestimate distances larger than the one to the nearest point picked
+            before, so a search may stop early.
+        num_points: Number of points to pick; fewer are returned if there are fewer.
+        first: Index of the first point.
         weight: `(n,)` positive factors; where they are small, points are picked farther apart.
-        least: Stops as soon as the next point is nearer than this to one picked before.
+        least: Stops when the next point is nearer than this to a point picked before.
 
     Returns:
         Indices of the picked points, in order.

@@ -9,17 +9,16 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-# Sine of the angle at which a chord between two vertices may leave their tangent planes and still
-# stand for the path on the surface: a smooth bend costs 1 % of length there, a sharp edge is
-# never cut.
+# Sine of the largest angle between a chord and the tangent planes at its ends at which it replaces
+# the path on the surface: a smooth bend then costs 1 % of length, and sharp edges are never cut.
 CHORD_SLOPE = 0.25
 
 
 def surface_distances(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Lengths of the shortest paths along a surface, between the vertices nearest to points.
+    """Geodesic distances along a surface, between the vertices nearest to given points.
 
     Args:
-        vertices: `(V, 3)` m, of a surface: closed, or a patch with a rim, in one part or several.
+        vertices: `(V, 3)` m, of a surface: closed or with a rim, in one part or several.
         faces: `(F, 3)` its triangles.
         points: `(K, 3)` m, on or near the surface.
 
@@ -28,7 +27,7 @@ def surface_distances(vertices: np.ndarray, faces: np.ndarray, points: np.ndarra
         points on parts of the surface that are not connected.
     """
     surface = trimesh.Trimesh(vertices, faces, process=False)
-    # A vertex without triangles belongs to no part of the surface.
+    # Vertices without triangles do not belong to the surface.
     corners = np.unique(faces)
     _, nearest = cKDTree(surface.vertices[corners]).query(points)
     used, back = np.unique(corners[nearest], return_inverse=True)
@@ -62,7 +61,7 @@ def surface_paths(surface: trimesh.Trimesh) -> csr_matrix:
     on_surface = slope <= CHORD_SLOPE * length
     near_rim = _near_rim(surface, edges)
     if near_rim.any():
-        # What is three edges from i is in the patch, if i itself is more than three from the rim.
+        # Vertices three edges from i are in the patch if i is more than three from the rim.
         on_surface &= ~(near_rim[i] & near_rim[j])
     is_edge = np.asarray(edges[i, j]).ravel() > 0
     keep = on_surface | is_edge
@@ -87,14 +86,14 @@ def _near_rim(surface: trimesh.Trimesh, edges: csr_matrix) -> np.ndarray:
 def _with_diagonals(
     i: np.ndarray, j: np.ndarray, length: np.ndarray, surface: trimesh.Trimesh, where: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Adds to lines `i < j` the diagonals of adjacent triangles between vertices `where` `(V,)`."""
+    """Adds diagonals of adjacent triangles to lines `i < j`, between vertices `where` `(V,)`."""
     diagonals = np.sort(surface.face_adjacency_unshared, axis=1)
     unfolded = _unfolded(surface)
-    # Where a triangle pair is no convex quadrangle its straight line leaves it.
+    # If a pair of triangles is not convex, its diagonal leaves it.
     keep = np.isfinite(unfolded) & where[diagonals].all(axis=1)
     i, j = np.concatenate([[i, j], diagonals[keep].T], axis=1)
     length = np.concatenate([length, unfolded[keep]])
-    # Two vertices may be joined twice: by an edge, or over another edge between them.
+    # Two vertices may be joined twice: by an edge, and across another edge.
     order = np.lexsort([length, j, i])
     i, j, length = i[order], j[order], length[order]
     first = np.concatenate([[True], (np.diff(i) != 0) | (np.diff(j) != 0)])
@@ -102,7 +101,7 @@ def _with_diagonals(
 
 
 def _unfolded(surface: trimesh.Trimesh) -> np.ndarray:
-    """`(A,)` m, between the far corners of each two adjacent triangles laid flat; else infinite."""
+    """`(A,)` m, diagonal of each pair of adjacent triangles, unfolded; infinite if not convex."""
     a, b = surface.vertices[surface.face_adjacency_edges].transpose(1, 0, 2)
     c, d = surface.vertices[surface.face_adjacency_unshared].transpose(1, 0, 2)
     base = np.linalg.norm(b - a, axis=1)

@@ -15,18 +15,18 @@ from scipy.spatial import cKDTree
 from selftouch_drake.geometry.intersections import first_self_intersection
 from selftouch_drake.geometry.samples import lengths_and_heights, sample_triangles
 
-# A face of the outer surface that turns by more than this between neighbours is an edge, to be
-# mitred; less is a smooth surface cut into triangles. It is the ratio of the second
-# to the first principal value of the normals round a vertex: about 25 degrees.
+# If the normals around a vertex differ by more than this, it is on an edge, which is mitred; else
+# the surface is smooth there. It is the ratio of their second to their first principal value: about
+# 25 degrees.
 MITRE_RATIO = 0.05
 
-# The wall of a smooth surface is a little thinner than asked where its triangles turn.
+# Smallest wall, in thicknesses: on a smooth surface it is slightly thinner where triangles bend.
 THINNEST_WALL = 0.9
 
-# How far from an edge, in thicknesses, vertices slide to make room for its mitre.
+# Distance from an edge, in thicknesses, up to which vertices slide to make room for its mitre.
 _SLIDE_RANGE = 2
 
-# Rounds of mending a wall, and the share of the thickness that is aimed at where it is thin.
+# Rounds of repairing a wall, and its desired share of the thickness where it is too thin.
 _MENDINGS = 20
 _MENDED_WALL = 0.95
 
@@ -37,17 +37,17 @@ _MOST_SAMPLES = 400_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HollowSkin:
-    """The wall between a closed outer surface and the same surface moved inwards.
+    """The wall between a closed outer surface and a copy of it moved inwards.
 
     All points are in the frame of the outer surface, the link's frame L, in metres.
 
     Attributes:
         vertices: `(V, 3)` m, of the outer surface.
-        faces: `(F, 3)` indices into `vertices` and `inner_vertices`, outward by the right hand.
+        faces: `(F, 3)` indices into `vertices` and `inner_vertices`; normals point outward.
         inner_vertices: `(V, 3)` m, one below each outer vertex.
         thickness: m, from the outer faces to the inner ones.
         tet_vertices: `(3 V, 3)` m: the outer vertices, those at mid-depth, the inner ones.
-        tetrahedra: `(6 F, 4)` indices into `tet_vertices`, all of positive volume.
+        tetrahedra: `(6 F, 4)` indices into `tet_vertices`, all with positive volume.
     """
 
     vertices: np.ndarray
@@ -63,18 +63,18 @@ def hollow_skin(
 ) -> HollowSkin:
     """Extrudes a closed surface inwards into a skin, with vertices at mid-depth.
 
-    Hydroelastic pressure is zero on the boundary of a mesh, so that a wall without vertices
-    inside would feel nothing.
+    Hydroelastic pressure is zero on the boundary of a mesh, so a wall without inner vertices would
+    feel nothing.
 
     Args:
         surface: Closed outer surface, in m, wound outwards.
         thickness: m, by which each face moves inwards.
-        entering_radius: m, of the smallest ball that can get into the cavity: opposite walls must
-            leave room for it between them. None if nothing gets inside.
+        entering_radius: m, of the smallest ball that can enter the cavity: it must fit between
+            opposite walls. None if nothing enters.
 
     Raises:
-        ValueError: If the skin is thicker than the surface allows, or opposite inner walls are not
-            farther apart than the diameter of the ball.
+        ValueError: If the skin is thicker than the surface allows, or opposite inner walls are
+            nearer than the diameter of the ball.
     """
     if not thickness > 0:
         raise ValueError(f"thickness is {thickness:g} m; give a positive length in metres")
@@ -93,7 +93,7 @@ def hollow_skin(
         if narrow is not None:
             raise ValueError(
                 f"thickness is {thickness:g} m, which leaves opposite walls nearer than the "
-                f"diameter of {2 * entering_radius:g} m of what touches them near "
+                f"diameter of the toucher, {2 * entering_radius:g} m, near "
                 f"{_point(narrow)} m; make the skin thinner or the surface larger"
             )
     return HollowSkin(
@@ -107,7 +107,7 @@ def hollow_skin(
 
 
 def tet_volumes(vertices: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
-    """Returns `(T,)` m³, signed volumes: positive as Drake's `VolumeMesh` asks."""
+    """Returns `(T,)` m³, signed volumes: positive as Drake's `VolumeMesh` requires."""
     a, b, c, d = vertices[tetrahedra].swapaxes(0, 1)
     return np.einsum("ni,ni->n", np.cross(b - a, c - a), d - a) / 6
 
@@ -118,7 +118,7 @@ def write_vtk(skin: HollowSkin, path: str | PathLike[str]) -> None:
 
 
 def vtk_text(skin: HollowSkin) -> str:
-    """Returns the text of `write_vtk`: coordinates keep all their digits."""
+    """Returns the text that `write_vtk` writes, with all digits of the coordinates."""
     num_vertices, num_tets = len(skin.tet_vertices), len(skin.tetrahedra)
     lines = [
         "# vtk DataFile Version 3.0",
@@ -138,14 +138,14 @@ def vtk_text(skin: HollowSkin) -> str:
 def _inner_wall(
     surface: trimesh.Trimesh, thickness: float, tetrahedra: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray | None]:
-    """Moves a surface inwards, in one way after another, until its wall is sound.
+    """Moves a surface inwards by one method after another, until its wall is valid.
 
     Returns:
-        `(V, 3)` m, the inner vertices; and an outer point where the wall of the last attempt folds,
-        thins or crosses itself, or None.
+        `(V, 3)` m, the inner vertices; and None, or an outer point where the wall of the last
+        attempt folds, is too thin or crosses itself.
     """
     vertices, faces = surface.vertices, surface.faces
-    # The cloud is never nearer than the surface, and farther by less than 1 % of the thickness.
+    # Distances to these samples exceed those to the surface by less than 1 % of the thickness.
     cloud, _ = sample_triangles(surface.triangles, max(thickness / 8, _finest(surface)))
     outer = cKDTree(cloud)
 
@@ -161,13 +161,13 @@ def _inner_wall(
             return vertices[distance.argmin()]
         return first_self_intersection(inner, faces)
 
-    # The smoothest steps come first. On a long limb, they slide far along it, and into its ends.
+    # The smoothest steps come first. On a long limb they slide far along it, and into its ends.
     for slide_range in (np.inf, _SLIDE_RANGE * thickness):
         inner = vertices + thickness * _inward_steps(surface, slide_range)
         if (point := crushed(inner)) is None:
             return inner, None
-    # Then a few vertices of a rugged surface are mended: they step as their neighbours do where the
-    # wall folds or crosses itself, and deeper where it is thin.
+    # Then a few vertices of a rugged surface are repaired: they move as their neighbours do where
+    # the wall folds or crosses itself, and deeper where it is thin.
     steps = inner - vertices
     neighbours = _neighbours(surface)
     for attempt in range(_MENDINGS):
@@ -194,11 +194,11 @@ def _inner_wall(
 def _inward_steps(surface: trimesh.Trimesh, slide_range: float) -> np.ndarray:
     """Returns `(V, 3)` steps d that move every face inwards by one: n · d = -1.
 
-    Round each vertex the faces fix d in the directions that their normals span (least squares,
+    The faces around each vertex fix d in the directions that their normals span (least squares,
     weighted by their angles there): one on a smooth surface, two on an edge, three at a corner.
-    In the others d is free, and there it is the smoothest field (of least Dirichlet energy), so
-    that the vertices next to an edge make room for it: a cube simply shrinks. A finite
-    `slide_range`, in m, is how far from an edge they still do.
+    In the other directions d is the smoothest field (of least Dirichlet energy), so that vertices
+    next to an edge make room for it: a cube simply shrinks. A finite `slide_range`, in m, limits
+    how far from an edge they do so.
     """
     num_vertices = len(surface.vertices)
     corners = surface.faces.ravel()
@@ -231,7 +231,7 @@ def _inward_steps(surface: trimesh.Trimesh, slide_range: float) -> np.ndarray:
 
 
 def _laplacian(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
-    """Returns the `(V, V)` cotangent Laplacian, its weights kept positive."""
+    """Returns the `(V, V)` cotangent Laplacian with positive weights."""
     faces = surface.faces
     weights = np.maximum(1 / np.tan(surface.face_angles), 1e-9).ravel() / 2
     ends = np.stack([np.roll(faces, -1, axis=1).ravel(), np.roll(faces, -2, axis=1).ravel()])
@@ -242,7 +242,7 @@ def _laplacian(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
 
 
 def _neighbours(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
-    """Returns `(V, V)` ones where an edge joins two vertices."""
+    """Returns `(V, V)`, 1 where an edge joins two vertices."""
     ends = np.concatenate([surface.edges_unique, surface.edges_unique[:, ::-1]]).T
     shape = (len(surface.vertices), len(surface.vertices))
     return scipy.sparse.csr_array((np.ones(len(ends[0])), tuple(ends)), shape=shape)
@@ -256,12 +256,12 @@ def _three_layers(vertices: np.ndarray, inner_vertices: np.ndarray) -> np.ndarra
 def _fill_prisms(faces: np.ndarray, num_vertices: int) -> np.ndarray:
     """Returns `(6 F, 4)` tetrahedra between three layers of `num_vertices` vertices each.
 
-    Every prism is cut along a staircase that climbs down at its lowest vertex first, so that two
-    neighbours cut the wall between them along the same diagonal.
+    Every prism is split along a staircase that steps down at its lowest vertex first, so that two
+    neighbours split the wall between them along the same diagonal.
     """
     order = np.argsort(faces, axis=1)
     a, b, c = np.take_along_axis(faces, order, axis=1).T
-    # Sorting an outward face may turn it over; swapping two corners turns its tetrahedra back.
+    # Sorting an outward face may flip it; swapping two corners flips its tetrahedra back.
     even = (order[:, 1] - order[:, 0]) % 3 == 1
     layers = []
     for top in (0, num_vertices):
@@ -278,28 +278,28 @@ def _fill_prisms(faces: np.ndarray, num_vertices: int) -> np.ndarray:
 
 
 def _narrow_place(inner: trimesh.Trimesh, radius: float) -> np.ndarray | None:
-    """Returns an inner point where a ball that touches the wall meets the opposite one.
+    """Returns an inner point where a ball that touches the wall meets the opposite wall, or None.
 
-    A wall is opposite where it looks back at the point: not the next face round a corner.
+    Opposite walls face each other, unlike adjacent faces around a corner.
     """
     if radius <= 0:
         return None
     into_cavity = -inner.face_normals
-    # Finer samples would be millions, for a ball finer than any skin.
+    # This bounds the number of samples for balls much smaller than any skin.
     finest = max(_FINEST_SAMPLES, _finest(inner))
     cloud, cloud_face = sample_triangles(inner.triangles, max(radius / 6, finest))
     tree = cKDTree(cloud)
     points, face = sample_triangles(inner.triangles, max(2 * radius, finest))
-    # Small faces are touched in the middle, large ones everywhere but near their edges.
+    # Small faces are sampled in the middle, large ones everywhere except near their edges.
     longest, _ = lengths_and_heights(inner.triangles)
     spread = 1 - np.minimum(3 * radius / longest, 1)[face, None]
     points = spread * points + (1 - spread) * inner.triangles_center[face]
-    # Of many small faces one in each place is enough.
+    # Among many small faces, one sample in each place is enough.
     _, one_of = np.unique(np.floor(2 / radius * points), axis=0, return_index=True)
     points, face = points[np.sort(one_of)], face[np.sort(one_of)]
     balls = points + radius * into_cavity[face]
     for chunk in np.array_split(np.arange(len(balls)), len(balls) // 500 + 1):
-        # The sampled wall is at most 2 % of a radius beyond the wall itself.
+        # The samples are at most 2 % of a radius farther than the wall itself.
         touched = tree.query_ball_point(balls[chunk], 1.01 * radius)
         toucher = np.repeat(chunk, [len(points) for points in touched])
         wall = cloud_face[np.concatenate(touched).astype(int)]
@@ -310,7 +310,7 @@ def _narrow_place(inner: trimesh.Trimesh, radius: float) -> np.ndarray | None:
 
 
 def _finest(surface: trimesh.Trimesh) -> float:
-    """m, spacing below which samples of a surface would fill the memory."""
+    """m, smallest spacing at which samples of a surface fit in memory."""
     return float(np.sqrt(surface.area / _MOST_SAMPLES))
 
 

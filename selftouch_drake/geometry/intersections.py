@@ -14,14 +14,14 @@ from selftouch_drake.geometry.samples import lengths_and_heights, sample_triangl
 _SLENDER = 3
 _MOST_BALLS = 64
 
-# Balls whose neighbours are looked up at a time: bounds the memory, and lets Ctrl-C through.
+# Balls per neighbour query: bounds the memory, and lets Ctrl-C through.
 _BLOCK = 10_000
 
 
 def first_self_intersection(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
-    """Returns a point where two triangles without a common vertex touch, or None.
+    """Returns a point where two triangles without a common vertex intersect, or None.
 
-    An edge of one of them then pierces the other. Triangles may be of any sizes, long or compact.
+    An edge of one of them then pierces the other. Triangles may have any size, long or compact.
 
     Args:
         vertices: `(V, 3)` m.
@@ -41,11 +41,11 @@ def first_self_intersection(vertices: np.ndarray, faces: np.ndarray) -> np.ndarr
 
 
 def _near_pairs(triangles: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yields blocks of pairs of triangles `(F, 3, 3)`, each pair once in a block, that may meet.
+    """Yields blocks of pairs of triangles `(F, 3, 3)` that may meet, each pair once per block.
 
-    They are those that are covered by balls that meet. Each ball is compared with balls that are as
-    large as itself or larger, one class of size after another: few of these are near, however many
-    small ones are.
+    Balls cover the triangles, and a pair may meet if its balls do. Each ball is compared with those
+    of its size class and larger ones, class by class: few of these are near, however many small
+    balls are.
     """
     longest, height = lengths_and_heights(triangles)
     slender = np.flatnonzero(longest > _SLENDER * height)
@@ -62,7 +62,7 @@ def _near_pairs(triangles: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]
     for level in np.unique(size):
         larger = np.flatnonzero(size == level)
         tree = cKDTree(centres[larger])
-        # Sorted, so that a block of small pieces need not look far.
+        # Sorted by size, so that blocks of small balls have a small search radius.
         smaller = by_size[: np.searchsorted(size[by_size], level, side="right")]
         for block in np.array_split(smaller, len(smaller) // _BLOCK + 1):
             reach = radii[block].max() + radii[larger].max()
@@ -82,7 +82,7 @@ def _segment_pierces(p: np.ndarray, q: np.ndarray, triangle: np.ndarray) -> np.n
     ab, ac, pq, ap = triangle[:, 1] - a, triangle[:, 2] - a, q - p, p - a
     normal = np.cross(ab, ac)
     slope = -np.einsum("ni,ni->n", pq, normal)
-    # Segments in the plane of the triangle are left to the triangles that stand on it.
+    # Segments in the plane of a triangle are skipped: an adjacent triangle finds the crossing.
     scale = np.linalg.norm(pq, axis=1) * np.linalg.norm(normal, axis=1)
     crossing = np.abs(slope) > 1e-9 * scale
     slope = np.where(crossing, slope, 1)

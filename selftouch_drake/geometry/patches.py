@@ -1,16 +1,16 @@
 """The part of a surface that can be touched: a patch with a rim, and its holes.
 
-A back that no hand reaches leaves a hole in what an agent can learn of its torso. What is right
-for the agent to find is the topology of the touched patch, not that of the whole skin.
+A back that no hand reaches leaves a hole in what an agent can learn of its torso. The correct
+result for the agent is the topology of the touched patch, not that of the whole skin.
 
-Touches are a sample. Between them are gaps that mean nothing, and the rim of the patch is ragged.
-So a patch is defined at a scale, a `radius`: what is smaller than a disc of that radius is neither
-a hole nor a part.
+Touches are a sample. Gaps between them mean nothing, and the rim of the patch is ragged. So a patch
+is defined at a scale, a `radius`: anything smaller than a disc of that radius is neither a hole nor
+a part.
 
-Take the distance between neighbouring target sensations on the skin, sqrt(area / K): the agent
-resolves nothing finer. It must be wider than gaps of chance. Of n touches spread evenly over an
-area A, the widest empty disc has a radius of about sqrt(A ln(n) / (pi n)): take 1.3 times as much,
-where that is more. With hundreds of touches a target sensation, it is not.
+Use the distance between neighbouring target sensations on the skin, sqrt(area / K): the agent
+resolves nothing finer. It must be wider than random gaps. If n touches are spread evenly over an
+area A, the widest empty disc has a radius of about sqrt(A ln(n) / (pi n)): use 1.3 times that if it
+is larger. With hundreds of touches per target sensation, it is not.
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ def touched_patch(
 ) -> np.ndarray:
     """Finds the vertices of a surface that belong to the touched patch.
 
-    The touched vertices are closed, as in mathematical morphology: all within `radius` of a
-    touched vertex is added, then all within `radius` of what is still missing is taken away again.
-    That fills every gap that no disc of this radius fits into, and leaves wider ones, and the
-    outline, as they were: a rim does not grow, as it would if gaps were merely painted over.
-    Parts smaller than such a disc are then dropped: a few stray touches are no part of the body.
+    This is a morphological closing of the touched vertices: all vertices within `radius` of a
+    touched one are added, then all within `radius` of the remaining ones are removed again. It
+    fills each gap that holds no disc of this radius, and keeps wider gaps and the outline: the rim
+    does not grow, as it would without the second step. Parts smaller than such a disc are then
+    dropped: a few stray touches are not a part of the body.
 
     Args:
         vertices: `(V, 3)` m, of a closed surface, finer than `radius`.
@@ -52,13 +52,13 @@ def touched_patch(
         `(V,)` whether a vertex is in the patch.
 
     Raises:
-        ValueError: If `radius` is less than the mean edge: nothing would be closed.
+        ValueError: If `radius` is less than the mean edge: no gap would be closed.
     """
     surface = trimesh.Trimesh(vertices, faces, process=False)
     if not radius >= (edge := surface.edges_unique_length.mean()):
         raise ValueError(
-            f"radius is {radius:g} m, less than the edges of the surface, {edge:.3g} m in the "
-            "mean; give a larger radius, or a finer surface"
+            f"radius is {radius:g} m, less than the mean edge of the surface, {edge:.3g} m; give a "
+            "larger radius, or a finer surface"
         )
     paths = surface_paths(surface)
 
@@ -80,7 +80,7 @@ def touched_patch(
 def submesh(
     vertices: np.ndarray, faces: np.ndarray, touched: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the triangles of a surface all of whose corners were touched.
+    """Returns the triangles of a surface with all three corners touched.
 
     Args:
         vertices: `(V, 3)` m.
@@ -88,8 +88,8 @@ def submesh(
         touched: `(V,)` whether a vertex was touched, as by `touched_patch`.
 
     Returns:
-        `(V', 3)` m, the vertices of these triangles, and `(F', 3)` indices into them; both in
-        their old order.
+        `(V', 3)` m, the vertices of these triangles, and `(F', 3)` indices into them; both in the
+        original order.
     """
     kept = faces[np.asarray(touched, dtype=bool)[faces].all(axis=1)]
     used, new = np.unique(kept, return_inverse=True)
@@ -99,8 +99,8 @@ def submesh(
 def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
     """Counts the parts, holes and cavities of a triangle surface, closed or with rims.
 
-    The surface is made of one or several parts; what is counted is the rank of its homology with
-    coefficients in Z/2. Parts that meet in one vertex alone are one part, as in any complex.
+    These are the ranks of its homology over Z/2. Parts that meet in a single vertex are one part,
+    as in any complex.
 
     Args:
         faces: `(F, 3)` indices of vertices; no edge belongs to more than two triangles.
@@ -125,13 +125,13 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
     )
     if count.max() > 2:
         raise ValueError(
-            f"faces has an edge of {count.max()} triangles; give a surface, where each edge "
+            f"faces has an edge of {count.max()} triangles; give a surface, in which each edge "
             "belongs to one or two"
         )
     edge_of = edge_of.reshape(-1, 3)
     _, num_parts = _parts_by_vertex(faces, len(corners))
-    # A part is closed if it has no rim. Here parts hang together by edges: a sphere that touches
-    # a disc in one vertex still has its cavity.
+    # A part is closed if it has no rim. Here parts are connected by edges: a sphere that touches a
+    # disc in one vertex still has its cavity.
     num_edges = len(edges)
     incidence = (np.repeat(np.arange(len(faces)), 3) + num_edges, edge_of.ravel())
     size = num_edges + len(faces)
@@ -144,7 +144,7 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
 
 
 def _parts_by_vertex(faces: np.ndarray, num_vertices: int) -> tuple[np.ndarray, int]:
-    """`(V,)` the connected part of each vertex, and the number of parts, lone vertices included."""
+    """`(V,)` the connected part of each vertex; number of parts, isolated vertices included."""
     ends = np.stack([faces[:, [0, 1]], faces[:, [1, 2]]]).reshape(-1, 2).T
     graph = coo_array((np.ones(len(ends[0])), tuple(ends)), shape=(num_vertices, num_vertices))
     num_parts, part = connected_components(graph, directed=False)

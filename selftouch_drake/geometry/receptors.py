@@ -1,4 +1,4 @@
-"""Receptors spread evenly over a surface, and the overlapping fields over which they feel."""
+"""Receptors spread evenly over a surface, and their overlapping receptive fields."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ FEWEST_RECEPTORS, MOST_RECEPTORS = 4, 1000
 # Every point of the skin is felt by at least this number of receptors.
 OVERLAP = 3
 
-# The field reaches beyond the worst point's third receptor, so that this one does feel it.
+# Fields reach beyond the distance from the worst point to its third receptor, so that it feels it.
 FIELD_MARGIN = 1.15
 
-# m, edge length at which fields are sampled, and edges between neighbouring receptors: where
-# receptors are dense, the edges are shorter than that.
+# m, edge length at which fields are sampled, and fewest edges between neighbouring receptors: dense
+# receptors need shorter edges.
 FIELD_RESOLUTION = 0.012
 EDGES_BETWEEN_RECEPTORS = 4
 
@@ -33,14 +33,14 @@ EDGES_BETWEEN_RECEPTORS = 4
 class ReceptiveFields:
     """Overlapping receptive fields of S receptors, measured along a surface.
 
-    At each point of the surface the weights of all receptors sum to one: a force that is spread
-    by them over the receptors is conserved.
+    At each point of the surface the weights of all receptors sum to one, so distributing a force
+    over the receptors conserves it.
 
     Attributes:
         p_LS: `(S, 3)` m, receptors in the link's frame L.
         vertices: `(V, 3)` m, of the surface on which the fields are sampled.
         faces: `(F, 3)` indices into `vertices`.
-        vertex_weights: `(V, S)` sparse rows, the share of each receptor at each vertex.
+        vertex_weights: `(V, S)` sparse, the share of each receptor at each vertex.
         radius: m, distance along the surface at which a field ends.
     """
 
@@ -56,9 +56,9 @@ class ReceptiveFields:
         return len(self.p_LS)
 
     def weights_at(self, p_LQ: np.ndarray) -> csr_matrix:
-        """Returns `(N, S)` sparse rows: the share of each receptor in what is felt at each point.
+        """Returns `(N, S)` sparse: the share of each receptor in a force at each point.
 
-        A point in the wall of the skin is felt where it is nearest to the surface.
+        A point in the wall of the skin counts as the nearest point of the surface.
 
         Args:
             p_LQ: `(N, 3)` m, points in the skin, in the link's frame L.
@@ -98,7 +98,7 @@ class ReceptiveFields:
 
     @cached_property
     def _offsets(self) -> np.ndarray:
-        """`(F, 3)` barycentric coordinates that the gradients give the body's origin."""
+        """`(F, 3)` barycentric coordinates of the link's origin, by these gradients."""
         centroids = self.vertices[self.faces].mean(axis=1)
         return 1 / 3 - np.einsum("fij,fj->fi", self._gradients, centroids)
 
@@ -106,7 +106,7 @@ class ReceptiveFields:
 def place_receptors(
     surface: trimesh.Trimesh, num_receptors: int, seed: int, *, unevenness: float = 0.0
 ) -> np.ndarray:
-    """Spreads receptors evenly: each sits at the vertex farthest, on the surface, from all before.
+    """Spreads receptors evenly: each at the vertex farthest, along the surface, from earlier ones.
 
     For an uneven layout, distances count less towards one side of the surface.
 
@@ -114,8 +114,8 @@ def place_receptors(
         surface: Closed outer surface in the link's frame L, m.
         num_receptors: 4 to 1000.
         seed: Chooses the first vertex, and the side where receptors are few.
-        unevenness: 0 to below 1; at u they are 1 / (1 - u) times as far apart there as on the
-            other side.
+        unevenness: 0 to below 1; at u, receptors there are 1 / (1 - u) times as far apart as on
+            the other side.
 
     Returns:
         `p_LS`: `(num_receptors, 3)` m, in the link's frame L.
@@ -132,7 +132,7 @@ def place_receptors(
     nearest = np.full(len(surface.vertices), np.inf)
 
     def distance_from(vertex: int) -> np.ndarray:
-        # Distances beyond the largest one left shorten none: the search ends there.
+        # Longer distances than the largest one left change nothing: the search ends there.
         found = dijkstra(paths, indices=vertex, limit=nearest.max())
         return np.minimum(nearest, found, out=nearest)
 
@@ -155,14 +155,14 @@ def _crowding(vertices: np.ndarray, unevenness: float, seed: int) -> np.ndarray:
 def receptive_fields(
     surface: trimesh.Trimesh, p_LS: np.ndarray, *, width: float = 1.0
 ) -> ReceptiveFields:
-    """Gives each receptor a smooth round field, wide enough for three to overlap everywhere.
+    """Gives each receptor a smooth round field, wide enough that three overlap everywhere.
 
-    A receptor is felt from the vertex of the surface that is nearest to it.
+    The field of a receptor is centred on the nearest vertex of the surface.
 
     Args:
         surface: Closed outer surface in the link's frame L, m.
         p_LS: `(S, 3)` m, receptors on the surface.
-        width: Radius of the fields, as a multiple of that least one.
+        width: Radius of the fields, as a multiple of this smallest radius.
     """
     surface = _refined(surface, len(p_LS))
     _, nearest = cKDTree(surface.vertices).query(p_LS)
@@ -174,7 +174,7 @@ def receptive_fields(
         distance = dijkstra(paths, indices=nearest)
         farthest = np.partition(distance, OVERLAP - 1, axis=0)[OVERLAP - 1].max()
     radius = width * FIELD_MARGIN * farthest
-    # In place: of a thousand receptors one such table holds a few hundred megabytes.
+    # In place: for a thousand receptors, one such table takes a few hundred megabytes.
     bump = np.square(np.divide(distance, radius, out=distance), out=distance)
     np.square(np.maximum(np.subtract(1, bump, out=bump), 0, out=bump), out=bump)
     vertex_weights = csr_matrix(bump.T)
@@ -189,7 +189,7 @@ def receptive_fields(
 
 
 def _refined(surface: trimesh.Trimesh, num_receptors: int) -> trimesh.Trimesh:
-    """Returns the same surface in triangles fine enough for fields; the first vertices stay."""
+    """Refines the triangles of a surface enough for fields; its vertices stay, and come first."""
     spacing = math.sqrt(surface.area / num_receptors)
     resolution = min(FIELD_RESOLUTION, spacing / EDGES_BETWEEN_RECEPTORS)
     mean_edge = surface.edges_unique_length.mean()

@@ -1,4 +1,4 @@
-"""A solid as a field of depth on a grid: rounded by rolling balls, and cut into even triangles."""
+"""A solid as a depth field on a grid: rounded by rolling balls, and triangulated evenly."""
 
 from __future__ import annotations
 
@@ -13,25 +13,25 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.samples import sample_triangles
 
-# Cells of a grid: some 600 MB.
+# Most cells of a grid: about 600 MB.
 _MOST_CELLS = 2e7
 
 # Edge of the tetrahedral grid, in mean edges of the triangles that it makes.
 _LEVEL_SET_EDGE = 1.17
 
-# Rounds of moving each vertex half-way to the middle of its neighbours.
+# Rounds in which each vertex moves half-way to the mean of its neighbours.
 _RELAXATIONS = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Solid:
-    """How deep the points of a grid are in a solid.
+    """Depth of the points of a grid in a solid.
 
     Attributes:
         origin: `(3,)` m, the first point of the grid.
         cell: m, between its points.
-        depth: `(X, Y, Z)` m, below the surface, negative outside; right near the surface only.
-        share: of the volume before its edges were rounded.
+        depth: `(X, Y, Z)` m, below the surface, negative outside; valid only near the surface.
+        share: of the volume that is left after the edges were rounded.
     """
 
     origin: np.ndarray
@@ -40,12 +40,12 @@ class Solid:
     share: float
 
     def depth_at(self, p: np.ndarray) -> np.ndarray:
-        """`(N,)` m, at points `(N, 3)` m."""
+        """`(N,)` m, depth at points `(N, 3)` m."""
         at = (p - self.origin) / self.cell
         return ndimage.map_coordinates(self.depth, at.T, order=1, mode="nearest")
 
     def gradient_at(self, p: np.ndarray) -> np.ndarray:
-        """`(N, 3)` at points `(N, 3)` m."""
+        """`(N, 3)` gradient of the depth at points `(N, 3)` m."""
         steps = self.cell * np.eye(3)
         ahead, behind = (
             np.stack([self.depth_at(p + sign * step) for step in steps], axis=1) for sign in (1, -1)
@@ -54,16 +54,16 @@ class Solid:
 
 
 def rounded_solid(triangles: np.ndarray, cell: float, *, gap: float, edge: float) -> Solid:
-    """Fills what triangles enclose, closes its gaps, and rounds its edges.
+    """Fills the volume that triangles enclose, closes its gaps, and rounds its edges.
 
-    Balls roll over the surface: one outside, one inside what that leaves, and one outside again. A
-    part that no ball fits into is left out.
+    Balls roll over the surface: one outside, one inside the result, and one outside again. Parts
+    that the inner ball does not fit into are removed.
 
     Args:
         triangles: `(F, 3, 3)` m, closed.
         cell: m, of the grid.
-        gap: m, radius of the ball outside, greater than a cell, or walls would leak.
-        edge: m, radius of the ball inside.
+        gap: m, radius of the outer ball; larger than a cell, or walls would leak.
+        edge: m, radius of the inner ball.
 
     Raises:
         ValueError: If the grid would be too large.
@@ -75,15 +75,15 @@ def rounded_solid(triangles: np.ndarray, cell: float, *, gap: float, edge: float
     if shape.prod(dtype=float) > _MOST_CELLS:
         raise ValueError(
             f"surface.resolution is too fine for geometry {np.ptp(corners, axis=0).max():g} m "
-            f"across: it asks for {shape.prod(dtype=float):.1g} cells; give a coarser one, and "
+            f"across: it needs {shape.prod(dtype=float):.1g} cells; give a coarser one, and "
             "all lengths in metres"
         )
 
     def distance(points: np.ndarray, reach: float) -> np.ndarray:
-        """`(X, Y, Z)` m, from the grid to the nearest of some points, up to `reach`."""
+        """`(X, Y, Z)` m, distance from the grid to the nearest of `points`, up to `reach`."""
         empty = np.ones(shape, dtype=bool)
         empty[tuple(np.round((points - origin) / cell).astype(int).T)] = False
-        # A point is at most half the diagonal of a cell from the grid point that stands for it.
+        # A point is at most half the diagonal of a cell from the nearest grid point.
         near = ndimage.distance_transform_edt(empty) <= reach / cell + 0.87
         found, _ = cKDTree(points).query(
             origin + cell * np.argwhere(near), distance_upper_bound=reach
@@ -95,7 +95,7 @@ def rounded_solid(triangles: np.ndarray, cell: float, *, gap: float, edge: float
     def depth_below(
         inside: np.ndarray, field: np.ndarray, level: float, reach: float
     ) -> np.ndarray:
-        """`(X, Y, Z)` m, depth below the surface round `inside`, on which `field` is `level`."""
+        """`(X, Y, Z)` m, depth below the surface around `inside` where `field` is `level`."""
         front = []
         for axis in range(3):
             here, there = (np.delete(np.arange(shape[axis]), end) for end in (-1, 0))
@@ -115,25 +115,26 @@ def rounded_solid(triangles: np.ndarray, cell: float, *, gap: float, edge: float
     if not (depth > edge).any():
         return Solid(origin=origin, cell=cell, depth=np.full(shape, -edge), share=0.0)
     depth = depth_below(depth > edge, depth, edge, edge + gap + 2 * cell) + edge
-    # Triangles of five cells look that far to either side of the surface.
+    # Triangulation reads the depth this far on either side, for triangles of five cells.
     depth = depth_below(depth > -gap, depth, -gap, gap + 5 * cell) - gap
     depth = np.where(_joined_to_outside(depth <= 0), depth, np.abs(depth))
     return Solid(origin=origin, cell=cell, depth=depth, share=np.count_nonzero(depth > 0) / whole)
 
 
 def _joined_to_outside(free: np.ndarray) -> np.ndarray:
-    """`(X, Y, Z)` whether a grid point is free, and joined to the first one through free ones."""
+    """`(X, Y, Z)` whether a grid point is free and connected to the first one."""
     label, _ = ndimage.label(free)
     return label == label[0, 0, 0]
 
 
 def triangulated(solid: Solid, edge: float) -> trimesh.Trimesh:
-    """Cuts the surface of a solid into even triangles with edges of about `edge` m."""
+    """Triangulates the surface of a solid evenly, with edges of about `edge` m."""
     return _relaxed(_level_set(solid, _LEVEL_SET_EDGE * edge), solid)
 
 
 def _level_set(solid: Solid, edge: float) -> trimesh.Trimesh:
-    # manifold3d asks for one depth at a time: the first round gathers where, the second answers.
+    # manifold3d asks for one depth at a time: the first call collects the points, the second
+    # answers.
     asked: list[tuple[float, float, float]] = []
 
     def gather(x: float, y: float, z: float) -> float:
@@ -150,7 +151,7 @@ def _level_set(solid: Solid, edge: float) -> trimesh.Trimesh:
 
 
 def _relaxed(surface: trimesh.Trimesh, solid: Solid) -> trimesh.Trimesh:
-    """Evens out the triangles, while the vertices stay on the surface of the solid."""
+    """Evens out the triangles while keeping their vertices on the surface of the solid."""
     num_vertices = len(surface.vertices)
     ends = np.concatenate([surface.edges_unique, surface.edges_unique[:, ::-1]]).T
     edges = csr_array((np.ones(len(ends[0])), tuple(ends)), shape=(num_vertices, num_vertices))
@@ -161,6 +162,6 @@ def _relaxed(surface: trimesh.Trimesh, solid: Solid) -> trimesh.Trimesh:
         for _ in range(2):
             gradient = solid.gradient_at(p)
             slope = np.einsum("ni,ni->n", gradient, gradient)
-            # In a crease the depth hardly rises in any direction: no long steps there.
+            # In a crease the gradient is nearly zero: this bounds the steps.
             p -= (solid.depth_at(p) / np.maximum(slope, 0.25))[:, None] * gradient
     return trimesh.Trimesh(p, surface.faces, process=False)

@@ -1,6 +1,6 @@
-"""Closed surfaces: evenly triangulated, watertight.
+"""Closed surfaces, evenly triangulated and watertight.
 
-Shapes are centred on the origin of their frame; a mesh file keeps its own.
+Shapes are centred on the origin of their frame; a mesh file keeps its own frame.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from selftouch_drake.geometry.intersections import first_self_intersection
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl")
 
-# Ten times a torso at 2 cm, and 300,000 tetrahedra. A mesh in millimetres asks for a million times
-# more, and would fill the memory before anybody could read why.
+# Ten times as many as a torso at 2 cm has, and 300,000 tetrahedra. A mesh in millimetres would need
+# a million times more, and fill the memory before an error could be shown.
 MAX_TRIANGLES = 50_000
 
 # A mesh is simplified if it has more than this multiple of the triangles that its resolution needs.
@@ -41,7 +41,7 @@ def ellipsoid(
 ) -> trimesh.Trimesh:
     """Returns an ellipsoid with `semi_axes` m along x, y and z, edges of about `resolution` m."""
     _require_lengths(semi_axes=semi_axes, resolution=resolution)
-    # Knud Thomsen's formula: the area of an ellipsoid within 1.1 %.
+    # Knud Thomsen's formula gives the area of an ellipsoid within 1.1 %.
     a, b, c = (axis**1.6075 for axis in semi_axes)
     area = 4 * math.pi * ((a * b + b * c + c * a) / 3) ** (1 / 1.6075)
     # 20 n^2 equilateral triangles with edges as long as the resolution cover that area.
@@ -93,8 +93,8 @@ def torus(major_radius: float, minor_radius: float, *, resolution: float = 0.02)
 def cylinder(radius: float, height: float, *, resolution: float = 0.02) -> trimesh.Trimesh:
     """Returns a cylinder of `radius` m and `height` m along z, with sharp rims."""
     _require_lengths(radius=radius, height=height, resolution=resolution)
-    # A hexagonal prism of equilateral caps and nearly square sides, all edges cut alike; its
-    # concentric hexagons then grow into circles.
+    # A hexagonal prism with equilateral caps and nearly square sides, all edges split equally; its
+    # concentric hexagons are then stretched into circles.
     pieces = max(round(math.pi / 3 * radius / resolution), 1)
     rows = max(round(height / resolution / pieces), 1)
     _require_triangles(12 * (rows + 1) * pieces**2, resolution)
@@ -123,11 +123,11 @@ def capsule(radius: float, length: float, *, resolution: float = 0.02) -> trimes
         ValueError: If a length is not positive, or the triangles are too many.
     """
     _require_lengths(radius=radius, length=length, resolution=resolution)
-    # A sphere of 20 n^2 equilateral triangles; with n even, its equator is a row of edges.
+    # A sphere has 20 n^2 equilateral triangles; if n is even, edges run along its equator.
     sphere_triangles = 4 * math.pi * radius**2 / _equilateral_area(resolution)
     pieces = 2 * max(round(math.sqrt(sphere_triangles / 20) / 2), 1)
     around = 5 * pieces
-    # Each row of equilateral triangles is turned by half an edge against the row below.
+    # Each row of equilateral triangles is shifted by half an edge relative to the row below.
     turn = math.pi / around
     rows = max(round(length / (math.sqrt(3) * radius * turn)), 1)
     _require_triangles(20 * pieces**2 + 2 * around * rows, resolution)
@@ -138,7 +138,7 @@ def capsule(radius: float, length: float, *, resolution: float = 0.02) -> trimes
     i, j = np.arange(around), np.roll(np.arange(around), -1)
     row = np.concatenate([[i, j, i + around], [j, j + around, i + around]], axis=1).T
     side_faces = (row + around * np.arange(rows)[:, None, None]).reshape(-1, 3)
-    # The caps bring all their vertices but the equator, which comes first and is the side's rim.
+    # The equator is the first ring of each cap; it is dropped, since the side has these vertices.
     last_turn = trimesh.transformations.rotation_matrix(rows * turn, (0, 0, 1))[:3, :3]
     upper = radius * cap[around:] @ last_turn.T + (0, 0, length / 2)
     lower = radius * cap[around:] * (1, 1, -1) - (0, 0, length / 2)
@@ -152,11 +152,11 @@ def capsule(radius: float, length: float, *, resolution: float = 0.02) -> trimes
 
 
 def _half_sphere(pieces: int) -> tuple[np.ndarray, np.ndarray]:
-    """Half a unit sphere above z = 0, its edges cut into an even number of `pieces`.
+    """Half a unit sphere above z = 0, its edges split into an even number of `pieces`.
 
     Returns:
-        `(V, 3)` vertices: first those of the equator, `5 pieces` at even angles from the x axis on;
-        and `(F, 3)` faces, outward.
+        `(V, 3)` vertices, first the `5 * pieces` on the equator, evenly spaced from the x axis; and
+        `(F, 3)` faces, outward.
     """
     angles = 2 * math.pi / 5 * (np.arange(10) % 5 + 0.5 * (np.arange(10) >= 5) - 0.25)
     ring = 2 / math.sqrt(5) * np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -171,7 +171,7 @@ def _half_sphere(pieces: int) -> tuple[np.ndarray, np.ndarray]:
     on_equator = np.flatnonzero(np.abs(directions[:, 2]) < 1e-9)
     place = np.round(np.arctan2(*directions[on_equator, 1::-1].T) / step).astype(int)
     on_equator = on_equator[np.argsort(place % (5 * pieces))]
-    # Cutting flat triangles leaves the equator's angles a little uneven.
+    # Splitting flat triangles leaves the angles on the equator slightly uneven.
     even = step * np.arange(5 * pieces)
     directions[on_equator] = np.stack([np.cos(even), np.sin(even), 0 * even], axis=1)
     above = np.setdiff1d(np.unique(faces), on_equator)
@@ -184,15 +184,15 @@ def _half_sphere(pieces: int) -> tuple[np.ndarray, np.ndarray]:
 def mesh_file(
     path: str | PathLike[str], *, resolution: float = 0.02, scale: float = 1.0
 ) -> trimesh.Trimesh:
-    """Reads a closed surface from a mesh file and gives its triangles the size of `resolution`.
+    """Reads a closed surface from a mesh file and adapts its triangles to `resolution`.
 
-    The mesh keeps its frame. Triangles that all look inwards are turned over. Longer edges are cut;
-    a dense scan is simplified, with a `SimplifiedWarning`.
+    The mesh keeps its frame. If all triangles face inwards, they are flipped. Longer edges are
+    split; a dense scan is simplified, with a `SimplifiedWarning`.
 
     Args:
         path: An `.obj`, `.ply` or `.stl` file.
-        resolution: m, to which longer edges are cut, into 0.7 to 1.4 times as much.
-        scale: m, length of one unit of the file: 0.001 if it is in millimetres.
+        resolution: m; longer edges are split into 0.7 to 1.4 times this length.
+        scale: m, length of one unit of the file: 0.001 for millimetres.
 
     Raises:
         ValueError: If the file is missing, unreadable, empty, open, in several pieces, not
@@ -228,7 +228,7 @@ def mesh_file(
         )
     else:
         manifold = _to_manifold(surface)
-        for _ in range(3):  # The first cut leaves longer edges inside large triangles.
+        for _ in range(3):  # The first split leaves longer edges inside large triangles.
             manifold = manifold.refine_to_length(1.4 * resolution)
         surface = _from_manifold(manifold)
     crossing = first_self_intersection(surface.vertices, surface.faces)
@@ -289,7 +289,7 @@ def _split_edges(surface: trimesh.Trimesh, *, pieces: int) -> trimesh.Trimesh:
 
 
 def _to_manifold(surface: trimesh.Trimesh) -> manifold3d.Manifold:
-    # The 64-bit mesh: single precision would move a face of a cube by 1e-8 m.
+    # 64 bits, since single precision would move a face of a cube by 1e-8 m.
     return manifold3d.Manifold(
         manifold3d.Mesh64(
             np.ascontiguousarray(surface.vertices, dtype=np.float64),
@@ -300,7 +300,7 @@ def _to_manifold(surface: trimesh.Trimesh) -> manifold3d.Manifold:
 
 def _from_manifold(manifold: manifold3d.Manifold) -> trimesh.Trimesh:
     mesh = manifold.to_mesh64()
-    # A copy: a view would keep manifold3d's mesh alive, which complains when Python ends.
+    # A copy: a view would keep manifold3d's mesh alive, which warns when Python exits.
     return _mesh(mesh.vert_properties[:, :3].copy(), mesh.tri_verts.astype(np.int64))
 
 

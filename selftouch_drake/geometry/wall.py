@@ -1,4 +1,4 @@
-"""Points that stand for the wall of a skin."""
+"""Samples the wall of a skin."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from selftouch_drake.geometry.hollow import HollowSkin
 def wall_points(skin: HollowSkin, spacing: float) -> np.ndarray:
     """Points on the outer, middle and inner layer of a skin's wall.
 
-    A triangle whose edges are no longer than e is nowhere farther than e / sqrt(3) from its
-    corners, so that every point of a layer is as near to one of these.
+    In a triangle with edges up to e, every point is within e / sqrt(3) of a corner. So every point
+    of a layer is that near to a sample, with e = `spacing`.
 
     Args:
         skin: In its link's frame L.

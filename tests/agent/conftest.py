@@ -1,5 +1,5 @@
 import sys
 from pathlib import Path
 
-# pytest's importlib mode imports test files alone: this lets them share `bodies`.
+# pytest's importlib mode imports each test file by itself: this lets them share `skins`.
 sys.path.insert(0, str(Path(__file__).parent))

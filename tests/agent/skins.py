@@ -1,6 +1,6 @@
-"""Skins touched by points, with no world: what the agent is given, and where it truly touched.
+"""Skins touched by points, without a world: experience of the agent, and true places of touch.
 
-Motor configurations are the point in space, and two joints that change nothing.
+Motor configurations are the point in space and two joints without effect.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ SHAPES = {"sphere": on_sphere, "cap": on_cap, "tube": on_tube}
 
 
 def receptors(shape: str, num: int) -> np.ndarray:
-    """Evenly spread over the whole shape, by farthest points."""
+    """Receptors spread evenly over the shape, by farthest points."""
     points = SHAPES[shape](np.random.default_rng(1), 40 * num)
     picked = [0]
     distance = np.linalg.norm(points - points[0], axis=1)
@@ -46,24 +46,24 @@ def receptors(shape: str, num: int) -> np.ndarray:
 
 
 def readings(points: np.ndarray, sensors: np.ndarray, width: float) -> np.ndarray:
-    """Fields that reach as far as `width`, falling to 0."""
+    """Readings of receptors whose fields fall linearly to 0 at `width`."""
     apart = np.linalg.norm(points[:, None] - sensors, axis=2)
     return np.clip(1.0 - apart / width, 0.0, None)
 
 
 def touch(shapes, num_rows, *, num_receptors=60, double=0.0, width=0.75, seed=0):
-    """Touches of several skins that lie 6 apart along the first joint.
+    """Touches of several skins, 6 apart along the first joint.
 
     Args:
         shapes: one of `SHAPES` for each skin.
-        num_rows: touches, spread over the skins alike.
+        num_rows: touches, spread evenly over the skins.
         num_receptors: of each skin.
-        double: share of the touches that a second hand, of three more joints, adds a touch to.
-        width: of the receptors' fields.
-        seed: of all.
+        double: share of the touches in which a second hand, with three more joints, touches too.
+        width: of the receptive fields.
+        seed: of all randomness.
 
     Returns:
-        `(n, J)` q, `(n, S)` sensation, `(n,)` the skin and `(n, 3)` the place touched there.
+        `(n, J)` q, `(n, S)` sensation, `(n,)` the skin and `(n, 3)` the place touched on it.
     """
     rng = np.random.default_rng(seed)
 
@@ -89,7 +89,7 @@ def touch(shapes, num_rows, *, num_receptors=60, double=0.0, width=0.75, seed=0)
         _, _, more, elsewhere = hand()
         both = rng.random(num_rows) < double
         sensation = sensation + more * both[:, None]
-        # A hand that touches nothing is anywhere.
+        # A hand that does not touch may be anywhere.
         q.append(np.where(both[:, None], elsewhere, rng.uniform(-2.0, 8.0, (num_rows, 3))))
     kept = sensation.any(axis=1)
     columns = (np.concatenate(q, axis=1).astype(np.float32), sensation.astype(np.float32))

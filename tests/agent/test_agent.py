@@ -29,7 +29,7 @@ def on_part(agent, part, count, seed=0):
 
 
 def felt_by(q):
-    """What `touch` would feel: nothing off both skins by more than a tenth."""
+    """What `touch` would feel; nothing at more than 0.1 from both skins."""
     place, parts = q[:, :3].astype(float), []
     for number, shape in enumerate(SHAPES[name] for name in ("sphere", "tube")):
         at = place - 6.0 * number * np.array([1.0, 0.0, 0.0])
@@ -97,7 +97,7 @@ def test_between_parts_the_agent_lifts_off_and_lands_again(agent):
     assert part[landed] == part[goal]
     assert plan.links[air] == -1
     assert (np.delete(plan.links, air) >= 0).all()
-    # It flies straight, from where it is to the nearest firm touch over there.
+    # It flies straight to the nearest firm touch on the other skin.
     step = np.linalg.norm(np.diff(plan.waypoints_q[air : air + 2], axis=0))
     assert 2.0 < step < 8.0
     execution = carried_out(agent, plan)
@@ -105,7 +105,7 @@ def test_between_parts_the_agent_lifts_off_and_lands_again(agent):
     assert 0 < touching.sum() < len(touching)
     assert not execution.motion.predicted[~touching].any()
     assert execution.motion.predicted[touching].any(axis=1).all()
-    # What is not felt in the air is not lost.
+    # Steps in the air do not count as lost contact.
     assert execution.contact > 0.9 > execution.felt.any(axis=1).mean()
     assert agent.judge(execution).reached
 
@@ -179,9 +179,9 @@ def test_two_hands_that_rarely_touch_at_once_are_told_apart():
     agent = Agent.learn(q, sensation, num_targets=200)
     representation = agent.representation
     assert representation.num_parts == 3
-    # A ninth of the second touches falls on the first.
+    # A ninth of the second touches coincides with the first.
     assert 0.02 < representation.set_aside_share < 0.032
-    # No target is of two touches.
+    # No target sensation mixes two touches.
     for kernel in range(200):
         assert len(np.unique(skin[representation.kernel_row[representation.members(kernel)]])) == 1
     both = sensation[:, :60].any(axis=1) & sensation[:, 60:120].any(axis=1)
@@ -198,7 +198,7 @@ def test_two_touches_that_are_the_rule_are_kept():
 
 
 def test_touches_that_run_from_skin_to_skin_join_them():
-    # Two halves of one sphere, each with receptors of its own.
+    # Two halves of one sphere, each with its own receptors.
     q, sensation, _, _ = touch(["sphere"], 12_000)
     order = np.argsort(receptors("sphere", 60)[:, 2])
     representation = Agent.learn(q, sensation[:, order], num_targets=100).representation

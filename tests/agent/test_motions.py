@@ -57,7 +57,7 @@ def test_arrays_and_back_are_the_same(plan, motion, execution):
     assert np.array_equal(again.path(1.7), plan.path(1.7))
     assert same(Motion.from_arrays(motion.to_arrays() | more), motion)
     assert same(Execution.from_arrays(execution.to_arrays() | more), execution)
-    # An execution holds its motion.
+    # An execution also holds the arrays of its motion.
     assert same(Motion.from_arrays(execution.to_arrays()), motion)
 
 
@@ -70,7 +70,7 @@ def test_the_names_are_those_of_the_files(execution):
 
 
 def test_touch_is_expected_where_the_agent_is_not_in_the_air(motion, execution):
-    # At s = 0, 0.375, 0.75, 1.125, 1.5, 1.875, 2.25, 2.625, 3: on the last step it lands at 3.
+    # At s = 0, 0.375, 0.75, 1.125, 1.5, 1.875, 2.25, 2.625, 3: on the last step it lands at s = 3.
     assert motion.touching.tolist() == [False] * 3 + [True] * 3 + [False] * 2 + [True]
     assert motion.step.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2]
     assert execution.contact == 1 / 4
@@ -100,17 +100,17 @@ NOT_A_NUMBER = np.full((T, J), np.nan)
 @pytest.mark.parametrize(
     ("name", "array", "message"),
     [
-        ("links", np.zeros(4, int), "links has shape (4,), not (3,): it does not fit"),
-        ("in_air", np.zeros(3), "in_air holds what is no truth value"),
-        ("nodes", np.zeros(4), "nodes holds what is no whole number"),
-        ("waypoints_q", np.zeros(4), "waypoints_q has shape (4,), not (4, 0): it does not fit"),
-        ("waypoints_q", np.zeros((4, 3)), "q has shape (9, 2), not (9, 3): it does not fit"),
-        ("v", NOT_A_NUMBER, "v holds what is no finite number"),
-        ("predicted_spread", np.zeros(8), "predicted_spread has shape (8,), not (9,): it does not"),
-        ("felt", np.zeros((9, 6)), "felt has shape (9, 6), not (9, 5): it does not fit"),
-        ("torque", np.zeros((9, 3)), "torque has shape (9, 3), not (9, 2): it does not fit"),
-        ("q_measured", np.zeros((8, 2)), "q_measured has shape (8, 2), not (9, 2): it does not"),
-        ("time_s", np.array(["x"] * 9), "time_s holds what is no finite number"),
+        ("links", np.zeros(4, int), "links has shape (4,), expected (3,)"),
+        ("in_air", np.zeros(3), "in_air must hold booleans"),
+        ("nodes", np.zeros(4), "nodes must hold whole numbers"),
+        ("waypoints_q", np.zeros(4), "waypoints_q has shape (4,), expected (4, 0)"),
+        ("waypoints_q", np.zeros((4, 3)), "q has shape (9, 2), expected (9, 3)"),
+        ("v", NOT_A_NUMBER, "v must hold finite numbers"),
+        ("predicted_spread", np.zeros(8), "predicted_spread has shape (8,), expected (9,)"),
+        ("felt", np.zeros((9, 6)), "felt has shape (9, 6), expected (9, 5)"),
+        ("torque", np.zeros((9, 3)), "torque has shape (9, 3), expected (9, 2)"),
+        ("q_measured", np.zeros((8, 2)), "q_measured has shape (8, 2), expected (9, 2)"),
+        ("time_s", np.array(["x"] * 9), "time_s must hold finite numbers"),
     ],
 )
 def test_what_does_not_fit_is_named(execution, name, array, message):

@@ -1,4 +1,4 @@
-"""Touches are found in what a raw skin reads, and pressures pass as they are."""
+"""Touches are found in raw readings of a skin; pressures pass unchanged."""
 
 import numpy as np
 import pytest
@@ -56,7 +56,7 @@ def test_rest_is_found(recording, felt):
     np.testing.assert_allclose(calibration.offset, np.nanmedian(resting, axis=0), atol=3)
     assert calibration.rising
     assert calibration.smoothed
-    # Of the median of three, with half a step for the eight bits.
+    # Noise after the median filter, plus half a quantisation step of eight bits.
     assert 0.4 * NOISE < np.median(calibration.noise) < 2 * NOISE
     np.testing.assert_allclose(calibration.threshold, 6 * calibration.noise)
     assert 0 < calibration.drift.max() <= 10
@@ -69,7 +69,7 @@ def test_drift_is_followed():
     q = np.random.default_rng(0).normal(size=(NUM_ROWS, 3))
     with pytest.raises(ValueError, match="nothing is felt in 12000 rows"):
         felt_touches(q, drifting, threshold=30.0)
-    # With one offset for all of it, the drift is taken for touches.
+    # With one constant offset, the drift is mistaken for touches.
     with pytest.warns(RestlessWarning, match="half of the receptors feel something"):
         felt_touches(q, drifting, threshold=20.0, offset=30.0)
 
@@ -92,7 +92,7 @@ def test_spikes_are_left_out_where_rows_have_no_order(recording):
 
 
 def test_what_comes_back_slowly_is_left_out():
-    """Short touches of a skin that takes ten rows to come back."""
+    """Short touches of a skin whose readings take ten rows to decay."""
     num_rows = 4000
     time = np.arange(num_rows)
     q = np.stack([np.sin(time / 150), np.cos(time / 110)], axis=1)
@@ -107,7 +107,7 @@ def test_what_comes_back_slowly_is_left_out():
     found = felt_touches(q, held, offset=0.0, threshold=0.01)
     assert found.num_fading > 0
     assert np.mean(touching[found.rows]) == 1.0
-    # Of those in which the pressure rises, none is lost.
+    # No row with rising pressure is lost.
     rising = np.flatnonzero(touching & (time % 40 < 4))
     assert np.isin(rising, found.rows).all()
 

@@ -36,7 +36,7 @@ def representation(num_kernels=4, links=((0, 1), (1, 2), (2, 3))):
     )
 
 
-# Four kernels that have nothing in common, so that only edges link them.
+# Four kernels with nothing in common, linked only by edges.
 CHAIN = representation()
 
 
@@ -51,7 +51,7 @@ def tried(contact, lost=(), *, reached=True):
 
 
 def judged(felt, *, links=(4, 7), goal=2, in_air=None, known=CHAIN):
-    """Judges sensations felt evenly along steps of one radian each."""
+    """Judges sensations at evenly spaced times along steps of one radian each."""
     felt = np.array(felt, dtype=float)
     num_steps, num_times = len(links), len(felt)
     at = np.linspace(0.0, num_steps, num_times)
@@ -184,21 +184,21 @@ def test_a_memory_is_the_same_after_a_night_as_arrays():
 
 def test_a_memory_of_another_representation_is_refused():
     other = RehearsalMemory.blank(representation(links=((0, 1), (1, 2), (1, 3))))
-    with pytest.raises(ForeignMemoryError, match=r"^the rehearsals are of another representation$"):
+    with pytest.raises(ForeignMemoryError, match=r"rehearsals belong to another representation$"):
         RehearsalMemory.from_arrays(other.to_arrays(), CHAIN)
 
 
 @pytest.mark.parametrize(
     ("name", "array", "message"),
     [
-        ("num_tries", np.array(1.5), "num_tries is 1.5, not a whole number, 0 or more"),
-        ("num_tries", np.array(-1), "num_tries is -1, not a whole number, 0 or more"),
+        ("num_tries", np.array(1.5), "num_tries is 1.5, expected a whole number >= 0"),
+        ("num_tries", np.array(-1), "num_tries is -1, expected a whole number >= 0"),
         (
             "link_penalty",
             np.array([1.0, 0.5, 1.0]),
-            "link_penalty holds what is no factor, 1",
+            "link_penalty must hold finite factors",
         ),
-        ("link_penalty", np.array([1.0, np.nan, 1]), "link_penalty holds what is no factor, 1 or"),
+        ("link_penalty", np.array([1.0, np.nan, 1]), "link_penalty must hold finite factors"),
         ("slide_ends", np.zeros((0, 2, 3)), "slide_ends is no array of slides"),
         ("slide_x", np.full((1, 2), np.nan), "slide_x holds what is no finite number"),
         ("slide_offsets", np.array([3]), "slide_offsets must rise from 0 to 0"),

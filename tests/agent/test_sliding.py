@@ -13,7 +13,7 @@ LIMIT = np.full(4, 3.0)
 
 
 def hand(x):
-    """`(n, 3)` of yaw, shoulder and elbow; the fourth joint moves nothing."""
+    """`(n, 3)` positions from yaw, shoulder and elbow; the fourth joint has no effect."""
     yaw, shoulder, elbow, _ = np.moveaxis(np.asarray(x, dtype=float), -1, 0)
     flat = 0.7 * np.cos(shoulder) + 0.6 * np.cos(shoulder + elbow)
     up = 0.7 * np.sin(shoulder) + 0.6 * np.sin(shoulder + elbow)
@@ -25,7 +25,7 @@ def deep(x):
 
 
 def feel(x):
-    """Two receptors, on the left and on the right, that feel how deep the ball is pressed."""
+    """Two receptors, left and right; both feel how deep the ball is pressed."""
     left = 1 / (1 + np.exp(-4 * (hand(x) - CENTRE)[:, 1]))
     return np.stack([left, 1 - left], axis=1) * np.maximum(deep(x), 0.0)[:, None]
 
@@ -44,7 +44,7 @@ SLIDER = Slider(feel, possible, -LIMIT, LIMIT)
 
 
 def held(x):
-    """Share of the straight ways between `(n, J)` configurations on which something is felt."""
+    """Share of the straight lines between `(n, J)` configurations on which something is felt."""
     dense = np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(x)])
     return np.mean(feel(dense).any(axis=1) & possible(dense))
 

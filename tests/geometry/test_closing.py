@@ -130,7 +130,7 @@ def test_what_cannot_be_made_is_named():
         return str(caught.value)
 
     box = _box((0.2, 0.2, 0.01))
-    assert message([]) == "surface is without any triangle; choose a shape, or another link"
+    assert message([]) == "surface has no triangles; choose a shape, or another link"
     assert message([box], resolution=0.0) == (
         "surface.resolution is 0.0; give a positive length in metres"
     )
@@ -139,7 +139,7 @@ def test_what_cannot_be_made_is_named():
         "of 0.01 m; give a finer surface.resolution, or a thinner skin"
     )
     assert message([_box((200, 200, 200))]) == (
-        "surface.resolution is too fine for geometry 200 m across: it asks for 3e+13 cells; give "
+        "surface.resolution is too fine for geometry 200 m across: it needs 3e+13 cells; give "
         "a coarser one, and all lengths in metres"
     )
 

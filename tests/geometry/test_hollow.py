@@ -154,8 +154,8 @@ def test_walls_that_do_not_fit_are_refused():
     ):
         narrow = message(surface, 0.03)
         assert narrow.startswith(
-            "thickness is 0.03 m, which leaves opposite walls nearer than the diameter of 0.02 m "
-            "of what touches them near ("
+            "thickness is 0.03 m, which leaves opposite walls nearer than the diameter of the "
+            "toucher, 0.02 m, near ("
         )
         assert narrow.endswith(") m; make the skin thinner or the surface larger")
 

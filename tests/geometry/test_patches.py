@@ -158,5 +158,5 @@ def test_no_touch_is_no_patch():
 
 def test_a_radius_below_the_edges_is_refused():
     counts = np.ones(len(FINE.vertices))
-    with pytest.raises(ValueError, match=r"^radius is 0\.001 m, less than the edges"):
+    with pytest.raises(ValueError, match=r"^radius is 0\.001 m, less than the mean edge"):
         touched_patch(FINE.vertices, FINE.faces, counts, radius=0.001)

@@ -1,18 +1,18 @@
-"""The two graphs over kernels: one for the shape of the body, one for steps along it.
+"""Two graphs over kernels: one to measure the body, one to plan steps along it.
 
-`surface_edges` joins kernels that are neighbours on the body, and nothing else. Shape is measured
-along it, so that one edge through the body would bend the whole: it has few edges, 5 to 12 per
-kernel, near both by motor configurations and by feel. It is the quotient graph that a
-representation stores.
+`surface_edges` joins kernels that are neighbours on the body, and only those. Shape is measured
+along them, so one edge through the body would distort all of it. There are few edges, 5 to 12 per
+kernel, between kernels that are near both in motor space and in sensation. They are the quotient
+graph that a representation stores.
 
-`step_links` joins kernels between which the agent may step. It holds the surface graph, so that all
-of a part can be reached, and besides all kernels that feel alike, however far apart their motor
-configurations are: which of them the agent reaches in one step depends on where it is. A planner
-weighs each link by the true step and penalises leaps, so that a link too many costs nothing, and a
-link too few costs a detour: of 200 plans on a torus (1000 targets), the cubed steps sum up to 1.49
-along edges alone and to 1.1 with links.
+`step_links` joins kernels between which the agent may step: the surface edges, so that all of a
+part can be reached, and all pairs of kernels that feel alike, however far apart their motor
+configurations are. Which of these the agent can reach in one step depends on its configuration. A
+planner weights each link by the actual step and penalises leaps. So an unneeded link costs nothing,
+but a missing link costs a detour: over 200 plans on a torus (1000 targets), the cubed steps sum to
+1.49 along edges alone and to 1.1 with links.
 
-No edge and no link joins two parts of the body: between them a plan lifts off.
+No edge and no link joins two parts of the body: between them, a plan lifts off.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ if TYPE_CHECKING:
 
 #: Kernels whose targets lie within this many spacings are linked; 1.4 to 2 spacings do as well.
 LINK_SPACINGS = 1.5
-# With few targets the spacing is so wide that it says nothing: sensations that have nothing in
-# common are sqrt(2) apart. Linked are those that have more in common than not.
+# With few targets the spacing is too wide to be useful: sensations that have nothing in common are
+# sqrt(2) apart. This distance limits links to those that have more in common than not.
 _MOST_APART = 1.0
-# Target sensations whose cosine is less have nothing in common: no neighbours on a body. With
-# two arms at one body and 60 kernels on a forearm (12 joints), a sixth of the edges joined such
-# kernels, and the shape was off by 16 %, without them by 5 %. With six joints there are hardly any.
+# Target sensations with a smaller cosine have nothing in common, so they are not neighbours. With
+# two arms on one body and 60 kernels on a forearm (12 joints), a sixth of the edges joined such
+# kernels: the shape error was 16 %, and 5 % without them. With six joints there are hardly any.
 _LEAST_ALIKE = 0.05
-# The spacing of targets is their distance to this many-th neighbour, as on a surface.
+# The spacing of targets is the distance to the neighbour of this rank, as on a surface.
 _SPACING_NEIGHBOUR = 6
 
 
@@ -53,25 +53,26 @@ def surface_neighbours(
     part: np.ndarray,
     num_mutual: int = NUM_MUTUAL,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Finds the kernels that are neighbours on the body, and how near kernels are.
+    """Finds the kernels that are neighbours on the body, and a combined distance between kernels.
 
-    Nearness is the set distance times the root of the distance between target sensations. An arm
-    can come near another place of the body without passing between: such pairs feel unlike, and
-    with the sensations no edge left the surface in three bodies (17 of 5000 on the torus without).
-    Kernels that feel nothing alike come last: the more joints there are, the less the set distance
-    says of them.
+    This is the set distance times the root of the distance between target sensations. Two motor
+    configurations can be close although they touch distant places: such pairs feel different. With
+    the sensations, no edge left the surface in three bodies (without, 17 of 5000 on the torus).
+    Kernels with nothing in common come last: the more joints, the less informative is their set
+    distance.
 
     Args:
         set_distance: `(K, K)` rad, between kernel sets.
         target_sensations: `(K, S)` unit L2 norm.
         part: `(K,)` the part of the body of each kernel.
-        num_mutual: mutual nearest that are neighbours.
+        num_mutual: number of mutual nearest kernels that are neighbours.
 
     Returns:
-        `(E, 2)` pairs i < j of one part, sorted, and `(K, K)` the nearness, infinite between parts.
+        `(E, 2)` pairs i < j of one part, sorted, and `(K, K)` the combined distance, infinite
+        between parts.
     """
     near = set_distance * np.sqrt(cdist(target_sensations, target_sensations))
-    # Kept in order behind all others: if nothing else does, they join what falls apart.
+    # Ranked behind all others, in order: they connect the graph only if nothing else does.
     near += np.where(unlike(target_sensations), near.max(), 0.0)
     near[part[:, None] != part] = np.inf
     return neighbour_edges(near, num_mutual), near
@@ -89,10 +90,10 @@ def surface_edges(
     part: np.ndarray,
     num_mutual: int = NUM_MUTUAL,
 ) -> np.ndarray:
-    """`(E, 2)` as `surface_neighbours`, joined where a part of the body falls apart.
+    """`(E, 2)` as `surface_neighbours`, plus bridges where a part of the body is disconnected.
 
     Warns:
-        DisconnectedWarning: a part fell apart.
+        DisconnectedWarning: a part is disconnected.
     """
     return connected_edges(*surface_neighbours(set_distance, target_sensations, part, num_mutual))
 
@@ -108,7 +109,7 @@ def step_links(representation: QuotientRepresentation) -> np.ndarray:
 
 
 def target_distances(representation: QuotientRepresentation) -> tuple[np.ndarray, float]:
-    """`(K, K)` how far apart target sensations are, and their spacing."""
+    """`(K, K)` distances between target sensations, and their spacing."""
     targets = np.asarray(representation.target_sensations, dtype=float)
     distance = np.sqrt(np.clip(2.0 - 2.0 * targets @ targets.T, 0.0, None))
     neighbour = min(_SPACING_NEIGHBOUR, len(targets) - 1)
@@ -120,7 +121,7 @@ def to_networkx(representation: QuotientRepresentation, *, complete: bool = Fals
 
     Args:
         representation: K kernels.
-        complete: join every two kernels, as the paper does, instead of neighbours alone.
+        complete: join every two kernels, as the paper does, instead of only neighbours.
 
     Returns:
         Nodes are kernels 0 to K - 1 with attributes `size` (stored configurations), `part`,
@@ -153,7 +154,7 @@ def to_networkx(representation: QuotientRepresentation, *, complete: bool = Fals
 
 
 def without_vectors(graph: nx.Graph) -> nx.Graph:
-    """A graph of `to_networkx` for formats that know numbers but no vectors, such as GraphML.
+    """A graph of `to_networkx` for formats without vectors, such as GraphML.
 
     A node's `position` becomes `position_0` to `position_2`, its `target_sensation` becomes
     `target_sensation_0` and so on.

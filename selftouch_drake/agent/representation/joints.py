@@ -1,4 +1,4 @@
-"""What makes joints comparable: how much each of them changes what is felt (naive).
+"""Scales joints by how much each of them changes the sensation, so that they compare (naive).
 
 Motor configurations come in the robot's units, some in radians, others in metres, and the agent
 does not know which. Distances in motor space need one unit.
@@ -11,25 +11,25 @@ import numpy as np
 from selftouch_drake.agent.representation.quantise import unit
 from selftouch_drake.agent.representation.set_distances import linked_nearest
 
-#: Root mean square over joints of the standard deviation of scaled configurations: that of the
-#: paper's arm in radians, so that lengths in "rad" mean what they mean for an arm.
+#: Standard deviation of scaled configurations, root mean square over joints. It is that of the
+#: paper's arm in radians, so a length in "rad" means the same for any robot.
 _SPREAD = 1.6
 
-#: Least influence of a joint, as a share of the largest (both squared): a joint that changes
-#: nothing that is felt still takes time to move.
+#: Smallest influence of a joint, as a share of the largest (both squared): even a joint that does
+#: not change the sensation takes time to move.
 _LEAST_INFLUENCE = 0.02
 
 
 def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
-    """Finds the factor for each joint with which equal steps change a sensation equally.
+    """Finds a factor for each joint, so that equal scaled steps change the sensation equally.
 
-    Near configurations are paired, and the squared change of the sensation is fitted by a sum over
-    joints of the squared change of the joint. A change of unit of a joint changes its factor the
-    other way, and nothing else.
+    Near configurations are paired. The squared change of the sensation is fitted as a weighted sum
+    of the squared changes of the joints. Changing the unit of a joint changes its factor inversely,
+    and nothing else.
 
     Args:
         q: `(n, J)` motor configurations, a sample of the experience.
-        sensation: `(n, S)` N, what was felt there; no row null.
+        sensation: `(n, S)` N, sensations at these configurations; no row null.
 
     Returns:
         `(J,)` positive; 1 for a joint that did not move.
@@ -55,7 +55,7 @@ def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
 
 
 def _near_pairs(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Each row of one half with the nearest of the other half, there and back."""
+    """Pairs each row of either half with the nearest row of the other half."""
     half = len(z) // 2
     order = np.concatenate([np.arange(0, 2 * half, 2), np.arange(1, 2 * half, 2)])
     nearest = linked_nearest(z[order], np.array([0, half, 2 * half]), np.array([[0, 1], [1, 0]]))

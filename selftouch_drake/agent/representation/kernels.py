@@ -1,9 +1,9 @@
 """Motor kernel sets: the motor configurations that share a target sensation (paper, section III).
 
-A kernel set keeps at most `max_size` of its configurations, every one with equal chance. Each row
-of the experience owns a random priority that depends on the seed and the row alone, and a kernel
-keeps the rows of lowest priority. So any cut of the experience into batches gives the same kernels,
-in memory that does not grow with the experience.
+A kernel set keeps at most `max_size` of its configurations, each with equal probability. Each row
+of the experience has a random priority that depends only on the seed and the row, and a kernel
+keeps the rows with the lowest priorities. So the kernels do not depend on how the experience is
+split into batches, and the memory does not grow with the experience.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ class KernelSample:
     """The rows of the experience kept in each kernel, sorted by kernel and then by row.
 
     Attributes:
-        kernel: `(R,)` kernel that each kept row belongs to.
+        kernel: `(R,)` kernel of each kept row.
         row: `(R,)` row in the experience.
-        columns: by name `(R, ...)`, what was added with these rows.
+        columns: by name, `(R, ...)` data that were added with these rows.
     """
 
     kernel: np.ndarray
@@ -37,7 +37,7 @@ class KernelSample:
 
 
 class KernelReservoir:
-    """Samples kernels without bias from experience that streams by.
+    """Samples kernels without bias from streamed experience.
 
     Args:
         num_kernels: K.
@@ -56,7 +56,7 @@ class KernelReservoir:
 
     @property
     def num_rows(self) -> int:
-        """Rows of the experience that passed by."""
+        """Number of rows of the experience so far."""
         return self._num_rows
 
     def add(self, kernel: np.ndarray, **columns: np.ndarray) -> None:
@@ -83,7 +83,7 @@ class KernelReservoir:
             self._settle()
 
     def sample(self) -> KernelSample:
-        """What is kept of the rows so far; kernels with at most `max_size` rows are complete."""
+        """The rows kept so far; kernels with at most `max_size` rows are complete."""
         self._settle()
         columns = dict(self._settled)
         kernel, row, _ = (columns.pop(name) for name in ("kernel", "row", "priority"))
@@ -95,7 +95,7 @@ class KernelReservoir:
         )
 
     def _settle(self) -> None:
-        """Keeps the lowest priorities of each kernel."""
+        """Keeps the rows with the lowest priorities of each kernel."""
         parts = [self._settled] * bool(self._settled) + self._waiting
         if not parts:
             raise ValueError("no row was added: add some before asking for a sample.")

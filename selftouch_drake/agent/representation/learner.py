@@ -1,4 +1,4 @@
-"""From experience to the quotient representation, as a scikit-learn estimator."""
+"""Learns the quotient representation from experience, as a scikit-learn estimator."""
 
 from __future__ import annotations
 
@@ -64,21 +64,21 @@ class QuotientLearner(BaseEstimator):
 
     Args:
         num_targets: K, number of target sensations.
-        max_kernel_size: most motor configurations kept in a kernel set.
-        set_distance: the set distance kept for shape, a name in `SET_DISTANCES`.
-        num_neighbours: mutual nearest kernels that the quotient graph joins.
-        max_queries: configurations of a set that ask for their nearest in another.
+        max_kernel_size: most motor configurations kept per kernel.
+        set_distance: the set distance used for shape, a name in `SET_DISTANCES`.
+        num_neighbours: number of mutual nearest kernels that the quotient graph joins.
+        max_queries: most configurations per set whose nearest neighbours are searched.
         random_state: seed, or a generator to draw one from; the same seed and experience give the
             same bytes.
 
     Attributes:
         representation_: the `QuotientRepresentation`, not embedded yet.
         target_sensations_: `(K, S)` unit L2 norm.
-        component_: `(K,)` the component of the quotient graph that each kernel was in before each
-            part of the body was joined; the largest is 0.
-        bridges_: `(B, 2)` pairs of kernels i < j, the edges that joined components of one part.
+        component_: `(K,)` the component of the quotient graph of each kernel before bridges were
+            added; 0 is the largest.
+        bridges_: `(B, 2)` pairs of kernels i < j, the edges that join components of one part.
         n_features_in_: S, number of receptors.
-        feature_names_in_: `(S,)` names of the receptors, if the sensations had any.
+        feature_names_in_: `(S,)` names of the receptors, if the sensations have any.
     """
 
     def __init__(
@@ -104,18 +104,18 @@ class QuotientLearner(BaseEstimator):
         q: np.ndarray,
         progress: Progress = lambda fraction, stage: None,
     ) -> QuotientLearner:
-        """Quantises the sensations, gathers the kernel sets and measures how far apart they are.
+        """Quantises the sensations, collects the kernel sets and measures their distances.
 
         Args:
             sensation: `(n, S)` N, no row null.
-            q: `(n, J)` the motor configurations in which they were felt, in the robot's units.
+            q: `(n, J)` the motor configurations at which they were felt, in the robot's units.
             progress: called with the fraction done and the stage.
 
         Returns:
             self.
 
         Raises:
-            ValueError: a parameter, or the experience, cannot be learned from.
+            ValueError: a parameter is invalid, or the experience cannot be learned from.
         """
         return self.fit_batches(lambda: [(sensation, q)], progress)
 
@@ -124,20 +124,20 @@ class QuotientLearner(BaseEstimator):
     def fit_batches(
         self, batches: Batches, progress: Progress = lambda fraction, stage: None
     ) -> QuotientLearner:
-        """Learns from experience of any size in bounded memory: the same bytes however it is cut.
+        """Learns from experience of any size in bounded memory; batch sizes do not matter.
 
-        Experience is read twice: for target sensations, and for what belongs to each.
+        Experience is read twice: for the target sensations, and for the kernel of each.
 
         Args:
-            batches: called twice, gives the same experience each time; `ExperienceReader.touches`
-                is one.
+            batches: called twice, returns the same experience each time, as
+                `ExperienceReader.touches` does.
             progress: called with the fraction done and the stage.
 
         Returns:
             self.
 
         Raises:
-            ValueError: as `fit`, or the second reading gave another number of rows.
+            ValueError: as `fit`, or the second reading has a different number of rows.
         """
         self._check_parameters()
         seed = self.random_state
@@ -304,7 +304,7 @@ class QuotientLearner(BaseEstimator):
         return assign(sensation, self.target_sensations_)[0]
 
     def __sklearn_tags__(self) -> Tags:
-        """What scikit-learn may give: positive sensations, and a vector for each."""
+        """Declares what `fit` accepts: non-negative sensations, and a vector target for each."""
         tags = super().__sklearn_tags__()
         tags.input_tags.positive_only = True
         tags.target_tags.required = True
@@ -315,7 +315,7 @@ class QuotientLearner(BaseEstimator):
     def _checked(
         self, batches: Iterable[tuple[np.ndarray, np.ndarray]]
     ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """The same batches, each checked when its turn comes; remembers the receptors."""
+        """The same batches, each checked when it is read; records the receptors."""
         row, widths = 0, None
         for given, given_q in batches:
             sensation, q = _numbers("sensation", given), _numbers("q", given_q)
@@ -364,7 +364,7 @@ _NO_ROWS = "sensation has 0 rows: babble until the finger touches the body."
 def _in_blocks(
     batches: Iterable[tuple[np.ndarray, np.ndarray]],
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """The same rows in blocks of one size, on which it depends how a matrix product rounds."""
+    """The same rows in blocks of equal size, since the size affects rounding of matrix products."""
     held: list[tuple[np.ndarray, np.ndarray]] = []
     num_held = 0
     for sensation, q in batches:
@@ -391,9 +391,9 @@ def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.
 def _firm_steps(
     kernel_x: np.ndarray, firm: np.ndarray, firm_offsets: np.ndarray, edges: np.ndarray
 ) -> np.ndarray:
-    """`(E,)` rad, mean distance from a firm configuration of one end to the nearest of the other.
+    """`(E,)` rad, mean nearest distance between the firm configurations of both ends.
 
-    There and back, as the paper's mean nearest distance.
+    The mean over both directions, as in the paper's mean nearest distance.
     """
     ways = np.concatenate([edges, edges[:, ::-1]])
     nearest = linked_nearest(kernel_x[firm], firm_offsets, ways)
@@ -412,9 +412,9 @@ def _firm_steps(
 
 
 def _firm(sample: KernelSample, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The more strongly felt half of each kernel: its rows of the sample, and offsets.
+    """The more strongly felt half of each kernel: its rows in the sample, and offsets.
 
-    A firm touch lies deep in the skin, so that small errors of the motion do not lose contact.
+    A firm touch is deep in the skin, so small motion errors do not lose contact.
     """
     order = np.lexsort((-sample.columns["strength"], sample.kernel))
     rank = np.arange(len(order)) - offsets[sample.kernel]
@@ -433,7 +433,7 @@ def _numbers(name: str, rows: Any) -> np.ndarray:
 
 
 def _check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
-    """Refuses sensations that no skin gives."""
+    """Rejects sensations that no skin can produce."""
     if sensation.ndim != 2 or sensation.shape[1] == 0:
         raise ValueError(
             f"sensation has shape {sensation.shape}: give sensations as (rows, receptors)."
@@ -456,7 +456,7 @@ def _check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
 
 
 def _check_configurations(q: np.ndarray, num_rows: int, first_row: int = 0) -> None:
-    """Refuses motor configurations that do not belong to `num_rows` sensations."""
+    """Rejects motor configurations that do not match `num_rows` sensations."""
     if q.ndim != 2 or q.shape[1] == 0:
         raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints).")
     if len(q) != num_rows:

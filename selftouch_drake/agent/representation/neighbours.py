@@ -1,8 +1,7 @@
-"""Near neighbours, and shortest paths over them: what graphs over kernels are made of.
+"""Nearest neighbours and shortest paths: building blocks of graphs over kernels.
 
-The paper's graph is complete (section III). A complete graph takes chords through free space, so
-that the graphs used here are pruned to near neighbours. Both are a list of edges to the functions
-below.
+The paper's graph is complete (section III). Its edges include chords through free space, so the
+graphs used here are pruned to near neighbours. The functions below take either as a list of edges.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ NUM_KEPT = 5
 
 
 class DisconnectedWarning(UserWarning):
-    """A pruned graph fell apart, and was joined by its shortest bridges."""
+    """A pruned graph was disconnected, and was joined by its shortest bridges."""
 
 
 def complete_edges(num_kernels: int) -> np.ndarray:
@@ -34,14 +33,14 @@ def neighbour_edges(
 ) -> np.ndarray:
     """Prunes the complete graph to near neighbours.
 
-    Two kernels are neighbours if each is among the `num_mutual` nearest of the other, which leaves
-    out the many pairs that only one side calls near; or if one is among the `num_kept` nearest of
-    the other, so that no kernel dangles.
+    Two kernels are neighbours if each is among the `num_mutual` nearest of the other, which
+    excludes the many one-sided pairs; or if one is among the `num_kept` nearest of the other, so
+    that no kernel is isolated.
 
     Args:
-        distance: `(K, K)` symmetric; pairs at infinite distance are no neighbours.
-        num_mutual: 0 keeps the union of nearest only.
-        num_kept: 0 keeps the mutual nearest only.
+        distance: `(K, K)` symmetric; pairs at infinite distance are not neighbours.
+        num_mutual: 0 keeps only the union of the nearest.
+        num_kept: 0 keeps only the mutual nearest.
 
     Returns:
         `(E, 2)` pairs i < j, sorted.
@@ -56,7 +55,7 @@ def neighbour_edges(
 
 
 def component_labels(edges: np.ndarray, num_kernels: int) -> np.ndarray:
-    """`(K,)` the component each kernel is in, the largest component being 0."""
+    """`(K,)` the component of each kernel; 0 is the largest."""
     _, label = connected_components(_sparse(edges, np.ones(len(edges)), num_kernels), False)
     by_size = np.argsort(-np.bincount(label), kind="stable")
     return np.argsort(by_size)[label]
@@ -67,8 +66,8 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
     Args:
         edges: `(E, 2)` pairs i < j.
-        distance: `(K, K)` length of a bridge between two kernels; infinite where there may be
-            none, as between parts of the body.
+        distance: `(K, K)` length of a bridge between two kernels; infinite where none is allowed,
+            as between parts of the body.
 
     Returns:
         `(E + bridges, 2)` pairs i < j, sorted.
@@ -105,7 +104,7 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 
 def geodesics(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> np.ndarray:
-    """Lengths of the shortest paths between all pairs of kernels.
+    """Geodesic distances: lengths of the shortest paths between all pairs of kernels.
 
     Args:
         edges: `(E, 2)` pairs of kernels.
@@ -113,20 +112,20 @@ def geodesics(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> np.nda
         num_kernels: K.
 
     Returns:
-        `(K, K)` symmetric; infinite between kernels that no path joins.
+        `(K, K)` symmetric; infinite between kernels without a path.
     """
     return dijkstra(_sparse(edges, length, num_kernels), directed=False)
 
 
 def quotient_pseudo_metric(minimum_distance: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """The quotient pseudo-metric: chains of jumps that move freely inside each kernel set.
+    """The quotient pseudo-metric: chains of jumps, with free movement inside each kernel set.
 
     Args:
         minimum_distance: `(K, K)` rad, distance between the nearest configurations of two kernels.
-        edges: `(E, 2)` the jumps that are allowed; `complete_edges` for the literal definition.
+        edges: `(E, 2)` allowed jumps; `complete_edges` for the literal definition.
 
     Returns:
-        `(K, K)` rad, least sum of jumps.
+        `(K, K)` rad, smallest sum of jumps.
     """
     return geodesics(edges, minimum_distance[edges[:, 0], edges[:, 1]], len(minimum_distance))
 
@@ -135,8 +134,7 @@ def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Edge lengths in units of the spacing around their ends, `d / sqrt(s_i s_j)`.
 
     The spacing `s_i` is the mean length of the edges at kernel i. Cells are evenly spaced in
-    sensation, so that neighbours should lie equally far apart wherever the arm is more or less
-    redundant.
+    sensation, so neighbours should be equally far apart, however redundant the arm is there.
 
     Args:
         length: `(E,)` positive.

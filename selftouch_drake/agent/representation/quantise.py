@@ -1,7 +1,7 @@
 """Discrete sensory invariants: target sensations and their Voronoi cells (paper, section III).
 
-Each sensation is first divided by its L2 norm. A light touch then lies beside a firm touch of the
-same place, instead of all light touches falling into one giant cell.
+Each sensation is first divided by its L2 norm. Then a light touch is near a firm touch of the same
+place, whereas otherwise all light touches would fall into one giant cell.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SAME = 1e-6
 
 
 def strength(sensation: np.ndarray) -> np.ndarray:
-    """`(n,)` N, L2 norm of each sensation; in double precision, as light touches are tiny."""
+    """`(n,)` N, L2 norm of each sensation; in double precision, since light touches underflow."""
     return np.sqrt(np.einsum("ns,ns->n", sensation, sensation, dtype=float))
 
 
@@ -71,9 +71,9 @@ def target_sensations(
 ) -> np.ndarray:
     """Quantises sensations by spherical k-means from a farthest-point start.
 
-    Few iterations are a feature: the farthest-point start spaces targets evenly, k-means run to
-    its end would crowd them where the agent touched most. Even spacing is what gives the edges of
-    the quotient graph comparable lengths.
+    Few iterations are intended: the farthest-point start spaces targets evenly, but k-means run to
+    convergence would crowd them where the agent touched most. Even spacing gives the edges of the
+    quotient graph comparable lengths.
 
     Args:
         sensation: `(n, S)` N, no row null.
@@ -82,7 +82,7 @@ def target_sensations(
         progress: called with the fraction done.
 
     Returns:
-        `(K, S)` float32 target sensations, unit L2 norm; every one is the nearest of some row.
+        `(K, S)` float32 target sensations, unit L2 norm; each is the nearest target of some row.
 
     Raises:
         ValueError: there are fewer distinct sensations than targets.
@@ -116,7 +116,7 @@ def target_sensations(
 
 
 def rare_cells(label: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """`(K,)` bool, targets that hardly any touch belongs to, beside others of their part.
+    """`(K,)` bool, targets with far fewer touches than others of their part.
 
     Args:
         label: `(n,)` the target of each touch of a sample.
@@ -128,9 +128,9 @@ def rare_cells(label: np.ndarray, part: np.ndarray) -> np.ndarray:
 
 
 def _without_empty_cells(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Moves the centre of each empty cell to the point that its own centre represents worst.
+    """Moves the centre of each empty cell to one of the points with the largest errors.
 
-    Every move lowers the quantisation error, so the loop ends.
+    Every move lowers the total error, so the loop ends.
     """
     centres = centres.copy()
     while True:

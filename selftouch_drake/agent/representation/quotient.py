@@ -1,4 +1,4 @@
-"""The quotient representation: what the agent keeps of its experience."""
+"""The quotient representation: what the agent keeps from its experience."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-#: Stands in `kernel_mode` for a configuration of which it is not known.
+#: Value in `kernel_mode` of a configuration whose mode is unknown.
 NO_MODE = -1
 
-#: Kernels that a part needs before its shape and holes are looked for. Fewer are a fragment: the
-#: rim of a patch that was hardly touched, or a receptor that feels with no other.
+#: Fewest kernels of a part whose shape and holes are recovered. Smaller parts are fragments: the
+#: rim of a patch that was hardly touched, or a receptor that shares no touch with others.
 LEAST_KERNELS = 12
 
 
@@ -21,10 +21,10 @@ LEAST_KERNELS = 12
 class QuotientRepresentation:
     """Motor kernel sets, their distances and the graph over them (paper, sections II and III).
 
-    K kernels over S receptors and J joints; R stored motor configurations in all. Motor
+    K kernels over S receptors and J joints; R stored motor configurations in total. Motor
     configurations are in the robot's units, which the agent does not know. All distances in motor
-    space are between scaled configurations, `q * joint_scale`, and have the unit "rad": that of a
-    joint whose scale is 1.
+    space are between scaled configurations, `q * joint_scale`. Their unit is called "rad": the unit
+    of a joint whose scale is 1.
 
     Attributes:
         target_sensations: `(K, S)` target sensations, unit L2 norm.
@@ -33,26 +33,26 @@ class QuotientRepresentation:
         kernel_row: `(R,)` row of each configuration in the experience.
         kernel_strength: `(R,)` N, L2 norm of the sensation felt there; firm touches are strong.
         kernel_error: `(R,)` cosine distance from the sensation felt there to the target sensation.
-        kernel_mode: `(R,)` the mode of each touch, which says what joints matter to it; `NO_MODE`
-            where that is not known. See `relevance`.
+        kernel_mode: `(R,)` mode of each touch, which determines the joints that matter to it;
+            `NO_MODE` where unknown. See `relevance`.
         mode_joints: `(M, J)` bool, the joints that matter in each mode.
         joint_scale: `(J,)` positive factors that make the joints comparable.
-        overlap: `(S, S)` bool, symmetric: receptors that feel one touch together; see
+        overlap: `(S, S)` bool, symmetric: receptors that may feel the same touch; see
             `touches.nearby`.
         part: `(K,)` the part of the body that each kernel lies on; 0 has the most kernels.
         set_distance: `(K, K)` rad, symmetric quantile distance between kernel sets.
-        edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted; both are of
-            one part. See `graphs.surface_edges`.
-        edge_cost: `(E,)` rad, mean nearest distance between the firm configurations of the two,
-            those felt more strongly than the median of their kernel.
-        embedding: `(K, 3)` each kernel's place in the recovered shape of its own part, in a pose
+        edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted; both are on
+            the same part. See `graphs.surface_edges`.
+        edge_cost: `(E,)` rad, mean nearest-neighbour distance between the firm configurations of
+            both kernels, those felt more strongly than the median of their kernel.
+        embedding: `(K, 3)` position of each kernel in the recovered shape of its part, in a pose
             and unit of that part; NaN until `Body.embed` fills it, and in parts not recovered.
         num_touches: rows of the experience.
-        num_set_aside: rows of the experience that touched several places at once and were left
-            out; see `touches.set_aside`.
+        num_set_aside: rows of the experience that touched several places at once and were
+            excluded; see `touches.set_aside`.
 
     Raises:
-        ValueError: shapes disagree, numbers are of the wrong kind, or a kernel is empty.
+        ValueError: shapes disagree, an array has the wrong type of numbers, or a kernel is empty.
     """
 
     target_sensations: np.ndarray
@@ -76,10 +76,10 @@ class QuotientRepresentation:
     def __post_init__(self) -> None:
         for name in _ARRAYS:
             array = getattr(self, name)
-            wanted, kind = _KINDS.get(name, ("fiu", "real"))
+            wanted, kind = _KINDS.get(name, ("fiu", "real numbers"))
             if array.dtype.kind not in wanted:
-                raise ValueError(f"{name} holds {array.dtype}, not {kind} numbers.")
-        # Of a bare number the length is 0, and its shape is refused below.
+                raise ValueError(f"{name} holds {array.dtype}, expected {kind}")
+        # A scalar counts as length 0; its shape is rejected below.
         num_kernels, num_edges, num_rows = (
             array.shape[0] if array.ndim else 0
             for array in (self.target_sensations, self.edges, self.kernel_q)
@@ -109,21 +109,21 @@ class QuotientRepresentation:
                 want not in (None, have) for want, have in zip(shape, found, strict=True)
             ):
                 wanted = ", ".join("any" if size is None else str(size) for size in shape)
-                raise ValueError(f"{name} has shape {found}, expected ({wanted}).")
+                raise ValueError(f"{name} has shape {found}, expected ({wanted})")
         sizes = np.diff(self.kernel_offsets)
         if self.kernel_offsets[0] != 0 or self.kernel_offsets[-1] != num_rows or (sizes < 1).any():
             raise ValueError(
-                f"kernel_offsets must rise from 0 to {num_rows}, the rows of kernel_q, "
-                "with no kernel empty."
+                f"kernel_offsets must rise from 0 to {num_rows}, the number of rows of kernel_q, "
+                "without empty kernels"
             )
         if num_edges and (self.edges.min() < 0 or self.edges.max() >= num_kernels):
-            raise ValueError(f"edges must join kernels 0 to {num_kernels - 1}.")
+            raise ValueError(f"edges must join kernels 0 to {num_kernels - 1}")
         if not (np.isfinite(self.joint_scale).all() and (self.joint_scale > 0).all()):
-            raise ValueError(f"joint_scale is {self.joint_scale.tolist()}: give positive factors.")
+            raise ValueError(f"joint_scale is {self.joint_scale.tolist()}: give positive factors")
         if num_rows and not NO_MODE <= self.kernel_mode.min() <= self.kernel_mode.max() < num_modes:
-            raise ValueError(f"kernel_mode must name modes 0 to {num_modes - 1}, or {NO_MODE}.")
+            raise ValueError(f"kernel_mode must hold modes 0 to {num_modes - 1}, or {NO_MODE}")
         if not self.mode_joints.any(axis=1).all():
-            raise ValueError("mode_joints has a mode in which no joint matters.")
+            raise ValueError("mode_joints has a mode in which no joint matters")
         _check_parts(self.part, self.edges)
 
     @property
@@ -133,7 +133,7 @@ class QuotientRepresentation:
 
     @property
     def num_parts(self) -> int:
-        """Parts of the body, fragments of fewer than `LEAST_KERNELS` kernels left out; 1 or more.
+        """Number of parts without fragments of fewer than `LEAST_KERNELS` kernels; 1 or more.
 
         They are parts 0 to `num_parts - 1`.
         """
@@ -141,20 +141,20 @@ class QuotientRepresentation:
 
     @property
     def set_aside_share(self) -> float:
-        """Share of the touches that were left out because they touched several places."""
+        """Share of the touches that were excluded because they touched several places."""
         return self.num_set_aside / max(self.num_touches, 1)
 
     @property
     def kernel_x(self) -> np.ndarray:
-        """`(R, J)` rad, float32, scaled configurations, of joints that matter; see `mattering`."""
+        """`(R, J)` rad, float32, scaled configurations, joints that matter; see `mattering`."""
         return mattering(self.scaled(self.kernel_q), self.kernel_mode, self.mode_joints)
 
     def scaled(self, q: np.ndarray) -> np.ndarray:
-        """`(..., J)` rad, configurations as distances are measured between them."""
+        """`(..., J)` rad, scaled configurations, between which distances are measured."""
         return np.asarray(q) * self.joint_scale
 
     def unscaled(self, x: np.ndarray) -> np.ndarray:
-        """`(..., J)` in the robot's units, what `scaled` was made of."""
+        """`(..., J)` in the robot's units, the inverse of `scaled`."""
         return np.asarray(x) / self.joint_scale
 
     def members(self, kernel: int) -> slice:
@@ -162,10 +162,10 @@ class QuotientRepresentation:
         return slice(int(self.kernel_offsets[kernel]), int(self.kernel_offsets[kernel + 1]))
 
     def restricted(self, kernels: np.ndarray) -> QuotientRepresentation:
-        """The representation of some kernels alone.
+        """The representation of some of the kernels.
 
         Args:
-            kernels: `(n,)` rising.
+            kernels: `(n,)` ascending.
         """
         if len(kernels) == self.num_targets:
             return self
@@ -201,38 +201,38 @@ class QuotientRepresentation:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> QuotientRepresentation:
-        """What `to_arrays` gave; other names are ignored.
+        """Inverse of `to_arrays`; other names are ignored.
 
         Raises:
-            ValueError: an array is missing, or does not fit the others; the text names it.
+            ValueError: an array is missing or does not fit the others; the text names it.
         """
         names = [field.name for field in fields(cls)]
         if missing := [name for name in names if name not in arrays]:
-            raise ValueError(f"{', '.join(missing)} is missing.")
+            raise ValueError(f"{', '.join(missing)} is missing")
         checked: dict[str, Any] = {name: np.asarray(arrays[name]) for name in _ARRAYS}
         for name in _COUNTS:
             count = np.asarray(arrays[name])
             if count.shape != () or count.dtype.kind not in "iu" or count < 0:
-                raise ValueError(f"{name} is {count.tolist()}, not a whole number, 0 or more.")
+                raise ValueError(f"{name} is {count.tolist()}, expected a whole number >= 0")
             checked[name] = int(count)
         return cls(**checked)
 
 
 _COUNTS = ("num_touches", "num_set_aside")
 _ARRAYS = tuple(f.name for f in fields(QuotientRepresentation) if f.name not in _COUNTS)
-#: Kinds of numbers, where they are not real ones.
+#: Kinds of numbers of the arrays that do not hold real numbers.
 _KINDS = {
     **dict.fromkeys(
-        ("kernel_offsets", "kernel_row", "kernel_mode", "part", "edges"), ("iu", "whole")
+        ("kernel_offsets", "kernel_row", "kernel_mode", "part", "edges"), ("iu", "whole numbers")
     ),
-    **dict.fromkeys(("overlap", "mode_joints"), ("b", "truth")),
+    **dict.fromkeys(("overlap", "mode_joints"), ("b", "booleans")),
 }
 
 
 def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:
-    """`(R, J)` float32, configurations with all joints that do not matter in the middle.
+    """`(R, J)` float32, configurations with joints that do not matter set to their mean.
 
-    The others are noise in any distance between configurations.
+    Otherwise these joints would be noise in every distance between configurations.
 
     Args:
         x: `(R, J)` scaled configurations.
@@ -244,7 +244,7 @@ def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.nd
 
 
 def row_joints(mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:
-    """`(R, J)` bool, the joints that matter to touches of modes `(R,)`; all of `NO_MODE`."""
+    """`(R, J)` bool, the joints that matter to touches of modes `(R,)`; all for `NO_MODE`."""
     known = np.concatenate([mode_joints, np.ones((1, mode_joints.shape[1]), dtype=bool)])
     return known[np.where(mode == NO_MODE, len(mode_joints), mode)]
 
@@ -254,8 +254,8 @@ def _check_parts(part: np.ndarray, edges: np.ndarray) -> None:
         return
     sizes = np.bincount(part) if part.min() >= 0 else np.zeros(1)
     if (sizes == 0).any() or (np.diff(sizes) > 0).any():
-        raise ValueError("part must number the parts from 0 on, the largest first.")
+        raise ValueError("part must number the parts from 0, largest first")
     i, j = edges.T
     if (across := np.flatnonzero(part[i] != part[j])).size:
         first = edges[across[0]].tolist()
-        raise ValueError(f"edges join kernels {first} of different parts.")
+        raise ValueError(f"edges join kernels {first} of different parts")

@@ -1,10 +1,10 @@
-"""Which joints matter to a touch (naive).
+"""Finds the joints that matter to a touch, by permutation importance (naive).
 
-When one hand touches, the joints of the other arm say nothing of what is felt: in a distance
-between motor configurations they are noise, and on a path they may stay where they are. The agent
-does not know that it has hands. But it can learn to expect a sensation from a configuration, and
-notice which joints its expectation depends on. In some touches these are others than in others: a
-touch is of one of a few modes, each with its own set of joints that matter.
+When one hand touches, the joints of the other arm do not affect the sensation: in a distance
+between motor configurations they are noise, and along a path they need not move. The agent does not
+know that it has hands. But it can learn to predict a sensation from a configuration, and find out
+on which joints the prediction depends. These differ between touches: each touch belongs to one of a
+few modes, and each mode has its own set of joints that matter.
 """
 
 from __future__ import annotations
@@ -18,51 +18,52 @@ from threadpoolctl import threadpool_limits
 from selftouch_drake.agent.network import Network, standardised, train_to_expect
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 
-#: Of the network that expects sensations: hidden layers, outputs (principal components of target
-#: sensations), steps of training in each of its lessons, and configurations in each step.
+#: The network that predicts sensations: hidden layers, outputs (principal components of target
+#: sensations), training steps in each of two lessons, and configurations per step.
 _HIDDEN = (128, 128, 128)
 _MOST_OUTPUTS = 24
 _LESSONS = (300, 900)
 _BATCH = 2048
 
-#: No further lesson is needed if, on every part, the error is below this share of the error by
-#: chance (both squared): so on one body touched by one arm of six joints.
+#: The second lesson is skipped if the mean squared error on every part is below this share of the
+#: variance. This holds for one body touched by one arm with six joints.
 _WELL_LEARNED = 0.35
 
-#: Configurations for each step of training: few are learned by heart, and that takes no longer.
+#: Fewest configurations per training step: with little data, more steps only overfit.
 _ROWS_A_STEP = 40
 
-#: An expectation says nothing of joints if none of them costs it this share of the error by chance
-#: (both squared) when it is exchanged: on a part of which it has learned too little, all matter.
+#: If permuting any single joint raises the mean squared error by less than this share of the
+#: variance, too little was learned on that part, and all joints matter there.
 _LEAST_LEARNED = 0.15
 
-#: Configurations of a part that modes are found from, how many exchanges of a joint are tried on
-#: each, and on each configuration whose mode is looked for.
+#: Held-out configurations per part from which modes are found, and permutations per joint, here and
+#: when the mode of a configuration is determined.
 _NUM_TESTED = 5000
 _NUM_EXCHANGES = 6
 
-#: Fewest configurations of a part that modes are found from; most modes, and fewest of the tested
-#: configurations in one.
+#: Fewest configurations of a part in which modes are searched, most modes, and fewest held-out
+#: configurations per mode.
 _FEWEST = 1500
 _MOST_MODES = 6
 _FEW = 50
 
-#: Modes explain a part if this share of its configurations is clearly of one of them: 0.93 to 0.98
-#: where there are two arms, at most 0.66 where too little was learned and there is one mode.
+#: Modes are accepted if this share of the configurations clearly belongs to one of them: measured
+#: 0.93 to 0.98 with two arms, at most 0.66 where too little was learned and there is one mode.
 _MOSTLY = 0.8
 
-#: What it costs to exchange a joint, as a share of what the costliest does, tells if it matters.
-#: Below the first share it does not. Below the second it does not if it costs that much more in
-#: another mode of the part: then it is what the modes do not tell apart. Of two arms at one body,
-#: the joints of the idle arm cost 0.01, and 50 times as much when that arm touches; with an infant
-#: 0.02 to 0.06, and 10 times as much, while its own wrists cost 0.02 to 0.08: they hardly move the
-#: place of a touch, but may lose it. To take too many joints for those that matter does no harm.
+#: Thresholds on the permutation importance of a joint, relative to the most important joint. Below
+#: the first, the joint does not matter. Below the second, it does not matter either if it is more
+#: than `_MUCH_MORE` times as important in another mode of the part: then the modes are not fully
+#: separated. Measured with two arms on one body: 0.01 for joints of the idle arm, and 50 times as
+#: much when that arm touches. On an infant: 0.02 to 0.06, and 10 times as much; the wrists of the
+#: touching arm have 0.02 to 0.08: they hardly move the place of a touch, but can lose it. Keeping
+#: too many joints does no harm.
 _NOTHING, _LEAST_COST, _MUCH_MORE = 0.012, 0.08, 4.0
 
-#: A configuration is of a mode if, with the joints that do not matter there exchanged, what is
-#: expected is off by less than this share of what it is off in any other mode. Of two arms at one
-#: body, 97 % of the configurations get a mode, 0.1 % of them a wrong one; by how much the
-#: expectation changes, whatever was felt, 94 % and 2 %.
+#: A configuration is assigned a mode if its error with that mode's other joints permuted is below
+#: this share of the error in every other mode. With two arms on one body, 97 % of the
+#: configurations get a mode, 0.1 % of them a wrong one. Comparing changes of the prediction instead
+#: of errors gives 94 % and 2 %.
 _SURE = 0.87
 
 
@@ -75,13 +76,13 @@ def touch_modes(
     seed: int,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Finds the modes of touch, and which each stored configuration is of.
+    """Finds the modes of touch, and the mode of each stored configuration.
 
     Args:
         kernel_x: `(R, J)` configurations grouped by kernel, scaled or not.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         target_sensations: `(K, S)` unit L2 norm.
-        part: `(K,)` the part of the body of each kernel, 0 the largest.
+        part: `(K,)` the part of the body of each kernel; 0 is the largest.
         seed: the same seed gives the same bytes, on one machine.
         progress: called with the fraction done.
 
@@ -102,7 +103,7 @@ def touch_modes(
     relevant = np.ones((1, kernel_x.shape[1]), dtype=bool)
     if not tested:
         return mode, relevant
-    # What was learned by heart would tell of no joint that it does not matter.
+    # Importance is measured on held-out rows: on memorised rows every joint would matter.
     trained = np.setdiff1d(np.arange(len(kernel_x)), np.concatenate([*tested.values()]))
     expected = _Expectation.learned(
         kernel_x, kernel, target_sensations, of_part, trained, list(tested.values()), rng, progress
@@ -117,12 +118,12 @@ def touch_modes(
 
 
 class _Expectation:
-    """A network that expects a sensation from a configuration, and rows to try it on.
+    """A network that predicts the sensation of a configuration, and rows to test it on.
 
     Args:
-        network: from standardised configurations to `outputs`.
+        network: maps standardised configurations to `outputs`.
         x: `(R, J)` float32, standardised configurations.
-        kernel: `(R,)` the kernel of each.
+        kernel: `(R,)` the kernel of each configuration.
         outputs: `(K, D)` float32, principal components of the target sensations.
     """
 
@@ -148,8 +149,8 @@ class _Expectation:
         outputs = felt @ axes[:_MOST_OUTPUTS].T
         spread = np.sqrt(np.mean(np.square(outputs[kernel]).sum(axis=1)))
         outputs = (outputs / (spread if spread > 0 else 1.0)).astype(np.float32)
-        # Half of the rows as they come, half evenly from all parts: a part that is seldom touched
-        # is learned as well.
+        # Half of each batch is drawn from all rows, half evenly from the parts, so that rarely
+        # touched parts are also learned.
         by_part = trained[np.argsort(of_part[trained], kind="stable")]
         _, sizes = np.unique(of_part[trained], return_counts=True)
         first = np.cumsum(sizes) - sizes
@@ -180,12 +181,12 @@ class _Expectation:
         return expected
 
     def error(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """`(n,)` how far off the expectation is with `joints` `(J,)` bool exchanged, squared."""
+        """`(n,)` squared error of the prediction with `joints` `(J,)` bool permuted."""
         felt = self._outputs[self._kernel[rows]]
         return np.mean([np.square(x - felt).sum(axis=1) for x in self._tried(rows, joints, rng)], 0)
 
     def learned_well(self, parts: list[np.ndarray], rng: np.random.Generator) -> bool:
-        """Whether little is off on each of the parts, given by rows that it has not seen."""
+        """Whether the error is low on each of the parts, given by held-out rows."""
         none = np.zeros(self.x.shape[1], dtype=bool)
         return all(
             self.error(rows, none, rng).mean() < _WELL_LEARNED * self.by_chance(rows)
@@ -193,11 +194,11 @@ class _Expectation:
         )
 
     def by_chance(self, rows: np.ndarray) -> float:
-        """Mean squared error of expecting the mean of what is felt at `rows`."""
+        """Variance of the outputs at `rows`: the error of always predicting their mean."""
         return float(self._outputs[self._kernel[rows]].var(axis=0).sum())
 
     def change(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """`(n,)` how far the expectation moves when `joints` `(J,)` bool are exchanged, squared."""
+        """`(n,)` squared change of the prediction when `joints` `(J,)` bool are permuted."""
         before = self._network(self.x[rows])
         moved = [np.square(x - before).sum(axis=1) for x in self._tried(rows, joints, rng)]
         return np.mean(moved, axis=0)
@@ -205,7 +206,7 @@ class _Expectation:
     def _tried(
         self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator
     ) -> Iterator[np.ndarray]:
-        """`(n, D)` what is expected with `joints` as in others of the rows, several times."""
+        """Yields `(n, D)` predictions with `joints` permuted across the rows, several times."""
         x = self.x[rows]
         for _ in range(_NUM_EXCHANGES if joints.any() else 1):
             yield self._network(np.where(joints, x[rng.permutation(len(x))], x))
@@ -214,11 +215,11 @@ class _Expectation:
 def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """`(M, J)` bool, joints that matter in each mode of a part of the body.
 
-    Configurations are clustered by how much each joint changes what is expected there. What matters
-    to a cluster more than half as much as to any other is a first guess of a mode; with it, each
-    configuration is given its mode, and what matters to those is looked at again. As many modes are
-    found as there are sets of joints that do not contain each other: what is between two modes
-    needs the joints of both. Modes that leave many configurations in doubt are none.
+    Configurations are clustered by how much each joint changes the prediction there. A first guess
+    of a mode is the joints that matter to a cluster at least half as much as to any other. Each
+    configuration is then assigned to a mode, and the joints that matter are found again. The number
+    of modes rises as long as no set of joints contains another: configurations between two modes
+    need the joints of both. Modes that leave many configurations unassigned are rejected.
     """
     each = np.eye(expected.x.shape[1], dtype=bool)
     change = np.sqrt([expected.change(rows, joint, rng) for joint in each]).T
@@ -243,9 +244,9 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
 
 
 def _costs(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """`(J,)` by how much it makes the expectation worse to exchange each joint.
+    """`(J,)` permutation importance: the rise of the mean squared error with each joint permuted.
 
-    As a share of what the costliest does; all 1 where too little was learned.
+    Relative to the most important joint; all 1 where too little was learned.
     """
     each = np.eye(expected.x.shape[1], dtype=bool)
     before = expected.error(rows, np.zeros(len(each), dtype=bool), rng).mean()
@@ -255,7 +256,7 @@ def _costs(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
 
 
 def _matter(cost: np.ndarray) -> np.ndarray:
-    """`(M, J)` bool, by what the joints cost in each mode of a part."""
+    """`(M, J)` bool, the joints that matter, by their importance in each mode of a part."""
     elsewhere = cost.max(axis=0) > _MUCH_MORE * cost
     return (cost >= _LEAST_COST) | ((cost >= _NOTHING) & ~elsewhere)
 
@@ -269,7 +270,7 @@ def _contained(sets: np.ndarray) -> bool:
 def _modes_of(
     expected: _Expectation, rows: np.ndarray, modes: np.ndarray, rng: np.random.Generator
 ) -> np.ndarray:
-    """`(n,)` the mode of each row: the one whose other joints are exchanged with least error."""
+    """`(n,)` the mode of each row: the one whose other joints can be permuted with least error."""
     if len(modes) == 1:
         return np.zeros(len(rows), dtype=int)
     error = np.sqrt([expected.error(rows, ~joints, rng) for joints in modes])
@@ -278,7 +279,7 @@ def _modes_of(
 
 
 def _numbered(mode: np.ndarray, relevant: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Modes of the same joints made one, those that no configuration is of left out."""
+    """Merges modes with the same joints, and drops modes without configurations."""
     known = mode >= 0
     used, mode_of = np.unique(mode[known], return_inverse=True)
     relevant, same = np.unique(relevant[used], axis=0, return_inverse=True)

@@ -1,4 +1,4 @@
-"""What was felt at the stored motor configurations."""
+"""The sensations at the stored motor configurations."""
 
 from __future__ import annotations
 
@@ -13,27 +13,27 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 def kernel_sensations(
     representation: QuotientRepresentation, sensations: Iterable[np.ndarray]
 ) -> csr_array:
-    """Gathers the sensations of the stored configurations from experience that streams by.
+    """Collects the sensations of the stored configurations from streamed experience.
 
-    A touch is felt by few receptors: of a million touches on 100 receptors this keeps 70 MB, a
-    dense array 400 MB. For that reason it is no part of the representation.
+    Few receptors feel a touch: for a million touches on 100 receptors this takes 70 MB, a dense
+    array 400 MB. That is why it is not part of the representation.
 
     Args:
         representation: R stored configurations.
-        sensations: `(n, S)` N, all of the experience that it was learned from, in batches.
+        sensations: `(n, S)` N, all the experience that it was learned from, in batches.
 
     Returns:
         `(R, S)` float32, unit L2 norm.
 
     Raises:
-        ValueError: the experience has fewer rows than the representation knows.
+        ValueError: the experience has fewer rows than the representation was learned from.
     """
     order = np.argsort(representation.kernel_row, kind="stable")
     rising = representation.kernel_row[order]
     first, parts = 0, []
     for batch in sensations:
         start, stop = np.searchsorted(rising, [first, first + len(batch)])
-        # In double precision: the square of a graze vanishes in single.
+        # Double precision: the squares of very light touches underflow in single precision.
         rows = batch[rising[start:stop] - first].astype(float)
         felt = rows / np.linalg.norm(rows, axis=1, keepdims=True)
         parts.append(csr_array(felt.astype(np.float32)))
@@ -41,7 +41,7 @@ def kernel_sensations(
     if first <= rising[-1]:
         raise ValueError(
             f"sensations have {first} rows, the representation was learned from more: give all "
-            "of its experience."
+            "of its experience"
         )
     return _stacked(parts)[np.argsort(order)]
 

@@ -1,8 +1,8 @@
 """Distances between motor kernel sets (paper, section III, "Motor planning").
 
-Every set distance here reads one table: how far is each configuration of one set from the nearest
-configuration of the other. They differ in how they reduce that table to a number, so that a new
-one is a line in `SET_DISTANCES`.
+Every set distance here uses one table: the distances from each configuration of one set to the
+nearest configuration of the other. They differ in how they reduce it to a number, so a new one is a
+line in `SET_DISTANCES`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ class SetDistance:
     """A distance between finite sets.
 
     Attributes:
-        reduce: `(N, K)` nearest distances, of N configurations to K sets, to `(K,)`.
-        symmetrise: joins the distances there and back, elementwise.
+        reduce: maps `(N, K)` nearest distances, of N configurations to K sets, to `(K,)`.
+        symmetrise: combines the distances in both directions, elementwise.
     """
 
     reduce: Callable[[np.ndarray], np.ndarray]
@@ -55,16 +55,16 @@ def set_distances(
     max_queries: int = MAX_QUERIES,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> list[np.ndarray]:
-    """Computes distances between every two kernel sets, of any number of kinds at once.
+    """Computes distances between every two kernel sets, of one or several kinds at once.
 
-    Nearest distances are exact: a set's queries (all its configurations, or `max_queries` evenly
-    strided ones) meet every configuration of every other set.
+    Nearest distances are exact: the queries of a set (all its configurations, or `max_queries`
+    evenly strided ones) are compared with every configuration of every other set.
 
     Args:
         kernel_x: `(R, J)` rad, scaled configurations grouped by kernel.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
-        names: of `SET_DISTANCES`.
-        max_queries: configurations of a set that ask for their nearest.
+        names: in `SET_DISTANCES`.
+        max_queries: most queries per set.
         progress: called with the fraction done.
 
     Returns:
@@ -106,13 +106,13 @@ def set_distances(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinkedNearest:
-    """The nearest configuration, over each link, to each one of the kernel that it leaves.
+    """For each link and each configuration of its first kernel, the nearest of its second.
 
     Attributes:
-        offsets: `(L + 1,)` link l has one entry for each configuration of the kernel it leaves,
-            `offsets[l]:offsets[l + 1]`, in their order.
+        offsets: `(L + 1,)` link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration
+            of its first kernel, in their order.
         row: int32, the row in `kernel_x` of the nearest configuration.
-        squared: float32 rad^2, how far it is.
+        squared: float32 rad^2, its squared distance.
     """
 
     offsets: np.ndarray
@@ -123,12 +123,12 @@ class LinkedNearest:
 def linked_nearest(
     kernel_x: np.ndarray, kernel_offsets: np.ndarray, links: np.ndarray
 ) -> LinkedNearest:
-    """For every configuration of a kernel, the nearest one of each kernel that it is linked to.
+    """Finds, for every configuration of a kernel, the nearest one in each linked kernel.
 
     Args:
         kernel_x: `(R, J)` rad, scaled configurations grouped by kernel.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
-        links: `(L, 2)` the kernel that each link leaves, and the one it leads to.
+        links: `(L, 2)` first and second kernel of each link.
     """
     members = np.ascontiguousarray(kernel_x, dtype=np.float32)
     kernel_offsets = np.asarray(kernel_offsets, dtype=np.int64)
@@ -172,7 +172,7 @@ def _strided(start: int, stop: int, max_count: int) -> np.ndarray:
 
 @lru_cache
 def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
-    """Compiles the search for the nearest; a fixed number of joints keeps all sums in registers."""
+    """Compiles the nearest search; a fixed number of joints keeps all sums in registers."""
 
     @numba.njit(nogil=True, fastmath=True, cache=True)
     def nearest_squared(
@@ -184,17 +184,17 @@ def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
     ) -> None:
         """Squared distance from each query to the nearest member of each set.
 
-        Queries lie in the vector lanes and four members pass at a time: no reduction across lanes,
-        and each load of a query serves four pairs. With AVX2 the arithmetic units are then busy all
-        the time: 0.14 ns a pair on one core, for 6 joints.
+        Queries are in the vector lanes, and four members are compared at a time. This needs no
+        reduction across lanes, and each load of a query serves four pairs. With AVX2 this is
+        limited by arithmetic alone: 0.14 ns per pair on one core, for 6 joints.
 
         Args:
             queries: `(J, N)` float32.
             members: `(R, J)` float32, grouped by set.
             offsets: `(K + 1,)` int64.
             out: `(K, N)` float32, written.
-            which: `(K, N)` int32, written if `tell_which`: the first of the four members that
-                passed together, the nearest among them. It costs 6 % of the time.
+            which: `(K, N)` int32, written if `tell_which`: the first of the four members compared
+                together that include the nearest. It costs 6 % of the time.
         """
         for k in range(len(offsets) - 1):
             best = out[k]

@@ -1,4 +1,4 @@
-"""What the quotient graph says of the body: its shape, holes and dimension (paper, IV)."""
+"""Recovers the body from the quotient graph: shape, holes and dimension (paper, section IV)."""
 
 from selftouch_drake.agent.shape.body import Body, DistrustWarning, RecoveredPart, recover
 from selftouch_drake.agent.shape.dimension import intrinsic_dimension

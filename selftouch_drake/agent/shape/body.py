@@ -20,22 +20,21 @@ from selftouch_drake.agent.shape.metrics import METRICS
 
 
 class DistrustWarning(UserWarning):
-    """A metric was not to be trusted on a part of the body."""
+    """A metric cannot be trusted on a part of the body."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecoveredPart:
-    """One part of the body by one metric: n kernels.
+    """One part of the body as one metric measures it: n kernels.
 
     Attributes:
-        doubt: why the metric was not to be trusted on it, and what was done; None if it was.
-        kernels: `(n,)` the kernels on it, rising.
-        distances: `(n, n)` along the part, in the metric's unit.
-        embedding: the kernels laid out in space, in a pose and unit of this part.
-        pieces: `(P, 3)` where the pieces of those kernels lie that were cut in pieces.
-        topology: its holes; None if they were not asked for, or all places lie in a plane.
-        dimension: its intrinsic dimension; None if it was not asked for, or has fewer than 50
-            kernels.
+        doubt: why the metric cannot be trusted here, and what was used instead; None if it can.
+        kernels: `(n,)` kernels on this part, ascending.
+        distances: `(n, n)` geodesic distances along the part, in the metric's unit.
+        embedding: layout of the kernels in space, in a pose and unit of this part.
+        pieces: `(P, 3)` positions of the pieces of kernels that were cut into pieces.
+        topology: its holes; None if not requested, or if all places lie in a plane.
+        dimension: its intrinsic dimension; None if not requested, or with fewer than 50 kernels.
     """
 
     doubt: str | None
@@ -48,22 +47,22 @@ class RecoveredPart:
 
     @property
     def positions(self) -> np.ndarray:
-        """`(n, 3)` the kernels laid out in space."""
+        """`(n, 3)` positions of the kernels."""
         return self.embedding.positions
 
     @property
     def places(self) -> np.ndarray:
-        """`(n + P, 3)` the kernels and then the pieces: the part, sampled without gaps."""
+        """`(n + P, 3)` positions of the kernels, then of the pieces: the part without gaps."""
         return np.concatenate([self.embedding.positions, self.pieces])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Body:
-    """The body by one metric: K kernels.
+    """The body as one metric measures it: K kernels.
 
     Attributes:
         metric: its name in `METRICS`.
-        parts: the parts of the body, the largest first, fragments left out.
+        parts: the parts of the body, largest first, without fragments.
         num_kernels: K.
     """
 
@@ -73,7 +72,7 @@ class Body:
 
     @property
     def positions(self) -> np.ndarray:
-        """`(K, 3)` each kernel in the pose and unit of its own part; NaN in fragments."""
+        """`(K, 3)` positions, in the pose and unit of each kernel's part; NaN in fragments."""
         positions = np.full((self.num_kernels, 3), np.nan)
         for part in self.parts:
             positions[part.kernels] = part.positions
@@ -81,7 +80,7 @@ class Body:
 
     @property
     def distances(self) -> np.ndarray:
-        """`(K, K)` along the body; infinite between parts, and in fragments."""
+        """`(K, K)` geodesic distances; infinite between parts and in fragments."""
         distances = np.full((self.num_kernels,) * 2, np.inf)
         np.fill_diagonal(distances, 0.0)
         for part in self.parts:
@@ -102,14 +101,14 @@ class Body:
         return trusted(self.expected_error, min(margins))
 
     def embed(self, representation: QuotientRepresentation) -> QuotientRepresentation:
-        """The representation that the body was recovered from, its `embedding` filled."""
+        """Fills the `embedding` of the representation that the body was recovered from."""
         return dataclasses.replace(representation, embedding=self.positions)
 
     def warn_of_misfit(self) -> None:
-        """Warns of every part whose layout in space leaves much out.
+        """Warns about each part whose distances do not fit in three dimensions.
 
         Warns:
-            MisfitWarning: as `embedding.warn_of_misfit`.
+            MisfitWarning: see `embedding.warn_of_misfit`.
         """
         for part in self.parts:
             warn_of_misfit(part.embedding)
@@ -128,18 +127,18 @@ def recover(
     Args:
         representation: K kernels, 4 or more.
         metric: a name in `METRICS`.
-        seed: of metrics that learn; the same seed gives the same bytes.
-        holes: look for holes and dimension too.
+        seed: for metrics that learn; the same seed gives the same bytes.
+        holes: also find holes and dimension.
         progress: called with the fraction done.
 
     Raises:
         ValueError: the metric is unknown, or the representation is too small for it.
 
     Warns:
-        DistrustWarning: the metric is not to be trusted on a part.
+        DistrustWarning: the metric cannot be trusted on a part.
     """
     if metric not in METRICS:
-        raise ValueError(f"metric {metric!r} is unknown: choose one of {', '.join(METRICS)}.")
+        raise ValueError(f"metric {metric!r} is unknown: choose one of {', '.join(METRICS)}")
     num_parts = representation.num_parts
     parts = []
     for number in range(num_parts):
@@ -161,11 +160,11 @@ def _recovered(
     seed: int,
     progress: Callable[[float], None],
 ) -> RecoveredPart:
-    """A part, of the representation of its `kernels` alone."""
+    """Recovers one part from the representation restricted to its `kernels`."""
     graph = METRICS[metric].graph(representation, seed, lambda fraction: progress(0.9 * fraction))
     if graph.doubt is not None:
         warnings.warn(
-            f"the {metric} metric is not to be trusted on a part of {len(kernels)} kernels: "
+            f"the {metric} metric cannot be trusted on a part of {len(kernels)} kernels: "
             f"{graph.doubt}",
             DistrustWarning,
             stacklevel=3,
@@ -174,7 +173,7 @@ def _recovered(
     kernel = np.arange(num_kernels) if graph.kernel is None else graph.kernel
     distances = geodesics(graph.edges, graph.length, len(kernel))
     layout = METRICS[metric].layout(graph, distances)
-    # A kernel lies amid its pieces, and as far from others as they do on average.
+    # The position and the distances of a kernel are the means over its pieces.
     number = np.bincount(kernel, minlength=num_kernels)
     mean = csr_array(
         (1.0 / number[kernel], (kernel, np.arange(len(kernel)))), shape=(num_kernels, len(kernel))

@@ -1,7 +1,7 @@
-"""Distances between cells of one size: kernel sets in the coordinates of a quotient map.
+"""Distances between kernel sets in quotient coordinates, measured in cell widths.
 
-Target sensations are evenly spaced, so that all cells are equally wide in sensation. How wide they
-come out in other coordinates tells what a step in these coordinates is worth there.
+Target sensations are evenly spaced, so all cells are equally wide in sensation. The width of a cell
+in other coordinates is therefore the local unit of length there.
 """
 
 from __future__ import annotations
@@ -10,31 +10,31 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Skin is a surface: cells are wide in two directions, and thin across. Measured on the torus, the
-#: third width of a cell is a fifth of its second.
+#: Skin is a surface: cells are wide in two directions and thin in the third. Measured on the torus,
+#: the third width of a cell is a fifth of its second.
 _DIMENSION = 2
 
-#: Share of a cell's configurations that are left out as strays, those farthest from its middle.
+#: Share of a cell's configurations that are dropped as outliers: those farthest from its centre.
 _STRAYS = 0.1
 
-#: A cell's own covariance counts as its configurations, the mean of all as this many.
+#: Weight of the pooled covariance, in configurations, when a cell's own is shrunk towards it.
 _PRIOR = 20
 
-#: Added to a cell's width across, as a share of its second width (both squared): neighbours that
-#: lie off the tangent plane, as the surface bends, are near all the same.
+#: Variance added to a cell in all directions, as a share of its second-largest: on a bent surface,
+#: neighbours off the tangent plane are still near.
 _ACROSS = 0.1
 
-#: Rad, the largest angle between a neighbour and the tangent plane that is made good as bending.
+#: Rad, largest angle between a neighbour and the tangent plane that is corrected as curvature.
 _MOST_BENT = 1.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cells:
-    """Where kernel sets lie in quotient coordinates, and how wide they are.
+    """Means and widths of kernel sets in quotient coordinates.
 
     Attributes:
-        mean: `(K, D)` middle of each cell.
-        covariance: `(K, D, D)` within each cell.
+        mean: `(K, D)` mean of each cell.
+        covariance: `(K, D, D)` covariance within each cell.
         tangent: `(K, D, 2)` orthonormal, the two directions in which each cell is widest.
         second: `(K,)` variance in the second of these.
         area: `(K,)` product of the standard deviations in both.
@@ -48,7 +48,7 @@ class Cells:
 
     @classmethod
     def of(cls, coordinates: np.ndarray, offsets: np.ndarray) -> Cells:
-        """Measures the cells of `(R, D)` coordinates grouped by kernel, strays left out."""
+        """Measures the cells of `(R, D)` coordinates grouped by kernel, without outliers."""
         groups = np.split(coordinates, offsets[1:-1])
         pooled = np.mean([np.atleast_2d(np.cov(g.T, bias=True)) for g in groups], axis=0)
         pooled += 1e-9 * np.trace(pooled) * np.eye(len(pooled))
@@ -66,7 +66,7 @@ class Cells:
         )
 
     def distances(self) -> np.ndarray:
-        """`(K, K)` in widths of the cells: root mean square of there and back."""
+        """`(K, K)` in cell widths: root mean square of the distances seen from either cell."""
         num_coordinates = self.mean.shape[1]
         thick = self.covariance + (_ACROSS * self.second)[:, None, None] * np.eye(num_coordinates)
         apart = self.mean[None] - self.mean[:, None]
@@ -74,26 +74,27 @@ class Cells:
         return np.sqrt((squared + squared.T) / 2)
 
     def lengths(self, edges: np.ndarray) -> np.ndarray:
-        """`(E,)` lengths along the surface, in widths of the cells at both ends: means of both."""
+        """`(E,)` lengths along the surface in cell widths, averaged over both ends of an edge."""
         i, j = edges.T
         return (self._directed(i, j) + self._directed(j, i)) / 2
 
     def _directed(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        """The step seen from `start`: along its tangent plane, stretched by what it bends off."""
+        """Edge lengths seen from `start`: in its tangent plane, corrected for curvature."""
         tangent, step = self.tangent[start], self.mean[end] - self.mean[start]
         both = (self.covariance[start] + self.covariance[end]) / 2
         along = np.einsum("edt,ed->et", tangent, step)
         width = np.einsum("edt,edf,efu->etu", tangent, both, tangent)
         solved = np.linalg.solve(width, along[..., None])[..., 0]
         length = np.sqrt(np.einsum("et,et->e", along, solved))
-        # The chord of an arc of angle 2 a leaves the tangent by a: arc / projection = 2a / sin 2a.
+        # The chord of an arc of angle 2a is at angle a to the tangent: arc / projection is
+        # 2a / sin 2a.
         across = np.linalg.norm(step - np.einsum("edt,et->ed", tangent, along), axis=1)
         bent = np.minimum(np.arctan2(across, np.linalg.norm(along, axis=1)), _MOST_BENT)
         return length / np.sinc(2.0 * bent / np.pi)
 
 
 def _without_strays(points: np.ndarray, pooled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and covariance of a cell's `(n, D)` coordinates, twice cleared of strays."""
+    """Mean and covariance of a cell's `(n, D)` coordinates, after dropping outliers twice."""
 
     def moments(kept: np.ndarray) -> np.ndarray:
         own = np.cov(kept.T, bias=True) if len(kept) > 1 else np.zeros_like(pooled)

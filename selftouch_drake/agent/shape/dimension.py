@@ -1,30 +1,30 @@
-"""The dimension of a part of the body: how fast its kernels are met when going out from one."""
+"""The dimension of a part of the body: how fast the number of kernels grows with distance."""
 
 from __future__ import annotations
 
 import numpy as np
 
 #: Growth is measured between the balls that hold these shares of all kernels: from a few neighbours
-#: to where the body bends away. Measured on spheres, cubes and tori of 300 and 1000 kernels: 2.0 to
-#: 2.3 by either naive metric; a start at 2 %, inside the second ring, gives 1.6 to 2.2.
+#: to where the body curves away. Measured on spheres, cubes and tori of 300 and 1000 kernels: 2.0
+#: to 2.3 with either naive metric; starting at 2 %, inside the second ring, gives 1.6 to 2.2.
 _SHARES = (0.01, 0.1)
 
-#: Neighbours in the smallest ball, if the share of a small body would be fewer.
+#: Fewest neighbours in the smallest ball; the first share of a small body would hold fewer.
 _LEAST_NEIGHBOURS = 3
 
-#: Kernels that growth can be measured on.
+#: Fewest kernels on which growth can be measured.
 LEAST_KERNELS = 50
 
 
 def intrinsic_dimension(distances: np.ndarray) -> float:
-    """Correlation dimension: the slope of log(kernels met) over log(distance gone).
+    """Correlation dimension: the slope of log(number of kernels) against log(distance).
 
-    Kernels are spread evenly, so that estimators from the first neighbours (TwoNN, maximum
-    likelihood), which assume a random spread, do not apply. On average a ball of radius r round a
+    Kernels are evenly spaced, so estimators that use nearest neighbours (TwoNN, maximum
+    likelihood) do not apply: they assume random positions. On average a ball of radius r around a
     kernel holds c r^d others.
 
     Args:
-        distances: `(K, K)` along the body, symmetric, finite.
+        distances: `(K, K)` geodesic distances, symmetric, finite.
 
     Returns:
         The dimension; 1.8 to 2.4 for a surface.
@@ -35,7 +35,7 @@ def intrinsic_dimension(distances: np.ndarray) -> float:
     num_kernels = len(distances)
     if num_kernels < LEAST_KERNELS:
         raise ValueError(
-            f"num_targets={num_kernels}: dimension needs at least {LEAST_KERNELS} kernels."
+            f"num_targets is {num_kernels}: the dimension needs at least {LEAST_KERNELS} kernels"
         )
     pairs = np.sort(distances[~np.eye(num_kernels, dtype=bool)])
     smallest, largest = _SHARES

@@ -1,4 +1,4 @@
-"""Layouts in space: kernels at given distances along the body (paper, section IV)."""
+"""Lays out kernels in space from their distances along the body (paper, section IV)."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.neighbours import geodesics
 
-# Sums in another order, by another number of threads, turn the axes of a symmetric body freely.
+# The number of threads changes the order of sums, and with it the axes of a symmetric body.
 _one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 
 
-#: Fourth eigenvalue from which on a layout is doubted. Measured on six bodies, 100 to 1000
-#: kernels: 0.03 to 0.13 where the shape came out right, 0.17 to 0.8 where it came out wrong.
+#: Threshold of the fourth eigenvalue, above which a layout is doubted. Measured on six bodies, 100
+#: to 1000 kernels: 0.03 to 0.13 where the shape is right, 0.17 to 0.8 where it is wrong.
 _MISFIT = 0.15
 
 
-#: A pass that leaves more than this share of the stress is one too many.
+#: Passes end with the first that leaves more than this share of the stress; it is discarded.
 _LEAST_LOWERED = 2 / 3
 
 
 class MisfitWarning(UserWarning):
-    """The distances ask for more than three dimensions: the layout is not to be trusted."""
+    """The distances do not fit in three dimensions: the layout cannot be trusted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,8 +37,8 @@ class Embedding:
     Attributes:
         positions: `(K, 3)` in the unit of the distances, centred, in an arbitrary pose.
         stress: weighted squared misfit of distances, as a share: 0 is exact.
-        spectrum: `(K,)` eigenvalues of classical scaling, falling, as shares of the largest. Paths
-            along a curved body have no flat layout: the fourth eigenvalue warns how far from one.
+        spectrum: `(K,)` eigenvalues of classical scaling, descending, as shares of the largest.
+            The fourth shows how far the distances are from fitting in three dimensions.
     """
 
     positions: np.ndarray
@@ -47,7 +47,7 @@ class Embedding:
 
     @property
     def fourth_eigenvalue(self) -> float:
-        """What three dimensions leave out, as a share of the largest: see `MisfitWarning`."""
+        """The fourth eigenvalue, as a share of the largest: see `MisfitWarning`."""
         return float(self.spectrum[3])
 
 
@@ -74,24 +74,26 @@ def stress_embedding(
 ) -> Embedding:
     """Lays out points by weighted stress, `sum((d_ij - |x_i - x_j|)^2 / d_ij^2)`, by majorisation.
 
-    Weights of 1 / d^2 let near neighbours count as much as far ones: distances along a body are
-    true nearby and too long far away. Stress has many local minima (a ring's third axis may be the
-    second harmonic of the ring), so that several triples of classical axes are tried, and the one
-    that comes to the lowest stress is finished.
+    Weights of 1 / d^2 give near neighbours as much influence as far ones: geodesic distances are
+    accurate nearby and too long far away. Stress has many local minima (a ring's third axis may be
+    the second harmonic of the ring), so several triples of classical axes are tried, and only the
+    one with the lowest stress is iterated to the end.
 
     Args:
         distances: `(K, K)` symmetric, finite, positive off the diagonal.
         starts: triples of classical axes to start from.
-        num_trial_iterations: for each start.
-        num_iterations: for the best.
+        num_trial_iterations: iterations for each start.
+        num_iterations: iterations for the best start.
 
     Raises:
         ValueError: there are fewer than 4 points, or no path joins two of them.
     """
     if len(distances) < 4:
-        raise ValueError(f"num_targets={len(distances)}: a body in space needs 4 kernels or more.")
+        raise ValueError(
+            f"num_targets is {len(distances)}: a body in space needs 4 kernels or more"
+        )
     if not np.isfinite(distances).all():
-        raise ValueError("distances are infinite where no path joins: connect the graph first.")
+        raise ValueError("distances are infinite where no path exists: connect the graph first")
     num_axes = min(1 + max(max(start) for start in starts), len(distances))
     axes, spectrum = _classical_axes(distances, num_axes)
     weights = _weights(distances)
@@ -116,17 +118,17 @@ def unbent_embedding(
     most_passes: int = 5,
     num_iterations: int = 40,
 ) -> Embedding:
-    """Lays out points by stress, then allows for the bending of the body that this shows.
+    """Lays out points by stress, then corrects for the curvature of the body.
 
-    Paths along a body are longer than the straight lines that a layout has. Each pass measures how
-    much longer on the layout itself, shortens the distances by that share, and lays out again.
-    Errors of the distances grow too, so that passes end where they no longer lower the stress by a
-    third: bodies with rims need more of them than smooth ones.
+    Geodesics along a body are longer than straight lines. Each pass measures the ratio on the
+    current layout, shortens the distances by it, and lays out again. This also amplifies errors of
+    the distances, so the passes end when one no longer lowers the stress by a third. Bodies with
+    rims need more passes than smooth ones.
 
     Args:
-        edges: `(E, 2)` pairs of neighbours, that connect all.
-        distances: `(K, K)` shortest paths over these edges, of whatever length.
-        most_passes: 0 leaves the layout of `stress_embedding`.
+        edges: `(E, 2)` pairs of neighbours that connect all points.
+        distances: `(K, K)` shortest paths over these edges, whatever the edge lengths.
+        most_passes: 0 keeps the layout of `stress_embedding`.
         num_iterations: of majorisation, in each pass.
     """
     found = stress_embedding(distances)
@@ -145,10 +147,10 @@ def unbent_embedding(
 
 
 def warn_of_misfit(embedding: Embedding) -> None:
-    """Warns when a layout in three dimensions leaves much out.
+    """Warns when distances do not fit in three dimensions.
 
-    A closed surface of distances along it is no flat thing, so that the fourth eigenvalue is never
-    0. Beyond that it tells of shortcuts, of wrong lengths, or of a quotient space that is no body.
+    Geodesic distances on a closed surface never fit exactly, so the fourth eigenvalue is never 0.
+    A large one means shortcuts, wrong lengths, or a quotient space that is not a body.
 
     Warns:
         MisfitWarning: the fourth eigenvalue is above 0.15; the text gives it.
@@ -157,7 +159,7 @@ def warn_of_misfit(embedding: Embedding) -> None:
         warnings.warn(
             f"the recovered body does not fit in space: the fourth eigenvalue is "
             f"{embedding.fourth_eigenvalue:.0%} of the first, above {_MISFIT:.0%}: babble longer, "
-            "or choose another metric.",
+            "or choose another metric",
             MisfitWarning,
             stacklevel=3,
         )
@@ -197,13 +199,13 @@ def _majoriser(
 ) -> Callable[[np.ndarray, np.ndarray, int], np.ndarray]:
     """Builds the SMACOF iteration (Guttman transform), overrelaxed (de Leeuw and Heiser).
 
-    The system solved is the same at each step, and is inverted once.
+    The linear system is the same at each step, so its matrix is inverted once.
 
     Returns:
         A function of `(K, 3)` positions, `(K, K)` distances and the number of iterations.
     """
     laplacian = np.diag(weights.sum(axis=1)) - weights
-    # A constant added everywhere fixes the centroid, and leaves the solution as it is.
+    # Adding a constant everywhere fixes the centroid and does not change the solution.
     solve = inv(laplacian + weights.mean())
 
     def iterate(positions: np.ndarray, distances: np.ndarray, num_iterations: int) -> np.ndarray:

@@ -1,8 +1,8 @@
 """Components, loops and voids of the recovered body: persistent homology (paper, section IV).
 
-A ball grows round every point. The alpha complex holds, at each radius, the parts of the Delaunay
-triangulation that the balls cover, and has the homology of their union. A bar is a loop (H1) or a
-void (H2) that is born at one radius and filled at another.
+A ball grows around every point. At each radius, the alpha complex holds the simplices of the
+Delaunay triangulation that the balls cover, and has the homology of their union. A bar is a loop
+(H1) or a void (H2) that is born at one radius and filled at another.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from scipy.spatial import Delaunay
 #: Bars between these lengths, in spacings, may be true or false.
 _UNSURE = (1.0, 1.3)
 
-#: Bars born later than this, in spacings, are no holes of the body: loops of a sampled surface are
-#: born when neighbours meet, at 1 to 1.4 as measured, and voids when faces close, at 1.7 to 2.5.
+#: Bars born later than this, in spacings, are not holes of the body. On sampled surfaces, loops are
+#: born when neighbours meet, measured at 1 to 1.4, and voids when faces close, at 1.7 to 2.5.
 _LATE = 4.0
 
 
@@ -29,7 +29,7 @@ class Topology:
     Attributes:
         betti: numbers of components, loops and voids: (1, 0, 1) for a ball's surface, (1, 2, 1)
             for a torus.
-        margin: length of the shortest true bar over the longest false one; near 1 is unsure.
+        margin: length of the shortest true bar over the longest false one; near 1 means unsure.
         scale: radius at which every true bar has just been born, in the unit of the points.
         spacing: radius at which neighbours meet, in the unit of the points.
         diagram: three arrays `(bars, 2)` of births and deaths, for H0, H1 and H2.
@@ -43,20 +43,20 @@ class Topology:
 
 
 def topology(points: np.ndarray) -> Topology:
-    """Counts components, loops and voids of the body that points are laid out on.
+    """Counts components, loops and voids of the body that the points sample.
 
-    Bars are measured in spacings, so that neither the body's size nor its unit matters. Let r be
+    Bars are measured in spacings, so neither the size nor the unit of the body matters. Let r be
     the radius at which neighbours meet (the median death of H0). On an evenly sampled surface the
     balls leave a false loop inside each polygon of neighbours: of length 0.4 r for a square, 0.7 r
     for a pentagon, r where one or two kernels are missing, 1.3 r where three are. A hole of the
     body dies at its own radius, however fine the sampling. So bars below r are false, bars above
-    1.3 r are true, and in between the widest gap decides. The widest gap of all would be no rule,
-    as a body may have holes of very different size. Bars born late are left out:
-    the void of a bowl, whose mouth closes before the bowl is filled, is none. Components are
-    counted when all true bars are born, and no missing kernel parts the body.
+    1.3 r are true, and the widest gap in between decides. The widest gap overall would not work,
+    since holes of one body may differ greatly in size. Bars born late are ignored: the void of a
+    bowl, whose mouth closes before the bowl is filled, does not count. Components are counted at a
+    radius at which all true bars are born and no missing kernel splits the body.
 
     Args:
-        points: `(K, 3)`, of no common plane, evenly spread.
+        points: `(K, 3)`, evenly spread, not in one plane.
 
     Raises:
         ValueError: the points are too few, not finite, or lie in a plane.
@@ -82,13 +82,13 @@ def topology(points: np.ndarray) -> Topology:
 
 
 def _least_true(length: np.ndarray) -> tuple[float, float]:
-    """Parts bar lengths, in spacings: returns the shortest true one, and the margin.
+    """Splits bar lengths, in spacings; returns the shortest true one and the margin.
 
-    With no true bar, infinity, and the margin of a bar that just could have been true.
+    If no bar is true: infinity, and the margin of a bar that would just have been true.
     """
     surely_false, surely_true = _UNSURE
     falling = np.sort(length)[::-1]
-    # Cut c calls the first c bars true; sentinels stand for a bar that is just true, and no bar.
+    # Cut c calls the first c bars true; sentinels stand for a bar that is just true and for no bar.
     above = np.concatenate([[np.inf], falling])
     below = np.concatenate([falling, [np.finfo(float).tiny]])
     allowed = (above >= surely_false) & (below <= surely_true)
@@ -101,17 +101,17 @@ def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
     """Computes the persistence diagram of the alpha filtration of points in space.
 
     Args:
-        points: `(K, 3)`, at least 5, of no common plane.
+        points: `(K, 3)`, at least 5, not in one plane.
 
     Returns:
         Three arrays `(bars, 2)`, births and deaths in the unit of the points, for H0, H1 and H2;
-        bars of no length are left out, one component never dies (infinity).
+        bars of zero length are omitted, one component never dies (infinity).
 
     Raises:
         ValueError: the points are too few or lie in a plane.
     """
     appearing = zip(*alpha_filtration(points), strict=True)
-    # Faces before what they bound, when both appear at once.
+    # A face comes before the simplices that it bounds if they appear at the same radius.
     in_order = sorted(appearing, key=lambda pair: (pair[1], len(pair[0])))
     simplices = [simplex for simplex, _ in in_order]
     radius = [radius2 for _, radius2 in in_order]
@@ -128,11 +128,11 @@ def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
 def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[float]]:
     """Lists the simplices of the alpha complex, and the squared radius at which each appears.
 
-    A simplex appears with its smallest circumsphere if that holds no other point, else with the
-    first of the simplices that it bounds.
+    A simplex appears at the radius of its smallest circumsphere if that is empty, else together
+    with the first of the simplices that it bounds.
 
     Returns:
-        Simplices as sorted tuples of points, from corners to tetrahedra, and squared radii.
+        Simplices as sorted tuples of point indices, from corners to tetrahedra; squared radii.
     """
     points, tetrahedra = delaunay(points)
     radius2 = circumspheres(points, tetrahedra)[1]
@@ -156,7 +156,7 @@ def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[fl
 
 
 def delaunay(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulates points in space, moved by a millionth of their extent into general position.
+    """Triangulates points in space, jittered into general position by 1e-6 of their extent.
 
     Args:
         points: `(K, 3)`.
@@ -169,18 +169,18 @@ def delaunay(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     points = np.asarray(points, dtype=float)
     if points.ndim != 2 or points.shape[1] != 3 or len(points) < 5:
-        raise ValueError(f"points have shape {points.shape}: give at least 5 points, as (K, 3).")
+        raise ValueError(f"points have shape {points.shape}: give at least 5 points, as (K, 3)")
     if not np.isfinite(points).all():
-        raise ValueError("points hold NaN or infinity: embed the representation first.")
+        raise ValueError("points hold NaN or infinity: embed the representation first")
     if flat(points):
-        raise ValueError("points lie in a plane: give points that spread in space.")
+        raise ValueError("points lie in a plane: give points that spread in space")
     jitter = np.random.default_rng(0).uniform(-1e-6, 1e-6, points.shape) * np.ptp(points)
     moved = points + jitter
     return moved, np.sort(Delaunay(moved).simplices, axis=1)
 
 
 def flat(points: np.ndarray) -> bool:
-    """Whether `(K, 3)` points lie in a plane, as an alpha complex in space needs them not to."""
+    """Whether `(K, 3)` points lie in a plane, and so have no alpha complex in space."""
     extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     return bool(extent[2] < 1e-6 * extent[0])
 
@@ -204,10 +204,10 @@ def circumspheres(points: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray
 
 
 def _persistence_pairs(simplices: Sequence[tuple[int, ...]]) -> list[tuple[int, int | None]]:
-    """Pairs the simplex that gives birth to each class with the one that kills it, or None.
+    """Pairs the simplex that creates each homology class with the one that kills it, or None.
 
-    The standard reduction over Z/2, from tetrahedra down: a simplex that is known to give birth
-    need not be reduced (Chen and Kerber).
+    This is the standard reduction over Z/2, from tetrahedra down: a simplex that is known to create
+    a class is not reduced (Chen and Kerber).
 
     Args:
         simplices: in order of appearance, faces first.

@@ -1,7 +1,7 @@
-"""Ways to measure the body, by name: which kernels are neighbours, how far apart, how to lay out.
+"""Shape metrics by name: which kernels are neighbours, how far apart, how to lay them out.
 
-Each metric turns the representation of one part of the body into a graph along it. Distances are
-shortest paths on it.
+Each metric turns the representation of one part of the body into a graph along its surface.
+Distances are shortest paths on this graph.
 """
 
 from __future__ import annotations
@@ -35,35 +35,35 @@ from selftouch_drake.agent.shape.revolute import revolute_coordinates
 
 Progress = Callable[[float], None]
 
-# Sums in another order, by another number of threads, would train another network.
+# The number of threads changes the order of sums, and so the network that is trained.
 _one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 
-#: Networks of the learned metric. The second one learns first what to expect.
+#: Most networks that the learned metric trains. The second first learns to predict sensations.
 _MOST_NETWORKS = 2
 
-#: A learned map does not know the neighbours if more of its steps than this join kernels that feel
-#: nothing in common, as neighbours on a body share receptors: below 0.01 where a map came out
-#: right (six joints), 0.2 to 0.9 where it did not (nine joints and more).
+#: A learned map is rejected if more than this share of its edges join kernels that feel nothing in
+#: common, since neighbours on a body share receptors: below 0.01 where a map was right (six
+#: joints), 0.2 to 0.9 where it was not (nine joints and more).
 _MOST_UNLIKE = 0.015
 
-#: Lengths by the map are not to be trusted if ways along it and ways by feel disagree by this share
-#: (standard deviation): 0.03 to 0.07 where a map came out right, 0.08 and more where it did not.
+#: Lengths in the map are rejected if paths measured by map and by sensation differ by this share
+#: (standard deviation): 0.03 to 0.07 where a map was right, 0.08 and more where it was not.
 _MOST_APART = 0.075
 
-#: Configurations of a set that ask for their nearest, for the literal metric: all 1e12 pairs of
-#: 1000 sets of 1000 take minutes, and their minimum changes by a scale.
+#: Configurations of each set whose nearest neighbours the literal metric searches: all 1e12 pairs
+#: of 1000 sets of 1000 take minutes, and change the minima only by a common factor.
 _LITERAL_QUERIES = 40
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class BodyGraph:
-    """Steps along the body, between kernels or, where a kernel is cut, between its pieces.
+    """A graph along the body. Its nodes are kernels or, where a kernel is cut, its pieces.
 
     Attributes:
-        edges: `(E, 2)` pairs of nodes, i < j, that connect all.
+        edges: `(E, 2)` pairs of nodes, i < j; the graph is connected.
         length: `(E,)` positive, in the metric's unit.
-        kernel: `(N,)` the kernel that each node is of, rising; None if nodes are kernels.
-        doubt: what could not be trusted, and what was taken instead; None if nothing was doubted.
+        kernel: `(N,)` the kernel of each node, ascending; None if nodes are kernels.
+        doubt: what could not be trusted, and what was used instead; None without doubt.
     """
 
     edges: np.ndarray
@@ -77,8 +77,8 @@ class Metric:
     """A way to measure a part of the body.
 
     Attributes:
-        graph: builds the graph from a representation, a seed and what to call with the fraction
-            done.
+        graph: builds the graph from a representation, a seed, and a function that is called with
+            the fraction done.
         layout: lays out N nodes from the graph and `(N, N)` shortest paths on it.
         naive: whether it knows only motor configurations and sensations.
         calibrated: whether it is known how its layouts show their error: see `confidence`.
@@ -91,7 +91,7 @@ class Metric:
 
 
 def literal(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
-    """The paper to the letter: the complete graph of minimum distances, in rad."""
+    """Exactly as in the paper: the complete graph of minimum distances, in rad."""
     (minimum,) = set_distances(
         representation.kernel_x,
         representation.kernel_offsets,
@@ -113,19 +113,19 @@ def motor(representation: QuotientRepresentation, seed: int, progress: Progress)
 def sensorimotor(
     representation: QuotientRepresentation, seed: int, progress: Progress
 ) -> BodyGraph:
-    """The same neighbours, as far apart as the angle between their target sensations."""
+    """The same neighbours; the length of an edge is the angle between target sensations."""
     edges = representation.edges
     return BodyGraph(edges=edges, length=_angles(representation.target_sensations, edges))
 
 
 @_one_thread
 def learned(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
-    """Neighbours in a quotient map learned from motor kernels, and lengths by map and by feel.
+    """Neighbours in a quotient map learned from motor kernels; lengths from map and sensations.
 
-    What is off in the lengths of the map and in the angles between sensations is hardly the same:
-    the geometric mean of both is better than either. And where a network came out bad, they
-    disagree, so that another is tried; if that does no better, lengths are those by feel alone. If
-    no network knows the neighbours, the metric is `sensorimotor`.
+    Lengths in the map and angles between sensations have nearly independent errors, so their
+    geometric mean is better than either. Where they disagree, the network is bad, and another is
+    trained. If that is no better, the angles alone are used. If no network finds the neighbours,
+    the `sensorimotor` metric is used.
     """
 
     def of_network(number: int) -> Progress:
@@ -155,18 +155,18 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
     if not tries:
         graph = sensorimotor(representation, seed, progress)
         doubt = f"{share_unlike:.0%} of the neighbours in the learned map feel nothing in common"
-        return replace(graph, doubt=f"{doubt}; the sensorimotor metric takes its place")
+        return replace(graph, doubt=f"{doubt}; the sensorimotor metric is used instead")
     apart, graph, felt = min(tries, key=lambda one: one[0])
     if apart < _MOST_APART:
         return replace(graph, length=np.sqrt(graph.length * felt))
-    doubt = f"lengths in the learned map and by feel disagree by {apart:.1%}"
-    return replace(graph, length=felt, doubt=f"{doubt}; those by feel are taken")
+    doubt = f"lengths from the learned map and from sensations differ by {apart:.1%}"
+    return replace(graph, length=felt, doubt=f"{doubt}; those from sensations are used")
 
 
 def _felt_lengths(targets: np.ndarray, ends: np.ndarray, length: np.ndarray) -> np.ndarray:
-    """`(E,)` angles between the sensations of two kernels `ends` `(E, 2)`, scaled as `length`.
+    """`(E,)` angles between the target sensations of `ends` `(E, 2)`, scaled to match `length`.
 
-    Between pieces of one kernel, which are felt as one, `length` itself.
+    Pieces of one kernel share a target sensation: between them it is `length` itself.
     """
     felt = _angles(targets, ends)
     one = ends[:, 0] == ends[:, 1]
@@ -175,9 +175,9 @@ def _felt_lengths(targets: np.ndarray, ends: np.ndarray, length: np.ndarray) -> 
 
 
 def _disagreement(graph: BodyGraph, felt: np.ndarray) -> float:
-    """Standard deviation of the logarithm of the ratio of ways by two lengths of their steps.
+    """Standard deviation of the log ratio of geodesic distances by two edge lengths.
 
-    Ways of less than half the median length are left out: on them, chance has not averaged out.
+    Paths shorter than half the median are excluded: on them, random errors do not average out.
     """
     num_nodes = int(graph.edges.max()) + 1
     by_map, by_feel = (
@@ -198,7 +198,7 @@ def _angles(targets: np.ndarray, ends: np.ndarray) -> np.ndarray:
 def revolute_reference(
     representation: QuotientRepresentation, seed: int, progress: Progress
 ) -> BodyGraph:
-    """Not naive: the same in coordinates found by one who knows that all joints turn."""
+    """Not naive: neighbours and lengths in coordinates found by knowing that all joints turn."""
     return _between_cells(
         *revolute_coordinates(representation.kernel_q, representation.kernel_offsets)
     )

@@ -1,8 +1,8 @@
-"""Wide cells cut in pieces, so that the body is sampled evenly.
+"""Cuts wide cells into pieces, so that the body is sampled evenly.
 
-All targets are equally far apart in what is felt. Where receptors are missing, wide stretches of
-skin feel alike and are one kernel: a gap between the points of a layout, and a false loop round it.
-But a quotient map is smooth, and tells the motor configurations of such a kernel apart.
+Target sensations are evenly spaced. Where receptors are missing, a wide stretch of skin feels alike
+and becomes one kernel. That leaves a gap in the layout, and a false loop around it. But a quotient
+map is smooth, and separates the motor configurations within such a kernel.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from sklearn.cluster import KMeans
 from selftouch_drake.agent.representation.neighbours import neighbour_edges
 from selftouch_drake.agent.shape.cells import Cells
 
-#: Configurations that a piece has at least, on average: fewer do not tell how wide it is.
+#: Fewest configurations per piece, on average: its width cannot be measured with fewer.
 _LEAST_SIZE = 20
 
 
 def cut_wide_cells(
     coordinates: np.ndarray, offsets: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cuts each cell that is twice as large as those around, or more, in pieces of their size.
+    """Cuts each cell at least twice as large as those around it into pieces of their size.
 
-    The pieces are those of k-means in the cell's own tangent plane.
+    k-means in the cell's own tangent plane finds the pieces.
 
     Args:
         coordinates: `(R, D)` of a quotient map, grouped by kernel.
@@ -33,7 +33,7 @@ def cut_wide_cells(
 
     Returns:
         `(R, D)` the same rows grouped by piece, `(P + 1,)` offsets of the pieces, and `(P,)` the
-        kernel that each is of, rising.
+        kernel of each piece, ascending.
     """
     cells = Cells.of(coordinates, offsets)
     sizes = np.diff(offsets)
@@ -50,7 +50,7 @@ def cut_wide_cells(
 
 
 def _times_larger(cells: Cells) -> np.ndarray:
-    """`(K,)` area of each cell over the median of its neighbours, their neighbours, and itself."""
+    """`(K,)` area of each cell over the median area of itself and two rings of neighbours."""
     num_cells = len(cells.area)
     i, j = neighbour_edges(cells.distances()).T
     here = np.arange(num_cells)

@@ -1,14 +1,14 @@
-"""A smooth map from motor space to the quotient space, learned (paper, section II, figure 1).
+"""Learns a smooth map from motor space to the quotient space (paper, section II, figure 1).
 
-The theorem says that motor configurations, those that feel alike being one, are the body's surface.
-So there is a smooth function of the motor configuration that is constant on every motor kernel set
-and tells them all apart. A small network is trained to be one: its outputs should vary little
-within kernels and much across them. It knows motor configurations and which kernel each is in, not
-that joints turn.
+By the theorem, motor configurations become the surface of the body if those that feel alike are
+identified. So there is a smooth function of the motor configuration that is constant on every
+motor kernel set and differs between them. A small network learns one: its outputs should vary
+little within kernels and much across them. It receives motor configurations and the kernel of each;
+it does not know that joints turn.
 
-On some bodies, and with many joints, most networks fold: two places that lie apart come to the same
-outputs. A network that has learned before to expect what is felt seldom does. Where both come out
-right, the network that did not is a little more accurate.
+On some bodies, and with many joints, most networks fold: they map two distant places to the same
+outputs. A network that is first trained to predict sensations seldom folds. Where neither folds,
+the one without this training is slightly more accurate.
 """
 
 from __future__ import annotations
@@ -20,26 +20,26 @@ from scipy.linalg import eigh
 
 from selftouch_drake.agent.network import Network, standardised, train, train_to_expect
 
-#: Three hidden layers of 128, 16 outputs. With 10 outputs some networks fold the torus: they find
-#: finer waves round its ring, and miss that its top is not its bottom.
+#: Three hidden layers of 128, 16 outputs. With 10 outputs some networks fold the torus: they learn
+#: finer waves around its ring, and do not separate its top from its bottom.
 _HIDDEN = (128, 128, 128)
 _NUM_OUTPUTS = 16
 
-#: Steps of training, on 1024 pairs of configurations each; more do not change the body's error.
+#: Training steps, on 1024 pairs of configurations each; more do not change the shape error.
 _NUM_PAIRS = 1024
 _NUM_STEPS = 600
 
-#: Share of the steps in which it learns what to expect, if it does.
+#: Share of the steps in which the network learns to predict sensations, if it does.
 _EXPECTING = 0.25
 
-#: Pairs from which the first outputs are found.
+#: Pairs from which the output layer is initialised.
 _NUM_FIRST_PAIRS = 8192
 
-#: Directions that vary within kernels more than this share of what they vary in all are noise.
+#: Directions with more than this share of their variance within kernels are noise.
 _MOST_WITHIN = 0.1
 _LEAST_DIRECTIONS = 3
 
-#: Rounding of the scatter in single (4 bytes) and double precision, against its mean variance.
+#: Rounding error of the scatter in single (4 bytes) and double precision, over its mean variance.
 _FLOOR = {4: 1e-5, 8: 1e-11}
 
 
@@ -58,7 +58,7 @@ def quotient_coordinates(
         kernel_x: `(R, J)` configurations grouped by kernel, scaled or not.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         seed: the same seed gives the same bytes, on one machine.
-        target_sensations: `(K, S)` to learn first to expect them; None learns without.
+        target_sensations: `(K, S)` that the network first learns to predict; None skips this.
         num_steps: of training.
         progress: called with the fraction done.
 
@@ -67,13 +67,13 @@ def quotient_coordinates(
         that vary least within kernels first.
 
     Raises:
-        ValueError: no kernel holds two configurations, so that nothing tells what is constant.
+        ValueError: no kernel holds two configurations, so nothing shows what must be constant.
     """
     sizes = np.diff(kernel_offsets)
     if sizes.max() < 2:
         raise ValueError(
-            "kernel_q holds one configuration per kernel: the learned metric needs kernels of "
-            "several; babble longer, or ask for fewer targets."
+            "kernel_q holds one configuration per kernel: the learned metric needs several; "
+            "babble longer, or ask for fewer targets"
         )
     rng = np.random.default_rng(seed)
     x = standardised(kernel_x)
@@ -97,7 +97,8 @@ def quotient_coordinates(
             expecting,
             lambda fraction: progress(_EXPECTING * fraction),
         )
-    # The best outputs of the layers so far see all of the body, if dimly; a random start may not.
+    # The best linear outputs of the hidden layers cover the whole body, if weakly; random outputs
+    # may not.
     _, layers, _ = network.forward(pairs(_NUM_FIRST_PAIRS))
     network.weights[-1][:] = eigh(*_scatters(layers[-1].astype(float)))[1][:, :_NUM_OUTPUTS]
     train(
@@ -119,13 +120,13 @@ def _expect(
     num_steps: int,
     progress: Callable[[float], None],
 ) -> None:
-    """Trains the hidden layers of a network so that what is felt is a linear function of them.
+    """Trains the hidden layers of a network so that sensations are a linear function of them.
 
     Args:
         network: its hidden layers are changed.
         x: `(R, J)` float32, standardised configurations grouped by kernel.
         sizes: `(K,)` configurations of each kernel.
-        target_sensations: `(K, S)` what each kernel is to expect.
+        target_sensations: `(K, S)` to be predicted.
         rng: draws the configurations.
         num_steps: of training.
         progress: called with the fraction done.
@@ -147,17 +148,17 @@ def _expect(
 
 
 def scatter_loss(outputs: np.ndarray) -> tuple[float, np.ndarray]:
-    """The scatter within kernels against the scatter in all: `log det S_w - log det S_t`.
+    """Scatter within kernels against total scatter: `log det S_w - log det S_t`.
 
-    No direction counts more than another, so that the network gains as much from a finer wave on
-    the body as from a coarser one. A little of the mean variance is added to both: without a floor
-    one direction that is constant everywhere would win.
+    All directions count alike, so the network gains as much from a finer wave on the body as from
+    a coarser one. A small share of the mean variance is added to both as a floor: without it, one
+    direction that is constant everywhere would win.
 
     Args:
-        outputs: `(2 n, D)` a pair being rows i and n + i, of one kernel.
+        outputs: `(2 n, D)`; rows i and n + i are a pair, of one kernel.
 
     Returns:
-        The loss, and its slope in the outputs (`(2 n, D)`; the floor held fixed).
+        The loss, and its gradient in the outputs (`(2 n, D)`; the floor held fixed).
     """
     half = len(outputs) // 2
     y = outputs.astype(float)
@@ -172,7 +173,7 @@ def scatter_loss(outputs: np.ndarray) -> tuple[float, np.ndarray]:
 
 
 def _scatters(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`(D, D)` scatter within the pairs and in all, each above its floor."""
+    """`(D, D)` scatter within pairs and in total, each plus its floor."""
     half = len(y) // 2
     apart, centred = y[:half] - y[half:], y - y.mean(axis=0)
     within, total = apart.T @ apart / (2 * half), centred.T @ centred / (2 * half)
@@ -187,7 +188,7 @@ def _loss_slope(outputs: np.ndarray) -> np.ndarray:
 def discriminants(
     outputs: np.ndarray, offsets: np.ndarray, *, max_directions: int = _NUM_OUTPUTS
 ) -> np.ndarray:
-    """Linear discriminants: outputs turned and scaled so that noise comes last, and left out.
+    """Linear discriminants: rotates and scales the outputs, and drops the noisy directions.
 
     Args:
         outputs: `(R, F)` grouped by kernel.
@@ -195,7 +196,7 @@ def discriminants(
         max_directions: most coordinates.
 
     Returns:
-        `(R, D)` of unit variance across kernels that all weigh alike.
+        `(R, D)` of unit variance, all kernels weighted alike.
     """
     sizes = np.diff(offsets)
     kernel = np.repeat(np.arange(len(sizes)), sizes)

@@ -1,7 +1,7 @@
-"""A reference that is not naive: quotient coordinates for one who knows that all joints turn.
+"""A reference that is not naive: quotient coordinates found by knowing that all joints turn.
 
-The fingertip of an arm of revolute joints is a sum of products of 1, cos q and sin q, one factor a
-joint. Linear discriminants of all such products find its place without learning anything else.
+The fingertip position of an arm with revolute joints is a sum of products of 1, cos q and sin q,
+one factor per joint. Linear discriminants of all these products find it without further learning.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ import numpy as np
 
 from selftouch_drake.agent.shape.quotient_map import discriminants
 
-#: Configurations a kernel; more do not change the discriminants of 729 products.
+#: Most configurations per kernel; more do not change the discriminants of 729 products.
 _MAX_ROWS = 150
 _MAX_PRODUCTS = 3**7
 
-#: A place in space has three. Measured on a torus of a million touches, they are its place (0.1 %
-#: is left over); a fourth that varied little within kernels was none, and bent the shape.
+#: A position has three coordinates. On a torus with a million touches, three explain the position
+#: (0.1 % is left over). A fourth varied little within kernels, but was not one, and bent the shape.
 _NUM_COORDINATES = 3
 
 
@@ -29,8 +29,8 @@ def revolute_coordinates(
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
 
     Returns:
-        `(M, 3)` coordinates of some of the configurations, in widths of a cell, and `(K + 1,)`
-        their offsets.
+        `(M, 3)` coordinates of some of the configurations, in cell widths, and `(K + 1,)` their
+        offsets.
 
     Raises:
         ValueError: there are more than 7 joints.
@@ -38,7 +38,7 @@ def revolute_coordinates(
     if 3 ** kernel_q.shape[1] > _MAX_PRODUCTS:
         raise ValueError(
             f"q has {kernel_q.shape[1]} joints: the revolute reference takes 7 at most; choose "
-            "the learned metric."
+            "the learned metric"
         )
     sizes = np.minimum(np.diff(kernel_offsets), _MAX_ROWS)
     rows = np.concatenate(
@@ -52,8 +52,8 @@ def revolute_coordinates(
     for angle in kernel_q[rows].astype(np.float32).T:
         factors = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
         products = (products[:, :, None] * factors[:, None, :]).reshape(len(rows), -1)
-    # The first product is the constant, which tells nothing.
+    # The first product is constant.
     found = discriminants(products[:, 1:], offsets, max_directions=_NUM_COORDINATES)
-    # In widths of a cell, which is as wide one way as another: a flat body is not blown up.
+    # Cells are equally wide in all directions: in their widths, a flat body stays flat.
     middle = np.add.reduceat(found, offsets[:-1]) / sizes[:, None]
     return found / (found - np.repeat(middle, sizes, axis=0)).std(axis=0), offsets

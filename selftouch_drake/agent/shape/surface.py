@@ -15,27 +15,27 @@ from selftouch_drake.agent.shape.homology import (
 
 
 def fitted_surface(points: np.ndarray, found: Topology) -> np.ndarray:
-    """Finds the surface through the points: closed if they hold a void, else with a rim.
+    """Finds the surface through the points: closed if they enclose a void, else with a rim.
 
     Args:
         points: `(K, 3)`.
-        found: what `topology` found on these points.
+        found: the topology of these points.
 
     Returns:
-        `(F, 3)` corners of each triangle; counterclockwise seen from outside if there is one.
+        `(F, 3)` corners of each triangle; counterclockwise seen from outside if it is closed.
 
     Raises:
         ValueError: the points are too few or lie in a plane.
     """
     if found.betti[2]:
         return rolled_surface(points, found.scale)
-    # At the scale of a loop's birth triangles are missing still; two spacings cover the surface,
-    # as where components are counted.
+    # At the scale of a loop's birth some triangles are still missing; two spacings cover the
+    # surface, as when components are counted.
     return alpha_surface(points, max(found.scale, 2.0 * found.spacing))
 
 
 def alpha_surface(points: np.ndarray, scale: float) -> np.ndarray:
-    """`(F, 3)` the triangles of the alpha complex of `(K, 3)` points at a scale: it may have a rim.
+    """`(F, 3)` triangles of the alpha complex of `(K, 3)` points at a scale; may have a rim.
 
     Raises:
         ValueError: the points are too few or lie in a plane.
@@ -49,11 +49,11 @@ def alpha_surface(points: np.ndarray, scale: float) -> np.ndarray:
 
 
 def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
-    """Finds the surface on which a ball rolls round the points without falling between them.
+    """Finds the surface on which a ball rolls around the points without falling between them.
 
-    The ball comes from far away and goes from one Delaunay tetrahedron to the next through every
-    triangle that is wider than itself. Where it cannot pass is the surface: closed, and with the
-    loops of the body, if the ball is of the scale at which its topology holds.
+    The ball comes from far away and moves from one Delaunay tetrahedron to the next through every
+    triangle that is wider than itself. Triangles that stop it are the surface. It is closed, and
+    has the loops of the body if the radius is the scale of its topology.
 
     Args:
         points: `(K, 3)`.
@@ -66,7 +66,7 @@ def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
         ValueError: `scale` is not positive, or the points are too few or lie in a plane.
     """
     if not scale > 0:
-        raise ValueError(f"scale={scale}: give a positive radius, such as Topology.scale.")
+        raise ValueError(f"scale is {scale}: give a positive radius, such as Topology.scale")
     points, tetrahedra = delaunay(points)
     num_tetrahedra = len(tetrahedra)
     # Face f of tetrahedron t is opposite its corner f.
@@ -80,7 +80,7 @@ def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
     first, second = order[:-1][same], order[1:][same]
     hull = np.setdiff1d(order, np.concatenate([first, second]))
 
-    # Beyond the hull is one more cell, the outside.
+    # The outside, beyond the hull, is one more cell.
     beyond = np.full(len(hull), num_tetrahedra)
     face = np.concatenate([first, second, hull])
     here = owner[face]
@@ -97,7 +97,7 @@ def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
 
 
 def _outward(points: np.ndarray, faces: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """Turns triangles so that their normals point away from the `(F, 3)` points inside."""
+    """Orders corners so that normals point away from the `(F, 3)` points inside."""
     a, b, c = points[faces].transpose(1, 0, 2)
     inward = np.einsum("fx,fx->f", np.cross(b - a, c - a), inside - a) > 0
     faces = faces.copy()

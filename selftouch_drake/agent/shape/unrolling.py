@@ -1,8 +1,8 @@
-"""Loops that come undone only when gone round several times: torsion of the quotient space.
+"""Torsion of the quotient space: loops that can be filled only if traversed several times.
 
-A loop that no surface fills, while going round it twice (or four times) is filled, is a loop to
-coefficients in Z/2 and none to coefficients in Z/3. Two fingers make one: turn the hand until each
-finger is where the other was, and all feels as before.
+If no surface fills a loop, but one fills the loop traversed twice (or four times), homology over
+Z/2 counts it and homology over Z/3 does not. Two fingers make such a loop: turn the hand until each
+finger is where the other was, and the sensation is as before.
 """
 
 from __future__ import annotations
@@ -16,27 +16,29 @@ from scipy.sparse.csgraph import dijkstra
 
 from selftouch_drake.geometry.farthest import farthest_points
 
-#: Points that loops are looked for on. Their covers hold two and four times as many.
+#: Number of points on which loops are searched. The covers have two and four times as many.
 _NUM_LANDMARKS = 300
 
-#: Least stretch of scale, as a ratio, over which a loop must be one to Z/2 and none to Z/3. Ties
-#: and rounding make stretches up to 1.05 on spaces without torsion.
+#: Shortest range of scales, as the ratio of its ends, on which Z/2 must count a loop that Z/3 does
+#: not. Ties and rounding cause ranges of up to 1.05 on spaces without torsion.
 _LEAST_STRETCH = 1.1
 
-#: A loop of twice the length dies at twice the scale: how far the torsion of a cover is looked for.
+#: The torsion of a cover is searched up to this multiple of the scale: a loop of twice the length
+#: dies at twice the scale.
 _LARGEST = 2.2
 _MOST_COVERS = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Torsion:
-    """What coefficients in Z/2 see of a space and those in Z/3 do not.
+    """Loops of a space that homology over Z/2 counts and homology over Z/3 does not.
 
     Attributes:
-        bars2: `(bars, 2)` births and deaths of loops to coefficients in Z/2.
-        bars3: the same to coefficients in Z/3.
-        scale: `(2,)` ends of the longest stretch of scale on which there are more loops to Z/2.
-        cocycle: `(E, 2)` pairs of points, the turns: going along these steps counts one half.
+        bars2: `(bars, 2)` births and deaths of loops over Z/2.
+        bars3: the same over Z/3.
+        scale: `(2,)` ends of the longest range of scales on which Z/2 counts more loops.
+        cocycle: `(E, 2)` pairs of points; a closed path takes an odd number of these steps if it
+            goes around the loop once.
     """
 
     bars2: np.ndarray
@@ -51,23 +53,23 @@ class Torsion:
 
     @property
     def middle(self) -> float:
-        """A scale amid the stretch, at which the sample covers the space and its loop is open."""
+        """A scale within the range: the sample covers the space, and its loop is not filled."""
         return float(np.sqrt(self.scale.prod()))
 
     @property
     def found(self) -> bool:
-        """Whether the stretch is longer than chance makes it."""
+        """Whether the range is longer than chance explains."""
         return self.stretch >= _LEAST_STRETCH
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Turns:
-    """How many turns a loop takes to come undone.
+    """How many times a loop must be traversed before it can be filled.
 
     Attributes:
-        order: 1 if every loop of chance aside is free or none, else 2, 4 or 8.
-        covers: the torsion of the space, of its double cover, and so on, to the first with none.
-        distances: `(2^n K, 2^n K)` along the last cover; point k lies over k + K, k + 2 K, ... too.
+        order: 1 if there is no torsion, else 2, 4 or 8.
+        covers: torsion of the space, of its double cover, and so on up to the first without any.
+        distances: `(2^n K, 2^n K)` along the last cover; k, k + K, k + 2 K, ... lie over point k.
     """
 
     order: int
@@ -76,14 +78,14 @@ class Turns:
 
 
 def turns(distances: np.ndarray) -> Turns:
-    """Counts the turns after which a loop comes undone, by unrolling the space again and again.
+    """Finds the order of a loop by taking double covers of the space one after another.
 
-    A loop of order 2 and one of order 4 look alike to Z/2 and to Z/3. But a double cover, in which
-    one turn leads to another point, has the loop of two turns left: a loop of order 1 or 2.
+    Z/2 and Z/3 cannot distinguish a loop of order 2 from one of order 4. But a double cover, in
+    which one turn leads to another point, keeps the loop of two turns: its order is 1 or 2.
 
     Args:
-        distances: `(K, K)` symmetric, finite; of a few hundred points, as the last cover is four
-            times as large: `landmarks` chooses.
+        distances: `(K, K)` symmetric, finite; a few hundred points, since the last cover has four
+            times as many: `landmarks` chooses them.
 
     Raises:
         ImportError: ripser is not installed.
@@ -102,35 +104,35 @@ def turns(distances: np.ndarray) -> Turns:
 
 
 def landmarks(distances: np.ndarray, num_landmarks: int = _NUM_LANDMARKS) -> np.ndarray:
-    """Picks points one by one, each the farthest from all before, beginning with point 0.
+    """Picks points one by one, each the farthest from all before, starting with point 0.
 
     Args:
         distances: `(K, K)`.
-        num_landmarks: fewer are returned when there are fewer points.
+        num_landmarks: fewer are returned if there are fewer points.
     """
     return farthest_points(lambda point: distances[point], num_landmarks)
 
 
 def torsion(distances: np.ndarray, largest: float = np.inf) -> Torsion:
-    """Compares the loops of the Rips complex to coefficients in Z/2 and in Z/3.
+    """Compares the loops of the Rips complex over Z/2 and over Z/3.
 
-    By the theorem of universal coefficients the number of loops to Z/p is that of free loops, plus
-    one for each cyclic part of the first homology whose order p divides. So where Z/2 counts more
-    than Z/3, some loop is undone by an even number of turns. Loops of chance, that a ragged sample
-    leaves, are free: both count them alike, and their difference does not see them.
+    By the universal coefficient theorem, the number of loops over Z/p is the number of free loops
+    plus one for each cyclic summand of the first homology whose order p divides. So where Z/2
+    counts more than Z/3, some loop is filled after an even number of turns. False loops, which
+    uneven sampling leaves, are free: both count them, and they cancel in the difference.
 
     Args:
         distances: `(K, K)` symmetric, finite.
-        largest: scale at which to stop looking.
+        largest: scale at which the search stops.
 
     Raises:
         ImportError: ripser is not installed.
         ValueError: distances are not finite.
     """
     if not np.isfinite(distances).all():
-        raise ValueError("distances hold NaN or infinity: connect the quotient graph first.")
+        raise ValueError("distances hold NaN or infinity: connect the quotient graph first")
     ripser = _ripser().ripser
-    # Beyond this radius all is one cone, and no loop lives.
+    # Beyond this radius the complex is a cone, which has no loops.
     last = min(float(distances.max(axis=1).min()), largest)
 
     def bars(prime: int) -> dict:
@@ -146,24 +148,24 @@ def torsion(distances: np.ndarray, largest: float = np.inf) -> Torsion:
     of2, of3 = bars(2), bars(3)
     bars2, bars3 = (np.minimum(found["dgms"][1], last).astype(float) for found in (of2, of3))
     scale = _excess(bars2, bars3)
-    # The loop that is filled where the stretch ends; it was born before the stretch began.
+    # The loop that is filled where the range ends and was born before the range began.
     ends = np.abs(bars2[:, 1] - scale[1]) + 1e9 * (bars2[:, 0] > scale[0])
     cocycle = of2["cocycles"][1][int(ends.argmin())][:, :2] if len(bars2) else np.empty((0, 2), int)
     return Torsion(bars2=bars2, bars3=bars3, scale=scale, cocycle=cocycle)
 
 
 def double_cover(distances: np.ndarray, found: Torsion) -> np.ndarray:
-    """Unrolls a space twice: two points for each, and a turn of the loop leads to the other.
+    """Double cover of a space: two points for each, and one turn of the loop leads to the other.
 
-    Of chords on a sphere whose ends are not told apart it makes chords whose ends are.
+    It turns chords of a sphere whose ends are interchangeable into chords with distinct ends.
 
     Args:
-        distances: `(K, K)` that `found` was found on.
+        distances: `(K, K)` of the space.
         found: its torsion.
 
     Returns:
-        `(2 K, 2 K)` shortest paths through steps no longer than the middle of the stretch; point k
-        lies over k and over k + K. Infinite where there is no path.
+        `(2 K, 2 K)` shortest paths through steps no longer than the middle of the range; k and
+        k + K lie over point k. Infinite where there is no path.
     """
     num = len(distances)
     flips = np.zeros((num, num), dtype=bool)
@@ -177,7 +179,7 @@ def double_cover(distances: np.ndarray, found: Torsion) -> np.ndarray:
 
 
 def _excess(bars2: np.ndarray, bars3: np.ndarray) -> np.ndarray:
-    """The stretch of scale, longest as a ratio, on which more bars of the first kind live."""
+    """The range of scales, longest as a ratio of its ends, on which `bars2` has more bars alive."""
     ends = np.unique(np.concatenate([bars2.ravel(), bars3.ravel()]))
 
     def alive(bars: np.ndarray) -> np.ndarray:
@@ -200,7 +202,6 @@ def _ripser() -> ModuleType:
         import ripser
     except ImportError:
         raise ImportError(
-            "persistent homology to other coefficients needs ripser: "
-            "pip install 'selftouch-drake[homology]'"
+            "ripser is not installed; torsion needs it: pip install 'selftouch-drake[homology]'"
         ) from None
     return ripser

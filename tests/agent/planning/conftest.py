@@ -5,7 +5,7 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 
 def ring_representation(num_kernels=24, members=6, *, links=None, seed=0):
-    """Kernels round a circle of radius 1 rad in the first two of three joints."""
+    """Kernels on a circle of radius 1 rad in the first two of three joints."""
     rng = np.random.default_rng(seed)
     angle = 2 * np.pi * np.arange(num_kernels) / num_kernels
     centre = np.stack([np.cos(angle), np.sin(angle), np.zeros(num_kernels)], axis=1)

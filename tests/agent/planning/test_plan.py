@@ -125,7 +125,7 @@ def test_errors_say_what_to_do(ring, planner, arguments, message):
 
 def test_where_no_links_lead_the_plan_lifts_off(make_ring):
     ring = make_ring(links=[])
-    # One half of the ring is felt by other receptors than the other half.
+    # Different receptors feel the two halves of the ring.
     feel = ring.target_sensations
     half = np.repeat([1.0, 0.0], 12)[:, None]
     apart = dataclasses.replace(

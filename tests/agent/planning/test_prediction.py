@@ -8,7 +8,7 @@ SENSORS = 2 * np.pi * np.arange(12) / 12
 
 
 def felt_at(q):
-    """What is felt round the ring of `make_ring`: a narrow bump where the finger is."""
+    """The sensation on the ring of `make_ring`: a narrow bump at the finger."""
     angle = np.arctan2(q[..., 1], q[..., 0])
     bump = np.exp(8.0 * (np.cos(angle[..., None] - SENSORS) - 1.0))
     return bump / np.linalg.norm(bump, axis=-1, keepdims=True)
@@ -45,7 +45,7 @@ def test_a_prediction_begins_with_what_is_felt_now(dense):
     remembered = felt_at(dense.kernel_q.astype(float))
     (first,) = predict_sensation(dense, plan, np.zeros(1), remembered).sensation
     assert np.allclose(first, remembered[5], atol=1e-6)
-    # Where nothing is stored, the target sensation has to do.
+    # Away from stored configurations, the target sensation is predicted.
     elsewhere = Planner(dense).plan(dense.kernel_q[5] + 0.01, 0, 3)
     (first,) = predict_sensation(dense, elsewhere, np.zeros(1), remembered).sensation
     assert np.allclose(first, dense.target_sensations[0], atol=1e-6)

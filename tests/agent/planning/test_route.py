@@ -49,7 +49,7 @@ def route(representation, q_start, start, goal, **options):
     return None if nodes is None else nodes.tolist()
 
 
-# Kernel 0 holds an arm up (0.0) and an arm down (9.0); 1 lies near the one, 2 near the other.
+# Kernel 0 holds 0.0 (arm up) and 9.0 (arm down); kernel 1 is near the first, 2 near the second.
 FORK = laid_by_hand([[0.0, 9.0], [1.0], [8.0], [4.5]], [[0, 1], [0, 2], [1, 3], [2, 3]])
 
 
@@ -59,7 +59,7 @@ def test_the_route_depends_on_where_the_arm_is(q_start, through):
 
 
 def test_a_step_starts_from_the_configuration_that_was_carried_there():
-    # Kernel 1 reaches 2 by its member at 10, but the arm comes in by the one at 1.
+    # Kernel 1 reaches 2 from its member 10.0, but the arm enters it at 1.0.
     line = laid_by_hand(
         [[0.0], [1.0, 10.0], [10.5], [3.0], [6.0]],
         [[0, 1], [1, 2], [0, 3], [3, 4], [2, 4]],
@@ -146,7 +146,7 @@ def test_links_join_what_feels_alike_and_what_the_graph_joins(make_ring):
 
 
 def test_a_kernel_may_be_passed_twice_to_change_posture():
-    # The goal is near 2.9, far from where the arm enters kernel 1; kernel 2 lies between.
+    # The goal is near 2.9, far from 0.5, where the arm enters kernel 1; kernel 2 is in between.
     detour = laid_by_hand([[0.0], [0.5, 2.9], [1.8], [3.4]], [[0, 1], [1, 2], [1, 3]])
     assert route(detour, 0.0, 0, 3) == [0, 1, 2, 1, 3]
 
@@ -155,5 +155,5 @@ def test_a_light_touch_counts_as_firm_where_there_is_none_else():
     by_hand = laid_by_hand([[0.0, 0.1, 0.2, 0.3, 0.4, 5.0, 6.0, 0.5, 0.6], [1.0]], [[0, 1]])
     strength = np.array([3.0, 3.0, 3.0, 2.0, 2.0, 2.0, 0.1, 1.0, 0.2, 1.0])
     object.__setattr__(by_hand, "kernel_strength", strength)
-    # The strong third, and 5.0; 6.0 is alone as well, but hardly felt.
+    # The strongest third, and 5.0; 6.0 is isolated too, but very light.
     assert firm_members(by_hand, 0, 0).tolist() == [0, 1, 2, 5]

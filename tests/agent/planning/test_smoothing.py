@@ -5,7 +5,7 @@ from hypothesis.extra.numpy import arrays
 
 from selftouch_drake.agent.planning.smoothing import path_length, polyline, smooth_path
 
-# From a microradian to a radian.
+# Multiples of a microradian, up to a radian.
 joints = st.floats(-1.0, 1.0).map(lambda angle: round(angle, 6))
 waypoints = st.integers(1, 12).flatmap(lambda n: arrays(float, (n, 3), elements=joints))
 

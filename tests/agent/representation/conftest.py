@@ -5,7 +5,7 @@ from selftouch_drake.agent.representation import QuotientLearner
 
 
 def touch_sphere(num_rows: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Sensations of 30 receptors on a unit sphere, and 5 joints of which 2 are redundant."""
+    """Sensations of 30 receptors on a unit sphere, and 5 joints; 2 have no effect."""
     rng = np.random.default_rng(seed)
     touched, receptors = (rng.normal(size=(n, 3)) for n in (num_rows, 30))
     touched /= np.linalg.norm(touched, axis=1, keepdims=True)

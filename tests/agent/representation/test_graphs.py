@@ -33,7 +33,7 @@ def test_complete_edges():
 @pytest.mark.parametrize(
     ("num_mutual", "num_kept", "edges"),
     [
-        (1, 0, [[0, 1]]),  # 2 calls 1 near, but not the other way round
+        (1, 0, [[0, 1]]),  # the nearest of 2 is 1, but the nearest of 1 is 0
         (0, 1, [[0, 1], [1, 2], [2, 3]]),
         (2, 1, [[0, 1], [0, 2], [1, 2], [2, 3]]),
         (9, 0, [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]]),

@@ -65,5 +65,5 @@ def test_every_row_has_an_equal_chance():
     kept = np.zeros(40)
     for seed in range(2000):
         kept[sample_kernels(np.zeros(40, dtype=int), 10, seed=seed).row] += 1
-    # 2000 draws of chance 1/4: 500, standard deviation 19.
+    # 2000 draws with probability 1/4: mean 500, standard deviation 19.
     assert np.abs(kept - 500).max() < 5 * 19

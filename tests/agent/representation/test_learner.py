@@ -42,7 +42,7 @@ def test_the_graph_is_connected_and_near(experience, representation):
     assert (i < j).all()
     assert (np.diff(i * 1000 + j) > 0).all()
     assert component_labels(representation.edges, 120).max() == 0
-    # The first three joints are the point that is touched.
+    # The first three joints are the place touched.
     place = np.array(
         [representation.kernel_q[representation.members(k), :3].mean(0) for k in range(120)]
     )
@@ -129,7 +129,7 @@ def cut(arrays, *cuts):
 
 @pytest.mark.parametrize("cuts", [(1, 2, 50), (0, 3000, 3000), tuple(range(7, 6000, 701))])
 def test_batches_of_any_size_give_the_same_bytes(cuts, experience, learner, monkeypatch):
-    # A short reservoir and short blocks, so that rows are dropped and cut in both readings.
+    # A small reservoir and small blocks, so that both passes drop rows and split batches.
     monkeypatch.setattr("selftouch_drake.agent.representation.learner.MAX_ROWS", 900)
     monkeypatch.setattr("selftouch_drake.agent.representation.learner.BLOCK", 512)
     monkeypatch.setattr("selftouch_drake.agent.representation.kernels._LEAST_WAITING", 1000)
@@ -188,7 +188,7 @@ def line_of_skin(along):
 
 
 def test_components_of_one_part_and_what_joined_them_are_told():
-    # One skin that is touched at both ends, from far-off postures, and not between.
+    # One skin, touched at both ends from distant configurations, and not in between.
     rng = np.random.default_rng(0)
     there = rng.integers(0, 2, 4000)
     along = rng.uniform(0, 0.3, 4000) + 0.7 * there

@@ -1,4 +1,4 @@
-"""Two hands that are points, each moved by joints of its own, at one skin."""
+"""Two point-like hands, each moved by its own joints, touch one skin."""
 
 import dataclasses
 
@@ -15,11 +15,11 @@ NUM_ROWS = 40_000
 
 
 def two_hands(seed=0):
-    """Joints of the left hand, of the right, and one that moves nothing; which hand touches."""
+    """Joints of the left hand, of the right hand, and one without effect; which hand touches."""
     rng = np.random.default_rng(seed)
     points = on_sphere(rng, NUM_ROWS)
     is_left = rng.random(NUM_ROWS) < 0.5
-    # Whatever one joint does, a hand in the air stays there: hands touch seldom.
+    # A hand in the air stays there when a single joint moves, since hands touch seldom.
     q = rng.uniform(1.2, 2.0, (NUM_ROWS, 7)) * rng.choice([-1, 1], (NUM_ROWS, 7))
     pressed = points * rng.uniform(0.95, 1.0, (NUM_ROWS, 1))
     q[is_left, LEFT] = pressed[is_left]

@@ -60,7 +60,7 @@ def test_few_queries_stand_for_many():
 @pytest.mark.parametrize("num_threads", [1, 2, 7])
 def test_any_number_of_threads_gives_the_same_bytes(num_threads, monkeypatch):
     _, q, offsets = random_sets([30, 70, 1, 40, 55], 6, 0)
-    # The package has a function of the module's name.
+    # The package exports a function with the same name as the module.
     module = importlib.import_module("selftouch_drake.agent.representation.set_distances")
     monkeypatch.setattr(module, "cpu_count", lambda: num_threads)
     found = set_distances(q, offsets, *SET_DISTANCES)

@@ -7,7 +7,7 @@ from selftouch_drake.agent.representation.touches import (
     separate_touches,
 )
 
-# Six receptors in a row, each overlapping with the next.
+# Six receptors in a row, each overlapping the next.
 ROW = np.eye(6, dtype=bool) | np.eye(6, k=1, dtype=bool) | np.eye(6, k=-1, dtype=bool)
 
 
@@ -39,7 +39,7 @@ def test_overlap_is_found_from_what_is_felt_together():
     rng = np.random.default_rng(0)
     place = rng.uniform(0, 6, 3000)
     field = np.maximum(1 - np.abs(place[:, None] - np.arange(6) - 0.5), 0)
-    # One touch in ten has a second finger, anywhere.
+    # In one touch in ten a second finger touches, anywhere.
     second = field[rng.permutation(3000)] * (rng.random((3000, 1)) < 0.1)
     np.testing.assert_array_equal(overlapping(field + second), ROW)
 

@@ -1,4 +1,4 @@
-"""Bodies of known shape, evenly sampled, and the distances along them."""
+"""Evenly sampled bodies of known shape, and geodesic distances along them."""
 
 import numpy as np
 from scipy.spatial.distance import pdist, squareform
@@ -14,7 +14,7 @@ def sphere(num_points: int, radius: float = 1.0) -> np.ndarray:
 
 
 def torus(num_points: int, ring: float = 0.22, tube: float = 0.09) -> np.ndarray:
-    """Farthest points of a random torus."""
+    """Farthest points of random points on a torus."""
     rng = np.random.default_rng(0)
     u, v = rng.uniform(0, 2 * np.pi, (2, 40 * num_points))
     keep = rng.uniform(0, ring + tube, len(u)) < ring + tube * np.cos(v)
@@ -25,7 +25,7 @@ def torus(num_points: int, ring: float = 0.22, tube: float = 0.09) -> np.ndarray
 
 
 def cube(num_points: int, side: float = 0.44) -> np.ndarray:
-    """Farthest points of a random cube."""
+    """Farthest points of random points on a cube."""
     rng = np.random.default_rng(0)
     points = rng.uniform(-1, 1, (40 * num_points, 3))
     axis = rng.integers(0, 3, len(points))
@@ -34,7 +34,7 @@ def cube(num_points: int, side: float = 0.44) -> np.ndarray:
 
 
 def patch(num_side: int) -> np.ndarray:
-    """A bent square, with an edge and no holes."""
+    """A bent square, with a rim and no holes."""
     x, y = np.meshgrid(*2 * [np.linspace(-1, 1, num_side)])
     return np.stack([x.ravel(), y.ravel(), 0.4 * x.ravel() ** 2], axis=1)
 
@@ -49,7 +49,7 @@ def farthest(points: np.ndarray, num_points: int) -> np.ndarray:
 
 
 def along_sphere(points: np.ndarray) -> np.ndarray:
-    """Great circles."""
+    """Great-circle distances."""
     unit = points / np.linalg.norm(points, axis=1, keepdims=True)
     angle = np.arccos(np.clip(unit @ unit.T, -1, 1))
     np.fill_diagonal(angle, 0)
@@ -57,7 +57,7 @@ def along_sphere(points: np.ndarray) -> np.ndarray:
 
 
 def shape_error(found: np.ndarray, true: np.ndarray) -> float:
-    """RMS after the best similarity, as a share of the largest distance."""
+    """RMS error after the best similarity transform, as a share of the largest distance."""
     a, b = found - found.mean(axis=0), true - true.mean(axis=0)
     u, s, vt = np.linalg.svd(a.T @ b)
     misfit = s.sum() / np.sum(a**2) * a @ (u @ vt) - b
@@ -65,7 +65,7 @@ def shape_error(found: np.ndarray, true: np.ndarray) -> float:
 
 
 def neighbours(points: np.ndarray, num_neighbours: int) -> tuple[np.ndarray, np.ndarray]:
-    """Edges to the nearest, and their lengths."""
+    """Edges between nearest neighbours, and their lengths."""
     distance = squareform(pdist(points))
     nearest = np.argsort(distance, axis=1)[:, 1 : num_neighbours + 1]
     pairs = np.stack([np.repeat(np.arange(len(points)), num_neighbours), nearest.ravel()], axis=1)

@@ -9,7 +9,7 @@ from selftouch_drake.agent.shape import fitted_surface, recover
 
 @pytest.fixture(scope="module")
 def three():
-    """A sphere, a bowl and a tube, and where each kernel truly is."""
+    """A sphere, a bowl and a tube, and the true position of each kernel."""
     q, sensation, skin, place = touch(["sphere", "cap", "tube"], 30_000)
     representation = QuotientLearner(420, random_state=0).fit(sensation, q).representation_
     rows = [representation.kernel_row[representation.members(k)] for k in range(420)]
@@ -55,13 +55,13 @@ def test_a_patch_has_a_surface_with_a_rim(three):
         assert (met >= 2).all() == closed
         assert len(np.unique(faces)) > 0.95 * len(part.places)
         if not closed:
-            # A sheet: hardly an edge is met by more than two triangles.
+            # A sheet: hardly any edge belongs to more than two triangles.
             assert np.mean(met <= 2) > 0.8
 
 
 def test_a_fragment_is_kept_but_not_recovered():
     q, sensation, _, _ = touch(["sphere"], 8000)
-    # A receptor that is touched alone, elsewhere.
+    # A receptor elsewhere that is always touched alone.
     rng = np.random.default_rng(0)
     spot = np.zeros((400, sensation.shape[1] + 2), dtype=np.float32)
     spot[:, -2:] = rng.uniform(0.5, 1.0, (400, 2))

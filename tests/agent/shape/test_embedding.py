@@ -37,7 +37,7 @@ def test_a_sphere_from_exact_geodesics():
     points = sphere(200, radius=0.25)
     found = stress_embedding(along_sphere(points))
     assert shape_error(found.positions, points) < 0.005
-    # The fourth eigenvalue warns that great circles have no flat layout.
+    # Great circles do not fit in three dimensions, as the fourth eigenvalue shows.
     assert 0.02 < found.spectrum[3] < 0.2
 
 
@@ -109,7 +109,7 @@ def test_the_fourth_eigenvalue_warns_of_a_body_that_does_not_fit():
     assert str(told[0].message) == (
         "the recovered body does not fit in space: the fourth eigenvalue is "
         f"{found.fourth_eigenvalue:.0%} of the first, above 15%: babble longer, or choose another "
-        "metric."
+        "metric"
     )
 
 
@@ -124,10 +124,10 @@ def test_bodies_fit_without_a_warning(body):
 def test_errors():
     with pytest.raises(ValueError, match="kernels") as error:
         stress_embedding(np.ones((3, 3)) - np.eye(3))
-    assert str(error.value) == "num_targets=3: a body in space needs 4 kernels or more."
+    assert str(error.value) == "num_targets is 3: a body in space needs 4 kernels or more"
     apart = geodesics(np.array([[0, 1], [2, 3]]), np.ones(2), 4)
     with pytest.raises(ValueError, match="infinite") as error:
         stress_embedding(apart)
-    assert str(error.value) == (
-        "distances are infinite where no path joins: connect the graph first."
+    assert (
+        str(error.value) == "distances are infinite where no path exists: connect the graph first"
     )

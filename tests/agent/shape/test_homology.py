@@ -102,7 +102,7 @@ def test_the_filtration_is_one(num_points, seed):
         for left_out in simplex if len(simplex) > 1 else ():
             face = tuple(v for v in simplex if v != left_out)
             assert appears[face] <= value * (1 + 1e-9)
-    # A triangulated ball.
+    # The Euler characteristic of a triangulated ball.
     counts = np.bincount([len(simplex) for simplex in simplices])[1:]
     assert counts @ [1, -1, 1, -1] == 1
 
@@ -111,8 +111,8 @@ def test_true_bars_agree_with_the_rips_complex():
     points = torus(250)
     alpha = alpha_persistence(points)
     rips = ripser(points, maxdim=1)["dgms"]
-    # Rips balls count a diameter where alpha balls count a radius: within a factor of sqrt(3 / 2),
-    # the same loops.
+    # Rips scales are diameters, alpha scales are radii: up to a factor of sqrt(3 / 2), the loops
+    # are the same.
     for found, expected in ((alpha[1], rips[1] / 2),):
         longest = [bars[np.argsort(bars[:, 0] - bars[:, 1])[:2]] for bars in (found, expected)]
         np.testing.assert_allclose(longest[0], longest[1], rtol=0.25)
@@ -137,11 +137,11 @@ def test_a_thousand_kernels_take_seconds():
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        (np.eye(3), "points have shape (3, 3): give at least 5 points, as (K, 3)."),
-        (np.full((9, 3), np.nan), "points hold NaN or infinity: embed the representation first."),
+        (np.eye(3), "points have shape (3, 3): give at least 5 points, as (K, 3)"),
+        (np.full((9, 3), np.nan), "points hold NaN or infinity: embed the representation first"),
         (
             np.random.default_rng(0).normal(size=(9, 3)) * [1, 1, 0],
-            "points lie in a plane: give points that spread in space.",
+            "points lie in a plane: give points that spread in space",
         ),
     ],
 )

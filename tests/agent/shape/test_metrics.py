@@ -20,7 +20,7 @@ from selftouch_drake.agent.shape.revolute import revolute_coordinates
 
 @pytest.fixture(scope="module")
 def touched():
-    """A learned unit sphere of which the first three joints tell the place touched."""
+    """A learned unit sphere; the first three joints are the place touched."""
     rng = np.random.default_rng(0)
     place, receptors = sphere(12_000), sphere(40)
     sensation = np.clip(place @ receptors.T, 0, None) ** 4 * rng.uniform(0.2, 1, (12_000, 1))
@@ -78,7 +78,7 @@ def test_the_same_seed_learns_the_same_on_any_number_of_threads(touched, bodies)
 
 @pytest.fixture
 def maps(monkeypatch):
-    """Quotient maps that are put in the place of learned ones, in order; used ones are gone."""
+    """Quotient maps that replace the learned ones, in order; used ones are removed."""
     given = []
 
     def take(kernel_x, kernel_offsets, **_):
@@ -104,7 +104,7 @@ def test_without_a_map_that_knows_neighbours_the_metric_is_sensorimotor(touched,
     representation, _ = touched
     rng = np.random.default_rng(0)
     maps += list(rng.normal(size=(2, representation.num_rows, 3)))
-    with pytest.warns(DistrustWarning, match="feel nothing in common; the sensorimotor metric"):
+    with pytest.warns(DistrustWarning, match="feel nothing in common; the sensorimotor metric is"):
         part = recover(representation, "learned", holes=False).parts[0]
     assert part.doubt is not None
     instead = recover(representation, "sensorimotor", holes=False).parts[0]
@@ -115,14 +115,14 @@ def test_lengths_are_felt_where_a_map_is_distorted(touched, maps, monkeypatch):
     representation, place = touched
     maps += [place[representation.kernel_row]] * 2
     monkeypatch.setattr(metrics, "_MOST_APART", 0.0)
-    with pytest.warns(DistrustWarning, match=r"disagree by \d+\.\d%; those by feel are taken"):
+    with pytest.warns(DistrustWarning, match=r"differ by \d+\.\d%; those from sensations are used"):
         part = recover(representation, "learned", holes=False).parts[0]
     assert not maps
     assert shape_error(part.positions, true_positions(*touched)) < 0.03
 
 
 def test_sensations_keep_edges_on_the_surface(touched):
-    """An arm that comes near the antipode by chance is told apart by what it feels there."""
+    """An arm that by chance comes near the antipode feels something else there."""
     representation, place = touched
     true = true_positions(representation, place)
     far = np.argmax(np.linalg.norm(true - true[0], axis=1))
@@ -145,7 +145,7 @@ def test_who_knows_that_joints_turn_finds_the_place():
     rng = np.random.default_rng(1)
     angle = rng.uniform(-np.pi, np.pi, (60, 3))
     q = np.repeat(angle, 40, axis=0) + 0.02 * rng.standard_normal((2400, 3))
-    # The last joint moves nothing.
+    # The last joint has no effect.
     q[:, 2] = rng.uniform(-np.pi, np.pi, 2400)
     found, offsets = revolute_coordinates(q, np.arange(61) * 40)
     assert found.shape == (2400, 3)
@@ -167,14 +167,14 @@ def test_errors(touched):
         recover(touched[0], "visual")
     assert str(error.value) == (
         "metric 'visual' is unknown: choose one of literal, motor, learned, sensorimotor, "
-        "revolute_reference."
+        "revolute_reference"
     )
     single = QuotientLearner(6).fit(np.eye(6), np.arange(6.0)[:, None]).representation_
     with pytest.raises(ValueError, match="one configuration") as error:
         recover(single, "learned")
     assert str(error.value) == (
-        "kernel_q holds one configuration per kernel: the learned metric needs kernels of "
-        "several; babble longer, or ask for fewer targets."
+        "kernel_q holds one configuration per kernel: the learned metric needs several; "
+        "babble longer, or ask for fewer targets"
     )
     kernel_q = np.zeros((len(touched[0].kernel_q), 8))
     every = {"joint_scale": np.ones(8), "mode_joints": np.ones((1, 8), dtype=bool)}
@@ -182,5 +182,5 @@ def test_errors(touched):
     with pytest.raises(ValueError, match="8 joints") as error:
         recover(wide, "revolute_reference")
     assert str(error.value) == (
-        "q has 8 joints: the revolute reference takes 7 at most; choose the learned metric."
+        "q has 8 joints: the revolute reference takes 7 at most; choose the learned metric"
     )

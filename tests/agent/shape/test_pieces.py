@@ -5,7 +5,7 @@ from selftouch_drake.agent.shape.pieces import cut_wide_cells
 
 
 def cells_on_a_sphere(centres, points):
-    """`points` grouped by the nearest of `centres`."""
+    """`points`, grouped by the nearest of `centres`."""
     owner = np.argmax(points @ centres.T, axis=1)
     order = np.argsort(owner, kind="stable")
     counts = np.bincount(owner, minlength=len(centres))

@@ -38,7 +38,7 @@ def test_slope_of_the_loss_is_that_of_finite_differences():
     rng = np.random.default_rng(1)
     middle = rng.standard_normal((20, 3))
     y = np.concatenate([middle, middle + 0.3 * rng.standard_normal((20, 3))])
-    # The floor, which the slope holds fixed, weighs 1e-4 at most.
+    # The gradient holds the floor fixed, which changes it by 1e-4 at most.
     expected = central_difference(lambda: scatter_loss(y)[0], y, 1e-6)
     np.testing.assert_allclose(scatter_loss(y)[1], expected, atol=1e-3)
 
@@ -88,7 +88,7 @@ def test_coordinates_are_constant_on_kernels_and_differ_between_them():
 
 def test_cells_measure_a_bent_sheet_in_their_own_widths():
     rng = np.random.default_rng(6)
-    # Cells of width 0.03 on a cylinder of radius 1, 0.1 apart; the third axis counts double.
+    # Cells of width 0.03, 0.1 apart, on a cylinder of radius 1; the third axis is doubled.
     turn, height = (a.ravel() for a in np.meshgrid(np.arange(10) / 10, np.arange(8) / 10))
     around = np.repeat(turn, 200) + 0.03 * rng.standard_normal(80 * 200)
     up = np.repeat(height, 200) + 0.03 * rng.standard_normal(80 * 200)

@@ -27,7 +27,7 @@ def volume(points: np.ndarray, faces: np.ndarray) -> float:
 def test_the_surface_is_closed_outward_and_encloses_the_body(points, characteristic, solid):
     faces = fitted_surface(points, topology(points))
     directed = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
-    # Closed and consistently turned: every directed edge is met once, and once backwards.
+    # Closed and consistently oriented: every edge occurs once in each direction.
     assert len(np.unique(directed, axis=0)) == len(directed)
     assert {tuple(e) for e in directed} == {tuple(e) for e in directed[:, ::-1]}
     assert euler(faces) == characteristic
@@ -47,4 +47,4 @@ def test_a_ball_that_falls_through_everywhere_leaves_nothing():
 def test_errors():
     with pytest.raises(ValueError, match="scale") as error:
         rolled_surface(sphere(100), 0.0)
-    assert str(error.value) == "scale=0.0: give a positive radius, such as Topology.scale."
+    assert str(error.value) == "scale is 0.0: give a positive radius, such as Topology.scale"

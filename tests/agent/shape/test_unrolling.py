@@ -8,7 +8,7 @@ from selftouch_drake.agent.shape import double_cover, landmarks, torsion, turns
 
 
 def modulo_turns(num_points: int, order: int) -> np.ndarray:
-    """Distances in the three-sphere, points that differ by an `order`th of a turn being one."""
+    """Distances in the three-sphere modulo rotations by an `order`th of a turn."""
     x = np.random.default_rng(0).standard_normal((4000, 4))
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     z = x[:, :2] + 1j * x[:, 2:]
@@ -61,7 +61,7 @@ def test_a_double_cover_has_two_points_over_each():
     found = torsion(distances)
     unrolled = double_cover(distances, found)
     np.testing.assert_allclose(unrolled, unrolled.T)
-    # A short step of the space is one of each sheet; the two points over one are a turn apart.
+    # Short distances are the same on each sheet; the two points over one are a turn apart.
     sheets = np.minimum(unrolled[:120, :120], unrolled[:120, 120:])
     near = distances <= found.middle
     np.testing.assert_allclose(sheets[near], distances[near], rtol=1e-6)
@@ -83,7 +83,7 @@ def test_swapping_the_ends_of_a_chord_takes_four_turns_to_come_undone():
 
     for told_apart, order in ((False, 4), (True, 2)):
         distances = chords_apart(told_apart)
-        # 150 are too few: the loop of chords is found on 180, as measured.
+        # Measured: 180 points show the loop of chords, 150 are too few.
         picked = landmarks(distances, 180)
         chosen = distances[np.ix_(picked, picked)]
         np.fill_diagonal(chosen, 0)
