@@ -165,7 +165,7 @@ _FOUND = (
     (
         "shape_trusted",
         "",
-        "whether the agent trusts shape and holes: expected error below 4 %, margin 3 or more",
+        "whether the agent trusts shape and holes: expected error below 4 %, margin 4 or more",
         "yes",
     ),
     (
