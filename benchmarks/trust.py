@@ -80,7 +80,10 @@ def confidence(arguments: argparse.Namespace) -> None:
     table = arguments.out / "confidence.csv"
     with CASES.open() as file:
         wanted = list(csv.DictReader(file))
+    done = {_case(row) for row in read(table)}
     for row in wanted:
+        if _case(row) in done:
+            continue
         body, seed = row["body"], int(row["seed"])
         size = {"seed": seed, "babbling": {"num_samples": MOST_TOUCHES}}
         source = body
