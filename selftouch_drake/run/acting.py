@@ -75,7 +75,7 @@ class Pilot:
             NoWayError: none was found.
             ValueError: as `Agent.tour`.
         """
-        q_start = self._some_configuration(*targets)
+        q_start = self.start_of(*targets)
         return self._queried(lambda agent, **how: agent.tour(targets, q_start=q_start, **how))
 
     def plan_from(self, q_start: np.ndarray, goal: int) -> Query:
@@ -237,8 +237,8 @@ class Pilot:
             passage = agent.go_along(plan, slider)
         return agent, plan, passage
 
-    def _some_configuration(self, *targets: int) -> np.ndarray:
-        """Where the joints are when it is asked: any configuration of the first kernel."""
+    def start_of(self, *targets: int) -> np.ndarray:
+        """`(J,)` where the joints are when it is asked: any configuration of the first target."""
         representation = self.agent.representation
         members = representation.kernel_q[representation.members(targets[0])]
         stream = self.world.experiment.random_stream("start", *targets)
