@@ -110,6 +110,13 @@ class Pilot:
             lambda agent, **how: agent.plan_from(q_start, felt, goal, limits=limits, **how)
         )
 
+    def start_of(self, *targets: int) -> np.ndarray:
+        """`(J,)` where the joints are when it is asked: any configuration of the first target."""
+        representation = self.agent.representation
+        members = representation.kernel_q[representation.members(targets[0])]
+        stream = self.world.experiment.random_stream("start", *targets)
+        return members[np.random.default_rng(stream).integers(len(members))].astype(float)
+
     def execute(self, motion: Motion) -> tuple[Execution, Log]:
         """Lets the robot follow a motion from its start; the log has every step of the plant."""
         beside = self.beside(motion) if self.world.experiment.execution.touch_servo else None
@@ -236,10 +243,3 @@ class Pilot:
             plan = make_plan(agent, aside=aside)
             passage = agent.go_along(plan, slider)
         return agent, plan, passage
-
-    def start_of(self, *targets: int) -> np.ndarray:
-        """`(J,)` where the joints are when it is asked: any configuration of the first target."""
-        representation = self.agent.representation
-        members = representation.kernel_q[representation.members(targets[0])]
-        stream = self.world.experiment.random_stream("start", *targets)
-        return members[np.random.default_rng(stream).integers(len(members))].astype(float)
