@@ -4,8 +4,9 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 DEMO ?= runs/demo
+BEFORE ?= build/before
 
-.PHONY: help demo test fuzz kills lint docs wheel bench million memory install clean
+.PHONY: help demo test fuzz kills lint docs wheel bench million memory pictures notebooks install clean
 
 help:  ## what one can ask for
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -33,11 +34,17 @@ docs: $(VENV)/.installed-docs  ## the documentation, with a reference from the c
 wheel: $(VENV)/bin/python  ## the package as one file, into dist
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
-bench: $(VENV)/.installed-bench  ## what a touch costs, beside what one would write instead
-	$(BIN)/python benchmarks/babbling.py
+bench: $(VENV)/.installed-bench $(BEFORE)/Makefile  ## what everything costs, beside what one would have instead
+	$(BIN)/python benchmarks/table.py --before $(BEFORE)
 
-pictures: $(VENV)/.installed  ## draw the pictures of the README anew, from a run of 400,000 touches
+$(BEFORE)/Makefile:  # the version that `bench` compares with
+	git worktree add --detach $(BEFORE) 3128edc
+
+pictures: $(VENV)/.installed-test  ## draw all pictures of README and documentation anew: half an hour
 	$(BIN)/python benchmarks/pictures.py
+
+notebooks: $(VENV)/.installed-test  ## run all notebooks, and store what they show: an hour
+	$(BIN)/python benchmarks/notebooks.py
 
 million: $(VENV)/.installed  ## collect a million touches of sphere, cube and torus
 	$(BIN)/python benchmarks/million.py
@@ -48,8 +55,8 @@ memory: $(VENV)/.installed  ## peak memory of every stage at RUN's touches and a
 install: $(VENV)/.installed  ## the package and what it needs, into .venv
 
 $(VENV)/bin/python:
-	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 11) <= v <= (3, 13))' || \
-	  { echo 'Python 3.11 to 3.13 is needed; name one with `make PYTHON=python3.12 ...`'; exit 1; }
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 11) <= v <= (3, 14))' || \
+	  { echo 'Python 3.11 to 3.14 is needed; name one with `make PYTHON=python3.12 ...`'; exit 1; }
 	@$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); \
 	  echo 'Python cannot make a virtual environment; try `sudo apt install python3-venv`'; exit 1; }
 

@@ -1,6 +1,7 @@
 """Shape and contact over the number of joints: a torus that turns on more and more of them.
 
     python benchmarks/joints.py --joints 6 7 9 12 16 --pairs 20 --out runs/joints
+    python benchmarks/joints.py --out runs/joints --picture docs/images/joints.png
 
 The paper's arm touches a torus on a neck of joints that turn about z, y and x in turn; the more
 there are, the less each one turns. What has run already is not run again.
@@ -9,18 +10,24 @@ there are, the less each one turns. What has run already is not run again.
 from __future__ import annotations
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
 from itertools import pairwise
-from multiprocessing import get_context
 from pathlib import Path
+from typing import Any
 
 import yaml
+from babbled import babbled
+from matplotlib.figure import Figure
 
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.resources import MODELS
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
-from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.show.style import BLUE, GREEN, ORANGE, styled
+
+Metrics = dict[str, Any]
+
+#: The metrics shown, and how each is drawn.
+COLORS = {"motor": ORANGE, "sensorimotor": BLUE, "learned": GREEN}
 
 #: Joints of the arm; rad, how far each of three joints of a neck turns; m, from neck to body.
 _ARM, _TURN, _NECK = 6, 0.65, 0.25
@@ -83,8 +90,8 @@ def experiment_file(folder: Path, num_joints: int) -> str | Path:
     return file
 
 
-def measured(num_joints: int, arguments: argparse.Namespace) -> str:
-    """A line of the table."""
+def measured(num_joints: int, arguments: argparse.Namespace) -> Metrics:
+    """The figures of a run with so many joints, which is made unless it is there."""
     size = {
         "seed": arguments.seed,
         "babbling": {"num_samples": arguments.touches},
@@ -92,26 +99,48 @@ def measured(num_joints: int, arguments: argparse.Namespace) -> str:
         "evaluation": {"num_pairs": arguments.pairs},
     }
     experiment = load_experiment(experiment_file(arguments.out, num_joints), size)
-    run = RunDirectory.create(arguments.out / f"run_{num_joints}", experiment)
-    world = World(experiment)
-    if not stages.has_babbled(run):
-        with ProcessPoolExecutor(mp_context=get_context("spawn")) as executor:
-            stages.babble(run, world, executor)
+    run = babbled(arguments.out / f"run_{num_joints}", experiment)
     if not stages.has_learned(run):
         stages.learn(run)
     if "execution_contact_mean" not in run.metrics():
-        stages.evaluate(run, world)
-    found = run.metrics()
-    errors = " | ".join(
-        f"{found['shape_rms_fraction_by_metric'][metric]:.1%}"
-        for metric in ("motor", "sensorimotor", "learned")
-    )
+        stages.evaluate(run, World(experiment))
+    return run.metrics()
+
+
+def line(num_joints: int, found: Metrics) -> str:
+    """A line of the table."""
+    errors = " | ".join(f"{found['shape_rms_fraction_by_metric'][metric]:.1%}" for metric in COLORS)
     holes = " ".join(map(str, found["topology_betti"]))
     return (
         f"| {num_joints} | {errors} | {holes} | {found['planning_contact_straight_mean']:.1%} "
         f"| {found['execution_contact_mean']:.1%} / {found['execution_contact_worst']:.0%} "
         f"| {found['execution_reach_rate']:.0%} | {found.get('shape_doubt_by_part', [''])[0]} |"
     )
+
+
+@styled
+def picture(found: dict[int, Metrics]) -> Figure:
+    """Shape error by every metric, and contact of plans, over the number of joints."""
+    joints = sorted(found)
+    figure = Figure(figsize=(8.4, 3.4), layout="constrained")
+    shape, contact = figure.subplots(1, 2)
+    for metric, color in COLORS.items():
+        error = [100 * found[n]["shape_rms_fraction_by_metric"][metric] for n in joints]
+        shape.plot(joints, error, "o-", color=color, label=metric)
+    shape.set(ylabel="shape error (% of the extent)", ylim=(0, None))
+    for key, label, color, style in (
+        ("execution_contact_mean", "first execution, mean", BLUE, "o-"),
+        ("execution_contact_worst", "first execution, worst", BLUE, "o:"),
+        ("planning_contact_straight_mean", "without practice, mean", ORANGE, "o-"),
+    ):
+        share = [100 * found[n][key] for n in joints]
+        contact.plot(joints, share, style, color=color, label=label)
+    contact.set(ylabel="time in contact (%)", ylim=(0, 102))
+    for ax in (shape, contact):
+        ax.set(xlabel="joints")
+        ax.set_xticks(joints)
+        ax.legend()
+    return figure
 
 
 def main() -> None:
@@ -124,6 +153,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=20)
     parser.add_argument("--seed", type=int, default=501)
     parser.add_argument("--out", type=Path, default=Path("runs/joints"))
+    parser.add_argument("--picture", type=Path, help="a file to draw the table into")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     print(
@@ -131,8 +161,12 @@ def main() -> None:
         "| contact, mean / worst | reached | doubt |"
     )
     print("|---|---|---|---|---|---|---|---|---|")
+    found = {}
     for num_joints in arguments.joints:
-        print(measured(num_joints, arguments), flush=True)
+        found[num_joints] = measured(num_joints, arguments)
+        print(line(num_joints, found[num_joints]), flush=True)
+    if arguments.picture:
+        picture(found).savefig(arguments.picture)
 
 
 if __name__ == "__main__":

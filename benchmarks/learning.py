@@ -22,14 +22,13 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 from memory import peak_memory_mb
 from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
-from selftouch_drake.agent.representation.set_distances import _nearest_squared
+from selftouch_drake.agent.representation.set_distances import _NOT_TOLD, _nearest_squared
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
@@ -45,15 +44,18 @@ def measure_peers(representation: QuotientRepresentation, num_sets: int, turns: 
     The ways take turns; each has float32 or float64 as it likes best, trees included.
     """
     chosen = np.random.default_rng(0).choice(representation.num_targets, num_sets, replace=False)
-    sets = [representation.kernel_x[representation.members(k)] for k in chosen]
+    sets = [
+        representation.scaled(representation.kernel_q[representation.members(k)]).astype(np.float32)
+        for k in chosen
+    ]
     doubles = [np.asarray(members, dtype=float) for members in sets]
     members, offsets = np.concatenate(sets), np.cumsum([0, *map(len, sets)])
-    nearest_squared = _nearest_squared(members.shape[1])
+    nearest_squared = _nearest_squared(members.shape[1], False)
 
     def here() -> list[np.ndarray]:
         tables = [np.empty((num_sets, len(a)), dtype=np.float32) for a in sets]
         for a, table in zip(sets, tables, strict=True):
-            nearest_squared(np.ascontiguousarray(a.T), members, offsets, table)
+            nearest_squared(np.ascontiguousarray(a.T), members, offsets, table, _NOT_TOLD)
         return [np.sqrt(table) for table in tables]
 
     def tree() -> list[np.ndarray]:
@@ -145,26 +147,6 @@ def grid(largest: int) -> list[tuple[str, int, int, int]]:
     ]
 
 
-def draw(points: list[dict], path: Path) -> None:
-    """Time and memory over each thing that grows."""
-    labels = {"rows": "touches", "targets": "target sensations", "kernel size": "kernel size"}
-    figure, axes = plt.subplots(2, 3, figsize=(9, 5), sharey="row", layout="constrained")
-    for column, (grown, label) in enumerate(labels.items()):
-        own = [point for point in points if point["grown"] == grown]
-        x = [point[grown.replace(" ", "_")] for point in own]
-        for row, (key, name) in enumerate(
-            (("processor_s", "processor time (s)"), ("peak_MB", "peak memory (MB)"))
-        ):
-            axis = axes[row, column]
-            axis.plot(x, [point[key] for point in own], "o-")
-            axis.set(xscale="log", xlabel=label if row else "")
-            axis.set_ylim(0, 1.1 * max(point[key] for point in points))
-            if column == 0:
-                axis.set_ylabel(name)
-            axis.grid(alpha=0.3)
-    figure.savefig(path, dpi=120)
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("run", type=Path)
@@ -172,7 +154,6 @@ def main() -> None:
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--largest", type=int, default=10_000_000, help="most touches")
     parser.add_argument("--data", type=Path, default=Path("learning.csv"))
-    parser.add_argument("--plot", type=Path, default=Path("learning.png"))
     parser.add_argument("--child", type=json.loads, help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.child is not None:
@@ -209,7 +190,6 @@ def main() -> None:
             writer.writerow(point)
             file.flush()
             print(f"{key[0]:>12,}{key[1]:>10,}{key[2]:>8,}{'':<4}{_costs(point)}", flush=True)
-    draw(points, arguments.plot)
 
 
 def _costs(found: dict[str, float]) -> str:

@@ -18,7 +18,6 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from selftouch_drake.experience import ExperienceReader, Shard, walk_sizes, write_shard
@@ -92,7 +91,6 @@ def main() -> None:
     parser.add_argument("--times", type=int, default=10, help="as many touches in the larger")
     parser.add_argument("--targets", type=int, default=300, help="target sensations of both")
     parser.add_argument("--data", type=Path, default=Path("docs/data/memory.csv"))
-    parser.add_argument("--plot", type=Path, default=Path("docs/images/memory.png"))
     parser.add_argument("--stage", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.stage:
@@ -120,22 +118,6 @@ def main() -> None:
     print(f"\n{'':<26}{sizes[0]:>12,}{sizes[1]:>12,}{'more':>8}")
     for stage, (small, large) in peaks.items():
         print(f"{stage:<26}{small:>9.0f} MB{large:>9.0f} MB{large / small - 1:>8.1%}")
-    draw(peaks, sizes, arguments.plot)
-
-
-def draw(peaks: dict[str, list[float]], sizes: list[int], path: Path) -> None:
-    """Two bars a stage."""
-    figure, axis = plt.subplots(figsize=(7, 3), layout="constrained")
-    place = np.arange(len(STAGES))
-    for which, size in enumerate(sizes):
-        height = [peaks[stage][which] for stage in STAGES]
-        bars = axis.bar(place + 0.36 * which, height, 0.34, label=f"{size:,} touches")
-        axis.bar_label(bars, fmt="%.0f", fontsize=8)
-    axis.set_xticks(place + 0.18, [stage.replace(", ", ",\n") for stage in STAGES])
-    axis.set_ylabel("peak memory (MB)")
-    axis.margins(y=0.15)
-    axis.legend(loc="upper left", ncols=2, frameon=False)
-    figure.savefig(path, dpi=120)
 
 
 if __name__ == "__main__":

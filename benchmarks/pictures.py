@@ -1,50 +1,96 @@
-"""Draws the pictures of the README and of the documentation's first page. Run it as a script.
+"""Draws all pictures of the README and the documentation into `docs/images`.
 
-    python benchmarks/pictures.py --runs runs/pictures
+    python benchmarks/pictures.py                  # all of them
+    python benchmarks/pictures.py live two_fingers # some
+    python benchmarks/pictures.py --check          # are they as the code would draw them now?
 
 `body_shape.png` and `plan_path.png` are figures of a torus' report, `moving.gif` its arm under full
-dynamics: coloured receptors feel. What has run already is not run again.
+dynamics, `live.png` the live page, `my_robot.png` the robot of the tutorial. The others are drawn
+from stored tables: see `drawings.py`. What has run already is not run again.
 """
 
 from __future__ import annotations
 
 import argparse
+import ast
+import functools
+import hashlib
+import json
+import re
 import shutil
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
+from drawings import DRAWINGS, ROOT
+from matplotlib.figure import Figure
 from PIL import Image
 
-from selftouch_drake.experiment import load_experiment
+from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
+from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import load_execution
-from selftouch_drake.run.showing import write_figures
-from selftouch_drake.show import PostureCamera
+from selftouch_drake.run.knowledge import load_agent, load_execution
+from selftouch_drake.run.material import Material
+from selftouch_drake.show import FIGURES, LiveShow, PostureCamera
+from selftouch_drake.show.meshcat.live import TARGET
+from selftouch_drake.show.meshcat.server import open_meshcat
 
-IMAGES = Path(__file__).parents[1] / "docs" / "images"
+IMAGES = ROOT / "docs" / "images"
+#: What each picture was drawn with: a digest of the code and the data.
+STAMP = IMAGES / "stamp.json"
+#: Code that pictures of a kind look like, below the package.
+OF_A_RUN = ("show/page/*.py", "show/*.py")
+IN_MESHCAT = ("show/meshcat/*.py", "show/*.py")
+SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 SIZE = {"babbling": {"num_samples": 400_000}, "representation": {"num_targets": 1000}}
-FIGURES = ("body_shape", "plan_path")
 #: Of the tour that is shown: target sensations, frames a second, pixels and colours.
 TOUR = (3, 250, 700, 480, 3)
 RATE_HZ, PIXELS, COLORS = 12, 720, 64
+# Frames of the live page before the picture is taken: in the middle of a motion.
+NUM_FRAMES = 45
+# Pixels of the page without its empty margins.
+LIVE_CLIP = {"x": 160, "y": 180, "width": 730, "height": 285}
 
 
-def run_of(folder: Path) -> tuple[RunDirectory, World]:
+@functools.cache
+def torus(folder: Path) -> Material:
     """A run of the torus, with one executed plan and one executed tour."""
-    experiment = load_experiment("torus", SIZE)
+    material = learned(folder / "torus", load_experiment("torus", SIZE))
+    for targets in (TOUR[:2], TOUR):
+        if not material.run.plan(*targets).exists():
+            stages.plan(material.run, material.world, *targets)
+            stages.execute(material.run, material.world, *targets)
+    return material
+
+
+def tutorial_robot(folder: Path) -> Material:
+    """A run of the robot that the tutorial describes, file by file."""
+    files = folder / "tutorial"
+    files.mkdir(parents=True, exist_ok=True)
+    shutil.copy(ROOT / "docs" / "examples" / "my_arm.urdf", files)
+    page = (ROOT / "docs" / "tutorial.md").read_text(encoding="utf-8")
+    for text in re.findall(r"^```(?:xml|yaml)\n(.*?)^```$", page, re.DOTALL | re.MULTILINE):
+        if name := re.match(r"(?:#|<!--) (\S+\.(?:yaml|sdf))", text):
+            (files / name[1]).write_text(text, encoding="utf-8")
+    return learned(folder / "my_robot", load_experiment(files / "my_robot.yaml"))
+
+
+def learned(folder: Path, experiment: Experiment) -> Material:
+    """A run that has learned."""
     run, world = RunDirectory.create(folder, experiment), World(experiment)
     if not stages.has_babbled(run):
         with ThreadPoolExecutor() as executor:
             stages.babble(run, world, executor)
     if not stages.has_learned(run):
         stages.learn(run)
-    for targets in (TOUR[:2], TOUR):
-        stages.plan(run, world, *targets)
-        stages.execute(run, world, *targets)
-    return run, world
+    return Material(run, world)
+
+
+def figure(name: str, of: Callable[[Path], Material], runs: Path) -> Figure:
+    return FIGURES[name](of(runs))
 
 
 def cropped(pictures: np.ndarray) -> np.ndarray:
@@ -54,12 +100,13 @@ def cropped(pictures: np.ndarray) -> np.ndarray:
     return pictures[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
-def moving(run: RunDirectory, world: World) -> Image.Image:
+def moving(runs: Path) -> None:
     """The executed tour, as a picture that moves."""
-    execution = load_execution(run, *TOUR)
+    material = torus(runs)
+    execution = load_execution(material.run, *TOUR)
     time_s = execution.motion.time_s
     shown = np.searchsorted(time_s, np.arange(0.0, time_s[-1], 1 / RATE_HZ))
-    camera = PostureCamera(world, pixels=PIXELS)
+    camera = PostureCamera(material.world, pixels=PIXELS)
     pictures = [camera.picture(execution.q_measured[i], execution.felt[i]) for i in shown]
     frames = [Image.fromarray(each) for each in cropped(np.array(pictures))]
     # One palette for all, so that colours do not flicker.
@@ -73,20 +120,106 @@ def moving(run: RunDirectory, world: World) -> Image.Image:
         loop=0,
         optimize=True,
     )
-    return first
+
+
+def live(runs: Path) -> None:
+    """The live page in the middle of a motion, as a browser shows it."""
+    from playwright.sync_api import sync_playwright
+
+    material, meshcat = torus(runs), open_meshcat()
+    pilot = Pilot(load_agent(material.run), material.world)
+    show = LiveShow(meshcat, material, lambda *query: pilot.plan_feeling(*query).motion)
+    show.simulation.set_rate(0.0)
+    meshcat.SetSliderValue(TARGET, TOUR[1])
+    for _ in range(NUM_FRAMES):
+        show.step()
+    with sync_playwright() as driver:
+        path = shutil.which("chromium") or shutil.which("google-chrome")
+        browser = driver.chromium.launch(executable_path=path, args=SOFTWARE_GL)
+        page = browser.new_page(viewport={"width": 1200, "height": 620}, device_scale_factor=1.5)
+        page.goto(meshcat.web_url())
+        page.wait_for_timeout(5000)
+        page.screenshot(path=IMAGES / "live.png", clip=LIVE_CLIP, timeout=120_000)
+
+
+def drawn(name: str, runs: Path) -> None:
+    """Draws one picture."""
+    if name in DRAWINGS:
+        picture = DRAWINGS[name]()
+    elif name in OWN:
+        OWN[name](runs)
+        return
+    else:
+        picture = FROM_RUNS[name](runs)
+    picture.savefig(IMAGES / f"{name}.png", bbox_inches="tight", metadata={"Software": None})
+
+
+#: Pictures that write themselves, and figures of runs.
+OWN = {"moving": moving, "live": live}
+FROM_RUNS: dict[str, Callable[[Path], Figure]] = {
+    "body_shape": functools.partial(figure, "body_shape", torus),
+    "plan_path": functools.partial(figure, "plan_path", torus),
+    "my_robot": functools.partial(figure, "body_shape", tutorial_robot),
+}
+
+
+def digest(name: str) -> str:
+    """Digest of the code that draws a picture, and of the tables that it shows."""
+    package = ROOT / "selftouch_drake"
+    files = [package / "show" / "style.py"]
+    if name in DRAWINGS:
+        files += [
+            Path(__file__).with_name("drawings.py"),
+            Path(__file__).with_name("shape_picture.py"),
+        ]
+        files += [*(ROOT / "docs" / "data").glob("*.csv"), *(ROOT / "sweeps").glob("results/*")]
+    else:
+        kinds = IN_MESHCAT if name == "live" else OF_A_RUN
+        files += [Path(__file__), *(file for kind in kinds for file in package.glob(kind))]
+    contents = b"".join(content(file) for file in sorted({*files}))
+    return hashlib.sha256(contents).hexdigest()[:16]
+
+
+def content(file: Path) -> bytes:
+    """What a file holds; of a program, what it does: words about it draw nothing."""
+    if file.suffix != ".py":
+        return file.read_bytes()
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef)) and ast.get_docstring(
+            node
+        ):
+            node.body.pop(0)
+    return ast.dump(tree).encode()
+
+
+def outdated() -> list[str]:
+    """Pictures that other code or data would draw now, as far as their stamp shows."""
+    stamp = json.loads(STAMP.read_text(encoding="utf-8")) if STAMP.exists() else {}
+    return [name for name in ALL if stamp.get(name) != digest(name)]
+
+
+ALL = (*FROM_RUNS, *OWN, *DRAWINGS)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--runs", type=Path, default=Path("runs/pictures"), help="run directory")
-    run, world = run_of(parser.parse_args().runs)
-    write_figures(run, world=world)
-    for name in FIGURES:
-        shutil.copy(run.figures / f"{name}.png", IMAGES / f"{name}.png")
-    moving(run, world)
-    for name in (*FIGURES, "moving"):
+    parser.add_argument("names", nargs="*", help=f"of pictures: {', '.join(ALL)}; default all")
+    parser.add_argument("--runs", type=Path, default=Path("runs/pictures"), help="folder of runs")
+    parser.add_argument("--check", action="store_true", help="draw nothing, name what is outdated")
+    given = parser.parse_args()
+    if given.check:
+        for name in outdated():
+            # As GitHub shows warnings.
+            print(f"::warning::docs/images/{name} was drawn by other code; run `make pictures`")
+        return
+    for name in given.names or ALL:
+        drawn(name, given.runs)
+        stamp = json.loads(STAMP.read_text(encoding="utf-8")) if STAMP.exists() else {}
+        stamp[name] = digest(name)
+        STAMP.write_text(json.dumps(stamp, indent=2, sort_keys=True) + "\n", encoding="utf-8")
         (file,) = IMAGES.glob(f"{name}.*")
-        print(f"{file}: {file.stat().st_size / 1e6:.1f} MB")
+        print(f"{file}: {file.stat().st_size / 1e6:.1f} MB", flush=True)
 
 
 if __name__ == "__main__":

@@ -288,6 +288,13 @@ def measure(name, plan, asked, world: World, representation: QuotientRepresentat
     )
 
 
+def measure_cpu(work: Callable[[], object]) -> float:
+    """s of processor that it takes."""
+    began = time.process_time()
+    work()
+    return time.process_time() - began
+
+
 def timed_path(path: BSpline, world: World) -> TimedPath:
     """The path timed as `selftouch plan` does it."""
     limits = world.limits

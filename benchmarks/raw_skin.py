@@ -15,9 +15,9 @@ from scipy.signal import lfilter
 FIRM = 120.0
 #: Counts, standard deviation of the noise.
 NOISE = 1.0
-#: Counts that the resting level of a receptor goes up or down at most, in the whole recording.
+#: Counts, largest drift of the resting level of a receptor in the whole recording.
 DRIFT = 5.0
-#: Of the way back that a receptor goes in one row after the pressure fell.
+#: Share of the way back to rest that a receptor covers in one row after the pressure fell.
 RECOVERY = 0.5
 #: Share of all readings that are spikes: any number of eight bits.
 SPIKES = 0.01

@@ -40,6 +40,7 @@ import numpy as np
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 from selftouch_drake.agent.shape import METRICS, Body, intrinsic_dimension, recover, topology
+from selftouch_drake.agent.shape.confidence import trusted
 from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader
 from selftouch_drake.files import load_arrays, save_arrays
@@ -67,6 +68,21 @@ class Case:
     targets: int
     receptors: int
     queries: int
+
+    @classmethod
+    def of(
+        cls, run: RunDirectory, *, skin: str, samples: int, targets: int, queries: int = MAX_QUERIES
+    ) -> Case:
+        """The first so many touches of a run, felt through a skin of some wear."""
+        return cls(
+            body=run.experiment.name,
+            seed=run.experiment.seed,
+            skin=skin,
+            samples=samples,
+            targets=targets,
+            receptors=run.experiment.num_receptors,
+            queries=queries,
+        )
 
     @property
     def name(self) -> str:
@@ -167,7 +183,39 @@ def rows(
             "error": round(max(errors.values()), 4),
             **figures,
             **common,
+            "expected_error": body.expected_error,
+            "trusted": trusted(body.expected_error, float(str(figures["margin"]))),
         }
+
+
+def measure(
+    run: RunDirectory, cases: list[Case], wanted: list[tuple[str, int]], out: Path, cache: Path
+) -> None:
+    """Adds the rows of a run's cases, by metrics and network seeds, that a file does not hold."""
+    done = {_key(row) for row in read(out)}
+    experience = None
+    for case in cases:
+        missing = [
+            (metric, seed)
+            for metric, seed in wanted
+            if _key({**dataclasses.asdict(case), "metric": metric, "network_seed": seed})
+            not in done
+        ]
+        if not missing:
+            continue
+        experience = experience or Experience(run)
+        for row in rows(experience, case, missing, cache):
+            _append(out, row)
+            figures = ("body", "seed", "skin", "metric", "network_seed", "error", "betti")
+            print(*(row[name] for name in figures), file=sys.stderr, flush=True)
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    """The rows of a table that may not be there yet."""
+    if not path.exists():
+        return []
+    with path.open() as file:
+        return list(csv.DictReader(file))
 
 
 def main() -> None:
@@ -185,41 +233,19 @@ def main() -> None:
     parser.add_argument("--network-seeds", nargs="+", type=int, default=[0])
     arguments = parser.parse_args()
 
-    done = set()
-    if arguments.out.exists():
-        with arguments.out.open() as file:
-            done = {_key(row) for row in csv.DictReader(file)}
+    wanted = [
+        (metric, seed)
+        for metric in arguments.metrics
+        for seed in (arguments.network_seeds if metric in LEARNING_METRICS else [0])
+    ]
     for path in arguments.runs:
-        run, experience = RunDirectory.open(path), None
+        run = RunDirectory.open(path)
         grid = itertools.product(arguments.skins, arguments.samples, arguments.targets)
-        for skin, samples, targets in grid:
-            case = Case(
-                body=run.experiment.name,
-                seed=run.experiment.seed,
-                skin=skin,
-                samples=samples,
-                targets=targets,
-                receptors=run.experiment.num_receptors,
-                queries=arguments.queries,
-            )
-            wanted = [
-                (metric, seed)
-                for metric in arguments.metrics
-                for seed in (arguments.network_seeds if metric in LEARNING_METRICS else [0])
-            ]
-            missing = [
-                (metric, seed)
-                for metric, seed in wanted
-                if _key({**dataclasses.asdict(case), "metric": metric, "network_seed": seed})
-                not in done
-            ]
-            if not missing:
-                continue
-            experience = experience or Experience(run)
-            for row in rows(experience, case, missing, arguments.cache):
-                _append(arguments.out, row)
-                figures = ("body", "seed", "skin", "metric", "network_seed", "error", "betti")
-                print(*(row[name] for name in figures), file=sys.stderr, flush=True)
+        cases = [
+            Case.of(run, skin=skin, samples=samples, targets=targets, queries=arguments.queries)
+            for skin, samples, targets in grid
+        ]
+        measure(run, cases, wanted, arguments.out, arguments.cache)
     if arguments.out.exists():
         print(summary(arguments.out))
 
@@ -228,9 +254,8 @@ def summary(path: Path) -> str:
     """The table as Markdown: a line for each body, skin, size and metric."""
     columns = ("body", "skin", "samples", "targets", "receptors", "metric")
     groups: dict[tuple[str, ...], list[dict[str, str]]] = {}
-    with path.open() as file:
-        for row in csv.DictReader(file):
-            groups.setdefault(tuple(row[name] for name in columns), []).append(row)
+    for row in read(path):
+        groups.setdefault(tuple(row[name] for name in columns), []).append(row)
     header = (
         *columns,
         "times",
@@ -267,10 +292,12 @@ def _key(row: dict) -> tuple[str, ...]:
 
 
 def _append(path: Path, row: dict[str, object]) -> None:
+    """Adds a row; to a table that lacks some of its columns, without them."""
     path.parent.mkdir(parents=True, exist_ok=True)
+    columns = list(read(path)[0]) if read(path) else list(row)
     begins = not path.exists()
     with path.open("a", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=list(row))
+        writer = csv.DictWriter(file, fieldnames=columns, extrasaction="ignore")
         if begins:
             writer.writeheader()
         writer.writerow(row)

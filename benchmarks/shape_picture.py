@@ -1,18 +1,11 @@
-"""Draws what `selftouch sweep ablation` measured: shape error over receptors, for each metric.
-
-python benchmarks/shape_picture.py sweeps/results/ablation.parquet docs/images/shape_ablation.png
-"""
+"""The picture of what `selftouch sweep ablation` measured: shape error over receptors."""
 
 from __future__ import annotations
-
-import argparse
-from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, styled
-from selftouch_drake.sweep.table import read_table
 
 COLORS = {"motor": ORANGE, "sensorimotor": BLUE, "learned": GREEN}
 LINES = {
@@ -30,7 +23,7 @@ def receptors_of(row: dict) -> int:
 
 @styled
 def ablation(rows: list[dict]) -> Figure:
-    """A panel a body; colours are metrics, marks are touches, lines are targets."""
+    """One panel for each body; colours are metrics, marks are touches, lines are targets."""
     bodies = sorted({row["experiment"] for row in rows})
     figure = Figure(figsize=(3.6 * len(bodies) + 1.9, 3.6), layout="constrained")
     axes = figure.subplots(1, len(bodies), sharey=True, squeeze=False)[0]
@@ -58,15 +51,3 @@ def ablation(rows: list[dict]) -> Figure:
         axes[-1].plot([], [], line, color=INK, markersize=4.0, label=label)
     figure.legend(loc="outside right center")
     return figure
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("table", type=Path, help="table.parquet of the sweep")
-    parser.add_argument("picture", type=Path, help="where it is written: .png, .pdf or .svg")
-    arguments = parser.parse_args()
-    ablation(read_table(arguments.table).to_pylist()).savefig(arguments.picture)
-
-
-if __name__ == "__main__":
-    main()

@@ -2,7 +2,6 @@
 
     python benchmarks/two_fingers.py ideal     # numpy alone: chords on a sphere, a few minutes
     python benchmarks/two_fingers.py touches   # Drake: a hand spread wide, some ten minutes
-    python benchmarks/two_fingers.py figure    # the bars of the touches
     python benchmarks/two_fingers.py mixed     # sensations as they are, one touch or two
     python benchmarks/two_fingers.py runs RUN... # runs of shipped experiments with two fingers
     python benchmarks/two_fingers.py prediction RUN... # what is foretold along their plans
@@ -19,7 +18,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from scipy.sparse import csr_array, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
@@ -129,7 +127,7 @@ def write(name: str, rows: list[dict]) -> None:
 
 
 def ideal(arguments: argparse.Namespace) -> None:
-    """Chords of one length, both ends pressed alike; then told apart; then with lifted fingers."""
+    """Chords of one length, ends pressed alike; then distinguished; then with lifted fingers."""
     rng = np.random.default_rng(arguments.seed)
     receptors = sphere_points(100)
 
@@ -231,7 +229,7 @@ def touches(arguments: argparse.Namespace) -> None:
     print(f"chords {np.percentile(angle, [5, 50, 95]).round(0)} deg; rows of both {len(q)}")
     print(f"as many touches: {(true == 2).sum() / share / 1e6:.2f} M")
 
-    rows, shown = [], {}
+    rows = []
     for num_rows, num_targets in (
         (len(q) // 3, 2000),
         (len(q) // 3, 1000),
@@ -242,7 +240,6 @@ def touches(arguments: argparse.Namespace) -> None:
         for metric, distances in (("motor", by_motor), ("sensation", by_sensation(targets))):
             picked = landmarks(distances, arguments.landmarks)
             found = turns(distances[np.ix_(picked, picked)])
-            shown[metric] = found
             told = dict.fromkeys(("edges_right", "configurations_told", "of_these_right"), np.nan)
             if found.order > 1:
                 told = fingers_told(q, p_WF, row, offsets, picked, distances, found)
@@ -251,7 +248,6 @@ def touches(arguments: argparse.Namespace) -> None:
                 for line in lines(f"two touches, {metric}", found)
             ]
         write(f"touches_s{arguments.seed}", rows)
-        np.savez(arguments.data.with_suffix(".bars.npz"), **bars_of(shown))
 
 
 def mixed(arguments: argparse.Namespace) -> None:
@@ -269,15 +265,6 @@ def mixed(arguments: argparse.Namespace) -> None:
             ]
             print(rows[-1], flush=True)
     write(f"mixed_s{arguments.seed}", rows)
-
-
-def bars_of(shown: dict[str, Turns]) -> dict[str, np.ndarray]:
-    return {
-        f"{metric}_{2**cover}_mod_{prime}": bars
-        for metric, found in shown.items()
-        for cover, t in enumerate(found.covers)
-        for prime, bars in ((2, t.bars2), (3, t.bars3))
-    }
 
 
 def cosine(p: np.ndarray) -> float:
@@ -360,29 +347,6 @@ def leading_sign(i: np.ndarray, j: np.ndarray, sign: np.ndarray, num: int) -> np
     label = np.zeros(num)
     label[inside] = np.where(vectors[:, -1] >= 0, 1.0, -1.0)
     return label
-
-
-def figure(arguments: argparse.Namespace) -> None:
-    """Bars of the space by motor kernel sets, and of its covers, to both coefficients."""
-    bars = np.load(arguments.data.with_suffix(".bars.npz"))
-    names = {1: "Chords, ends alike", 2: "Its double cover:\nends told apart", 4: "Cover of four"}
-    if "motor_4_mod_3" not in bars:
-        raise SystemExit("these touches show no loop of order four; collect more with --rows")
-    unit = np.median(bars["motor_1_mod_3"][:, 1])
-    drawing = Figure(figsize=(9.0, 3.0), layout="constrained")
-    axes = drawing.subplots(1, 3, sharex=True)
-    for ax, (cover, name) in zip(axes, names.items(), strict=True):
-        for prime, colour, side in ((2, "#0072B2", 0.2), (3, "#E69F00", -0.2)):
-            some = bars[f"motor_{cover}_mod_{prime}"] / unit
-            some = some[np.argsort(some[:, 0] - some[:, 1])][:12]
-            place = -np.arange(len(some)) + side
-            ax.hlines(place, some[:, 0], some[:, 1], color=colour, lw=2, label=f"mod {prime}")
-        ax.set_title(name)
-        ax.set_yticks([])
-        ax.set_xlabel("scale, in median deaths")
-    axes[0].legend(loc="lower right", frameon=False)
-    drawing.suptitle("Longest loops of what two fingers feel, from motor kernel sets")
-    drawing.savefig(DOCS / "images" / "two_fingers.png", dpi=150)
 
 
 def num_touchers(contacts: Contacts) -> np.ndarray:
@@ -502,7 +466,6 @@ WHAT = {
     "ideal": ideal,
     "touches": touches,
     "mixed": mixed,
-    "figure": figure,
     "runs": runs,
     "prediction": prediction,
 }

@@ -1,4 +1,4 @@
-"""The paper's agent as a system with ports, in a diagram with its robot and whoever sets its goals.
+"""The paper's agent as a system with ports, in a diagram with its robot and a source of goals.
 
 It has touched a sphere a few thousand times, and knows no more than that. Goals come on a port; the
 agent feels where it is, plans to the sensation that is wanted, and commands the joints.

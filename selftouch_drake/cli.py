@@ -22,14 +22,15 @@ EXPERIMENT = click.argument("experiment", default="cube")
 OUT = click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Run directory. An unfinished run of the same experiment resumes.  [default: runs/NAME]",
+    help="Run directory. An unfinished run of the same experiment resumes.  "
+    "[default: runs/NAME, with what --set changes]",
 )
 SET = click.option(
     "--set",
     "overrides",
     default="{}",
     metavar="YAML",
-    help="Fields to change, as in '{babbling: {num_samples: 20000}}'. Give each variant an --out.",
+    help="Fields to change, as in '{babbling: {num_samples: 20000}}'.",
 )
 WORKERS = click.option(
     "--workers",
@@ -78,12 +79,9 @@ FROM_Q = click.option(
 )
 
 
-FREE = click.option("--free", is_flag=True, help="Use the plan that was made with --from-q.")
-
-
 def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
     """Adds the run, and the options that name one of its plans."""
-    for option in (THROUGH, TO, FREE, FROM, RUN):
+    for option in (THROUGH, TO, FROM_Q, FROM, RUN):
         command = option(command)
     return command
 
@@ -112,7 +110,7 @@ def cli(ctx: click.Context) -> None:
     \b
     selftouch run cube                        do everything, into runs/cube
     selftouch run torus --out runs/my_torus   another body, a run directory of your choice
-    selftouch run cube --out runs/cube_1 --set '{seed: 1, babbling: {num_samples: 20000}}'
+    selftouch run cube --set '{seed: 1}'      a variant, into runs/cube-seed=1
     selftouch plan runs/cube --from 3 --to 250
     selftouch execute runs/cube --from 3 --to 250
     selftouch play runs/cube                  watch it live in a browser
@@ -222,13 +220,14 @@ def import_data(
     from selftouch_drake.experiment import parse_overrides
     from selftouch_drake.run import imported
     from selftouch_drake.run.directory import RunDirectory
+    from selftouch_drake.run.naming import default_path
 
     fields = parse_overrides(overrides)
     read = imported.read_data(data, **how)
     experiment = imported.imported_experiment(
         read, overrides=fields, max_velocity=max_velocity, max_acceleration=max_acceleration
     )
-    directory = RunDirectory.create(out or Path("runs") / experiment.name, experiment)
+    directory = RunDirectory.create(out or default_path(experiment.name, fields), experiment)
     with directory.writing():
         imported.store(directory, read)
     for line in imported.summary(read, experiment):
@@ -304,16 +303,16 @@ def plan(
 def execute(
     run: Path,
     start: int | None,
-    free: bool,
+    q_start: list[float] | None,
     goal: int | None,
     through: list[int] | None,
     max_tries: int | None,
 ) -> None:
     """Execute a plan under full dynamics, and store what was felt."""
     directory = _open(run)
-    targets = _targets(start, [] if free else None, goal, through)
-    if max_tries is not None and (free or through):
-        given = "--free" if free else "--through"
+    targets = _targets(start, q_start, goal, through)
+    if max_tries is not None and start is None:
+        given = "--from-q" if q_start else "--through"
         raise click.UsageError(f"--rehearse is given with {given}; give --from and --to instead")
 
     from selftouch_drake.agent.rehearsal import best
@@ -335,7 +334,11 @@ def execute(
 @cli.command()
 @of_a_plan
 def record(
-    run: Path, start: int | None, free: bool, goal: int | None, through: list[int] | None
+    run: Path,
+    start: int | None,
+    q_start: list[float] | None,
+    goal: int | None,
+    through: list[int] | None,
 ) -> None:
     """Record an executed plan as an HTML page.
 
@@ -343,7 +346,7 @@ def record(
     own page.
     """
     directory = _open(run)
-    targets = _targets(start, [] if free else None, goal, through)
+    targets = _targets(start, q_start, goal, through)
 
     from selftouch_drake.run.showing import write_recording
 
@@ -389,7 +392,7 @@ def report(run: Path, vector: bool) -> None:
     help="Port of the page.  [default: the first free one]",
 )
 def play(run: Path, port: int | None) -> None:
-    """Watch the agent of RUN live, and choose what it shall feel.
+    """Watch the agent of RUN live, and choose what it feels next.
 
     Open the printed address in a browser. End with the button on the page or with Ctrl-C.
     """
@@ -520,29 +523,39 @@ def _targets(
     start: int | None, q_start: list[float] | None, goal: int | None, through: list[int] | None
 ) -> list:
     """Returns the targets that name a plan; checks which options go together."""
+    from selftouch_drake.run.naming import free_start
+
     begins = [start is not None, q_start is not None, through is not None]
     if sum(begins) != 1 or (goal is None) != (through is not None):
         raise click.UsageError(
             "start or goal is missing, or given twice; give --from and --to, or --through alone, "
-            "or a free start (--from-q, --free) and --to"
+            "or a free start (--from-q) and --to"
         )
     if through is None:
-        return ["free" if start is None else start, goal]
+        return [free_start(q_start) if q_start else start, goal]
     if len(through) < 2:
         raise click.UsageError(f"--through is {through[0]}; give at least two target sensations")
     return through
 
 
 def _route(motion) -> str:
-    """The kernels of the route; `off` stands for a place where nothing is felt."""
-    words = ["off" if motion.nodes[0] < 0 else str(motion.nodes[0])]
-    for node, in_air in zip(motion.nodes[1:], motion.in_air, strict=True):
-        if words[-1] == str(node):
+    """The target sensations of the route, and a line for each sign that needs one."""
+    words: list[str] = []
+    before: list[int] = []
+    for node, in_air in zip(motion.nodes, [False, *motion.in_air], strict=True):
+        if before and node == before[-1]:
             continue  # on a slide, or a detour through the air
-        if in_air and words[-1] != "off":
+        if in_air and before[-1] >= 0:
             words.append("| lifts off |")
-        words.append(str(node))
-    return " ".join(words)
+        words.append("off" if node < 0 else f"{node}*" if node in before else str(node))
+        before.append(node)
+    signs = {"off": "nothing is felt there", "*": "felt again, in another posture"}
+    used = [
+        f"{s}: {text}"
+        for s, text in signs.items()
+        if any(w.lstrip("0123456789") == s for w in words)
+    ]
+    return "\n       ".join([" ".join(words), *used])
 
 
 def _tracking(execution, turns) -> str:
@@ -569,11 +582,16 @@ def _load(experiment: str, overrides: str):
 
 
 def _begin(experiment: str, out: Path | None, overrides: str):
+    """Begins or resumes a run, and says where."""
+    from selftouch_drake.experiment import parse_overrides
     from selftouch_drake.run.directory import RunDirectory
+    from selftouch_drake.run.naming import default_path
 
     loaded, world = _load(experiment, overrides)
-    directory = RunDirectory.create(out or Path("runs") / loaded.name, loaded)
+    path = out or default_path(loaded.name, parse_overrides(overrides))
+    directory = RunDirectory.create(path, loaded)
     click.get_current_context().with_resource(directory.writing())
+    click.echo(f"run: {directory.path}")
     return directory, world
 
 
@@ -588,9 +606,9 @@ def _open(run: Path, *, writing: bool = True):
 
 def _babble(directory, world, workers: int | None, scheduler: str | None) -> None:
     from selftouch_drake.run import stages
-    from selftouch_drake.run.executors import dask_executor, local_executor
+    from selftouch_drake.run.executors import HereAndInProcesses, dask_executor
 
-    chosen = dask_executor(scheduler) if scheduler else local_executor(workers)
+    chosen = dask_executor(scheduler) if scheduler else HereAndInProcesses(workers)
     with _progress("babble") as progress, chosen as executor:
         progress(0.0, "the first walks")  # under dynamics they may take minutes
         stages.babble(directory, world, executor, progress)
@@ -624,8 +642,8 @@ def _print_headline(directory) -> None:
     from selftouch_drake.run.figures import headline
 
     table = Table("metric", "value", title=directory.experiment.name, title_justify="left")
-    for name, value in headline(directory.metrics()):
-        table.add_row(name, value)
+    for tile in headline(directory.metrics()):
+        table.add_row(tile.name, tile.value)
     Console().print(table)
 
 

@@ -409,7 +409,7 @@ def parse_fields(text: str | bytes, *, what: str) -> dict[str, Any]:
 
 
 class _UniqueKeys(yaml.SafeLoader):
-    """Refuses a key that is given twice, of which PyYAML keeps the last."""
+    """Refuses a key that is given twice; PyYAML would keep the last."""
 
     def construct_mapping(self, node, deep=False):
         seen = set()

@@ -323,7 +323,10 @@ def test_a_plan_through_the_air_is_shown():
     steps = {"nodes": np.array([3, 17, 120, 131]), "in_air": np.array([False, True, False])}
     assert _route(SimpleNamespace(**steps)) == "3 17 | lifts off | 120 131"
     steps = {"nodes": np.array([NO_KERNEL, 120, 7]), "in_air": np.array([True, False])}
-    assert _route(SimpleNamespace(**steps)) == "off 120 7"
+    assert _route(SimpleNamespace(**steps)) == "off 120 7\n       off: nothing is felt there"
+    steps = {"nodes": np.array([10, 228, 10, 240]), "in_air": np.zeros(3, bool)}
+    again = "10 228 10* 240\n       *: felt again, in another posture"
+    assert _route(SimpleNamespace(**steps)) == again
     steps = {"nodes": np.array([5]), "in_air": np.zeros(0, bool)}
     assert _route(SimpleNamespace(**steps)) == "5"
 

@@ -20,6 +20,8 @@ from selftouch_drake.experiment import (
     parse_overrides,
     shipped_experiments,
 )
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.naming import default_path
 from selftouch_drake.sweep import load_sweep
 
 ROOT = Path(__file__).parents[1]
@@ -48,7 +50,8 @@ def folder(tmp_path_factory):
     """A folder with a small run of the cube, as one has after `selftouch run cube`."""
     folder = tmp_path_factory.mktemp("docs")
     small = {"babbling": {"num_samples": 3000}, "representation": {"metric": "sensorimotor"}}
-    for words in (["babble", "cube", "--set", yaml.safe_dump(small)], ["learn", "runs/cube"]):
+    babble = ["babble", "cube", "--out", "runs/cube", "--set", yaml.safe_dump(small)]
+    for words in (babble, ["learn", "runs/cube"]):
         run_python(["-m", "selftouch_drake.cli", *words], cwd=folder)
     touches = ExperienceReader(folder / "runs" / "cube" / "experience")
     arrays = {name: touches.read(name) for name in ("q", "sensation")}
@@ -82,6 +85,31 @@ def test_the_commands_of_a_page_are_understood(page):
         given = context.params
         if given.get("experiment") in shipped_experiments():
             load_experiment(given["experiment"], parse_overrides(given["overrides"]))
+
+
+HELP = cli.get_help(cli.make_context("selftouch", ["experiments"]))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [HELP, *(page.read_text(encoding="utf-8") for page in PAGES)],
+    ids=["help", *(page.name for page in PAGES)],
+)
+def test_commands_that_make_a_run_work_one_after_another(text, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    lines = [line.strip() for line in text.splitlines()]
+    for line in lines:
+        words = shlex.split(line, comments=True) if line.startswith("selftouch ") else []
+        if words[1:2] not in (["run"], ["babble"]):
+            continue
+        # In `--help`, what follows two spaces says what the line does.
+        words = shlex.split(line.split("   ")[0], comments=True)
+        given = cli.commands[words[1]].make_context(words[1], words[2:]).params
+        if given["experiment"] not in shipped_experiments():
+            continue
+        changes = parse_overrides(given["overrides"])
+        experiment = load_experiment(given["experiment"], changes)
+        RunDirectory.create(given["out"] or default_path(experiment.name, changes), experiment)
 
 
 @pytest.mark.parametrize(

@@ -506,7 +506,7 @@ words = st.sampled_from(
     [
         *("run", "babble", "learn", "plan", "execute", "evaluate", "report", "sweep", "RUN"),
         *("robot", "experiments", "--show"),
-        *("--from", "--to", "--through", "--from-q", "--set", "--free", "--rehearse", "-h", "--"),
+        *("--from", "--to", "--through", "--from-q", "--set", "--rehearse", "-h", "--"),
         *("3", "-1", "99999999999999999999", "1,2", "1,,2", "nan,inf", "0,0,0,0,0,0", "{", "é\0"),
         *("--out=/proc/nowhere", "--version", "--port=1", "--workers=0", "nothing"),
     ]

@@ -105,6 +105,8 @@ def test_an_own_robot_goes_from_touches_to_motions(folder):
         if words[0] == "play":
             continue
         small = ["--set", yaml.safe_dump(SMALL)] if words[0] in ("robot", "run") else []
+        if words[0] == "run":
+            small += ["--out", "runs/my_robot"]
         done = subprocess.run(
             [sys.executable, "-m", "selftouch_drake.cli", *words, *small],
             cwd=folder,

@@ -1,1 +1,1 @@
-"""The naive agent: what it makes of its experience, what it knows of its body, how it plans."""
+"""The naive agent: its representation, its recovered body, its plans."""

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -25,14 +25,15 @@ from selftouch_drake.agent.practice import Passage, go_along, out_of_the_way, pr
 from selftouch_drake.agent.pressing import Pressing, felt_across
 from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge
 from selftouch_drake.agent.representation import (
-    Batches,
-    QuotientLearner,
     QuotientRepresentation,
     felt_kernels,
     kernel_sensations,
 )
-from selftouch_drake.agent.shape import Body, recover
 from selftouch_drake.agent.sliding import Slider
+
+if TYPE_CHECKING:
+    from selftouch_drake.agent.representation import Batches
+    from selftouch_drake.agent.shape import Body
 
 
 # No slots: the planner is built when it is first asked for, and kept.
@@ -40,11 +41,11 @@ from selftouch_drake.agent.sliding import Slider
 class Agent:
     """A naive agent: it knows motor configurations and sensations, and nothing else.
 
-    It is immutable: what changes it returns another agent.
+    It is immutable: methods that change it return another agent.
 
     Attributes:
-        representation: what it made of its experience.
-        memory: what rehearsals have taught it.
+        representation: learned from its experience.
+        memory: of its rehearsals.
         kernel_sensation: `(R, S)` unit L2 norm, what was felt at each configuration of the
             representation; predictions are five times nearer with it. None if it was not kept.
         knot_spacing: rad of path length between knots of smooth paths; larger is smoother.
@@ -82,7 +83,7 @@ class Agent:
         max_kernel_size: int = 1000,
         seed: int = 0,
     ) -> Agent:
-        """Learns from experience that is at hand.
+        """Learns from experience in memory.
 
         Args:
             q: `(n, J)` motor configurations, in the robot's units.
@@ -113,6 +114,8 @@ class Agent:
         Raises:
             ValueError: the experience cannot be learned from; the text says why.
         """
+        from selftouch_drake.agent.representation import QuotientLearner  # not needed to plan
+
         learner = QuotientLearner(**{"num_targets": 500} | parameters, random_state=seed)
         representation = learner.fit_batches(batches).representation_
         sensations = (sensation for sensation, _ in batches())
@@ -122,6 +125,8 @@ class Agent:
 
     def recover(self, metric: str = "learned", *, seed: int = 0) -> Body:
         """Recovers the body: shape, holes and dimension of each of its parts."""
+        from selftouch_drake.agent.shape import recover  # not needed to plan
+
         return recover(self.representation, metric, seed=seed)
 
     def knowing(self, body: Body) -> Agent:
@@ -227,7 +232,7 @@ class Agent:
         v: np.ndarray,
         passage: Passage | None = None,
     ) -> Motion:
-        """A plan that someone timed, with what the agent expects to feel; see `Motion`."""
+        """A plan with times and with the sensations that the agent expects; see `Motion`."""
         expected = self.predict(plan, s, passage)
         return Motion.of(
             plan,
@@ -240,7 +245,7 @@ class Agent:
         )
 
     def judge(self, execution: Execution) -> Try:
-        """What the agent itself makes of an executed plan."""
+        """The agent's own judgement of an executed plan."""
         return judge(execution, self.representation)
 
     def go_along(self, plan: Plan, slider: Slider) -> Passage:
@@ -248,7 +253,7 @@ class Agent:
         return go_along(plan, self.representation, slider)
 
     def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:
-        """Where to move what stands in the way of a plan; see `practice.out_of_the_way`."""
+        """Where to move parts that are in the way of a plan; see `practice.out_of_the_way`."""
         return out_of_the_way(plan, self.representation, slider)
 
     def felt_across(self, motion: Motion, offsets: np.ndarray, slider: Slider) -> Pressing:
@@ -291,7 +296,7 @@ class Agent:
         return Planner(self.representation, knot_spacing=self.knot_spacing)
 
     def _with(self, **changes: Any) -> Agent:
-        """Changes nothing that the planner depends on, so that it goes along."""
+        """A changed agent that keeps the planner, which depends on none of the changes."""
         changed = dataclasses.replace(self, **changes)
         if "planner" in vars(self):
             vars(changed)["planner"] = self.planner

@@ -1,8 +1,7 @@
 """Motions of the agent: planned, timed, executed.
 
-A `Plan` is a path, a `Motion` says when the agent is where on it and what it expects to feel, an
-`Execution` is what became of the motion. Each can be turned into a flat dictionary of arrays and
-back, so that others can keep it.
+A `Plan` is a path. A `Motion` adds times and expected sensations. An `Execution` is a motion with
+its results. Each can be turned into a flat dictionary of arrays and back, for files.
 """
 
 from __future__ import annotations
@@ -76,7 +75,7 @@ class Plan:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Motion:
-    """A plan with times, and what the agent expects to feel.
+    """A plan with times and expected sensations.
 
     W waypoints, J joints, S receptors and T instants, evenly spaced in time.
 
@@ -87,7 +86,7 @@ class Motion:
         waypoints_q: `(W, J)` as of the `Plan`.
         waypoint_s: `(W,)` rad, as of the `Plan`.
         time_s: `(T,)` s.
-        s: `(T,)` rad, how far along the path the agent is to be.
+        s: `(T,)` rad, wanted length along the path.
         q: `(T, J)` motor configurations, in the robot's units.
         v: `(T, J)` their velocities, per second.
         predicted: `(T, S)` unit L2 norm, the expected sensation; null where nothing is expected.
@@ -173,16 +172,16 @@ class Motion:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Execution:
-    """What became of a motion.
+    """A motion with its results.
 
     T instants, S receptors, J joints; N instants at which torques were read.
 
     Attributes:
-        motion: what was to be done.
-        felt: `(T, S)` N, what was felt.
+        motion: the motion.
+        felt: `(T, S)` N, sensations.
         q_measured: `(T, J)` where the joints were, in the robot's units.
         v_measured: `(T, J)` their velocities, per second.
-        torque: `(N, J)` N m or N, what the actuators did.
+        torque: `(N, J)` N m or N, of the actuators.
 
     Raises:
         ValueError: shapes disagree; the text names the first array that does not fit.
@@ -207,7 +206,7 @@ class Execution:
 
     @property
     def contact(self) -> float:
-        """Share of the time in which touch was expected that something was felt; 1 if none was."""
+        """Share of the time with expected touch in which something was felt; else 1."""
         expected = self.motion.touching
         felt = np.any(self.felt, axis=1)[expected]
         return float(np.mean(felt)) if expected.any() else 1.0

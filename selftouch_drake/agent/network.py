@@ -21,7 +21,7 @@ _GAIN = 0.7
 # Momentum of hidden layers; decay of the first and second moment of all others.
 _MOMENTUM, _FIRST, _SECOND = 0.95, 0.9, 0.99
 
-# Rows that pass a network at a time.
+# Rows in one batch.
 _CHUNK = 16_384
 
 
@@ -56,7 +56,7 @@ class Network:
         return cls(weights=weights, biases=[*phases, np.zeros(sizes[-1], np.float32)])
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
-        """`(n, inputs)` to `(n, outputs)`, so many rows at a time that memory is bounded."""
+        """`(n, inputs)` to `(n, outputs)`, in batches that bound the memory."""
         starts = range(0, max(len(x), 1), _CHUNK)
         return np.concatenate([self.forward(x[i : i + _CHUNK])[0] for i in starts])
 
@@ -101,7 +101,7 @@ def train(
     Args:
         network: changed.
         batch: draws `(n, inputs)` float32.
-        loss_slope: tells the slope of the loss in the outputs `(n, outputs)`.
+        loss_slope: returns the slope of the loss in the outputs `(n, outputs)`.
         num_steps: of training.
         progress: called with the fraction done.
     """
@@ -137,7 +137,7 @@ def train_to_expect(
     num_steps: int,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> None:
-    """Trains a network in place to give what is wanted of the kernel that a row is in.
+    """Trains a network in place to return the wanted outputs for the kernel of each row.
 
     Args:
         network: changed.

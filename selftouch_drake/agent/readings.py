@@ -1,9 +1,8 @@
-"""From what the receptors of a real skin read to what is felt (naive).
+"""From raw readings of a real skin to sensations (naive).
 
-Raw readings are no pressures: each receptor rests at a level of its own, the level drifts, there is
-noise, some readings are spikes, and others come back slowly after a touch. All of it is found in
-the readings themselves, because each receptor rests in most rows: one touch is felt by few
-receptors.
+Raw readings are not pressures: each receptor has its own resting level, the level drifts, there is
+noise, some readings are spikes, and others come back slowly after a touch. The readings themselves
+show all this, because each receptor rests in most rows: few receptors feel one touch.
 """
 
 from __future__ import annotations
@@ -22,36 +21,36 @@ _SILENCE = 6.0
 #: Share of normal numbers that are more than one standard deviation below the mean.
 _BELOW = 0.159
 
-#: What a receptor does in a smaller share of the rows is chance. Spikes of eight bits in 1 % of the
-#: readings are one step below rest in 0.004 %.
+#: An event in a smaller share of the rows is chance. Spikes of eight bits in 1 % of the readings
+#: are one step below rest in 0.004 %.
 _SELDOM = 5e-4
 
 #: Rows over which a receptor's resting level counts as constant: at 50 Hz less than two minutes.
 _WINDOW = 5000
 
-#: Rows in which receptors are looked at for noise and company.
+#: Number of rows that are used to find noise and company.
 _SAMPLE = 20_000
 
-#: Rows are successive if the joints move from one to the next by less than this share of what lies
-#: between two rows at random. A robot that crosses its range in a second has 0.04 at 50 Hz.
+#: Rows are successive if the joints move from one to the next by less than this share of the
+#: distance between two random rows. A robot that crosses its range in a second has 0.04 at 50 Hz.
 _SUCCESSIVE = 0.05
 
-#: A touch is felt by at least so many receptors together, where fields overlap. A spike is alone:
+#: Where fields overlap, at least this number of receptors feels a touch. A spike is alone:
 #: with spikes in 1 % of all readings, 1 in 60 has two of 18 neighbours that spike as well.
 _COMPANY = 2
 
-#: Receptors are company for each other if they feel together so many times more often than chance.
+#: Receptors are company if they feel together this many times more often than by chance.
 _LIFT = 3.0
 
-#: If no more of the rows that touch than this have lone readings only, there are no spikes to speak
-#: of: a light touch may be felt by one receptor, and only once.
+#: Up to this share of touching rows may have lone readings only without a sign of spikes: one
+#: receptor alone may feel a light touch.
 _FEW_ALONE = 0.03
 
-#: Readings come back slowly if pressure falls in so many times more rows than it rises in. Without
-#: hysteresis it is 1, as what a robot does at random looks alike forwards and backwards.
+#: Readings come back slowly if pressure falls in this many times more rows than it rises in.
+#: Without hysteresis it is 1: random motion looks the same forwards and backwards.
 _SLOW = 1.2
 
-#: Pressure that is at least this share of the row before does not fall: the rest is noise.
+#: Pressure that is at least this share of the previous row does not fall: the rest is noise.
 _STEADY = 0.95
 
 #: Rows at a time; bounds the memory for the readings as floats.
@@ -64,7 +63,7 @@ class RestlessWarning(UserWarning):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Calibration:
-    """What S receptors read at rest, and from where on a reading counts.
+    """The resting levels of S receptors, and the thresholds above which a reading counts.
 
     Attributes:
         rising: whether readings rise with pressure; those of some skins fall.
@@ -90,7 +89,7 @@ class Calibration:
 
     @property
     def drift(self) -> np.ndarray:
-        """`(S,)` how far the resting level went while it was recorded."""
+        """`(S,)` range of the resting level during the recording."""
         return np.ptp(self.level, axis=0)
 
     def pressure(self, readings: np.ndarray, first_row: int = 0) -> np.ndarray:
@@ -223,7 +222,7 @@ def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
     """`(n,)` bool, rows in which pressure falls, if readings come back slowly; else none.
 
     After a touch ends, a slow receptor still reads it for a while. Pressure then falls in many more
-    rows than it rises in, and what is read while it falls is of the past.
+    rows than it rises in, and falling readings describe the past.
 
     Args:
         rows: `(n,)` of the recording, rising.
@@ -371,7 +370,7 @@ def _company(felt: np.ndarray, num_rows: int) -> np.ndarray | None:
     chance = np.outer(counts, counts) / num_rows
     company = (together > _LIFT * chance) & (together > chance + 3.0 * np.sqrt(chance) + 2.0)
     np.fill_diagonal(company, False)
-    # Where fields do not overlap, nobody can say what is a spike.
+    # Without overlap of fields, spikes cannot be recognised.
     if np.median(company.sum(axis=1)) < _COMPANY:
         return None
     alone = ~_shared(felt, company).any(axis=1)

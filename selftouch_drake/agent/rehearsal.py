@@ -23,12 +23,12 @@ _MOST_PENALTY = LOSS_FACTOR**6
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RehearsalMemory:
-    """What the agent remembers of its rehearsals; it outlasts them, and serves every later plan.
+    """What the agent remembers of its rehearsals, for every later plan.
 
     Attributes:
         link_penalty: `(L,)` factors on the cost of the links of its planner, 1 or more.
-        slides: ways between touches that were practised, where straight ones lose contact.
-        num_tries: motions that were executed to learn it.
+        slides: practised ways between touches whose straight connection loses contact.
+        num_tries: number of executed motions behind it.
         belongs_to: fingerprint of the representation whose links these are.
     """
 
@@ -113,12 +113,12 @@ class Try:
     """One executed plan, as the agent itself can judge it.
 
     Attributes:
-        contact: share of the time in which touch was expected that something was felt.
-        reached: whether the last sensation was nearest to the one that was wanted.
+        contact: share of the time with expected touch in which something was felt.
+        reached: whether the last sensation was nearest to the goal.
         lost_links: `(n,)` rows of the planner's `links` on which nothing was felt; the
             last link of the plan if the goal was missed.
         lost_steps: `(n,)` steps of the plan on which nothing was felt.
-        execution: what was executed and felt.
+        execution: of the plan.
     """
 
     contact: float
@@ -129,7 +129,7 @@ class Try:
 
     @property
     def perfect(self) -> bool:
-        """Whether there is nothing left to do better."""
+        """Whether nothing can be improved."""
         return self.reached and self.contact == 1.0
 
 
@@ -137,7 +137,7 @@ def judge(execution: Execution, representation: QuotientRepresentation) -> Try:
     """Judges an executed plan by what was felt along it.
 
     Args:
-        execution: what was executed and felt.
+        execution: of the plan.
         representation: the one that the plan was made with.
     """
     motion, links = execution.motion, execution.motion.links
@@ -164,16 +164,16 @@ def rehearse(
     *,
     max_tries: int,
 ) -> tuple[list[Try], Mind]:
-    """Tries until nothing is lost any more, each time with what the tries before have taught.
+    """Tries until no contact is lost; each try uses what the earlier ones taught.
 
     Args:
-        attempt: plans with what is known, executes and judges; None if there is no way.
-        learn: what is known after a try.
-        mind: what is known before; an agent, or its memory.
-        max_tries: most tries, at least one.
+        attempt: plans, executes and judges; returns None if there is no way.
+        learn: returns what is known after a try.
+        mind: what is known at first; an agent, or its memory.
+        max_tries: largest number of tries, at least one.
 
     Returns:
-        The tries in order (`best` says which one to keep), and what is known after them.
+        The tries in order (`best` chooses the one to keep), and what is known after them.
 
     Raises:
         ValueError: `max_tries` is below one.

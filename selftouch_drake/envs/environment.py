@@ -21,7 +21,7 @@ from selftouch_drake.robot.limits import JointLimits
 from selftouch_drake.robot.world import drakes_refusals
 from selftouch_drake.show import PostureCamera
 
-# s, from one action to the next: as often as a person corrects a movement, four times over.
+# s, between actions: four times as often as a person corrects a movement.
 PERIOD_S = 0.05
 # N, above all readings of a skin that does not saturate.
 _LARGEST_READING = 1000.0
@@ -34,7 +34,7 @@ Observation = dict[str, np.ndarray]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Truth:
-    """What an agent never sees, for whoever scores it.
+    """The truth, which the agent never sees, for scoring.
 
     Attributes:
         q: `(J,)` rad or m, where the joints truly are.
@@ -51,7 +51,7 @@ class Truth:
 
 
 class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
-    """A robot under dynamics, with soft skins, that may do what it likes: it is never rewarded.
+    """A robot under dynamics with soft skins, free to do anything: the reward is always 0.
 
     An observation is a dictionary of float32:
 
@@ -179,7 +179,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         return None
 
     def truth(self) -> Truth:
-        """What the agent never sees; it changes nothing."""
+        """The truth, which the agent never sees; reading it changes nothing."""
         q = self._simulation.q.copy()
         return Truth(
             q=q,

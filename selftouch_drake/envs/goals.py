@@ -11,7 +11,7 @@ from selftouch_drake.envs.environment import Observation, SelfTouchEnv
 from selftouch_drake.envs.postures import Contacts, contacts_of, touching_posture
 from selftouch_drake.robot import LOG_PERIOD
 
-#: So like the wanted sensation is a sensation that counts as it.
+#: Likeness from which on a sensation counts as the wanted one.
 REACHED = 0.9
 
 
@@ -29,7 +29,7 @@ def likeness(achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
 
 
 class ReachEnv(SelfTouchEnv):
-    """As `SelfTouchEnv`, and the robot is rewarded for feeling a wanted sensation.
+    """Like `SelfTouchEnv`, with a reward for feeling a wanted sensation.
 
     An observation has two entries more, as Gymnasium's environments with goals have them:
     `desired_goal` `(S,)`, the sensation that is wanted, and `achieved_goal` `(S,)`, the one that is
@@ -110,7 +110,7 @@ class ReachEnv(SelfTouchEnv):
 
 
 class SlideEnv(ReachEnv):
-    """As `ReachEnv`, without ever losing contact: whoever feels nothing has failed.
+    """Like `ReachEnv`, but an episode fails as soon as nothing is felt.
 
     The robot starts in touch, and an episode terminates when nothing is felt at one of the looks
     that are taken every 0.01 s. If both start and goal are left to chance, the same skin is touched

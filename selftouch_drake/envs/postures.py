@@ -9,9 +9,9 @@ import numpy as np
 from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.robot import Touches, World
 
-# Postures that are asked at once: with one touch in thirty, some of them touch.
+# Postures per batch: with one touch in thirty, some of them touch.
 _BATCH = 512
-# Where none of so many is as wanted, no more are tried.
+# Number of postures after which the search ends.
 _MOST_BATCHES = 400
 
 #: Which skins are touched by what: pairs of numbers of a skin and a toucher.
@@ -25,7 +25,7 @@ class Posture:
     Attributes:
         q: `(J,)` rad or m.
         sensation: `(S,)` N, what is felt there without time.
-        contacts: who touches whom.
+        contacts: the touching pairs.
     """
 
     q: np.ndarray
@@ -54,15 +54,15 @@ def touching_posture(
 ) -> Posture:
     """A posture that the robot can take and in which it touches itself firmly.
 
-    Firm are the stronger half of the touches that chance makes, as those that plans run through.
+    Firm are the stronger half of random touches, as in plans.
 
     Args:
         world: of the robot.
-        random: where chance comes from.
-        contacts: who is to touch whom; anybody by default.
+        random: source of randomness.
+        contacts: pairs that are to touch; any pairs by default.
 
     Raises:
-        ExperimentError: none of very many touches so.
+        ExperimentError: no such posture was found among very many.
     """
     lower, upper = world.robot.babbled_range
     for _ in range(_MOST_BATCHES):
@@ -82,5 +82,5 @@ def touching_posture(
 
 
 def contacts_of(touches: Touches) -> Contacts:
-    """Who touches whom at any of some instants."""
+    """The touching pairs at any of some instants."""
     return frozenset(zip(touches.skin.tolist(), touches.toucher.tolist(), strict=True))

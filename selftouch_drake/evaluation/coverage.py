@@ -1,4 +1,4 @@
-"""How well babbling covers the skins."""
+"""Coverage of the skins by babbling."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def touch_density(vertices: np.ndarray, faces: np.ndarray, touches: np.ndarray) 
 
 
 def coverage(skins: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> dict[str, float]:
-    """Figures of coverage, of all skins together, as `metrics.json` names them.
+    """Metrics of coverage, of all skins together, as `metrics.json` names them.
 
     The share of the skins' area where a fingertip's print was touched at least n times, and
     evenness: the entropy of touches over area, as a share of the largest possible; 1 is even.

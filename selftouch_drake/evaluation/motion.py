@@ -60,7 +60,7 @@ def cosine_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def summarise(scores: list[MotionScore], prefix: str) -> dict[str, float]:
-    """Figures of several motions, as `metrics.json` names them."""
+    """Metrics of several motions, as `metrics.json` names them."""
     contact = [score.contact for score in scores]
     return {
         f"{prefix}_num_pairs": len(scores),
@@ -76,7 +76,7 @@ def summarise(scores: list[MotionScore], prefix: str) -> dict[str, float]:
 def calibration(
     errors: list[np.ndarray], spreads: list[np.ndarray], shares: tuple[float, ...] = (0.5, 0.9)
 ) -> dict[float, float]:
-    """How well predicted uncertainty holds: the share of errors within the predicted bands.
+    """Checks predicted uncertainty: the share of errors within the predicted bands.
 
     The factor from spread to band is learned from the first half of the motions, such that it holds
     the wanted share of their errors (split conformal prediction), and judged by the second half.
@@ -132,7 +132,7 @@ def in_link_frames(p_WT: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
 
 
 def progress_along(s: np.ndarray, q: np.ndarray, q_measured: np.ndarray) -> np.ndarray:
-    """How far along the planned path the robot truly was.
+    """The robot's true progress along the planned path.
 
     The robot lags behind by milliradians. Where the plan begins and ends at rest its progress is as
     small, so that the measured path over planned progress would seem to jerk there.
@@ -168,7 +168,7 @@ def spatial_jerk_reduction(
     """How many times smaller the jerk of a fingertip's path in space is than the polyline's.
 
     Both are sampled every 0.02 rad of planned path length; jerk is the root mean square of third
-    differences, so that it tells of the path, and not of how fast it was followed.
+    differences, so that it measures the path, and not the speed along it.
 
     Args:
         s: `(T,)` rad, where on the planned path the robot was.

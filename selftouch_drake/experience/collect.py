@@ -30,6 +30,8 @@ from selftouch_drake.robot.joints import remembered
 PATIENCE = 2_000_000
 # Executors may run jobs in threads, as Dask's do, but a world serves one at a time.
 _WORLD_LOCK = Lock()
+# The world that this process has already, by the text of its experiment.
+_KNOWN: dict[str, World] = {}
 
 
 class NeverTouchesError(ValueError):
@@ -107,6 +109,7 @@ def collect(
     fingerprint: str,
     executor: Executor,
     progress: Callable[[int], None] = lambda num_rows: None,
+    world: World | None = None,
 ) -> WalkCounts:
     """Collects what is missing of a run's experience and returns the steps of all walks.
 
@@ -118,6 +121,7 @@ def collect(
         fingerprint: of the experience, which every shard carries.
         executor: where the walks run; its workers must see the folder.
         progress: called with the number of new rows whenever a walk is stored.
+        world: of the experiment, for walks that run in this process.
 
     Raises:
         ChildProcessError: a process of the executor was killed.
@@ -126,6 +130,9 @@ def collect(
     """
     counts, futures = WalkCounts(0, 0), {}
     text, path = dump_experiment(experiment), str(folder.resolve())
+    _KNOWN.clear()
+    if world is not None:
+        _KNOWN[text] = world
     try:
         for walk, num_rows in enumerate(walk_sizes(experiment)):
             known = read_counts(folder, walk, num_rows=num_rows, fingerprint=fingerprint)
@@ -197,4 +204,4 @@ def _world(text: str) -> tuple[Experiment, Source]:
         "kinematic": KinematicSource,
         "dynamic": DynamicSource,
     }
-    return experiment, sources[experiment.babbling.mode](World(experiment))
+    return experiment, sources[experiment.babbling.mode](_KNOWN.get(text) or World(experiment))

@@ -1,4 +1,4 @@
-"""Experience that was recorded elsewhere: tables with named columns, as a robot's own tools write.
+"""Recordings of other robots: tables with named columns, as a robot's own tools write them.
 
 Parquet, CSV and NPZ files, or a folder of files of one kind, each of them one recording. A folder
 in the layout of LeRobot (`meta/info.json`, `data/`) is known.
@@ -23,7 +23,7 @@ from selftouch_drake.experience.store import UNREADABLE
 from selftouch_drake.experiment import closest, shown
 from selftouch_drake.files import load_arrays
 
-#: Names that are tried in order, where none is given; `#` stands for a number, one column for each.
+#: Default names, tried in order; `#` stands for a number, one column for each.
 Q_NAMES = ("q", "observation.state", "state", "joint_positions", "q_#", "joint_#", "joint#")
 SENSATION_NAMES = (
     *("sensation", "observation.touch", "observation.tactile", "observation.skin"),
@@ -44,7 +44,7 @@ class RecordingError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Recording:
-    """What a robot recorded elsewhere: n rows of J joints and S receptors.
+    """The recording of another robot: n rows of J joints and S receptors.
 
     Attributes:
         q: `(n, J)` motor configurations, in the robot's units.
@@ -92,7 +92,7 @@ def read_recording(
         time: the column of seconds; by default the first of `TIME_NAMES` that is there, if any.
 
     Raises:
-        FileNotFoundError: there is nothing.
+        FileNotFoundError: the source does not exist.
         RecordingError: there is no such column, shapes disagree, or no row is complete.
         ValueError: a file is damaged.
     """
@@ -261,7 +261,7 @@ def _chosen(
 
 
 def _in_order_of_numbers(name: str) -> list[tuple[int, str]]:
-    """As people order names: joint_2 before joint_10."""
+    """Names in the order of their numbers: joint_2 before joint_10."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
 
 

@@ -1,8 +1,8 @@
 """The experience store: touching motor configurations and their sensations, as Parquet shards.
 
-One shard is one random walk. What the agent felt lies in `experience/`, what only the experimenter
-may know in `truth/`, row by row alike. A shard is written aside, flushed and renamed, truth first:
-if the experience of a walk is there, it is whole and so is its truth.
+One shard is one random walk. `experience/` holds what the agent felt, `truth/` what only the
+experimenter may know, with the same rows. A shard is written aside, flushed and renamed, truth
+first: if the experience of a walk exists, it is complete, and so is its truth.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Contacts:
     Attributes:
         offsets: `(N + 1,)` touch n has the contacts `offsets[n]:offsets[n + 1]`.
         skin: `(C,)` int8, number of the skin that is pressed.
-        toucher: `(C,)` int8, number of what presses it: of the touchers, after them of the skins.
+        toucher: `(C,)` int8, number of the toucher that presses it; skins come after the touchers.
         p_LC: `(C, 3)` float32 m, centre of pressure in the frame of the pressed skin's link.
     """
 
@@ -105,7 +105,7 @@ class Shard:
         step: `(N,)` the step of each touch.
         q: `(N, J)` rad or m, motor configurations.
         sensation: `(N, S)` N, the skins' readings one after another.
-        contacts: of each touch: the truth; None where nobody knows it.
+        contacts: of each touch: the truth; None if it is unknown.
     """
 
     walk: int
@@ -211,7 +211,7 @@ class ExperienceReader:
         return pyarrow.dataset.dataset([str(path) for path in self._paths], format="parquet")
 
     def batches(self, column: str) -> Iterator[np.ndarray]:
-        """The rows `(N, width)` of a vector column, one array a shard."""
+        """The rows `(N, width)` of a vector column, one array per shard."""
         width = None
         for path in self._paths:
             parquet = _open(path)
@@ -267,7 +267,7 @@ class ExperienceReader:
         """The contacts of some touches, in memory that does not grow with the store.
 
         Raises:
-            StoreError: there are not so many rows, or a shard is damaged.
+            StoreError: a number of a row is too large, or a shard is damaged.
         """
         order = np.argsort(rows, kind="stable")
         taken, first, parts = 0, 0, []
@@ -283,7 +283,7 @@ class ExperienceReader:
         return Contacts.joined(parts).take(np.argsort(order, kind="stable"))
 
     def touches(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays a shard."""
+        """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays per shard."""
         return zip(self.batches("sensation"), self.batches("q"), strict=True)
 
     def take(self, column: str, rows: np.ndarray) -> np.ndarray:
@@ -294,7 +294,7 @@ class ExperienceReader:
             rows: `(R,)` numbers of rows, in any order.
 
         Raises:
-            StoreError: there are not so many rows.
+            StoreError: a number of a row is too large.
         """
         order = np.argsort(rows, kind="stable")
         taken, first, parts = 0, 0, []

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 
 class RandomWalk:
@@ -41,6 +40,8 @@ class RandomWalk:
 
     def steps(self, num_steps: int) -> np.ndarray:
         """`(num_steps, J)` the next configurations; the same however the walk is cut up."""
+        from scipy.signal import lfilter  # seconds of import that few commands need
+
         noise = self._innovation * self._random.standard_normal((num_steps, len(self._lower)))
         carried = self._persistence * self._velocity
         velocity, _ = lfilter([1.0], [1.0, -self._persistence], noise, axis=0, zi=carried[None])

@@ -16,16 +16,16 @@ from scipy.spatial import ConvexHull, QhullError
 from selftouch_drake.geometry.hollow import hollow_skin
 from selftouch_drake.geometry.solid import rounded_solid, triangulated
 
-# In resolutions: cells of the grid, whose steps must not show; the ball that closes gaps; and the
-# one that rounds edges, so that triangles can follow them.
+# In units of the resolution: cells of the grid, so small that their steps do not show; the ball
+# that closes gaps; and the ball that rounds edges, so that triangles can follow them.
 _CELL = 1 / 3
 _GAP_RADIUS = 0.7
 _EDGE_RADIUS = 0.7
 
-# In thicknesses of the skin: under a surface rounded so far, inner walls do not meet.
+# In units of the skin's thickness: under a surface rounded this much, inner walls do not meet.
 _ROOM = 1.25
 
-# Where that was not enough for a skin, as triangles follow the surface in steps.
+# The second try, as triangles follow the surface in steps only.
 _WIDER = (1.3, 1.6)
 
 # A part that hangs in the air is debris of a drawing if its share of the volume is less than this.

@@ -1,4 +1,4 @@
-"""Points chosen one by one, each as far as can be from all chosen before."""
+"""Points chosen one by one, each as far as possible from all earlier ones."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ def farthest_points(
     weight: np.ndarray | None = None,
     least: float = 0.0,
 ) -> np.ndarray:
-    """Picks points one by one, each the farthest from all picked before.
+    """Picks points one by one, each the farthest from all earlier ones.
 
-    Works in any space: `distance_from` alone knows what a distance is, and may return its square.
+    Works in any space: `distance_from` defines the distance, and may return its square.
 
     Args:
         distance_from: Called with the index of a point; returns `(n,)` its distances to all

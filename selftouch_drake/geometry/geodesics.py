@@ -39,10 +39,10 @@ def surface_distances(vertices: np.ndarray, faces: np.ndarray, points: np.ndarra
 def surface_paths(surface: trimesh.Trimesh) -> csr_matrix:
     """Returns `(V, V)` m, a graph whose shortest paths run along the surface.
 
-    Vertices up to three edges apart are joined by straight lines, in so many directions that a
-    path is 1 or 2 % too long; but only where a straight line stays on the surface. Near the rim of
-    a patch, where it might leave the patch, only edges and the diagonals of convex pairs of
-    triangles are lines: paths there are up to 5 % too long.
+    Straight lines join vertices up to three edges apart. They have so many directions that a path
+    is only 1 or 2 % too long. A line counts only if it stays on the surface. Near the rim of a
+    patch, where it might leave the patch, only edges and the diagonals of convex pairs of triangles
+    are lines: paths there are up to 5 % too long.
 
     Args:
         surface: Closed, or with a rim, in metres.

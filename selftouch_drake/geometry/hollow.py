@@ -30,7 +30,7 @@ _SLIDE_RANGE = 2
 _MENDINGS = 20
 _MENDED_WALL = 0.95
 
-# Points that stand for a surface: no finer than this, in m, and no more than about so many.
+# Samples of a surface: smallest spacing, m, and largest number, about.
 _FINEST_SAMPLES = 1e-3
 _MOST_SAMPLES = 400_000
 

@@ -9,8 +9,8 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.samples import lengths_and_heights, sample_triangles
 
-# A triangle longer than so many times its height is covered by a row of balls, but by no more than
-# about so many.
+# A triangle is covered by a row of balls if its length exceeds this multiple of its height, and by
+# no more than about this number.
 _SLENDER = 3
 _MOST_BALLS = 64
 

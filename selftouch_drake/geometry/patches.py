@@ -33,7 +33,7 @@ def touched_patch(
     radius: float,
     fewest: int = 1,
 ) -> np.ndarray:
-    """Says which vertices of a surface belong to the patch that was touched.
+    """Finds the vertices of a surface that belong to the touched patch.
 
     The touched vertices are closed, as in mathematical morphology: all within `radius` of a
     touched vertex is added, then all within `radius` of what is still missing is taken away again.

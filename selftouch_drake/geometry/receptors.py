@@ -17,7 +17,7 @@ from selftouch_drake.geometry.geodesics import surface_paths
 
 FEWEST_RECEPTORS, MOST_RECEPTORS = 4, 1000
 
-# Every point of the skin is felt by at least so many receptors.
+# Every point of the skin is felt by at least this number of receptors.
 OVERLAP = 3
 
 # The field reaches beyond the worst point's third receptor, so that this one does feel it.
@@ -63,26 +63,24 @@ class ReceptiveFields:
         Args:
             p_LQ: `(N, 3)` m, points in the skin, in the link's frame L.
         """
-        return self.interpolation_at(p_LQ) @ self.vertex_weights
+        vertices, parts = self.parts_at(p_LQ)
+        ends = np.arange(0, parts.size + 1, 3, dtype=np.int32)
+        shape = len(parts), len(self.vertices)
+        return csr_matrix((parts.ravel(), vertices.ravel(), ends), shape) @ self.vertex_weights
 
-    def interpolation_at(self, p_LQ: np.ndarray) -> csr_matrix:
-        """Returns `(N, V)` sparse rows: barycentric weights of the nearest triangle's vertices.
+    def parts_at(self, p_LQ: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`(N, 3)` the vertices of the nearest triangle, and `(N, 3)` barycentric weights there.
 
         Args:
             p_LQ: `(N, 3)` m, points in the skin, in the link's frame L.
         """
         p_LQ = np.asarray(p_LQ, dtype=float)
-        num_points = len(p_LQ)
         _, face = self._centroids.query(p_LQ)
         barycentric = np.einsum("nij,nj->ni", self._gradients[face], p_LQ)
         barycentric += self._offsets[face]
         np.maximum(barycentric, 0, out=barycentric)
         barycentric /= barycentric.sum(axis=1, keepdims=True)
-        ends = np.arange(0, 3 * num_points + 1, 3, dtype=np.int32)
-        return csr_matrix(
-            (barycentric.ravel(), self.faces[face].ravel(), ends),
-            shape=(num_points, len(self.vertices)),
-        )
+        return self.faces[face], barycentric
 
     @cached_property
     def _centroids(self) -> cKDTree:
@@ -110,7 +108,7 @@ def place_receptors(
 ) -> np.ndarray:
     """Spreads receptors evenly: each sits at the vertex farthest, on the surface, from all before.
 
-    An uneven layout takes distances for shorter the farther they lie to one side of the surface.
+    For an uneven layout, distances count less towards one side of the surface.
 
     Args:
         surface: Closed outer surface in the link's frame L, m.

@@ -23,10 +23,10 @@ MESH_SUFFIXES = (".obj", ".ply", ".stl")
 # more, and would fill the memory before anybody could read why.
 MAX_TRIANGLES = 50_000
 
-# A mesh with more than so many times the triangles that its resolution asks for is simplified.
+# A mesh is simplified if it has more than this multiple of the triangles that its resolution needs.
 MOST_DETAIL = 4
 
-# m: beyond it, vertices are not told apart.
+# m; vertices nearer than this are merged.
 _FARTHEST = 1e6
 
 

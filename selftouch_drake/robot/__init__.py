@@ -1,4 +1,4 @@
-"""The robot in Drake: plant, soft skins, contact, controllers. It alone knows poses."""
+"""The robot in Drake: plant, soft skins, contact, controllers. Only this package knows poses."""
 
 from selftouch_drake.robot.contact import SensorModel, Touches
 from selftouch_drake.robot.imperfections import ImperfectSkin, ImperfectSkins

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.geometry import ContactSurface, GeometryId
-from scipy.sparse import csr_array
 
 from selftouch_drake.geometry import ReceptiveFields
+from selftouch_drake.robot.compiled import compiled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -218,19 +218,38 @@ class SensorModel:
         p_LQ: np.ndarray,
     ) -> np.ndarray:
         """`(contacts, receptors)` N, of some contacts with one skin."""
-        if len(contacts) == len(num_faces):
-            faces: slice | np.ndarray = slice(None)
-        else:
-            mine = np.zeros(len(num_faces), dtype=bool)
-            mine[contacts] = True
-            faces = np.repeat(mine, num_faces)
-        offsets = np.concatenate([[0], np.cumsum(num_faces[contacts])])
-        pressing = force[faces]
-        gather = csr_array(
-            (pressing, np.arange(len(pressing)), offsets), shape=(len(contacts), len(pressing))
-        )
-        interpolation = fields.interpolation_at(p_LQ[faces])
-        return ((gather @ interpolation) @ fields.vertex_weights).toarray()
+        mine = np.zeros(len(num_faces), dtype=bool)
+        mine[contacts] = True
+        faces = np.repeat(mine, num_faces)
+        corner, part = fields.parts_at(p_LQ[faces])
+        ends = np.concatenate([[0], np.cumsum(num_faces[contacts])])
+        weights, felt = fields.vertex_weights, np.zeros((len(contacts), fields.num_receptors))
+        _feel(
+            force[faces], corner, part, ends, weights.indptr, weights.indices, weights.data,
+            np.zeros(len(fields.vertices)), np.empty(len(fields.vertices), dtype=np.int64), felt,
+        )  # fmt: skip
+        return felt
+
+
+@compiled
+def _feel(force, corner, part, ends, weight_ends, receptor, weight, load, loaded, felt):
+    """Adds to each row of `felt` what receptors feel of the faces of one contact.
+
+    The forces on the corners of the surface are summed first: there are fewer corners.
+    """
+    for contact in range(len(ends) - 1):
+        num_loaded = np.int64(0)
+        for face in range(ends[contact], ends[contact + 1]):
+            for k in range(3):
+                if load[corner[face, k]] == 0.0:
+                    loaded[num_loaded] = corner[face, k]
+                    num_loaded += 1
+                load[corner[face, k]] += force[face] * part[face, k]
+        for n in range(num_loaded - 1, -1, -1):
+            at = loaded[n]
+            for entry in range(weight_ends[at], weight_ends[at + 1]):
+                felt[contact, receptor[entry]] += load[at] * weight[entry]
+            load[at] = 0.0
 
 
 def _in_frames(p_WQ: np.ndarray, X_WL: np.ndarray) -> np.ndarray:

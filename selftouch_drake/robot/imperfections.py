@@ -1,4 +1,4 @@
-"""From forces on the skin to what the receptors of a real skin read."""
+"""Readings of a real skin: noise, dead receptors, quantisation and other imperfections."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SILENCE = 6.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImperfectSkins:
-    """What the receptors of all skins read where perfect skins feel something.
+    """Turns sensations of perfect skins into readings of imperfect ones.
 
     Attributes:
         skins: for each skin the columns of a sensation that are its own, and its imperfections.
@@ -47,13 +47,13 @@ class ImperfectSkins:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ImperfectSkin:
-    """What the receptors of one skin read where a perfect skin feels something.
+    """Turns sensations of one perfect skin into readings of an imperfect one.
 
     Noise is a function of the seed and of the motor configuration, so that kinematic and dynamic
     worlds agree, in any order and after any crash.
 
     Attributes:
-        flaws: what the skin does to a sensation.
+        flaws: the imperfections of the skin.
         leak: `(S, S)` rows that sum to one: where what leaks from a receptor goes.
         alive: `(S,)` which receptors read anything.
         seed: of the noise, 64 bits.

@@ -1,4 +1,4 @@
-"""What the agent believes of its joints, where that is not what is."""
+"""Joint errors: what the agent reads of its joints, where that differs from the truth."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from selftouch_drake.robot.imperfections import standard_noise
 
 
 def remembered(experiment: Experiment, q: np.ndarray) -> np.ndarray:
-    """`(N, J)`, what the agent keeps of the configurations `q` `(N, J)` of its babbling."""
+    """`(N, J)` configurations as the agent remembers them, for true ones `q` `(N, J)`."""
     if not experiment.joints.noise:
         return q
     (seed,) = experiment.random_stream("joints", 1).generate_state(1, np.uint64)
@@ -18,6 +18,6 @@ def remembered(experiment: Experiment, q: np.ndarray) -> np.ndarray:
 
 
 def slip(experiment: Experiment, num_joints: int) -> np.ndarray:
-    """`(J,)` rad or m, by how much joints read more than they are, after babbling."""
+    """`(J,)` rad or m, by how much joint readings exceed the true positions after babbling."""
     chance = np.random.default_rng(experiment.random_stream("joints", 0))
     return experiment.joints.offset * chance.standard_normal(num_joints)

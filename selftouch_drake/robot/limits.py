@@ -1,4 +1,4 @@
-"""What a motion asks of a robot, as shares of the robot's limits."""
+"""The load of a motion, as shares of the robot's limits."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline
 from selftouch_drake.experiment import Execution
 from selftouch_drake.robot.robot import Robot
 
-#: Motions are held against their limits at this rate.
+#: Rate at which motions are compared with their limits.
 CHECK_RATE_HZ = 1000.0
 
 
@@ -48,7 +48,7 @@ class JointLimits:
 
 
 def _tighter(of_model: np.ndarray, asked: float) -> np.ndarray:
-    """`(J,)` the lower of two limits; a model that says 0 says nothing."""
+    """`(J,)` the lower of two limits; 0 in a model means no limit."""
     return np.minimum(np.where(of_model > 0, of_model, np.inf), asked)
 
 
@@ -70,7 +70,7 @@ def speed_shares(
     velocity_limit: np.ndarray,
     acceleration_limit: np.ndarray,
 ) -> tuple[float, float]:
-    """How much of its limits a commanded motion takes, at 1 kHz: 1 is all that is allowed.
+    """Shares of the limits that a commanded motion uses, sampled at 1 kHz; 1 is the limit.
 
     Args:
         time_s: `(T,)` s.
@@ -99,7 +99,7 @@ def limit_shares(
     torque: np.ndarray,
     limits: JointLimits,
 ) -> dict[str, float]:
-    """How much of its limits an executed motion took: 1 is all that is allowed.
+    """Shares of the limits that an executed motion used; 1 is the limit.
 
     Args:
         time_s: `(T,)` s.
@@ -115,7 +115,7 @@ def limit_shares(
     """
     velocity, acceleration = speed_shares(time_s, q, v, limits.velocity, limits.acceleration)
     reached = np.concatenate([commanded(time_s, q, v)(_checked_times(time_s)), q_measured])
-    # A joint without limits takes nothing of them.
+    # A joint without limits uses no share of them.
     ends = np.isfinite(limits.upper) & np.isfinite(limits.lower)
     upper, lower = np.where(ends, limits.upper, np.inf), np.where(ends, limits.lower, -1.0)
     middle, half = np.where(ends, (upper + lower) / 2, 0.0), (upper - lower) / 2

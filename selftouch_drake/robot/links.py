@@ -25,7 +25,7 @@ from pydrake.multibody.tree import BodyIndex, Frame, FrameIndex, Joint, RigidBod
 
 from selftouch_drake.experiment import ExperimentError, closest
 
-# Faces of a quarter of a round primitive's outline, enough for a shape that is made anew.
+# Faces for a quarter of a round primitive's outline; the shape is triangulated anew later.
 _SECTIONS = 32
 
 
@@ -131,7 +131,7 @@ def _ellipsoid(shape: Ellipsoid) -> trimesh.Trimesh:
 
 
 def _from_file(shape: Mesh | Convex) -> trimesh.Trimesh:
-    # Parsers make none that is held in memory.
+    # Parsers make no meshes that are held in memory.
     mesh = trimesh.load_mesh(shape.source().path(), process=False)
     if not isinstance(mesh, trimesh.Trimesh):
         mesh = mesh.to_mesh()

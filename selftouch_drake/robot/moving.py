@@ -1,4 +1,4 @@
-"""Which joints of a robot move: the others are welded where they are by default."""
+"""The joints of a robot that move; the others are welded at their default positions."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ _NO_LIMIT = 1e10
 
 
 def fix_joints(plant: MultibodyPlant, experiment: Experiment, model: RobotModel) -> None:
-    """Welds every joint that does not move where it is by default, and checks those that do.
+    """Welds joints that do not move at their default positions, and checks those that move.
 
     Each joint that moves gets one actuator, if its model gives it none. Joints move independently:
-    where a model couples joints, `robot.joints` says which of them move, and the coupling goes.
+    where a model couples joints, `robot.joints` says which of them move; the coupling is ignored.
 
     Args:
         plant: holds the robot, and is not yet finalized.

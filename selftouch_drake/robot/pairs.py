@@ -1,4 +1,4 @@
-"""Which pairs of a robot's parts may touch, which must not collide, and which are filtered."""
+"""Pairs of a robot's parts: those that may touch, must not collide, or are filtered."""
 
 from __future__ import annotations
 

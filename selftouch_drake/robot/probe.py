@@ -1,4 +1,4 @@
-"""What the skins feel at many configurations, without time: the paper's S = phi(f(M))."""
+"""Sensations at many configurations, without time: the paper's S = phi(f(M))."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from selftouch_drake.robot.station import MakeKinematicStation, sensor_model
 class ContactProbe:
     """Evaluates hydroelastic contact at given configurations, as the skins read it.
 
-    Rigid touchers are pressed by `hydroelastic`, in the time that Drake needs for one of ten; skins
-    that press each other, by Drake.
+    `hydroelastic` computes contact with rigid touchers, in a tenth of Drake's time. Drake computes
+    contact between skins.
 
     Args:
         experiment: the experiment whose robot is probed.
@@ -105,6 +105,6 @@ class ContactProbe:
 
     def query(self, q: np.ndarray) -> QueryObject:
         """Drake's query object at `(J,)` q; good until the next call."""
-        # Asking for the data again is what tells the context that it changed.
+        # Asking for mutable data marks the context as changed.
         self._q.GetMutableData().get_mutable_value().SetFromVector(q)
         return self._query_port.Eval(self._context)

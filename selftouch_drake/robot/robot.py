@@ -1,4 +1,4 @@
-"""A robot in Drake: what moves, which skins it wears, what presses them and what may collide."""
+"""A robot in Drake: its moving joints, its skins, its touchers, and its collisions."""
 
 from __future__ import annotations
 

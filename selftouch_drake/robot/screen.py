@@ -1,7 +1,7 @@
-"""Says which touchers cannot touch which skins, so that contact need not be computed.
+"""Finds pairs of toucher and skin that cannot touch, so that their contact need not be computed.
 
-Exact in one direction: what it rejects is out of reach, by what `reach` says of balls that cover a
-toucher and of distances to a skin's wall.
+Exact in one direction: rejected pairs are out of reach, as the covering balls and the grids of
+`reach` prove.
 
 Most configurations of a random walk touch nothing. Those cost what it takes to place the touchers
 and to see that they are outside the skins' boxes, many configurations at a time: the innermost

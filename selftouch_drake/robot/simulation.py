@@ -25,7 +25,7 @@ LOG_PERIOD = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Log:
-    """What happened in a stretch of simulation.
+    """The record of a stretch of simulation.
 
     Attributes:
         time_s: `(T,)` s, every log period.
@@ -196,20 +196,20 @@ class Simulation:
         self._clear_logs()
 
     def advance(self, duration: float) -> None:
-        """Lets the world go on for `duration` s, in step with the clock if a rate is set."""
+        """Advances the world by `duration` s, in step with the clock if a rate is set."""
         self._simulator.AdvanceTo(self.time_s + duration)
 
     def advance_to(self, time_s: float) -> None:
-        """Lets the world go on to a time."""
+        """Advances the world to a time."""
         self._simulator.AdvanceTo(time_s)
 
     def set_rate(self, rate: float) -> None:
-        """Lets the world go on `rate` times as fast as the clock, if it can; 0 is as it can."""
+        """Sets the speed as a multiple of the clock's, if it can be reached; 0 is full speed."""
         self._simulator.set_target_realtime_rate(rate)
         self._simulator.ResetStatistics()
 
     def take_log(self) -> Log:
-        """What happened since the last call, or since the motion began; the log starts over."""
+        """Returns the log since the last call or the start of the motion, and clears it."""
         found = {name: log.FindMutableLog(self._context) for name, log in self._logs.items()}
         num_joints = self.robot.num_joints
         state = found["state"].data().T
@@ -237,8 +237,8 @@ class Simulation:
             beside: as of `follow`.
 
         Returns:
-            What happened until the end of the period in which the motion ends: T entries, if the
-            world logs every `LOG_PERIOD`.
+            The log up to the end of the period in which the motion ends: T entries, if the world
+            logs every `LOG_PERIOD`.
         """
         self.follow(time_s, q, v, jump=True, beside=beside)
         self.advance_to(LOG_PERIOD * (len(time_s) - 1))

@@ -47,7 +47,7 @@ class SkinModel:
         name: as the experiment calls it.
         link: the name of the link.
         wall: the hollow skin.
-        fields: its receptors' fields.
+        fields: receptive fields of its receptors.
         hydroelastic_modulus: Pa.
         is_own_geometry: whether it lies on the geometry that the model gives its link, so that
             nothing gets inside.

@@ -48,7 +48,7 @@ class PathSource(LeafSystem):
     def _calc_desired_state(self, context, output):
         path = self._path.Eval(context)
         time = context.get_time()
-        q = path.value(np.clip(time, path.start_time(), path.end_time())).ravel()
+        q = path.value(min(max(time, path.start_time()), path.end_time())).ravel()
         moving = path.start_time() <= time < path.end_time()
         v = path.EvalDerivative(time, 1).ravel() if moving else np.zeros_like(q)
         output.SetFromVector(np.concatenate([q, v]))
@@ -68,7 +68,7 @@ class Babbler(LeafSystem):
     - desired_state: `(2J,)` rad or m and their rates, from there to the next step at constant
       velocity: for joint controllers.
 
-    The walk is part of the context: two contexts of one diagram walk apart.
+    The walk is part of the context: two contexts of one diagram walk independently.
 
     Args:
         num_joints: J.
@@ -83,8 +83,8 @@ class Babbler(LeafSystem):
         self._walk = self.DeclareAbstractState(value_of(()))
         # The step just taken, the next one, and when it was taken.
         self._steps = self.DeclareDiscreteState(2 * num_joints + 1)
-        # Drake updates all discrete states of an instant at once, so that whoever follows the walk
-        # still sees it arrive; what is drawn from the walk is drawn before that.
+        # Drake updates all discrete states of an instant at once: followers of the walk still see
+        # the step arrive, because the next step is drawn before the update.
         self.DeclarePeriodicUnrestrictedUpdateEvent(period_s, period_s, self._draw)
         self.DeclarePeriodicDiscreteUpdateEvent(period_s, period_s, self._step)
         self.DeclareVectorOutputPort("q", num_joints, self._calc_q)
@@ -129,7 +129,7 @@ class Babbler(LeafSystem):
 
 
 def value_of(content: object) -> AbstractValue:
-    """Any Python object as a Drake value; newer bindings take none where they make it."""
+    """Any Python object as a Drake value, for old and new bindings."""
     value = Value[object]()
     value.set_value(content)
     return value

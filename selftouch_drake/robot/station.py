@@ -53,7 +53,7 @@ class Station:
 
 
 def sensor_model(robot: Robot) -> SensorModel:
-    """What the skins of a robot feel: the same in every world."""
+    """The sensor model of a robot's skins: the same in every world."""
     return SensorModel(
         [skin.model.fields for skin in robot.skins],
         [skin.geometry_id for skin in robot.skins],

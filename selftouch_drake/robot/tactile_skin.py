@@ -29,7 +29,7 @@ from selftouch_drake.geometry import HollowSkin, ReceptiveFields, vtk_text
 from selftouch_drake.robot.contact import PressedFaces, SensorModel
 from selftouch_drake.robot.imperfections import ImperfectSkins
 
-# Slippery, as the skin of a finger that explores: friction changes no reading, only the effort.
+# Slippery, like the skin of an exploring finger: friction changes no reading, only the effort.
 SKIN_FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
 # s/m, Hunt and Crossley's: enough that a finger does not bounce.
 SKIN_DISSIPATION = 10.0
@@ -296,7 +296,7 @@ class SkinReadout(LeafSystem):
         return self._imperfections(sensation[None], q[None])[0]
 
     def _begin(self, context, discrete_state):
-        # What is touched when the world begins was touched before.
+        # A touch at the start of the world counts as older than any delay.
         discrete_state.set_value(np.tile(self._now(context), self._num_late))
 
     def _step(self, context, discrete_state):

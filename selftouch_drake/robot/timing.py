@@ -3,35 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from pydrake.math import BsplineBasis
-from pydrake.multibody.optimization import Toppra
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 from pydrake.polynomial import Polynomial
 from pydrake.trajectories import (
     BsplineTrajectory,
     PathParameterizedTrajectory,
     PiecewisePolynomial,
 )
-from scipy.interpolate import BSpline
+from scipy.interpolate import BSpline, CubicSpline, PPoly
 
+from selftouch_drake.robot.fastest import fastest_progress
 from selftouch_drake.robot.limits import CHECK_RATE_HZ, speed_shares
 
-#: Toppra keeps the limits at its grid points only, and exceeds them by up to 25 % between them.
+#: Limits are kept at the points of a grid only, and exceeded by up to 25 % between them.
 LIMIT_SHARE = 0.8
-# rad of scaled path length between grid points, finest first. Twice as fine takes twice the time
-# (15 ms for 100 points) and saves 0.5 % of the duration; a coarser grid may succeed where a finer
-# one fails.
-_GRID_SPACINGS = (0.07, 0.15, 0.3)
+# rad of scaled path length between these points. Twice as fine saves 0.5 % of the duration.
+_GRID_SPACING = 0.07
 #: s, a motion that would last longer is refused: its limits are a mistake.
 LONGEST_S = 600.0
 # What exceeds the limits is slowed down by this much more than it exceeds them, for what lies
 # between two instants of the check.
 _CHECK_MARGIN = 1.01
-# s over which the progress is averaged. Toppra jumps from one acceleration to another, and so
+# s over which the progress is averaged. The fastest jumps from one acceleration to another, and so
 # does the error of the robot that follows; on average it ramps.
 _EASING_S = 0.06
 # s between the knots of the averaged progress, and how many values are averaged.
@@ -53,14 +48,23 @@ class TimedPath:
         s: `(T,)` rad, scaled length along the path.
         q: `(T, J)` rad or m.
         v: `(T, J)` rad/s or m/s.
-        trajectory: the same as a Drake trajectory of q over `[0, time_s[-1]]`.
+        path: q over path length.
+        s_of_t: path length over time.
     """
 
     time_s: np.ndarray
     s: np.ndarray
     q: np.ndarray
     v: np.ndarray
-    trajectory: PathParameterizedTrajectory
+    path: BSpline
+    s_of_t: PPoly
+
+    @property
+    def trajectory(self) -> PathParameterizedTrajectory:
+        """The same as a Drake trajectory of q over `[0, time_s[-1]]`."""
+        pieces = [np.array([[Polynomial(piece[::-1])]]) for piece in self.s_of_t.c.T]
+        progress = PiecewisePolynomial(pieces, self.s_of_t.x.tolist())
+        return PathParameterizedTrajectory(to_drake(self.path), progress)
 
 
 def time_path(
@@ -72,10 +76,9 @@ def time_path(
 ) -> TimedPath:
     """Follows a path as fast as the joints' limits allow, from rest to rest.
 
-    Time-optimal path parameterization (Drake's Toppra), on a coarser grid if it fails; a quintic
-    time scaling if that fails as well. Accelerations are then eased in and out, and what still
-    exceeds a limit anywhere, on the path or on the cubic pieces between the samples that the
-    joints follow, is slowed down as a whole.
+    Time-optimal path parameterization; a quintic time scaling if that fails. Accelerations are
+    then eased in and out, and what still exceeds a limit anywhere, on the path or on the cubic
+    pieces between the samples that the joints follow, is slowed down as a whole.
 
     Args:
         path: clamped B-spline of `(J,)` rad or m over scaled path length in rad.
@@ -92,15 +95,14 @@ def time_path(
     if not 0.0 < rate_hz < np.inf:
         raise ValueError(f"rate_hz is {rate_hz}: choose a positive rate")
 
-    # Toppra fails in its own ways at limits that are far too low.
     _require_bearable(_least_duration(path, velocity_limit, acceleration_limit))
-    s_of_t = _fastest(path, velocity_limit, acceleration_limit)
-    if s_of_t is None:
+    fastest = _fastest(path, velocity_limit, acceleration_limit)
+    if fastest is None:
         s_of_t = quintic_time_scaling(path, velocity_limit, acceleration_limit)
     else:
-        s_of_t = _eased(s_of_t)
+        s_of_t = _eased(fastest)
     while True:
-        _require_bearable(s_of_t.end_time())
+        _require_bearable(s_of_t.x[-1])
         timed = _sampled(path, s_of_t, rate_hz)
         limits = velocity_limit, acceleration_limit
         shares = np.maximum(
@@ -110,7 +112,7 @@ def time_path(
         excess = max(shares[0], np.sqrt(shares[1]))
         if excess <= 1.0:
             return timed
-        s_of_t.ScaleTime(_CHECK_MARGIN * excess)
+        s_of_t = _slowed(s_of_t, _CHECK_MARGIN * excess)
 
 
 def to_drake(path: BSpline) -> BsplineTrajectory:
@@ -121,7 +123,7 @@ def to_drake(path: BSpline) -> BsplineTrajectory:
 
 def quintic_time_scaling(
     path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
-) -> PiecewisePolynomial:
+) -> PPoly:
     """The progress s(t) of a quintic from rest to rest, slow enough for any path.
 
     It respects the limits by construction: a B-spline, and so each derivative of the path, lies
@@ -146,7 +148,7 @@ def quintic_time_scaling(
     )
     quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / duration_s ** np.arange(6)
     progress = (end - start) * quintic + start * np.eye(6)[0]
-    return PiecewisePolynomial([np.array([[Polynomial(progress)]])], [0.0, duration_s])
+    return PPoly(progress[::-1, None], [0.0, duration_s])
 
 
 def _least_duration(
@@ -170,78 +172,70 @@ def _require_bearable(duration_s: float) -> None:
 
 def _fastest(
     path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
-) -> PiecewisePolynomial | None:
-    """The progress s(t) by Toppra, or None if the path goes nowhere or no grid succeeds."""
+) -> PPoly | None:
+    """The progress s(t) at the limits, or None if the path goes nowhere or has no such progress."""
     if np.ptp(path.c, axis=0).max() < 1e-9:
         return None
-    drake_path = to_drake(path)
-    for spacing in _GRID_SPACINGS:
-        num_points = max(20, int(np.ceil((path.t[-1] - path.t[0]) / spacing)))
-        grid = np.linspace(path.t[0], path.t[-1], num_points)
-        toppra = Toppra(drake_path, _chain(path.c.shape[1]), grid)
-        velocity, acceleration = LIMIT_SHARE * velocity_limit, LIMIT_SHARE * acceleration_limit
-        toppra.AddJointVelocityLimit(-velocity, velocity)
-        toppra.AddJointAccelerationLimit(-acceleration, acceleration)
-        s_of_t = toppra.SolvePathParameterization()
-        if s_of_t is not None:
-            return s_of_t
-    return None
+    num_points = max(20, int(np.ceil((path.t[-1] - path.t[0]) / _GRID_SPACING)))
+    return fastest_progress(
+        path,
+        np.linspace(path.t[0], path.t[-1], num_points),
+        velocity_limit=LIMIT_SHARE * velocity_limit,
+        acceleration_limit=LIMIT_SHARE * acceleration_limit,
+    )
 
 
-def _eased(s_of_t: PiecewisePolynomial) -> PiecewisePolynomial:
+def _eased(s_of_t: PPoly) -> PPoly:
     """The mean of the progress over a short while before: its acceleration has no jumps."""
-    end_s = s_of_t.end_time()
+    end_s = s_of_t.x[-1]
     duration_s = end_s + _EASING_S
     time_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / _EASING_STEP_S)) + 1)
     before = _EASING_S * (np.arange(_EASING_SAMPLES) + 0.5) / _EASING_SAMPLES
     # At rest before the start and after the end.
     when = (time_s[:, None] - before).clip(0.0, end_s)
-    progress = s_of_t.vector_values(when.ravel().tolist())[0].reshape(when.shape).mean(axis=1)
-    progress[[0, -1]] = s_of_t.vector_values([0.0, end_s])[0]
-    rest = np.zeros((1, 1))
-    return PiecewisePolynomial.CubicWithContinuousSecondDerivatives(
-        time_s, progress[None], rest, rest
-    )
+    progress = s_of_t(when).mean(axis=1)
+    progress[[0, -1]] = s_of_t([0.0, end_s])
+    return CubicSpline(time_s, progress, bc_type="clamped")
 
 
-def _sampled(path: BSpline, s_of_t: PiecewisePolynomial, rate_hz: float) -> TimedPath:
-    end_s = s_of_t.end_time()
-    time_s = np.append(np.arange(0.0, end_s, 1.0 / rate_hz), end_s)
-    s, s_dot, _ = _progress(s_of_t, time_s)
-    s = np.maximum.accumulate(s.clip(path.t[0], path.t[-1]))
+def _slowed(s_of_t: PPoly, factor: float) -> PPoly:
+    """The same progress in `factor` times the time."""
+    power = np.arange(len(s_of_t.c) - 1, -1, -1.0)[:, None]
+    return PPoly(s_of_t.c / factor**power, s_of_t.x * factor)
+
+
+def _sampled(path: BSpline, s_of_t: PPoly, rate_hz: float) -> TimedPath:
+    time_s = _times(s_of_t, rate_hz)
+    s = np.maximum.accumulate(s_of_t(time_s).clip(path.t[0], path.t[-1]))
     return TimedPath(
         time_s=time_s,
         s=s,
         q=path(s),
-        v=path(s, 1) * s_dot[:, None],
-        trajectory=PathParameterizedTrajectory(to_drake(path), s_of_t),
+        v=path(s, 1) * s_of_t(time_s, 1)[:, None],
+        path=path,
+        s_of_t=s_of_t,
     )
 
 
 def _speed_shares(
     path: BSpline,
-    s_of_t: PiecewisePolynomial,
+    s_of_t: PPoly,
     velocity_limit: np.ndarray,
     acceleration_limit: np.ndarray,
 ) -> tuple[float, float]:
     """As `speed_shares`, of the path itself."""
-    end_s = s_of_t.end_time()
-    time_s = np.append(np.arange(0.0, end_s, 1.0 / CHECK_RATE_HZ), end_s)
-    s, s_dot, s_ddot = (x[:, None] for x in _progress(s_of_t, time_s))
-    s = s.clip(path.t[0], path.t[-1])[:, 0]
-    v = path(s, 1) * s_dot
-    a = path(s, 2) * s_dot**2 + path(s, 1) * s_ddot
+    time_s = _times(s_of_t, CHECK_RATE_HZ)
+    s = s_of_t(time_s).clip(path.t[0], path.t[-1])
+    s_dot, s_ddot = s_of_t(time_s, 1)[:, None], s_of_t(time_s, 2)[:, None]
+    slope = path(s, 1)
+    v, a = slope * s_dot, path(s, 2) * s_dot**2 + slope * s_ddot
     return float(np.max(np.abs(v) / velocity_limit)), float(np.max(np.abs(a) / acceleration_limit))
 
 
-def _progress(
-    s_of_t: PiecewisePolynomial, time_s: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`(T,)` path length, its rate and its acceleration."""
-    s, s_dot, s_ddot = (
-        s_of_t.derivative(order).vector_values(time_s.tolist())[0] for order in range(3)
-    )
-    return s, s_dot, s_ddot
+def _times(s_of_t: PPoly, rate_hz: float) -> np.ndarray:
+    """Evenly spaced from 0, but for the last, which is the end."""
+    end_s = s_of_t.x[-1]
+    return np.append(np.arange(0.0, end_s, 1.0 / rate_hz), end_s)
 
 
 def _hull(path: BSpline) -> np.ndarray:
@@ -259,20 +253,3 @@ def _checked_limit(name: str, limit: np.ndarray, path: BSpline) -> np.ndarray:
     if not np.all((limit > 0.0) & np.isfinite(limit)):
         raise ValueError(f"{name} is {limit.tolist()}: give a positive limit for each joint")
     return limit
-
-
-@cache
-def _chain(num_joints: int) -> MultibodyPlant:
-    """A plant with that many joints, which is all that Toppra asks of it for joint limits."""
-    plant = MultibodyPlant(0.0)
-    parent = plant.world_body()
-    for joint in range(num_joints):
-        body = plant.AddRigidBody(f"link_{joint}", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
-        plant.AddJoint(
-            RevoluteJoint(
-                f"joint_{joint}", parent.body_frame(), body.body_frame(), np.array([0.0, 0.0, 1.0])
-            )
-        )
-        parent = body
-    plant.Finalize()
-    return plant

@@ -30,7 +30,7 @@ from pydrake.multibody.tree import Frame, RigidBody
 from selftouch_drake.geometry import closed_surface
 from selftouch_drake.robot.links import as_mesh
 
-# What the geometry of every toucher is called, before its name.
+# Prefix of the name of every toucher's geometry.
 _PREFIX = "touching_"
 # As the skin's: friction changes no reading, only the effort.
 FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
@@ -38,11 +38,11 @@ FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
 # seventh of what it does with 128, and a sensation differs by a cosine distance of 1e-5 (median) or
 # 8e-4 (95 %), where one target sensation is 1e-2 from the next.
 _DIAMETERS = 1.0
-# Triangles are pressed on a skin so many at a time: a ball is one patch.
+# Triangles in one patch, which is pressed on a skin at once; a ball is one patch.
 PATCH = 8
 # Faces round a cylinder.
 _SECTIONS = 12
-# What Drake cuts such a ball into, of radius 1: corners on the axes.
+# The triangles into which Drake cuts a ball of radius 1: corners on the axes.
 _OCTAHEDRON = trimesh.Trimesh(
     np.concatenate([np.eye(3), -np.eye(3)]),
     [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]],

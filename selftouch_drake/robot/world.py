@@ -38,7 +38,7 @@ class World:
 
     @cached_property
     def probe(self) -> ContactProbe:
-        """What is felt at given configurations, without time."""
+        """Sensations at given configurations, without time."""
         return ContactProbe(self.experiment, self.skins)
 
     @property
@@ -48,7 +48,7 @@ class World:
 
     @cached_property
     def limits(self) -> JointLimits:
-        """What the robot and its motions may do."""
+        """Limits of the robot and of its motions."""
         return JointLimits.of(self.robot, self.experiment.execution)
 
     @cached_property
@@ -59,7 +59,7 @@ class World:
 
 @contextlib.contextmanager
 def drakes_refusals() -> Iterator[None]:
-    """Says in a line what Drake refuses of a robot that is built inside.
+    """Turns Drake's refusals of a robot into one-line errors.
 
     Raises:
         ExperimentError: the text is Drake's own.

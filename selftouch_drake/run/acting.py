@@ -1,4 +1,4 @@
-"""How an agent moves its robot: it plans, someone times the plan, the robot follows it."""
+"""How an agent moves its robot: the agent plans, the plan gets its times, the robot follows it."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from selftouch_drake.agent.rehearsal import Try, rehearse
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
 from selftouch_drake.robot.servo import OFFSETS, Beside
-from selftouch_drake.robot.timing import time_path
+from selftouch_drake.robot.timing import TimedPath, time_path
 
-# m, of rigid parts that may not be deeper in each other: what is executed is off by less.
+# m, less than the allowed depth of rigid parts in each other: executions are off by less.
 _MARGIN = 0.0005
 
-# What has no other way is planned round; each time, other steps may be doubtful.
+# The agent plans round steps without another way; the new plan may have other doubtful steps.
 _MOST_PREPARATIONS = 8
 
 
@@ -32,14 +32,14 @@ class NoWayError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Query:
-    """A motion that was asked for.
+    """The answer to a request for a motion.
 
     Attributes:
-        agent: who planned, with what it practised for it.
-        plan: what was planned.
-        straight: what was planned before it practised.
+        agent: the agent that planned, after its practice.
+        plan: the plan.
+        straight: the plan before practice.
         motion: the timed plan, with what the agent expects to feel.
-        seconds: s, what planning, practising and timing took.
+        seconds: s, duration of planning, practice and timing.
         jerk_reduction: how many times less jerk it has than straight steps between kernels.
     """
 
@@ -51,20 +51,28 @@ class Query:
     jerk_reduction: float
 
 
+def execute(world: World, motion: Motion) -> tuple[Execution, Log]:
+    """Lets the robot follow a motion from its start; the log has every step of the plant."""
+    log = world.simulation.execute(motion.time_s, motion.q, motion.v)
+    execution = Execution(
+        motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
+    )
+    return execution, log
+
+
 class Pilot:
     """An agent in its world: plans become motions, and motions are executed.
 
     Args:
-        agent: who plans; rehearsals put an agent with more memory in its place.
+        agent: the agent that plans; a rehearsal replaces it by one that remembers more.
         world: its world.
     """
 
     def __init__(self, agent: Agent, world: World):
         self.agent = agent
         self.world = world
-        # Built before the first query, of which the time is taken.
         self._limits = world.limits
-        _ = agent.planner
+        self._get_ready()
 
     def plan(self, *targets: int) -> Query:
         """Plans through two or more target sensations, in order.
@@ -95,11 +103,11 @@ class Pilot:
         return self.plan_feeling(q_start, felt, goal)
 
     def plan_feeling(self, q_start: np.ndarray, felt: np.ndarray, goal: int) -> Query:
-        """As `plan_from`, where it is known what is felt.
+        """Like `plan_from`, with the sensation at the start already known.
 
         Args:
             q_start: `(J,)` rad or m, where the joints are.
-            felt: `(S,)` N, what is felt there.
+            felt: `(S,)` N, the sensation there.
             goal: the target sensation to reach.
 
         Raises:
@@ -111,7 +119,7 @@ class Pilot:
         )
 
     def start_of(self, *targets: int) -> np.ndarray:
-        """`(J,)` where the joints are when it is asked: any configuration of the first target."""
+        """`(J,)` the start of the motion: any configuration of the first kernel."""
         representation = self.agent.representation
         members = representation.kernel_q[representation.members(targets[0])]
         stream = self.world.experiment.random_stream("start", *targets)
@@ -141,16 +149,16 @@ class Pilot:
     ) -> list[Try]:
         """Plans and executes until contact is never lost; the agent remembers what it learned.
 
-        Where touch was lost, the agent practises before it tries again: it slides along.
+        Where it lost contact, the agent practises by sliding along before it tries again.
 
         Args:
-            start: the target sensation to leave.
+            start: the target sensation to start from.
             goal: the target sensation to reach.
-            max_tries: most executions.
-            known: a try from before; the same motion is not executed again.
+            max_tries: largest number of executions.
+            known: an earlier try; the same motion is not executed again.
 
         Returns:
-            The tries, in order. If `known` is given, and no way is found, none.
+            The tries, in order; none if `known` is given and no way is found.
 
         Raises:
             NoWayError: none was found at the first try.
@@ -168,7 +176,7 @@ class Pilot:
             motion = queries[-1].motion
             if known is not None and np.array_equal(motion.q, known.execution.motion.q):
                 return known
-            execution, _ = self.execute(motion)
+            execution, _ = execute(self.world, motion)
             return self.agent.judge(execution)
 
         def learn(one: Try, agent: Agent) -> Agent:
@@ -180,7 +188,7 @@ class Pilot:
 
     @cached_property
     def _slider(self) -> Slider:
-        """How the agent moves by feel: what a configuration feels like, and whether it can be."""
+        """How the agent moves by feel: what it feels, and which configurations are possible."""
         scaled, unscaled = self.agent.representation.scaled, self.agent.representation.unscaled
         probe, robot = self.world.probe, self.world.robot
         return Slider(
@@ -191,7 +199,7 @@ class Pilot:
         )
 
     def _queried(self, make_plan: Callable[..., Plan]) -> Query:
-        """Plans; practises what is doubtful of the plan, and plans again."""
+        """Plans, practises the doubtful steps of the plan, and plans again."""
         began = time.perf_counter()
         first = make_plan(self.agent)
         agent, plan, passage = self._prepared(make_plan, first)
@@ -204,12 +212,7 @@ class Pilot:
                     "robot do not run into each other: choose another start or goal, or babble "
                     "longer"
                 )
-        timed = time_path(
-            plan.path,
-            velocity_limit=self._limits.velocity,
-            acceleration_limit=self._limits.acceleration,
-            rate_hz=1 / LOG_PERIOD,
-        )
+        timed = self._timed(plan)
         seconds = time.perf_counter() - began
         motion = agent.motion(
             plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, passage=passage
@@ -223,10 +226,25 @@ class Pilot:
             jerk_reduction=jerk_reduction(plan, self.agent.representation.joint_scale),
         )
 
+    def _timed(self, plan: Plan) -> TimedPath:
+        return time_path(
+            plan.path,
+            velocity_limit=self._limits.velocity,
+            acceleration_limit=self._limits.acceleration,
+            rate_hz=1 / LOG_PERIOD,
+        )
+
+    def _get_ready(self) -> None:
+        """Builds what every query needs, and loads what is compiled: the first takes no longer."""
+        for edge in self.agent.representation.edges[:1].tolist():
+            plan = self.agent.tour(edge)
+            self.agent.go_along(plan, self._slider)
+            self._timed(plan)
+
     def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, Passage]:
         """The agent and its plan after practice, and what became of it when it went along.
 
-        What stands in the way is moved aside.
+        Parts of the robot that are in the way are moved aside.
         """
         agent, aside, slider = self.agent, None, self._slider
         passage = agent.go_along(plan, slider)

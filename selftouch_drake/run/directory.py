@@ -21,10 +21,11 @@ from selftouch_drake.run.fingerprint import (
     learning_fingerprint,
     model_digests,
 )
+from selftouch_drake.run.naming import leaves
 
-#: Raised whenever a file of a run changes its meaning.
+#: Increased whenever a file of a run changes its meaning.
 RUN_FORMAT = 2
-# What a killed process leaves of a file that it was writing aside.
+# Unfinished files that a killed process leaves behind.
 _ORPHAN = ".*.part"
 # Digests of the robot's models and meshes.
 _MODELS = "models.json"
@@ -32,14 +33,14 @@ _HEADER = "# A run of selftouch_drake, format "
 
 
 class RunError(ValueError):
-    """A run directory that cannot serve; the text names it and the remedy."""
+    """A run directory that cannot be used; the text names it and the remedy."""
 
 
 @dataclass(frozen=True, slots=True)
 class RunDirectory:
-    """Paths and figures of one run.
+    """Paths and metrics of one run.
 
-    Use `create` to begin or resume a run, `open` to work on one that exists.
+    Use `create` to begin or resume a run, and `open` for a run that exists.
     """
 
     path: Path
@@ -47,7 +48,7 @@ class RunDirectory:
 
     @staticmethod
     def create(path: Path, experiment: Experiment) -> RunDirectory:
-        """Begins a run of `experiment`, or resumes one that was begun with the same experiment."""
+        """Begins a run of `experiment`, or resumes a run of the same experiment."""
         if (path / "experiment.yaml").exists():
             run = RunDirectory.open(path)
             if difference := _first_difference(run.experiment, experiment):
@@ -73,7 +74,7 @@ class RunDirectory:
         """Opens a run that exists.
 
         Raises:
-            RunError: it is no run of this version, or a model was edited since it was begun.
+            RunError: it is not a run of this version, or a model was edited since its start.
         """
         file = path / "experiment.yaml"
         if not file.is_file():
@@ -91,16 +92,16 @@ class RunDirectory:
             )
         run = RunDirectory(path, load_experiment(file))
         for model, digest in run.digests().items():
-            # Where the models are not at hand, all that needs no world still works.
+            # Without the models, everything that needs no world still works.
             if Path(model).is_file() and content_digest(Path(model)) != digest:
                 raise run.changed(model)
         return run
 
     def digests(self) -> Digests:
-        """The content of the robot's models and meshes, as they were when the run was begun.
+        """The content of the robot's models and meshes at the start of the run.
 
         Raises:
-            RunError: what the run keeps of them is damaged.
+            RunError: the file that holds them is damaged.
         """
         file = self.path / _MODELS
         if not file.exists():
@@ -114,11 +115,11 @@ class RunDirectory:
         return digests
 
     def require_models(self) -> None:
-        """Refuses to build a world of other models than the run was begun with.
+        """Refuses a world whose models differ from those at the start of the run.
 
         Raises:
             ModelError: a model is not found.
-            RunError: one has another content; the text names it.
+            RunError: the content of a model differs; the text names the model.
         """
         there = set(self.digests().values())
         for model, digest in model_digests(self.experiment).items():
@@ -134,7 +135,7 @@ class RunDirectory:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Holds the run for one writer; the hold ends with its process, however that ends.
+        """Locks the run for one writer; the lock ends with its process, however that ends.
 
         Raises:
             PermissionError: nothing can be written here.
@@ -163,17 +164,17 @@ class RunDirectory:
 
     @property
     def experience(self) -> Path:
-        """Shards of what the agent felt."""
+        """Folder of the agent's experience, in shards."""
         return self.path / "experience"
 
     @property
     def truth(self) -> Path:
-        """Shards of what only the experimenter may know."""
+        """Folder of the truth, in shards; only the experimenter may read it."""
         return self.path / "truth"
 
     @property
     def skin(self) -> Path:
-        """Receptors and outer surface: the truth side."""
+        """Receptors and outer surfaces of the skins; part of the truth."""
         return self.path / "skin.npz"
 
     @property
@@ -183,12 +184,12 @@ class RunDirectory:
 
     @property
     def rehearsal(self) -> Path:
-        """What rehearsals have taught."""
+        """What the agent remembers of its rehearsals."""
         return self.path / "rehearsal.npz"
 
     @property
     def trials(self) -> Path:
-        """What became of each random pair."""
+        """The result of each random pair."""
         return self.path / "trials.npz"
 
     @property
@@ -198,7 +199,7 @@ class RunDirectory:
 
     @property
     def body_distances(self) -> Path:
-        """How far kernels lie apart along the recovered body."""
+        """Distances between kernels along the recovered body."""
         return self.path / "body_distances.npz"
 
     @property
@@ -213,15 +214,18 @@ class RunDirectory:
 
     @property
     def report(self) -> Path:
-        """The story of the run."""
+        """The report of the run."""
         return self.path / "report.html"
 
     def plan(self, *targets: int | str) -> Path:
-        """The file of the plan from one target sensation to the next and on, as in `3-50-120`."""
+        """The file of the plan from one target sensation to the next and on, as in `3-50-120`.
+
+        A free start is named by `free_start`.
+        """
         return self.path / "plans" / f"{'-'.join(map(str, targets))}.npz"
 
     def metrics(self) -> dict[str, Any]:
-        """All figures so far; empty before the first stage is done.
+        """All metrics so far; empty before the first stage is done.
 
         Raises:
             RunError: they are damaged, or of another experience.
@@ -243,11 +247,11 @@ class RunDirectory:
         return figures
 
     def add_metrics(self, figures: dict[str, Any]) -> None:
-        """Adds figures to `metrics.json`; those of the same name are replaced."""
+        """Adds metrics to `metrics.json`; those of the same name are replaced."""
         self._write_metrics(self.metrics() | figures)
 
     def drop_metrics(self, names: Collection[str]) -> None:
-        """Forgets figures that are no longer true because a stage before them ran again."""
+        """Removes metrics that are no longer true because an earlier stage ran again."""
         self._write_metrics({k: v for k, v in self.metrics().items() if k not in names})
 
     def _write_metrics(self, figures: dict[str, Any]) -> None:
@@ -263,11 +267,11 @@ class RunDirectory:
         return learning_fingerprint(self.experiment, self.fingerprint())
 
     def stamp(self) -> dict[str, np.ndarray]:
-        """The array that files of what was learned carry: their format and what they belong to."""
+        """The array that marks files of learning: their format and their experience."""
         return {"made_for": np.array(f"format {RUN_FORMAT}, {self.learning_fingerprint()}")}
 
     def body_stamp(self) -> dict[str, np.ndarray]:
-        """The array that files of the body carry, which is there before anything is learned."""
+        """The array that marks files of the body, which exist before learning."""
         return {"made_for": np.array(self._experience_stamp())}
 
     def _experience_stamp(self) -> str:
@@ -276,12 +280,12 @@ class RunDirectory:
     def require_stamp(
         self, file: Path, arrays: dict[str, np.ndarray] | None = None, *, remedy: str = ""
     ) -> None:
-        """Refuses a file of what was learned from another experience, or by another version.
+        """Refuses a file that belongs to another experience or was made by another version.
 
         Args:
-            file: of what was learned, or made of it.
-            arrays: what it holds, if that was read already.
-            remedy: what to do; by default to learn.
+            file: a file of learning, or one that follows from it.
+            arrays: its content, if it was read already.
+            remedy: what to do; by default, to learn again.
 
         Raises:
             FileNotFoundError: there is no such file.
@@ -299,15 +303,6 @@ def _of_a_killed_start(path: Path) -> bool:
 
 
 def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, Any] | None:
-    def leaves(fields: Any, prefix: str = "") -> dict[str, Any]:
-        if not isinstance(fields, dict):
-            return {prefix[:-1]: fields}
-        return {
-            name: value
-            for key, entry in fields.items()
-            for name, value in leaves(entry, f"{prefix}{key}.").items()
-        }
-
     def all_of(experiment: Experiment) -> dict[str, Any]:
         # The order of skins is that of the readings in a sensation.
         order = {

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 import os
 import signal
+import threading
 from collections.abc import Iterator
-from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import contextmanager
+from typing import Any
 
 
 def local_executor(num_workers: int | None = None, *, ends_on_ctrl_c: bool = False) -> Executor:
-    """A pool of processes, one a core by default.
+    """A pool of processes, one for each core by default.
 
-    They leave Ctrl-C to the main process, which waits for the jobs that are running; or they end on
-    it, for jobs that are long.
+    By default they ignore Ctrl-C: the main process waits for the jobs that are running. For long
+    jobs they end on Ctrl-C.
     """
     return ProcessPoolExecutor(
         num_workers or os.cpu_count(),
@@ -22,6 +25,56 @@ def local_executor(num_workers: int | None = None, *, ends_on_ctrl_c: bool = Fal
         initializer=signal.signal,
         initargs=(signal.SIGINT, signal.SIG_DFL if ends_on_ctrl_c else signal.SIG_IGN),
     )
+
+
+# s; what is done by then needs no other processes, which take as long to start.
+_HEAD_START_S = 2.0
+
+
+def _start() -> None:
+    """Imports what takes seconds."""
+    import selftouch_drake.experience  # noqa: F401
+
+
+class HereAndInProcesses(ThreadPoolExecutor):
+    """This process, and others that join in if there is much to do.
+
+    Args:
+        num_workers: number of processes, with this one; one a core by default.
+    """
+
+    def __init__(self, num_workers: int | None = None):
+        num_workers = num_workers or os.cpu_count() or 1
+        self._others = local_executor(num_workers - 1) if num_workers > 1 else None
+        self._thread, self._number = threading.local(), itertools.count()
+        self._ends = threading.Event()
+        super().__init__(num_workers, initializer=self._begin)
+
+    def submit(self, fn, /, *args: Any, **kwargs: Any) -> Future:
+        """Schedules a call, here or in a process that has started."""
+        return super().submit(self._run, fn, args, kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Waits for calls that run, but not for processes that have not started."""
+        self._ends.set()
+        super().shutdown(wait=wait, cancel_futures=cancel_futures)
+        if self._others is not None:
+            self._others.shutdown(wait=False)
+
+    def _begin(self) -> None:
+        """Each thread stands for one process, the first for this one."""
+        self._thread.is_here = next(self._number) == 0
+        if self._thread.is_here or self._ends.wait(_HEAD_START_S):
+            return
+        # A call that went there at once would wait for Drake; meanwhile it may be made here.
+        started = self._others.submit(_start)
+        while not (started.done() or self._ends.wait(0.1)):
+            pass
+
+    def _run(self, fn, args, kwargs):
+        if self._thread.is_here:
+            return fn(*args, **kwargs)
+        return self._others.submit(fn, *args, **kwargs).result()
 
 
 @contextmanager
@@ -32,7 +85,7 @@ def dask_executor(address: str) -> Iterator[Executor]:
         address: of the scheduler, as in `tcp://10.0.0.1:8786`.
 
     Raises:
-        ValueError: Dask is not installed, or nobody answers there.
+        ValueError: Dask is not installed, or no scheduler answers there.
     """
     try:
         from distributed import Client

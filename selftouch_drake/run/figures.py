@@ -1,8 +1,8 @@
-"""The one table of the figures in `metrics.json`: what each means, its unit, who makes it.
+"""The one table of the metrics in `metrics.json`: meaning, unit, target, and stage.
 
-The report, the headline and the stages read it; a stage that runs again drops the figures of the
-stages after it. A figure that means nothing for an experiment, as the error of shape with two
-fingers on one hand, is absent.
+The report, the headline and the stages read it. A stage that runs again drops the metrics of the
+stages after it. A metric that means nothing for an experiment is absent, as the shape error with
+two fingers on one hand.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figure:
-    """One figure of `metrics.json`.
+    """One metric of `metrics.json`.
 
     Attributes:
         key: its name there.
@@ -22,8 +22,8 @@ class Figure:
         unit: `%` for a share, which is stored as 0 to 1; empty for a plain number.
         stage: the stage that makes it: babble, learn or evaluate.
         section: its heading in the report.
-        target: which value is good, in a few words; empty where none is better than another.
-        headline: its name in the headline; empty if it is not there.
+        target: which value is good, in a few words; empty if no value is better than another.
+        headline: its name in the headline; empty if the headline does not show it.
     """
 
     key: str
@@ -37,13 +37,13 @@ class Figure:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """One figure of a run, ready to be read.
+    """One metric of a run, as text.
 
     Attributes:
         key: its name in `metrics.json`.
         value: the number with its unit, as text.
         meaning: one line.
-        target: which value is good; empty where none is better than another.
+        target: which value is good; empty if no value is better than another.
     """
 
     key: str
@@ -52,7 +52,22 @@ class Reading:
     target: str = ""
 
 
-# Heading, stage, then of each figure: key, unit, meaning, target.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tile:
+    """One of the few metrics that sum a run up.
+
+    Attributes:
+        name: in a few words.
+        value: the number with its unit, as text.
+        explanation: what it measures, and which value is good.
+    """
+
+    name: str
+    value: str
+    explanation: str
+
+
+# Heading and stage, then key, unit, meaning and target of each metric.
 _BABBLING = (
     ("babbling_num_samples", "", "touches that were kept", ""),
     ("babbling_num_steps", "", "steps of the random walk that found them", ""),
@@ -140,6 +155,18 @@ _FOUND = (
         "",
         "weakest hole that counts over the strongest that does not; near 1 is unsure",
         "above 2",
+    ),
+    (
+        "shape_expected_error",
+        "%",
+        "error of the shape that the agent itself expects, of the worst part",
+        "below 4 %",
+    ),
+    (
+        "shape_trusted",
+        "",
+        "whether the agent trusts shape and holes: expected error below 4 %, margin 3 or more",
+        "yes",
     ),
     (
         "embedding_fourth_eigenvalue",
@@ -374,17 +401,50 @@ _SECTIONS = (
     ("Plans, executed under dynamics", "evaluate", _EXECUTION),
     ("The same after rehearsal", "evaluate", _REHEARSAL),
 )
+# The metrics that sum a run up, each with its name and what a newcomer should know about it.
 _HEADLINE = {
-    "shape_rms_fraction": "shape error",
-    "parts_found": "parts",
-    "topology_betti": "components, loops, voids",
-    "topology_betti_by_part": "components, loops, voids by part",
-    "intrinsic_dimension": "dimension",
-    "execution_contact_mean": "contact held",
-    "execution_reach_rate": "goals reached",
-    "execution_prediction_error_mean": "prediction error",
+    "shape_rms_fraction": (
+        "shape error",
+        "distance of the recovered places from the true ones, as a share of the body's size; "
+        "below 5 % the body is easy to recognise",
+    ),
+    "shape_expected_error": (
+        "expected by the agent",
+        "error of the shape that the agent expects, without knowing the truth",
+    ),
+    "shape_trusted": (
+        "trusted",
+        "whether the agent trusts shape and holes; no wrong shape should be",
+    ),
+    "parts_found": ("parts", "pieces of the body that no touch joins; one skin is one part"),
+    "topology_betti": (
+        "components, loops, voids",
+        "1, 0, 1 is one closed surface without handles, 1, 2, 1 a torus",
+    ),
+    "topology_betti_by_part": (
+        "components, loops, voids by part",
+        "1, 0, 1 is closed, 1, 0, 0 a patch with one rim, 1, 1, 0 an open tube",
+    ),
+    "intrinsic_dimension": (
+        "dimension",
+        "number of directions in which one can move on the body; a surface has 2",
+    ),
+    "execution_contact_mean": (
+        "contact held",
+        "share of the time in which motions touch the skin; at 99 % or more, a finger hardly ever "
+        "lifts off",
+    ),
+    "execution_reach_rate": (
+        "goals reached",
+        "share of the motions that end in the sensation that was asked for; 100 % is best",
+    ),
+    "execution_prediction_error_mean": (
+        "prediction error",
+        "difference between expected and felt sensations, without a unit: 0 is none, 1 is nothing "
+        "in common; below 0.05 is good",
+    ),
 }
-#: Every figure that a stage makes, in the order of the report.
+#: Every metric, in the order of the report.
 FIGURES = tuple(
     Figure(
         key=key,
@@ -393,7 +453,7 @@ FIGURES = tuple(
         stage=stage,
         section=section,
         target=target,
-        headline=_HEADLINE.get(key, ""),
+        headline=_HEADLINE.get(key, ("", ""))[0],
     )
     for section, stage, entries in _SECTIONS
     for key, unit, meaning, target in entries
@@ -401,15 +461,15 @@ FIGURES = tuple(
 
 
 def keys_of(*stages: str) -> frozenset[str]:
-    """The figures that some stages make."""
+    """The keys of the metrics that some stages make."""
     return frozenset(figure.key for figure in FIGURES if figure.stage in stages)
 
 
 def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
-    """All figures of a run by section, in order; sections without a figure are left out.
+    """All metrics of a run by section, in order; sections without a metric are left out.
 
     Args:
-        metrics: what `RunDirectory.metrics` returns. Figures of unknown name come last.
+        metrics: as `RunDirectory.metrics` returns them. Unknown ones come last.
     """
     found: dict[str, list[Reading]] = {}
     for figure in FIGURES:
@@ -430,12 +490,12 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
     return found | ({"Others": others} if others else {})
 
 
-def headline(metrics: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The few figures that sum a run up, as far as they are known: name and value."""
-    by_key = {figure.key: figure for figure in FIGURES}
+def headline(metrics: Mapping[str, Any]) -> list[Tile]:
+    """The few metrics that sum a run up, as far as they are known."""
+    units = {figure.key: figure.unit for figure in FIGURES}
     return [
-        (name, _text(metrics[key], by_key[key].unit))
-        for key, name in _HEADLINE.items()
+        Tile(name=name, value=_text(metrics[key], units[key]), explanation=explanation)
+        for key, (name, explanation) in _HEADLINE.items()
         if key in metrics
     ]
 
@@ -448,7 +508,9 @@ def _text(value: Any, unit: str) -> str:
     if isinstance(value, list):
         nested = any(isinstance(entry, list) for entry in value)
         return ("; " if nested else ", ").join(_text(entry, unit) for entry in value)
-    if isinstance(value, bool) or not isinstance(value, int | float):
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if not isinstance(value, int | float):
         return str(value)
     if unit == "%":
         return f"{100 * value:.1f} %"

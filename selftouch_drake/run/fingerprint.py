@@ -1,7 +1,7 @@
-"""What decides the experience of a run, and what is learned from it, each as one short text.
+"""Short texts that identify everything that decides the experience of a run, and its learning.
 
-Of models and meshes the content counts, not where they lie: a run may move to another machine, and
-whoever edits a model cannot mix two robots in one store.
+The content of models and meshes counts, not their path: a run may move to another machine, and an
+edited model cannot mix two robots in one store.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 from selftouch_drake.experiment import Experiment, ExperimentError, shown
 from selftouch_drake.files import content_digest
 
-# What of `execution` decides how the joints follow the walk.
+# The fields of `execution` that decide how the joints follow the walk.
 _CONTROLLER = ("time_step", "stiffness", "damping")
 
 #: SHA-256 of the content of each file that decides the robot and its skins, by its path.
@@ -26,7 +26,7 @@ Digests = Mapping[str, str]
 def model_digests(
     experiment: Experiment, announce: Callable[[str], None] | None = None
 ) -> dict[str, str]:
-    """The content of every file that decides the robot and its skins, as it is now.
+    """Digests of every file that decides the robot and its skins, as it is now.
 
     Args:
         experiment: whose directives, models and meshes are read.
@@ -36,7 +36,7 @@ def model_digests(
         ExperimentError: the mesh file of a skin is not there.
         ModelError: a file is not found, or cannot be read.
     """
-    # Imported experience was kept whole: no file outside the run decides anything.
+    # Imported experience is complete: no file outside the run decides anything.
     if experiment.imported is not None:
         return {}
 

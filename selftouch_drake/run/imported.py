@@ -1,4 +1,4 @@
-"""Runs of experience that another robot recorded: no robot is known, and no truth.
+"""Runs with experience that another robot recorded, without a robot model and without truth.
 
 An imported run has an experience, like any other, and `learn`, `plan` and `report` work on it. Its
 experiment has `imported` in place of robot, skins and touching.
@@ -33,12 +33,12 @@ from selftouch_drake.robot import LOG_PERIOD
 from selftouch_drake.robot.timing import time_path
 from selftouch_drake.run.directory import RunDirectory
 
-# Of the speeds of a joint between rows, the one that is allowed: one in a hundred is a slip.
+# Quantile of the speeds of a joint between rows that sets its limit: the fastest 1 % are slips.
 _FAST = 0.99
 # 1/s, acceleration allowed per speed allowed, as the default limits of an experiment have it.
 # Second differences of recorded joints are mostly noise.
 _ACCELERATION_PER_SPEED = 5.0
-# rad/s or m/s, where the data say nothing.
+# rad/s or m/s, if the data have no times.
 _DEFAULT_SPEED = 1.0
 
 
@@ -47,7 +47,7 @@ class Data:
     """A recording, and the touches in it.
 
     Attributes:
-        source: the file or folder that it was read from.
+        source: the file or folder of the recording.
         recording: n rows of J joints and S receptors.
         felt: the touches.
     """
@@ -58,7 +58,7 @@ class Data:
 
     @property
     def num_null(self) -> int:
-        """Complete rows in which nothing is felt."""
+        """Number of complete rows in which nothing is felt."""
         return len(self.recording.q) - len(self.felt.rows) - self.felt.num_fading
 
     @property
@@ -112,17 +112,17 @@ def imported_experiment(
     max_velocity: float | None = None,
     max_acceleration: float | None = None,
 ) -> Experiment:
-    """The experiment of a run that begins with data from elsewhere.
+    """The experiment of a run whose data come from another robot.
 
     Args:
         data: what was read.
         overrides: fields of the experiment, as in `{"seed": 1}`.
-        max_velocity: rad/s or m/s, of all joints; by default 99 of 100 speeds between rows are
-            below that of a joint, and it is 1 where no time was recorded.
+        max_velocity: rad/s or m/s, of all joints; by default the 99th percentile of the recorded
+            speeds of each joint, or 1 if no time was recorded.
         max_acceleration: rad/s^2 or m/s^2; by default five times the velocity, per second.
 
     Raises:
-        ExperimentError: a field cannot be so.
+        ExperimentError: a field has an impossible value.
     """
     recording, felt = data.recording, data.felt
     num_joints = len(recording.joints)
@@ -149,7 +149,7 @@ def imported_experiment(
 
 
 def store(run: RunDirectory, data: Data) -> None:
-    """Writes the touches into the run, and how its receptors were calibrated."""
+    """Writes the touches and the calibration of the receptors into the run."""
     felt, last = data.felt, 0
     save_arrays(run.path / "calibration.npz", felt.calibration.to_arrays() | run.body_stamp())
     ends = np.cumsum(walk_sizes(run.experiment)).tolist()
@@ -173,7 +173,7 @@ def timed(agent: Agent, plan: Plan, imported: Imported) -> Motion:
     """A plan with times within the limits of an imported run, and what the agent expects to feel.
 
     Raises:
-        ValueError: the limits are so low that the motion would last very long.
+        ValueError: the limits are so low that the motion would take too long.
     """
     found = time_path(
         plan.path,
@@ -195,7 +195,7 @@ def write_trajectory(path: Path, motion: Motion, joints: list[str]) -> None:
 
 
 def _speeds(recording: Recording) -> np.ndarray:
-    """`(J,)` rad/s or m/s that each joint was recorded at."""
+    """`(J,)` rad/s or m/s, the recorded speed of each joint."""
     speeds = recording.speeds()
     if speeds is None:
         return np.full(recording.q.shape[1], _DEFAULT_SPEED)
@@ -230,7 +230,7 @@ def _figures(data: Data) -> dict[str, Any]:
 
 
 def summary(data: Data, experiment: Experiment) -> list[str]:
-    """What was found, in lines for people."""
+    """Lines that say what the recording holds."""
     recording, felt = data.recording, data.felt
     calibration, imported = felt.calibration, experiment.imported
     assert imported is not None

@@ -1,7 +1,7 @@
-"""What the agent of a run made: written whole, read back checked. The only place that does either.
+"""Saves and loads what the agent of a run made; the only module that does.
 
-Files that come of learning carry a stamp of what they were learned from; those of another
-experience or version are refused, and the text says what to do.
+Files are written whole, and checked when they are read. Files of learning carry a stamp of the
+experience; those of another experience or version are refused with the remedy.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from __future__ import annotations
 import functools
 from collections.abc import Mapping
 from contextlib import ExitStack
+from typing import TYPE_CHECKING
 
-import networkx as nx
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
@@ -22,20 +22,22 @@ from selftouch_drake.agent.representation import (
     to_networkx,
     without_vectors,
 )
-from selftouch_drake.agent.shape import Body, Embedding, RecoveredPart, Topology
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.files import load_arrays, save_arrays, written_whole
 from selftouch_drake.run.directory import RunDirectory, RunError
+
+if TYPE_CHECKING:
+    from selftouch_drake.agent.shape import Body, RecoveredPart
 
 Arrays = Mapping[str, np.ndarray]
 
 
 def load_agent(run: RunDirectory, *, predicts: bool = True) -> Agent:
-    """The agent of a run that has learned, with what rehearsals have taught it.
+    """The agent of a run that has learned, with its memory of rehearsals.
 
     Args:
         run: the run.
-        predicts: whether it foretells what it will feel; all of the experience is read for that.
+        predicts: whether it is to predict sensations; this reads the whole experience.
 
     Raises:
         RunError: the run has learned nothing, or something else.
@@ -83,16 +85,16 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
 def save_learned(
     run: RunDirectory, representation: QuotientRepresentation, body: Body, forget=lambda: None
 ) -> None:
-    """Keeps what was learned: all of it, or nothing.
+    """Saves what was learned: everything or nothing.
 
     Args:
         run: the run.
         representation: embedded in the body.
         body: as recovered from it.
-        forget: called when the new files are written aside and take the place of the old next.
+        forget: called when the new files are complete, just before they replace the old ones.
     """
     stamp = run.stamp()
-    # What was learned before stays as it is until the new is whole.
+    # The old files stay as they are until the new ones are complete.
     with ExitStack() as files:
         for file, arrays in (
             (run.representation, representation.to_arrays()),
@@ -110,6 +112,8 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
         RunError: it is not there, or of another experiment.
         ValueError: a file is damaged.
     """
+    from selftouch_drake.agent.shape import Body  # not needed to plan
+
     remedy = f"run `selftouch learn {run.path}`"
     read: list[dict[str, np.ndarray]] = []
     for file, names in ((run.topology, ["num_parts"]), (run.body_distances, ["distances"])):
@@ -137,10 +141,10 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
 
 
 def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> RehearsalMemory:
-    """What a run remembers of its rehearsals; blank if there were none.
+    """The memory of the rehearsals of a run; blank if there were none.
 
     Raises:
-        RunError: the file is none of this run.
+        RunError: the file belongs to another representation.
     """
     file = run.rehearsal
     if not file.exists():
@@ -159,12 +163,12 @@ def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> Re
 
 
 def save_memory(run: RunDirectory, memory: RehearsalMemory) -> None:
-    """Keeps what rehearsals have taught."""
+    """Saves the memory of rehearsals."""
     save_arrays(run.rehearsal, memory.to_arrays())
 
 
 def save_plan(run: RunDirectory, plan: Motion | Execution, *targets: int | str) -> None:
-    """Keeps a motion, executed or not, under the targets that name it."""
+    """Saves a motion, executed or not, under the targets that name it."""
     save_arrays(run.plan(*targets), plan.to_arrays() | run.stamp())
 
 
@@ -173,17 +177,17 @@ def load_motion(run: RunDirectory, *targets: int | str) -> Motion:
 
     Args:
         run: a run that has planned.
-        targets: of the plan, in order; `"free", GOAL` for one from any configuration.
+        targets: of the plan, in order; a free start as `free_start` names it.
 
     Raises:
-        RunError: there is no such plan, or it was made of something else that was learned.
+        RunError: there is no such plan, or it belongs to another representation.
         ValueError: the file is damaged.
     """
     return _load_plan(run, Motion, targets)
 
 
 def load_execution(run: RunDirectory, *targets: int | str) -> Execution:
-    """A stored motion with what became of it; arguments and errors as of `load_motion`."""
+    """A stored execution; arguments and errors as of `load_motion`."""
     return _load_plan(run, Execution, targets)
 
 
@@ -198,22 +202,36 @@ def was_executed(run: RunDirectory, *targets: int | str) -> bool:
     return "felt" in load_arrays(run.plan(*targets))
 
 
+def no_plan(run: RunDirectory, *targets: int | str) -> str:
+    """Says that a plan is not there, and what makes it."""
+    what, options = _described(*targets)
+    return f"{run.path} has no {what}; make one with `selftouch plan {run.path} {options}`"
+
+
+def not_executed(run: RunDirectory, *targets: int | str) -> str:
+    """Says that a plan was not executed, and what executes it."""
+    what, options = _described(*targets)
+    return f"{run.path} has not executed its {what}; run `selftouch execute {run.path} {options}`"
+
+
 def export_graph(run: RunDirectory, representation: QuotientRepresentation) -> None:
-    """Writes the quotient graph as GraphML, for tools of others."""
+    """Writes the quotient graph as GraphML, for other tools."""
+    import networkx as nx  # needed here alone
+
     graph = without_vectors(to_networkx(representation))
     with written_whole(run.path / "quotient_graph.graphml") as aside:
         nx.write_graphml(graph, aside)
 
 
 def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
-    file, (what, options) = run.plan(*targets), _described(*targets)
-    remedy = f"with `selftouch plan {run.path} {options}`"
+    file = run.plan(*targets)
+    remedy = f"with `selftouch plan {run.path} {_described(*targets)[1]}`"
     if not file.exists():
-        raise RunError(f"{run.path} has no {what}; make one {remedy}")
+        raise RunError(no_plan(run, *targets))
     arrays = load_arrays(file)
     run.require_stamp(file, arrays, remedy=f"make it again {remedy}")
     if kind is Execution and "felt" not in arrays:
-        raise RunError(f"{run.path} has not executed its {what}; run `selftouch execute`")
+        raise RunError(not_executed(run, *targets))
     try:
         plan = kind.from_arrays(arrays)
     except ValueError as error:
@@ -225,15 +243,15 @@ def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
 
 
 def _reason(error: Exception) -> str:
-    """What is wrong with the content of a file: on one line, and short whatever it holds."""
+    """What is wrong with the content of a file, on one short line."""
     text = " ".join(str(error).split()).rstrip(".")
     return text if len(text) <= 200 else f"{text[:200]}..."
 
 
 def _described(start: int | str, *goals: int | str) -> tuple[str, str]:
     """A plan in words, and the options that ask for it."""
-    if start == "free":
-        return f"free plan to {goals[-1]}", f"--from-q Q --to {goals[-1]}"
+    if isinstance(start, str):  # a free start, as in q=0.1,0,2
+        return f"plan from {start} to {goals[-1]}", f"--from-q Q --to {goals[-1]}"
     if len(goals) > 1:
         through = ",".join(map(str, (start, *goals)))
         return f"plan through {through}", f"--through {through}"
@@ -245,12 +263,12 @@ def _digits(text: str) -> bool:
 
 
 def _named(number: int, name: str) -> str:
-    """An array of one part: plain names are of the first part, as when there is one."""
+    """The name of an array of one part; names of the first part have no number."""
     return name if number == 0 else f"part_{number}_{name}"
 
 
 def _topology_arrays(body: Body) -> dict[str, np.ndarray]:
-    """The parts of a body, but for what the representation and the distances hold."""
+    """The parts of a body, without what the representation and the distances hold."""
     arrays = {"num_parts": np.array(len(body.parts))}
     for number, part in enumerate(body.parts):
         name = functools.partial(_named, number)
@@ -274,6 +292,8 @@ def _topology_arrays(body: Body) -> dict[str, np.ndarray]:
 def _part_from(
     arrays: Arrays, number: int, representation: QuotientRepresentation, distances: np.ndarray
 ) -> RecoveredPart:
+    from selftouch_drake.agent.shape import Embedding, RecoveredPart, Topology
+
     def array(name: str) -> np.ndarray:
         return arrays[_named(number, name)]
 

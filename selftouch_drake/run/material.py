@@ -1,4 +1,4 @@
-"""What there is to show of a run: each part read when first asked for, or missing with a reason."""
+"""Everything that can be shown of a run; each part is read at its first use, or is missing."""
 
 from __future__ import annotations
 
@@ -28,12 +28,14 @@ from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot import MakeRobot, Robot, Touches, World
 from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import Reading, headline, readings
+from selftouch_drake.run.figures import Reading, Tile, headline, readings
 from selftouch_drake.run.knowledge import (
     load_body,
     load_execution,
     load_motion,
     load_representation,
+    no_plan,
+    not_executed,
     stored_pairs,
     was_executed,
 )
@@ -44,7 +46,7 @@ from selftouch_drake.show.recovered import at_poses, laid_on_skins, skins_of
 
 
 class Material:
-    """Everything that figures, report, recording and live play are made of.
+    """The data behind figures, report, recording and live play.
 
     Args:
         run: the run.
@@ -59,7 +61,7 @@ class Material:
         self._known_world = world
 
     def require_sound(self) -> None:
-        """Reads every file that there is, before anything is made of any.
+        """Reads all files, before anything is drawn.
 
         Raises:
             ValueError: one is damaged, or of another experiment.
@@ -88,8 +90,8 @@ class Material:
         return readings(self.metrics)
 
     @property
-    def headline(self) -> list[tuple[str, str]]:
-        """The few metrics that sum the run up: name and value."""
+    def headline(self) -> list[Tile]:
+        """The few metrics that sum the run up."""
         return headline(self.metrics)
 
     def _require_robot(self) -> None:
@@ -116,11 +118,11 @@ class Material:
 
     @cached_property
     def shape(self) -> RobotShape:
-        """What is drawn of the robot."""
+        """The shape of the robot, as it is drawn."""
         return RobotShape(self.robot, self.experiment.touching)
 
     def touches_at(self, q: np.ndarray) -> Touches:
-        """What touches what at configurations `(N, J)`."""
+        """The touches at configurations `(N, J)`."""
         return self.world.probe.touches(q)
 
     @cached_property
@@ -149,7 +151,7 @@ class Material:
 
     @cached_property
     def home(self) -> np.ndarray:
-        """`(skins, 3, 4)` poses of the skins' links in the posture that is the model's default."""
+        """`(skins, 3, 4)` poses of the skins' links in the default posture of the model."""
         plant = self.robot.plant
         q = plant.GetPositions(plant.CreateDefaultContext())
         return self.robot.skin_positions(q[None])[0]
@@ -189,7 +191,7 @@ class Material:
 
     @cached_property
     def kernel_truth(self) -> KernelTruth:
-        """Where the kernels truly are."""
+        """The true places of the kernels."""
         self._require_robot()
         representation, run = self.representation, self.run
         try:
@@ -249,8 +251,8 @@ class Material:
 
     def motion(self, *targets: int | str) -> Motion:
         """A plan, executed or not; the targets name it, in order."""
-        if not (file := self.run.plan(*targets)).exists():
-            raise MissingError(f"plan {file.stem} is not there; run `selftouch plan`")
+        if not self.run.plan(*targets).exists():
+            raise MissingError(no_plan(self.run, *targets))
         return load_motion(self.run, *targets)
 
     def execution(self, *targets: int | str) -> Execution:
@@ -258,13 +260,12 @@ class Material:
         self._require_robot()
         self.motion(*targets)
         if not was_executed(self.run, *targets):
-            name = self.run.plan(*targets).stem
-            raise MissingError(f"plan {name} was not executed; run `selftouch execute`")
+            raise MissingError(not_executed(self.run, *targets))
         return load_execution(self.run, *targets)
 
     @property
     def _truth(self) -> ExperienceReader:
-        """Where the touches of the experience truly were."""
+        """The true places of the touches."""
         self._require_robot()
         if not any(self.run.truth.glob("part-*.parquet")):
             raise MissingError("the truth is not there; run `selftouch babble`")
@@ -272,6 +273,6 @@ class Material:
 
     @cached_property
     def _touch_counts(self) -> TouchCounts:
-        # Of the fields only the surfaces count, and those of the run are stored with it.
+        # Only the surfaces of the fields count, and the run stores them.
         surfaces = cast(Sequence[ReceptiveFields], self.skins)
         return count_touches(surfaces, self._truth.contacts())

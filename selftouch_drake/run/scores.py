@@ -1,4 +1,4 @@
-"""Figures of what was learned, alone and against the truth, as `metrics.json` names them."""
+"""Metrics of what was learned, alone and against the truth, as `metrics.json` names them."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ def score_body(
 ) -> Figures:
     """Scores what was learned against the truth.
 
-    With several fingers on one hand a kernel is a pose of the hand and no place on a skin: all
-    figures that compare places are absent.
+    With several fingers on one hand, a kernel is a pose of the hand and not a place on a skin: all
+    metrics that compare places are absent.
 
     Args:
         run: the run, with its truth.
         world: its world.
-        representation: what was learned.
+        representation: of the agent.
         body: as `learn` recovered it.
     """
     fields = [skin.fields for skin in world.skins]
@@ -82,6 +82,9 @@ def found_figures(run: RunDirectory, body: Body) -> Figures:
     figures: Figures = {"parts_found": len(body.parts)}
     if any(part.doubt for part in body.parts):
         figures["shape_doubt_by_part"] = [part.doubt for part in body.parts]
+    if body.expected_error is not None:
+        figures["shape_expected_error"] = body.expected_error
+        figures["shape_trusted"] = body.trusted
     if margins:
         figures["topology_margin"] = min(margins)
     figures["embedding_fourth_eigenvalue"] = max(

@@ -1,4 +1,4 @@
-"""What a person looks at of a run: figures, a recording and the report in its folder, live play."""
+"""Figures, recording and report of a run, and live play."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def write_recording(
     Args:
         run: the run.
         targets: target sensations from the first to the last that the plan leads through; the first
-            is `"free"` if it begins in any configuration.
+            is a text if it begins in any configuration.
         path: the page; the run's `playback.html` by default.
         world: its world, if it was built already.
 
@@ -140,7 +140,7 @@ def play(
     Raises:
         ValueError: the run has not learned, or the port is taken.
     """
-    # What is missing is reported before a page is opened.
+    # Missing parts are reported before a page opens.
     require_robot(run.experiment)
     agent = load_agent(run)
     material = Material(run)

@@ -1,7 +1,8 @@
 """The stages of a run: babble, learn, plan, execute, rehearse, evaluate.
 
-Each is a function of the run, reads and writes its directory, and leaves what it computes to the
-packages. A stage that runs again replaces what it made and drops what was made from it.
+Each is a function of the run that reads and writes its directory; other packages compute. A stage
+that runs again replaces what it made and drops what was made from it. A stage imports what it alone
+needs, so that the others start sooner.
 """
 
 from __future__ import annotations
@@ -15,8 +16,7 @@ import numpy as np
 
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.rehearsal import Try, best
-from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
-from selftouch_drake.agent.shape import recover
+from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experience import (
     ExperienceReader,
     collect,
@@ -25,6 +25,7 @@ from selftouch_drake.experience import (
 )
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
+from selftouch_drake.run import acting
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.figures import keys_of
@@ -37,10 +38,8 @@ from selftouch_drake.run.knowledge import (
     save_memory,
     save_plan,
 )
-from selftouch_drake.run.scores import found_figures, score_body
+from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.touches import force_figures, touch_counts, warn_of_untouched
-from selftouch_drake.run.trial_figures import trial_figures, trial_table
-from selftouch_drake.run.trials import try_pairs
 from selftouch_drake.run.worlds import build_world, make_world
 
 __all__ = [
@@ -72,10 +71,10 @@ def silent(fraction: float, doing: str) -> None:
 def babble(
     run: RunDirectory, world: World, executor: Executor, progress: Progress = silent
 ) -> None:
-    """Collects the experience of the run; walks that are stored already are kept.
+    """Collects the experience of the run; stored walks are kept.
 
     Warns:
-        NeverTouchedWarning: of each skin that was never touched, and each toucher that never did.
+        NeverTouchedWarning: a skin was never touched, or a toucher never touched anything.
     """
     began = time.perf_counter()
     wall_before = run.metrics().get("babbling_wall_s", 0.0)
@@ -98,6 +97,7 @@ def babble(
         fingerprint=run.fingerprint(),
         executor=executor,
         progress=count,
+        world=world,
     )
     wall = time.perf_counter() - began
     median, largest = force_figures(run)
@@ -124,6 +124,10 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
         RunError: the experience is not complete.
         ValueError: it cannot be learned from.
     """
+    from selftouch_drake.agent.representation import QuotientLearner
+    from selftouch_drake.agent.shape import recover
+    from selftouch_drake.run.scores import found_figures
+
     began = time.perf_counter()
     _require_experience(run)
     settings, seed = run.experiment.representation, run.experiment.seed
@@ -165,7 +169,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
 
 
 def _forget_learning(run: RunDirectory) -> None:
-    """Drops the figures of what was learned before, and all that was made from it."""
+    """Drops the metrics of the old learning, and everything that was made from it."""
     run.drop_metrics(keys_of("learn", "evaluate"))
     shutil.rmtree(run.path / "plans", ignore_errors=True)
     run.rehearsal.unlink(missing_ok=True)
@@ -189,8 +193,8 @@ def plan(run: RunDirectory, world: World, *targets: int) -> Motion:
 def plan_imported(run: RunDirectory, *targets: int) -> Motion:
     """Plans through target sensations of an imported run; keeps the plan, as CSV as well.
 
-    It starts at the configuration that feels most like the first. Nobody can go along it before the
-    robot does: whether rigid parts run into each other on it is not known.
+    The plan starts at the configuration that feels most like the first target. Without a model of
+    the robot, nobody knows whether its rigid parts run into each other on the way.
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
@@ -207,7 +211,7 @@ def plan_imported(run: RunDirectory, *targets: int) -> Motion:
 
 
 def plan_from(run: RunDirectory, world: World, q_start: np.ndarray, goal: int) -> Motion:
-    """Plans from any `(J,)` configuration, touching or not; keeps the plan as `free-GOAL`.
+    """Plans from any `(J,)` configuration, touching or not; the file of the plan names it.
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
@@ -216,29 +220,29 @@ def plan_from(run: RunDirectory, world: World, q_start: np.ndarray, goal: int) -
     pilot = Pilot(load_agent(run), world)
     _require_targets(run, (0, goal))
     motion = pilot.plan_from(q_start, goal).motion
-    save_plan(run, motion, "free", goal)
+    save_plan(run, motion, free_start(q_start), goal)
     return motion
 
 
 def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
-    """Executes a stored plan in the dynamic world, and keeps what was felt beside it.
+    """Executes a stored plan in the dynamic world, and saves the sensations with it.
 
     Args:
         run: a run that has planned.
         world: its world.
-        targets: of the plan, in order; `"free", GOAL` for one of `plan_from`.
+        targets: of the plan, in order; a free start as `free_start` names it.
 
     Returns:
-        What the agent makes of it.
+        The agent's own judgement of it.
 
     Raises:
         RunError: there is no such target sensation, or no such plan.
     """
-    pilot = Pilot(load_agent(run, predicts=False), world)
+    agent = load_agent(run, predicts=False)
     _require_targets(run, targets)
-    execution, _ = pilot.execute(load_motion(run, *targets))
+    execution, _ = acting.execute(world, load_motion(run, *targets))
     save_plan(run, execution, *targets)
-    return pilot.agent.judge(execution)
+    return agent.judge(execution)
 
 
 def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: int) -> list[Try]:
@@ -256,14 +260,18 @@ def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: 
 
 
 def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> None:
-    """Scores what was learned against the truth, and random plans as felt in the world.
+    """Scores what was learned against the truth, and random plans by what is felt.
 
     Raises:
-        StoreError: the truth is not there, or only in part.
+        StoreError: the truth is missing or incomplete.
     """
+    from selftouch_drake.run.scores import score_body
+    from selftouch_drake.run.trial_figures import trial_figures, trial_table
+    from selftouch_drake.run.trials import try_pairs
+
     agent = load_agent(run)
     require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
-    run.metrics()  # what cannot be added to is refused now
+    run.metrics()  # refuses a damaged file before the long work
     body = load_body(run, agent.representation)
     progress(0.0, "against the truth")
     run.add_metrics(score_body(run, world, agent.representation, body))
@@ -287,13 +295,13 @@ def has_babbled(run: RunDirectory) -> bool:
 
 
 def has_learned(run: RunDirectory) -> bool:
-    """Whether `learn` came to its end."""
+    """Whether `learn` has finished."""
     made = (run.representation, run.topology, run.body_distances)
     return "learning_wall_s" in run.metrics() and all(path.exists() for path in made)
 
 
 def has_evaluated(run: RunDirectory) -> bool:
-    """Whether `evaluate` came to its end."""
+    """Whether `evaluate` has finished."""
     wanted = run.experiment.evaluation.num_pairs
     return ("execution_num_pairs" if wanted else "coverage_evenness") in run.metrics()
 
@@ -310,7 +318,7 @@ def _require_targets(run: RunDirectory, targets: Sequence[int | str]) -> None:
 
 
 def _require_experience(run: RunDirectory) -> None:
-    """Refuses experience that is not there, or only in part."""
+    """Refuses experience that is missing or incomplete."""
     if not has_babbled(run):
         what = "babbling" if run.experiment.imported is None else "the import"
         raise RunError(

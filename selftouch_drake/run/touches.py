@@ -1,4 +1,4 @@
-"""What the touches of a run were: how strong, on which skins, by what."""
+"""Statistics of the touches of a run: their force, and their number by skin and by toucher."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.robot import Robot
 from selftouch_drake.run.directory import RunDirectory
 
-# mN; what presses harder counts as so much where the median is found.
+# mN, largest force in the histogram from which the median comes.
 _MOST_FORCE_MN = 1_000_000
 
 
@@ -20,7 +20,7 @@ class NeverTouchedWarning(UserWarning):
 
 
 def force_figures(run: RunDirectory) -> tuple[float, float]:
-    """Median, to a millinewton, and largest force of the touches, in memory that does not grow."""
+    """Median (to a millinewton) and largest force of the touches, in constant memory."""
     counts, largest = np.zeros(_MOST_FORCE_MN + 1, dtype=np.int64), 0.0
     for felt in ExperienceReader(run.experience).batches("sensation"):
         force = felt.sum(axis=1)
@@ -31,7 +31,7 @@ def force_figures(run: RunDirectory) -> tuple[float, float]:
 
 
 def touch_counts(run: RunDirectory, robot: Robot) -> tuple[dict[str, int], dict[str, int]]:
-    """Touches of each skin, and by each toucher; one on two skins counts for both."""
+    """Number of touches of each skin and by each toucher; a touch of two skins counts for both."""
     skins = [skin.model.name for skin in robot.skins]
     touchers = [toucher.name for toucher in robot.touchers]
     of_skin, by_toucher = np.zeros(len(skins), int), np.zeros(len(touchers) + len(skins), int)
@@ -53,7 +53,7 @@ def touch_counts(run: RunDirectory, robot: Robot) -> tuple[dict[str, int], dict[
 def warn_of_untouched(
     run: RunDirectory, by_skin: Mapping[str, int], by_toucher: Mapping[str, int]
 ) -> None:
-    """Warns of what never felt a touch, or never made one.
+    """Warns of skins without a touch, and of touchers that never touched.
 
     Args:
         run: the run.

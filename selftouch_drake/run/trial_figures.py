@@ -1,4 +1,4 @@
-"""Figures of trials, as `metrics.json` names them, and their table."""
+"""Metrics of trials, as `metrics.json` names them, and their table."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from selftouch_drake.run.trials import Trial
 
 
 def trial_figures(trials: Sequence[Trial], turns: np.ndarray) -> dict[str, Any]:
-    """Figures of trials, in the order in which they were made.
+    """Metrics of trials.
 
     Args:
         trials: one or more.
-        turns: `(J,)` bool, joints whose unit is the radian, and not the metre.
+        turns: `(J,)` bool, whether the unit of a joint is the radian, not the metre.
     """
     if not trials:
         return {}
@@ -56,7 +56,7 @@ def trial_figures(trials: Sequence[Trial], turns: np.ndarray) -> dict[str, Any]:
 
 
 def trial_table(trials: Sequence[Trial]) -> dict[str, np.ndarray]:
-    """What became of each of N pairs, in the order in which they were tried, as a file holds it.
+    """The results of N pairs in the order of their trials, as a file stores them.
 
     Returns:
         `pairs` `(N, 2)`; shares of the time in contact `(N,)`: `contact_naive` at the first try

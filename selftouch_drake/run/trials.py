@@ -1,6 +1,6 @@
-"""Trials: random plans, executed and rehearsed, each scored and then forgotten.
+"""Trials: random pairs of start and goal, planned, executed, rehearsed and scored.
 
-One pair after another goes from plan to score; only what the score is made of stays in memory.
+Pairs are tried one after another; only the parts of their scores stay in memory.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from selftouch_drake.experiment import Experiment
 from selftouch_drake.geometry import wall_points
 from selftouch_drake.robot import World
 from selftouch_drake.robot.limits import limit_shares
-from selftouch_drake.run.acting import NoWayError, Pilot
+from selftouch_drake.run.acting import NoWayError, Pilot, execute
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.knowledge import save_plan
 
@@ -38,15 +38,15 @@ _SAMPLED = 0.01
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trial:
-    """What became of one pair of start and goal.
+    """The result of one pair of start and goal.
 
     Attributes:
         start: target sensation.
         goal: target sensation.
-        query_s: s, what the plan took.
+        query_s: s, duration of planning.
         jerk_reduction: of the plan, in motor space.
-        num_slides: steps for which the agent found another way before it acted.
-        contact_straight: share of the plan in contact as it was before that.
+        num_slides: steps that the agent replaced by slides before it acted.
+        contact_straight: share of the plan in contact without these slides.
         planned: scored without dynamics.
         executed: scored as felt under dynamics, at first try and without memory.
         first: the agent's own judgement of that, as are the next two: contact, and whether the goal
@@ -55,16 +55,16 @@ class Trial:
         kept: of the best try.
         num_tries: of the rehearsal.
         tracking: `(J,)` mean square error of each joint, rad² or m².
-        limit_shares: of each kind of limit the largest share that any joint took.
+        limit_shares: for each kind of limit, the largest share that any joint used.
         force: N, the largest total force.
-        error: `(n,)` cosine distances from predicted to felt, where both are.
-        spread: `(n,)` the scale that was predicted for them.
+        error: `(n,)` cosine distances between predicted and felt sensations that are not null.
+        spread: `(n,)` predicted scale of these errors.
         impossible_planned: samples of the plan in which rigid parts run into each other.
         impossible_executed: steps of the plant in which they do.
         tip_jerk_planned: times less jerk in space than the polyline; None for a single step.
-        tip_jerk_measured: the same of the measured path.
+        tip_jerk_measured: the same for the measured path.
         off_skin_s: s, off every skin by more than a ball's radius; None if not only balls touch.
-        off_skin_kept_s: the same of the best try.
+        off_skin_kept_s: the same for the best try.
     """
 
     start: int
@@ -97,18 +97,18 @@ def try_pairs(
 ) -> tuple[list[Trial], list[tuple[int, int]]]:
     """Plans, executes and rehearses random pairs, and scores each against what was felt.
 
-    The agent begins with a blank memory, whatever the run remembers, so that the figures are the
-    same every time. First tries are planned without memory; rehearsals remember those before. What
-    stays in the run is the first try of each pair, which the figures are about.
+    The agent begins with a blank memory, whatever the run remembers, so that the metrics are the
+    same every time. First tries are planned without memory; rehearsals remember earlier ones. The
+    run keeps the first try of each pair, because the metrics describe it.
 
     Args:
         run: where the plans are kept.
         world: where they are executed.
-        agent: who plans.
-        progress: called with the fraction done and what is being done.
+        agent: the agent that plans.
+        progress: called with the fraction done and the current task.
 
     Returns:
-        The trials, and the pairs that were not tried, as no way was found for them.
+        The trials, and the pairs for which no way was found.
     """
     representation, max_tries = agent.representation, run.experiment.execution.max_tries
     agent = agent.recalling(RehearsalMemory.blank(representation))
@@ -124,7 +124,7 @@ def try_pairs(
             without_way.append((start, goal))
             continue
         motion = query.motion
-        execution, log = naive.execute(motion)
+        execution, log = execute(world, motion)
         known = agent.judge(execution)
         tries = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known) or [known]
         save_plan(run, execution, start, goal)
@@ -181,7 +181,7 @@ def try_pairs(
 def random_pairs(
     experiment: Experiment, representation: QuotientRepresentation
 ) -> list[tuple[int, int]]:
-    """The pairs of start and goal that are tried, drawn from the seed without repetition.
+    """Pairs of start and goal for the trials, drawn from the seed without repetition.
 
     Both are on one part of the body that was recovered: no touch leads from part to part.
     """
@@ -200,7 +200,7 @@ def random_pairs(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Balls:
-    """Balls that touch, and the walls they are to stay at."""
+    """Touching balls, and the walls on which they are to stay."""
 
     radius: np.ndarray
     walls: list[cKDTree]
@@ -217,7 +217,7 @@ class _Balls:
         return _Balls(np.array(known), walls)
 
     def off_skin_s(self, world: World, execution: Execution) -> float:
-        """s, for how long an execution was off every skin where touch was expected."""
+        """s, for how long an execution was off every skin although touch was expected."""
         motion, robot = execution.motion, world.robot
         p_LT = in_link_frames(
             robot.toucher_positions(execution.q_measured),

@@ -1,4 +1,4 @@
-"""The world of a run: its robot as Drake builds it, from the models that the run was begun with."""
+"""The world of a run: its robot as Drake builds it, from the models at the start of the run."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from selftouch_drake.run.directory import RunDirectory
 
 
 class NoWorldError(ExperimentError):
-    """The experience was imported: there is no robot whose world could be built."""
+    """The experience was imported: there is no robot, so no world can be built."""
 
 
 def require_robot(experiment: Experiment) -> None:
-    """Refuses what needs a world where the experience was imported.
+    """Refuses a run without a robot: its experience was imported.
 
     Raises:
         NoWorldError: it was.
@@ -44,7 +44,7 @@ def make_world(run: RunDirectory) -> World:
     """The world of a run.
 
     Raises:
-        RunError: a model was edited since the run was begun.
+        RunError: a model was edited since the start of the run.
         ValueError: as `build_world`.
     """
     run.require_models()

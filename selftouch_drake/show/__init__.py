@@ -1,4 +1,4 @@
-"""What a person looks at: figures and the report (page), recordings and live play (meshcat)."""
+"""Everything for people: figures and the report (page), recordings and live play (meshcat)."""
 
 from selftouch_drake.show.material import Material, MissingError, TouchSample
 from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot

@@ -1,4 +1,4 @@
-"""What there is to show of a run, as everything here takes it."""
+"""The interface through which this package reads a run."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import SkinSurface
 
-#: The targets that name a plan, in order; the first is "free" if it begins anywhere.
+#: The targets that name a plan, in order; the first is a text if it begins in any configuration.
 Targets = tuple[int | str, ...]
 
 
 class MissingError(ValueError):
-    """What was asked for is not there; the text says why, and what makes it."""
+    """Something to show is missing; the text says why, and what makes it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,8 +31,8 @@ class TouchSample:
 
     Attributes:
         places: `(n, 3)` m, with the skins at home.
-        num_drawn: of so many touches, of which some are at several places.
-        num_touches: touches in all.
+        num_drawn: number of touches in the sample; some have several places.
+        num_touches: number of all touches.
     """
 
     places: np.ndarray
@@ -41,7 +41,7 @@ class TouchSample:
 
 
 class Reading(Protocol):
-    """A metric of the run, ready to be read."""
+    """A metric of the run, as text."""
 
     @property
     def key(self) -> str:
@@ -57,11 +57,27 @@ class Reading(Protocol):
 
     @property
     def target(self) -> str:
-        """Which value is good; empty where none is better than another."""
+        """Which value is good; empty if no value is better than another."""
+
+
+class Tile(Protocol):
+    """One of the few metrics that sum a run up."""
+
+    @property
+    def name(self) -> str:
+        """In a few words."""
+
+    @property
+    def value(self) -> str:
+        """The number with its unit."""
+
+    @property
+    def explanation(self) -> str:
+        """What it measures, and which value is good."""
 
 
 class Material(Protocol):
-    """What there is to show of a run; each part raises `MissingError` where it is not there."""
+    """The data of a run; each part raises `MissingError` if it is missing."""
 
     @property
     def experiment(self) -> Experiment:
@@ -76,8 +92,8 @@ class Material(Protocol):
         """The metrics by section of the report."""
 
     @property
-    def headline(self) -> Sequence[tuple[str, str]]:
-        """The few metrics that sum the run up: name and value."""
+    def headline(self) -> Sequence[Tile]:
+        """The few metrics that sum the run up."""
 
     @property
     def world(self) -> World:

@@ -1,4 +1,4 @@
-"""The paths of what touches, over the skins that it slides on."""
+"""Paths of touchers over the skins on which they slide."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _LONGEST_GAP = 10
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SkinPath:
-    """Where one thing that touches is along a motion, seen from the skin that it slides on.
+    """Path of one toucher along a motion, in the frame of the skin on which it slides.
 
-    In the frame of the skin's link, so that a body that moves stands still.
+    In this frame, a moving body stands still.
 
     Attributes:
-        toucher: its name.
+        toucher: name of the toucher.
         skin: number of the skin.
         points: `(n, 3)` m, one after another.
         rows: `(n,)` the instants of the motion, rising.

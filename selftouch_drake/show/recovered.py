@@ -12,7 +12,7 @@ from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_surface
 from selftouch_drake.evaluation import KernelTruth, align
 from selftouch_drake.show.skins import SkinSurface, all_moved, as_one
 
-# Skins that fewer of a part's kernels are on do not count as its own.
+# Smallest share of a part's kernels that makes a skin its own.
 _LEAST_SHARE = 0.05
 
 

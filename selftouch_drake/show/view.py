@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-# How far from the middle of what was touched all over its touched places are on average at most, as
-# a share of its extent.
+# If a body was touched all over, the mean of its touched places is nearer to its middle than this
+# share of its extent.
 _ONE_SIDED = 0.1
 
 

@@ -22,7 +22,7 @@ from selftouch_drake.experiment import (
 from selftouch_drake.resources import SWEEPS
 
 KEYS = ("name", "experiments", "set", "seeds", "grid", "each", "cases")
-# A slip of the keyboard should not become a month of computing.
+# A typing error should not start a month of computing.
 MOST_RUNS = 2000
 
 
@@ -59,7 +59,7 @@ def load_sweep(source: str | Path) -> Sweep:
     - `experiments`: names of shipped experiments or paths, which start at the file;
     - `set`: fields laid over each of them;
     - `seeds`: a list;
-    - `grid`: dotted fields and lists of values, every combination of which is run;
+    - `grid`: dotted fields and lists of values, for which every combination is run;
     - `each`: the same, but each field varies alone, while the others stay as they are;
     - `cases`: a list of mappings of fields, each laid over the experiment.
 

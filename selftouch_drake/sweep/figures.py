@@ -1,8 +1,9 @@
-"""Each figure of a sweep against each field that varies."""
+"""Each metric of a sweep against each field that varies."""
 
 from __future__ import annotations
 
 import math
+import textwrap
 from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
@@ -13,26 +14,30 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
+from selftouch_drake.run.figures import FIGURES
+from selftouch_drake.run.figures import Figure as Metric
 from selftouch_drake.show.style import styled
 from selftouch_drake.sweep.table import figure_names, varied_fields
 
 _NUM_COLUMNS = 4
+_METRICS = {metric.key: metric for metric in FIGURES}
 Row = dict[str, Any]
 
 
 def draw_figures(table: pa.Table, folder: Path) -> list[Path]:
-    """Draws one picture a field that varies, a panel a figure, and returns their paths.
+    """Draws one picture for each field that varies, and returns their paths.
 
-    A line is the median over seeds of one experiment, a band from the least to the most. Where one
-    value of another field is the most frequent, as where each field varies alone, only rows of it
-    count; where none is, as in a grid, all do.
+    Each metric that changes has a panel. A line is the median over the seeds of one experiment, a
+    band goes from the smallest value to the largest. If one value of another field is the most
+    frequent, as where each field varies alone, only rows with that value count; if none is, as in a
+    grid, all rows count.
     """
     folder.mkdir(parents=True, exist_ok=True)
     rows = _numbers(table)
     paths = []
     for field in varied_fields(table):
         chosen = _along(field, rows, varied_fields(table))
-        names = [name for name in _panels(rows, table) if any(name in row for row in chosen)]
+        names = [name for name in _panels(rows, table) if _changes(name, chosen)]
         if len({_key(row[field]) for row in chosen}) < 2 or not names:
             continue
         path = folder / f"{field}.png"
@@ -67,6 +72,29 @@ def _panels(rows: list[Row], table: pa.Table) -> list[str]:
     return list(dict.fromkeys(name for row in rows for name in row if name not in others))
 
 
+def _changes(name: str, rows: list[Row]) -> bool:
+    return len({row[name] for row in rows if name in row}) > 1
+
+
+def label(name: str) -> str:
+    """A column in words: `skins.body.num_receptors` is "number of receptors (skins.body)"."""
+    metric = _metric(name)
+    if metric is None:
+        owner, _, words = name.rpartition(".")
+        notes = [owner]
+    else:
+        words, _, part = name.partition(".")
+        notes = [part, metric.unit]
+        words = words.removesuffix(f"_{metric.unit}")
+    words = words.replace("num_", "number of ").replace("_fraction", "").replace("_", " ")
+    return f"{words} ({', '.join(filter(None, notes))})" if any(notes) else words
+
+
+def _metric(name: str) -> Metric | None:
+    """The metric that a column is of, or an entry of: `topology_betti[0]`, `by_skin.head`."""
+    return _METRICS.get(name.partition(".")[0].partition("[")[0])
+
+
 def _along(field: str, rows: list[Row], fields: list[str]) -> list[Row]:
     """The rows in which only `field` varies, as far as there is a usual value of the others."""
     for other in fields:
@@ -94,7 +122,7 @@ def _draw(field: str, rows: list[Row], names: list[str]) -> Figure:
     handles, labels = panels[0].get_legend_handles_labels()
     if len(labels) > 1:
         figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
-    figure.suptitle(field, x=0.01, ha="left")
+    figure.suptitle(f"Over the {label(field)}", x=0.01, ha="left")
     return figure
 
 
@@ -112,13 +140,16 @@ def _panel(panel: Axes, field: str, name: str, rows: list[Row]) -> None:
         low, middle, high = (
             np.array([np.quantile(found[place], share) for place in x]) for share in (0, 0.5, 1)
         )
+        metric = _metric(name)
+        if metric is not None and metric.unit == "%":
+            low, middle, high = 100 * low, 100 * middle, 100 * high
         (line,) = panel.plot(x, middle, marker=".", label=experiment)
         panel.fill_between(x, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
     if not numeric:
         panel.set_xticks(range(len(places)), places)
     elif values[0] > 0 and values[-1] > 20 * values[0]:
         panel.set_xscale("log")
-    panel.set_title(name, fontsize=8)
+    panel.set_title("\n".join(textwrap.wrap(label(name), 44)), fontsize=8)
 
 
 def _is_number(value: Any) -> bool:

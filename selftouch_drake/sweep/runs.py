@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
+import warnings
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import (
@@ -34,6 +35,10 @@ from selftouch_drake.sweep.design import Sweep
 _HEADER = "# A sweep of selftouch_drake, format 1\n"
 
 
+class RunWarning(UserWarning):
+    """A warning of one run of a sweep; the text begins with the run's name."""
+
+
 @dataclass(frozen=True, slots=True)
 class SweepDirectory:
     """Where a sweep keeps its runs, its table and its figures."""
@@ -42,10 +47,10 @@ class SweepDirectory:
 
     @staticmethod
     def create(path: Path, sweep: Sweep) -> SweepDirectory:
-        """Begins a sweep, or goes on with one; runs that are there already are kept.
+        """Begins or resumes a sweep; existing runs are kept.
 
         Raises:
-            RunError: the folder is not empty, and no sweep of that name.
+            RunError: the folder is not empty, and is not a sweep of that name.
         """
         header = f"{_HEADER}name: {sweep.name}\n"
         file = path / "sweep.yaml"
@@ -62,7 +67,7 @@ class SweepDirectory:
 
     @contextmanager
     def writing(self) -> Iterator[None]:
-        """Holds the sweep for one writer.
+        """Locks the sweep for one writer.
 
         Raises:
             PermissionError: nothing can be written there.
@@ -83,7 +88,7 @@ class SweepDirectory:
 
     @property
     def table(self) -> Path:
-        """All figures of all runs."""
+        """All metrics of all runs."""
         return self.path / "table.parquet"
 
     @property
@@ -92,7 +97,7 @@ class SweepDirectory:
         return self.path / "figures"
 
     def run(self, experiment: Experiment) -> RunDirectory:
-        """The run of an experiment, whether it is there or not."""
+        """The run of an experiment, whether it exists or not."""
         return RunDirectory(self.path / "runs" / run_name(experiment), experiment)
 
 
@@ -111,20 +116,23 @@ def run_sweep(
     *,
     num_pending: int = 8,
 ) -> dict[str, str]:
-    """Runs what is missing of a sweep.
+    """Runs the missing parts of a sweep.
 
     Runs that share their experience share its files, as hard links where the disk has them; so do
     those that share what is learned.
 
     Args:
-        sweep: what is run.
-        directory: where.
+        sweep: the experiments.
+        directory: of the sweep.
         executor: its workers must see the directory.
-        progress: called with the fraction done and what was done last.
+        progress: called with the fraction done and the job that finished last.
         num_pending: jobs that the executor has at a time; twice its workers keep them busy.
 
     Returns:
-        For each run that failed by a mistake of its own, the reason, by the run's name.
+        The reason for each run that failed by a mistake of its own, by the run's name.
+
+    Warns:
+        RunWarning: what the stages of a run warn of, with the name of the run.
 
     Raises:
         ChildProcessError: a process of the executor was killed.
@@ -145,7 +153,10 @@ def run_sweep(
                     num_done += 1 + _drop(later, name)
             for future in wait(pending, return_when=FIRST_COMPLETED).done:
                 name = pending.pop(future)
-                failed |= future.result()
+                fallen, warned = future.result()
+                failed |= fallen
+                for text in warned:
+                    warnings.warn(text, RunWarning, stacklevel=2)
                 num_done += 1
                 progress(num_done / len(jobs), name)
                 # Unfinished runs go first: a sweep that is cut short has some whole runs, not many
@@ -175,7 +186,7 @@ class _Job:
 
 
 def _jobs(sweep: Sweep, directory: SweepDirectory) -> dict[str, _Job]:
-    """What is to be done, by name: babbling first, then learning from it, then evaluation."""
+    """All jobs by name: babbling first, then learning from it, then evaluation."""
     groups: dict[str, dict[str, list[Experiment]]] = defaultdict(lambda: defaultdict(list))
     for experiment in sweep.experiments:
         experience = directory.run(experiment).fingerprint()
@@ -202,17 +213,18 @@ def _entries(directory: SweepDirectory, experiments: list[Experiment]) -> list[t
 
 
 def _drop(later: dict[str, _Job], name: str) -> int:
-    """Forgets what waits for a job that will not run; returns how many these were."""
+    """Removes the jobs that wait for a job that will not run; returns their number."""
     after = [waiting for waiting, job in later.items() if job.after == name]
     for waiting in after:
         del later[waiting]
     return len(after) + sum(_drop(later, waiting) for waiting in after)
 
 
-def _do(stage: str, runs: list[tuple[str, str]]) -> dict[str, str]:
-    """Runs a stage for the first of `runs` and shares it; returns the names of those that failed.
+def _do(stage: str, runs: list[tuple[str, str]]) -> tuple[dict[str, str], list[str]]:
+    """Runs a stage for the first of `runs`, and shares it with the others.
 
-    Each with the reason.
+    Returns:
+        The reason by the name of each run that failed, and warnings that begin with a run's name.
     """
     work: dict[str, Callable[..., None]] = {
         "babble": _babble,
@@ -220,7 +232,9 @@ def _do(stage: str, runs: list[tuple[str, str]]) -> dict[str, str]:
         "evaluate": _evaluate,
     }
     # Runs are many and cores are few: one thread each.
-    with threadpool_limits(1):
+    failed: dict[str, str] = {}
+    with threadpool_limits(1), warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
         try:
             directories = [
                 RunDirectory.create(Path(path), experiment_from_fields(yaml.safe_load(text)))
@@ -228,12 +242,15 @@ def _do(stage: str, runs: list[tuple[str, str]]) -> dict[str, str]:
             ]
             work[stage](*directories)
         except ValueError as error:
-            return {Path(path).name: " ".join(str(error).split()) for path, _ in runs}
-    return {}
+            failed = {Path(path).name: " ".join(str(error).split()) for path, _ in runs}
+    first = Path(runs[0][0]).name
+    # Warnings of other packages are for developers.
+    ours = [one for one in caught if one.category.__module__.startswith("selftouch_drake.")]
+    return failed, [f"{first}: {one.message}" for one in ours]
 
 
 def _babble(first: RunDirectory, *others: RunDirectory) -> None:
-    # Whoever has babbled already serves the others.
+    # A run that has babbled already shares its experience with the others.
     donor = next((run for run in (first, *others) if stages.has_babbled(run)), first)
     if not stages.has_babbled(donor):
         with donor.writing(), ThreadPoolExecutor(1) as executor:
@@ -262,7 +279,7 @@ def _evaluate(run: RunDirectory) -> None:
 
 
 def _share(donor: RunDirectory, run: RunDirectory, files: list[Path], stage: str) -> None:
-    """Gives `run` the files of a stage, and then its figures, which say that the stage is done."""
+    """Gives `run` the files of a stage, then its metrics, which mark the stage as done."""
     with run.writing():
         for file in files:
             there = run.path / file.relative_to(donor.path)

@@ -1,4 +1,4 @@
-"""The table of a sweep: a row a run, with what varied and every figure."""
+"""The table of a sweep: one row for each run, with the varied fields and all metrics."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from selftouch_drake.run.directory import RunError
 from selftouch_drake.sweep.design import Sweep, fields_of, flat
 from selftouch_drake.sweep.runs import SweepDirectory, run_name
 
-# Columns that are not figures, before those of the fields that vary.
+# Columns that are not metrics, before those of the fields that vary.
 _KEYS = ("run", "experiment", "seed", "error")
-# Where the table tells which fields vary.
+# Key of the table's metadata that names the fields that vary.
 _FIELDS = b"selftouch.fields"
 
 
 def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> pa.Table:
-    """Writes the figures of all runs to `table.parquet` and returns them.
+    """Writes the metrics of all runs to `table.parquet` and returns them.
 
     Columns: `run`, `experiment`, `seed`, `error` (null where there was none), the fields that vary
-    by their dotted names, then every figure of `metrics.json`; one that a run lacks is null.
+    by their dotted names, then every metric of `metrics.json`; missing ones are null.
     """
     rows: list[dict[str, Any]] = []
     for experiment in sweep.experiments:
@@ -39,7 +39,7 @@ def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> p
         row |= {field: fields.get(field) for field in sweep.fields if field != "seed"}
         try:
             figures = run.metrics() if run.path.is_dir() else {}
-        except RunError as error:  # the row tells why it has none
+        except RunError as error:  # the row says why it has none
             row["error"], figures = row["error"] or str(error), {}
         rows.append(row | flat(figures))
     columns = dict.fromkeys(key for row in rows for key in row)
@@ -62,7 +62,7 @@ def read_table(path: Path) -> pa.Table:
     """Reads the table of a sweep.
 
     Raises:
-        ValueError: the file is damaged, or no such table.
+        ValueError: the file is damaged, or is not such a table.
     """
     try:
         table = pq.read_table(path, page_checksum_verification=True)
@@ -85,6 +85,6 @@ def varied_fields(table: pa.Table) -> list[str]:
 
 
 def figure_names(table: pa.Table) -> list[str]:
-    """The columns that are figures."""
+    """The columns that are metrics."""
     others = {*_KEYS, *varied_fields(table)}
     return [name for name in table.column_names if name not in others]

@@ -60,26 +60,28 @@ def test_a_timed_path_goes_from_rest_to_rest_within_its_limits(path):
 @given(paths)
 def test_the_quintic_fallback_respects_the_limits_too(path):
     progress = quintic_time_scaling(path, VELOCITY, ACCELERATION)
-    motion = timing.PathParameterizedTrajectory(to_drake(path), progress)
+    ends = progress.x
+    still = np.empty(0)
+    motion = timing.TimedPath(
+        time_s=still, s=still, q=still, v=still, path=path, s_of_t=progress
+    ).trajectory
     assert_within_limits(motion)
-    assert np.isclose(progress.value(0.0).item(), path.t[0])
-    assert np.isclose(progress.value(progress.end_time()).item(), path.t[-1])
-    for time_s in (0.0, progress.end_time()):
-        assert np.allclose(progress.EvalDerivative(time_s, 1), 0.0, atol=1e-9)
+    assert np.allclose(progress(ends), path.t[[0, -1]])
+    assert np.allclose(progress(ends, 1), 0.0, atol=1e-9)
 
 
-def test_toppra_is_faster_than_the_fallback():
+def test_the_fastest_progress_is_faster_than_the_fallback():
     path = random_path(1, 10, 0.5)
     fallback = quintic_time_scaling(path, VELOCITY, ACCELERATION)
-    assert timed(path).time_s[-1] < 0.8 * fallback.end_time()
+    assert timed(path).time_s[-1] < 0.8 * fallback.x[-1]
 
 
-def test_the_fallback_takes_over_when_toppra_fails(monkeypatch):
-    monkeypatch.setattr(timing.Toppra, "SolvePathParameterization", lambda *_: None)
+def test_the_fallback_takes_over_when_there_is_no_fastest_progress(monkeypatch):
+    monkeypatch.setattr(timing, "fastest_progress", lambda *_, **__: None)
     path = random_path(1, 6, 0.3)
     motion = timed(path)
     assert_within_limits(motion.trajectory)
-    expected_s = quintic_time_scaling(path, VELOCITY, ACCELERATION).end_time()
+    expected_s = quintic_time_scaling(path, VELOCITY, ACCELERATION).x[-1]
     assert motion.time_s[-1] == pytest.approx(expected_s)
 
 
@@ -88,7 +90,7 @@ def test_accelerations_are_eased():
     time_s = np.arange(0.0, trajectory.end_time(), 1e-3)
     a = np.stack([trajectory.EvalDerivative(t, 2).ravel() for t in time_s])
     assert np.all(np.abs(a[0]) < 0.02 * ACCELERATION)
-    # Without easing Toppra's first acceleration comes within one of these steps.
+    # Without easing the first acceleration comes within one of these steps.
     assert np.abs(np.diff(a, axis=0) / ACCELERATION).max() < 0.1
 
 

@@ -28,6 +28,7 @@ from selftouch_drake.run.knowledge import (
     stored_pairs,
     was_executed,
 )
+from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.trial_figures import trial_figures, trial_table
 from selftouch_drake.run.trials import random_pairs, try_pairs
 
@@ -123,7 +124,7 @@ def test_a_robot_in_the_air_goes_to_touch(run, world):
     assert motion.nodes[0] == NO_KERNEL
     assert motion.in_air[0]
     np.testing.assert_allclose(motion.q[0], q_start)
-    done = stages.execute(run, world, "free", 20)
+    done = stages.execute(run, world, free_start(q_start), 20)
     assert not done.execution.felt[0].any()
     assert done.execution.felt.any()
     # The way through the air is no contact that was lost.
@@ -321,7 +322,8 @@ def test_the_command_line_plans_tours_and_free_starts(run, capsys):
     status, out, _ = told(capsys, "plan", run.path, *free)
     assert status == 0
     assert out.startswith("route: off ")
-    status, out, _ = told(capsys, "execute", run.path, "--free", "--to", 20)
+    assert (run.path / "plans" / "q=0.1,-0.5,0.3,0,0,0-20.npz").is_file()
+    status, out, _ = told(capsys, "execute", run.path, *free)
     assert status == 0
     assert out.startswith("tracking: ")
     assert out.splitlines()[2] in ("sensation 20: reached", "sensation 20: missed")
@@ -337,7 +339,7 @@ def test_the_command_line_plans_tours_and_free_starts(run, capsys):
 
 ENDS = (
     "start or goal is missing, or given twice; give --from and --to, or --through alone, "
-    "or a free start (--from-q, --free) and --to"
+    "or a free start (--from-q) and --to"
 )
 
 
@@ -348,7 +350,7 @@ ENDS = (
         ("plan --to 3", ENDS),
         ("plan --from 3 --to 4 --through 1,2", ENDS),
         ("plan --from 3 --to 4 --from-q 0,0,0,0,0,0", ENDS),
-        ("execute --free", ENDS),
+        ("execute --from-q 0,0", ENDS),
         ("plan --through 3", "--through is 3; give at least two target sensations"),
         (
             "plan --through 3,x",
@@ -375,10 +377,14 @@ ENDS = (
             "RUN has no plan through 1,2,3; make one with `selftouch plan RUN --through 1,2,3`",
         ),
         (
-            "execute --free --to 2",
-            "RUN has no free plan to 2; make one with `selftouch plan RUN --from-q Q --to 2`",
+            "execute --from-q=-0.5,0 --to 2",
+            "RUN has no plan from q=-0.5,0 to 2; make one with "
+            "`selftouch plan RUN --from-q Q --to 2`",
         ),
-        ("record --from 1 --to 2", "plan 1-2 is not there; run `selftouch plan`"),
+        (
+            "record --from 1 --to 2",
+            "RUN has no plan from 1 to 2; make one with `selftouch plan RUN --from 1 --to 2`",
+        ),
         (
             "execute --through 1,2 --rehearse 2",
             "--rehearse is given with --through; give --from and --to instead",

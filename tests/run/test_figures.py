@@ -58,7 +58,9 @@ def test_numbers_are_read_with_their_units():
 
 def test_the_headline_shows_what_there_is():
     assert headline({}) == []
-    assert headline({"execution_contact_mean": 0.987, "parts_found": 2}) == [
+    tiles = headline({"execution_contact_mean": 0.987, "parts_found": 2})
+    assert [(tile.name, tile.value) for tile in tiles] == [
         ("parts", "2"),
         ("contact held", "98.7 %"),
     ]
+    assert all(tile.explanation for tile in tiles)

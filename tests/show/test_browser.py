@@ -126,11 +126,61 @@ def test_the_report_shows_every_figure(chromium, reported, tmp_path):
     with visited(chromium, reported.report.as_uri()) as (page, errors):
         widths = page.eval_on_selector_all("img", "all => all.map(img => img.naturalWidth)")
         page.screenshot(path=tmp_path / "report.png", full_page=True)
-        page.get_by_role("link", name="Watch this motion").click()
+        page.get_by_role("link", name="Watch the motion").click()
         page.wait_for_function("viewer.animator.duration > 0")
     assert errors == []
     assert len(widths) == len(FIGURES)
     assert min(widths) > 100
+
+
+# The contrast of each text with what is behind it, by the formula of WCAG 2.
+LEAST_CONTRAST = """() => {
+  const rgb = (text) => text.match(/[\\d.]+/g).map(Number);
+  const light = (c) => [0.2126, 0.7152, 0.0722].reduce((sum, share, i) => {
+    const x = c[i] / 255;
+    return sum + share * (x <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+  }, 0);
+  const behind = (element) => {
+    for (let e = element; e; e = e.parentElement) {
+      const color = rgb(getComputedStyle(e).backgroundColor);
+      if (color.length === 3 || color[3] > 0) return color;
+    }
+    return [255, 255, 255];
+  };
+  let least = 21;
+  for (const e of document.querySelectorAll("main *")) {
+    if (![...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim())) continue;
+    const [a, b] = [light(rgb(getComputedStyle(e).color)), light(behind(e))].sort();
+    least = Math.min(least, (b + 0.05) / (a + 0.05));
+  }
+  return least;
+}"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [390, 1280])
+def test_the_report_fits_and_can_be_read(chromium, two_skins, tmp_path, width, scheme):
+    with visited(chromium, two_skins.report.as_uri()) as (page, errors):
+        page.emulate_media(color_scheme=scheme)
+        page.set_viewport_size({"width": width, "height": 800})
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        assert page.evaluate(LEAST_CONTRAST) >= 4.5
+        page.screenshot(path=tmp_path / f"{width}_{scheme}.png")
+    assert errors == []
+
+
+def test_the_recovered_body_turns_and_answers(chromium, reported, tmp_path):
+    with visited(chromium, reported.report.as_uri()) as (page, errors):
+        body = page.locator("#body-canvas")
+        body.focus()
+        before = picture(page, tmp_path / "before.png")
+        page.keyboard.press("ArrowRight")
+        assert changed(before, picture(page, tmp_path / "turned.png")) > 0.01
+        box = body.bounding_box()
+        for share in (0.45, 0.6):
+            page.mouse.click(box["x"] + share * box["width"], box["y"] + share * box["height"])
+        assert re.fullmatch(r"--from \d+ --to \d+", page.locator("#body-chosen").inner_text())
+    assert errors == []
 
 
 @contextmanager

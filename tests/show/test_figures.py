@@ -65,8 +65,8 @@ def test_a_vector_file_keeps_letters_and_is_small(make_run, monkeypatch):
     [
         ("nothing", []),
         ("babbled", ["coverage"]),
-        ("learned", list(FIGURES)[:8]),
-        ("planned", list(FIGURES)[:9]),
+        ("learned", list(FIGURES)[:9]),
+        ("planned", list(FIGURES)[:10]),
     ],
 )
 def test_what_is_missing_is_skipped_with_a_reason(make_run, unrendered, stage, drawn):
@@ -91,7 +91,7 @@ def test_the_agents_figures_do_without_the_truth(make_run, unrendered):
     for path in run.truth.iterdir():
         path.unlink()
     write_figures(run, skipped=skipped.__setitem__)
-    assert set(skipped) - set(list(FIGURES)[8:]) == {"coverage", "body_shape"}
+    assert set(skipped) - set(list(FIGURES)[9:]) == {"coverage", "body_shape"}
 
 
 def test_damage_is_an_error_that_names_the_file(make_run, unrendered):

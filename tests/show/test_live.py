@@ -187,4 +187,5 @@ def test_it_lives_without_the_truth(make_run):
         path.unlink()
     show = live(run)
     show.step()
-    assert not show._meshcat.HasPath("/recovered")
+    assert show._meshcat.HasPath("/recovered/kernels"), "the agent's own layout"
+    assert not show._meshcat.HasPath("/recovered/part_0")

@@ -84,9 +84,11 @@ def test_a_malicious_name_is_text(page, reported):
 
 def test_only_executed_plans_are_recorded(make_run):
     run = make_run("planned")
-    with pytest.raises(MissingError, match="plan 0-40 was not executed; run `selftouch execute`"):
+    with pytest.raises(MissingError, match="has not executed its plan from 0 to 40; run `self"):
         write_recording(run, 0, 40)
-    with pytest.raises(MissingError, match="plan 1-2 is not there; run `selftouch plan`"):
+    with pytest.raises(
+        MissingError, match="has no plan from 1 to 2; make one with `selftouch plan"
+    ):
         write_recording(run, 1, 2)
     assert not run.playback.exists()
 

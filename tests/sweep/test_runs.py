@@ -1,5 +1,6 @@
 import json
 import shutil
+import warnings
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
@@ -10,8 +11,8 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.knowledge import load_representation
 from selftouch_drake.sweep import load_sweep
-from selftouch_drake.sweep.figures import draw_figures
-from selftouch_drake.sweep.runs import SweepDirectory, run_name, run_sweep
+from selftouch_drake.sweep.figures import _changes, draw_figures, label
+from selftouch_drake.sweep.runs import RunWarning, SweepDirectory, run_name, run_sweep
 from selftouch_drake.sweep.table import figure_names, gather, read_table, varied_fields
 
 SWEEP = """
@@ -164,6 +165,32 @@ def test_pictures_are_drawn_of_what_varied(tmp_path):
         "skins.body.imperfections.saturation.png",
     ]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
+
+
+def test_panels_have_words_and_only_what_changes_has_one():
+    assert label("skins.body.num_receptors") == "number of receptors (skins.body)"
+    assert label("seed") == "seed"
+    assert label("execution_contact_worst") == "execution contact worst (%)"
+    assert label("shape_rms_fraction_by_metric.motor") == "shape rms by metric (motor, %)"
+    rows = [{"topology_betti[0]": 1, "parts_found": 1}, {"topology_betti[0]": 1, "parts_found": 2}]
+    assert [name for name in rows[0] if _changes(name, rows)] == ["parts_found"]
+
+
+def test_a_warning_carries_the_name_of_its_run(sweep, tmp_path, monkeypatch):
+    def doubt(*directories):
+        warnings.warn("never touched", RunWarning, stacklevel=1)
+        warnings.warn("of another package", DeprecationWarning, stacklevel=1)
+
+    monkeypatch.setattr("selftouch_drake.sweep.runs._babble", doubt)
+    for name in ("_learn", "_evaluate"):
+        monkeypatch.setattr(f"selftouch_drake.sweep.runs.{name}", lambda *directories: None)
+    directory = SweepDirectory.create(tmp_path / "sweep", sweep)
+    with pytest.warns(RunWarning) as caught:
+        run_sweep(sweep, directory, Here())
+    names = {run_name(experiment) for experiment in sweep.experiments}
+    texts = [str(one.message) for one in caught]
+    assert texts
+    assert all(text.removesuffix(": never touched") in names for text in texts)
 
 
 def test_another_folder_is_refused_and_kept(sweep, tmp_path):

@@ -113,7 +113,8 @@ def _at_waypoints(
         off = np.where(row_joints(mode, representation.mode_joints), off, 0.0).max(axis=1)
         # Stored configurations are float32.
         if off.min() < 1e-5:
-            sensation[row] = _dense(kernel_sensation[members])[off.argmin()]
+            nearest = members.start + int(off.argmin())
+            sensation[row] = _dense(kernel_sensation[nearest : nearest + 1])[0]
     if plan.nodes[0] == NO_KERNEL:
         sensation[0] = sensation[1]
     return sensation
@@ -139,14 +140,14 @@ def _most_alike(
     for number in np.unique(step):
         a, b = plan.nodes[number : number + 2]
         near = {b} if a == NO_KERNEL else {a, b, *np.flatnonzero(joined[a] & joined[b])}
-        felt = np.concatenate(
-            [_dense(kernel_sensation[representation.members(k)]) for k in sorted(near)]
-        )
-        rows = step == number
-        count = min(_NUM_ALIKE, len(felt))
-        likeness = blend[rows].astype(felt.dtype) @ felt.T
-        alike = np.argpartition(-likeness, count - 1, axis=1)[:, :count]
-        result[rows] = felt[alike].mean(axis=1)
+        members = np.concatenate([np.r_[representation.members(k)] for k in sorted(near)])
+        felt = kernel_sensation[members]
+        here = step == number
+        count = min(_NUM_ALIKE, len(members))
+        likeness = np.ascontiguousarray((felt @ blend[here].T.astype(felt.dtype)).T)
+        alike = members[np.argpartition(-likeness, count - 1, axis=1)[:, :count]]
+        chosen = _dense(kernel_sensation[alike.ravel()])
+        result[here] = chosen.reshape(*alike.shape, -1).mean(axis=1)
     return _unit(result)
 
 

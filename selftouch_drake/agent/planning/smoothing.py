@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
-from scipy import sparse
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
@@ -94,38 +94,63 @@ def smooth_curve(
         length: rad, positive.
         num_intervals: of knots.
     """
-    # Solved over knots one apart, so that the shortest path is as well conditioned as any.
-    knots = np.pad(np.arange(num_intervals + 1.0), DEGREE, mode="edge")
-    u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
-    value, jerk = BSpline.design_matrix(u, knots, DEGREE), _third_derivative(u, knots)
-    normal = (value.T @ value + jerk.T @ jerk).todia()
+    knots, value, bands = _normal_equations(num_intervals)
     interval = length / num_intervals
-    fixed = np.zeros((normal.shape[0], ends.shape[1]))
-    fixed[[0, -1]] = ends
-    right = value.T @ curve(u * interval) - normal @ fixed
-    inner = solveh_banded(_upper_bands(normal)[:, 1:-1], right[1:-1])
-    knots *= interval
+    u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
+    wanted = curve(u * interval).reshape(num_intervals, _SAMPLES_PER_INTERVAL, -1)
+    local = value.swapaxes(1, 2) @ wanted
+    right = np.zeros((num_intervals + DEGREE, ends.shape[1]))
+    for point in range(DEGREE + 1):
+        right[point : point + num_intervals] += local[:, point]
+    for off in range(DEGREE + 1):
+        # What the two outer control points, which are given, contribute to the others.
+        right[off] -= bands[DEGREE - off, off] * ends[0]
+        right[-1 - off] -= bands[DEGREE - off, -1] * ends[1]
+    inner = solveh_banded(bands[:, 1:-1], right[1:-1])
+    knots = knots * interval
     knots[-DEGREE - 1 :] = length
     return BSpline(knots, np.concatenate([ends[:1], inner, ends[1:]]), DEGREE)
 
 
-def _third_derivative(u: np.ndarray, knots: np.ndarray) -> sparse.csr_array:
-    """`(N, n)` from the n control points of a spline to its third derivative at u."""
-    derivative = sparse.eye_array(len(knots) - DEGREE - 1, format="csr")
+# A path is smoothed, and what is expected on it, over the same knots.
+@lru_cache(maxsize=16)
+def _normal_equations(num_intervals: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What a spline of least squares is made of, but for the curve that it is to follow.
+
+    Solved over knots one apart, so that the shortest path is as well conditioned as any.
+
+    Returns:
+        The knots; `(M, samples, DEGREE + 1)` the values of the control points' basis functions at
+        the samples of each interval; `(DEGREE + 1, n)` the upper bands of the normal equations, the
+        main one last.
+    """
+    knots = np.pad(np.arange(num_intervals + 1.0), DEGREE, mode="edge")
+    u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
+    value = _basis(u, knots, DEGREE)
+    jerk = _basis(u, knots[3:-3], DEGREE - 3) @ _third_differences(knots, num_intervals)
+    local = value.swapaxes(1, 2) @ value + jerk.swapaxes(1, 2) @ jerk
+    bands = np.zeros((DEGREE + 1, num_intervals + DEGREE))
+    for row in range(DEGREE + 1):
+        for column in range(row, DEGREE + 1):
+            along = slice(column, column + num_intervals)
+            bands[DEGREE + row - column, along] += local[:, row, column]
+    return knots, value, bands
+
+
+def _basis(u: np.ndarray, knots: np.ndarray, degree: int) -> np.ndarray:
+    """`(M, samples, degree + 1)` the basis functions that are not 0 at the samples."""
+    values = BSpline.design_matrix(u, knots, degree).data
+    return values.reshape(-1, _SAMPLES_PER_INTERVAL, degree + 1)
+
+
+def _third_differences(knots: np.ndarray, num_intervals: int) -> np.ndarray:
+    """`(M, DEGREE - 2, DEGREE + 1)` from an interval's control points to those of its jerk."""
+    differences = np.eye(DEGREE + 1)
     for degree in range(DEGREE, DEGREE - 3, -1):
-        span = knots[degree + 1 : -1] - knots[1 : -degree - 1]
-        size = len(span)
-        difference = sparse.diags_array(
-            [-degree / span, degree / span], offsets=[0, 1], shape=(size, size + 1), format="csr"
-        )
-        derivative = difference @ derivative
-        knots = knots[1:-1]
-    return BSpline.design_matrix(u, knots, DEGREE - 3) @ derivative
-
-
-def _upper_bands(matrix: sparse.dia_array) -> np.ndarray:
-    """`(DEGREE + 1, n)` diagonals of a symmetric banded matrix, the main one last."""
-    return np.stack([np.pad(matrix.diagonal(k), (k, 0)) for k in range(DEGREE, -1, -1)])
+        first = np.arange(num_intervals)[:, None] + np.arange(degree) + DEGREE - degree
+        span = (knots[first + degree + 1] - knots[first + 1])[:, :, None]
+        differences = degree * np.diff(differences, axis=-2) / span
+    return differences
 
 
 def jerk_reduction(plan: Plan, joint_scale: np.ndarray) -> float:

@@ -1,4 +1,9 @@
-"""What the agent makes of its experience: the quotient representation (paper, sections II, III)."""
+"""What the agent makes of its experience: the quotient representation (paper, sections II, III).
+
+The learner, which needs scikit-learn, is imported when it is first asked for.
+"""
+
+from typing import TYPE_CHECKING, Any
 
 from selftouch_drake.agent.representation.graphs import (
     step_links,
@@ -8,7 +13,6 @@ from selftouch_drake.agent.representation.graphs import (
 )
 from selftouch_drake.agent.representation.joints import joint_scale
 from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
-from selftouch_drake.agent.representation.learner import Batches, QuotientLearner
 from selftouch_drake.agent.representation.neighbours import (
     DisconnectedWarning,
     complete_edges,
@@ -28,6 +32,9 @@ from selftouch_drake.agent.representation.set_distances import (
     set_distances,
 )
 from selftouch_drake.agent.representation.touches import felt_kernels
+
+if TYPE_CHECKING:
+    from selftouch_drake.agent.representation.learner import Batches, QuotientLearner
 
 __all__ = [
     "LEAST_KERNELS",
@@ -57,3 +64,11 @@ __all__ = [
     "to_networkx",
     "without_vectors",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ("Batches", "QuotientLearner"):
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from selftouch_drake.agent.representation import learner
+
+    return getattr(learner, name)

@@ -18,9 +18,8 @@ No edge and no link joins two parts of the body: between them a plan lifts off.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import networkx as nx
 import numpy as np
 from scipy.spatial.distance import cdist
 
@@ -31,6 +30,9 @@ from selftouch_drake.agent.representation.neighbours import (
     neighbour_edges,
 )
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+
+if TYPE_CHECKING:
+    import networkx as nx
 
 #: Kernels whose targets lie within this many spacings are linked; 1.4 to 2 spacings do as well.
 LINK_SPACINGS = 1.5
@@ -126,6 +128,8 @@ def to_networkx(representation: QuotientRepresentation, *, complete: bool = Fals
         part). Every edge has `set_distance` (rad); edges between neighbours also have `cost` (rad,
         as `edge_cost` of the representation).
     """
+    import networkx as nx  # not needed to plan
+
     graph = nx.Graph()
     sizes = np.diff(representation.kernel_offsets)
     for kernel in range(representation.num_targets):
@@ -154,7 +158,7 @@ def without_vectors(graph: nx.Graph) -> nx.Graph:
     A node's `position` becomes `position_0` to `position_2`, its `target_sensation` becomes
     `target_sensation_0` and so on.
     """
-    plain = nx.Graph()
+    plain = type(graph)()
     for node, attributes in graph.nodes(data=True):
         plain.add_node(node, **dict(_numbered(attributes)))
     plain.add_edges_from(graph.edges(data=True))

@@ -7,7 +7,6 @@ does not know which. Distances in motor space need one unit.
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import nnls
 
 from selftouch_drake.agent.representation.quantise import unit
 from selftouch_drake.agent.representation.set_distances import linked_nearest
@@ -41,6 +40,8 @@ def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
     if len(q) < 4 or not moved.any():
         return scale
     z = ((q - q.mean(axis=0, dtype=float))[:, moved] / deviation[moved]).astype(np.float32)
+    from scipy.optimize import nnls  # not needed to plan
+
     first, second = _near_pairs(z)
     felt = unit(sensation)
     change = np.square(felt[first] - felt[second]).sum(axis=1, dtype=float)

@@ -14,7 +14,6 @@ from functools import lru_cache
 
 import numba
 import numpy as np
-from joblib import cpu_count
 
 #: Configurations of a set that ask for their nearest. More changes distances by less than 2 %.
 MAX_QUERIES = 120
@@ -95,7 +94,7 @@ def set_distances(
 
     there = np.empty((len(kinds), num_kernels, num_kernels), dtype=np.float32)
     # Threads of our own, as the kernel frees the GIL: numba's OpenMP layer breaks after a fork.
-    with ThreadPoolExecutor(cpu_count()) as pool:
+    with ThreadPoolExecutor(_num_cores()) as pool:
         for kernel, rows in enumerate(pool.map(directed, range(num_kernels))):
             there[:, kernel] = rows
             progress((kernel + 1) / num_kernels)
@@ -154,9 +153,15 @@ def linked_nearest(
         exact = np.square(members[candidates] - queries[:, None]).sum(axis=2)
         row[entries] = np.take_along_axis(candidates, exact.argmin(axis=1)[:, None], 1)[:, 0]
 
-    with ThreadPoolExecutor(cpu_count()) as pool:
+    with ThreadPoolExecutor(_num_cores()) as pool:
         list(pool.map(along, range(len(links))))
     return LinkedNearest(offsets=offsets, row=row, squared=squared)
+
+
+def _num_cores() -> int:
+    from joblib import cpu_count  # as many as this process may use
+
+    return cpu_count()
 
 
 def _strided(start: int, stop: int, max_count: int) -> np.ndarray:

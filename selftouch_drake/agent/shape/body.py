@@ -12,6 +12,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.representation.neighbours import geodesics
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.shape.confidence import expected_error, trusted
 from selftouch_drake.agent.shape.dimension import LEAST_KERNELS, intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import Embedding, warn_of_misfit
 from selftouch_drake.agent.shape.homology import Topology, flat, topology
@@ -86,6 +87,19 @@ class Body:
         for part in self.parts:
             distances[np.ix_(part.kernels, part.kernels)] = part.distances
         return distances
+
+    @property
+    def expected_error(self) -> float | None:
+        """Expected error of the worst part, as a fraction of its extent; None if not calibrated."""
+        if not METRICS[self.metric].calibrated:
+            return None
+        return max(expected_error(part.embedding) for part in self.parts)
+
+    @property
+    def trusted(self) -> bool:
+        """Whether shape and holes of all parts are to be trusted: see `confidence`."""
+        margins = [0.0 if part.topology is None else part.topology.margin for part in self.parts]
+        return trusted(self.expected_error, min(margins))
 
     def embed(self, representation: QuotientRepresentation) -> QuotientRepresentation:
         """The representation that the body was recovered from, its `embedding` filled."""

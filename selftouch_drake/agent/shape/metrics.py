@@ -81,11 +81,13 @@ class Metric:
             done.
         layout: lays out N nodes from the graph and `(N, N)` shortest paths on it.
         naive: whether it knows only motor configurations and sensations.
+        calibrated: whether it is known how its layouts show their error: see `confidence`.
     """
 
     graph: Callable[[QuotientRepresentation, int, Progress], BodyGraph]
     layout: Callable[[BodyGraph, np.ndarray], Embedding]
     naive: bool = True
+    calibrated: bool = True
 
 
 def literal(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
@@ -225,8 +227,8 @@ def _unbent(graph: BodyGraph, distances: np.ndarray) -> Embedding:
 
 #: The metrics by name.
 METRICS: dict[str, Metric] = {
-    "literal": Metric(literal, _classical),
-    "motor": Metric(motor, _stress),
+    "literal": Metric(literal, _classical, calibrated=False),
+    "motor": Metric(motor, _stress, calibrated=False),
     "learned": Metric(learned, _unbent),
     "sensorimotor": Metric(sensorimotor, _unbent),
     "revolute_reference": Metric(revolute_reference, _unbent, naive=False),

@@ -1,4 +1,4 @@
-"""The live agent: it plans and slides, in a browser, to whatever sensation is asked of it."""
+"""The live agent: in a browser, it plans and slides to any sensation that a user chooses."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ ANOTHER, TOUR, END = "another sensation", "tour on/off", "end"
 FRAME_S = 1 / 30
 # s, at rest between the motions of a tour.
 _REST_S = 1.0
-# Stops of a tour: as unlike as can be, so that it goes all over the body.
+# Stops of a tour: as different as possible, so that it covers the whole body.
 _NUM_STOPS = 24
 # Frames from one drawing of the trace to the next.
 _TRACE_EVERY = 6
-# What the paths of a motion are called.
+# Name of the paths of a motion.
 _PLAN = "plan"
 
 #: Plans and times a motion: from a configuration `(J,)` in which a sensation `(S,)` N is felt, to a
@@ -40,8 +40,8 @@ MotionFrom = Callable[[np.ndarray, np.ndarray, int], Motion]
 class LiveShow:
     """An agent in Meshcat with controls, advanced frame by frame.
 
-    It rests on its skin until a sensation is asked for, by the slider, a button or the tour, then
-    plans and slides there. Another target interrupts a motion: the agent slows down on its path,
+    It rests on its skin until the slider, a button or the tour asks for a sensation. Then it plans
+    and slides there. Another target interrupts a motion: the agent slows down on its path,
     and plans from where it comes to rest.
 
     Args:
@@ -65,7 +65,7 @@ class LiveShow:
         self._motion_from, self._announce, self._meshcat = motion_from, announce, meshcat
         self._material = material
         self._full = firm_touch(known)
-        self._scene = MeshcatScene(meshcat, material)
+        self._scene = MeshcatScene(meshcat, material, beside_panel=True)
         self._scene.draw_legend(self._full)
         self.simulation = Simulation(material.experiment, material.world.skins, meshcat)
         self.simulation.rest_at(self._firm_configuration(0))
@@ -83,7 +83,7 @@ class LiveShow:
 
     @property
     def goal(self) -> int:
-        """The target sensation that was last asked for."""
+        """The latest target sensation."""
         return self._goal
 
     @property
@@ -93,11 +93,11 @@ class LiveShow:
 
     @property
     def ended(self) -> bool:
-        """Whether the end was asked for."""
+        """Whether the user pressed the end button."""
         return self._meshcat.GetButtonClicks(END) > 0
 
     def step(self) -> None:
-        """Goes on by one frame: reads the controls, acts, and shows what is felt."""
+        """Advances by one frame: reads the controls, acts, and shows the sensation."""
         wanted = self._wanted()
         if wanted is not None:
             self._goal, self._rested_s = wanted, 0.0
@@ -180,7 +180,7 @@ class LiveShow:
         self._motion, self._log = motion, []
 
     def _show(self) -> np.ndarray:
-        """Shows where the robot is and what it feels, which is returned: `(S,)` N."""
+        """Shows the robot and its sensation; returns the sensation, `(S,)` N."""
         felt, robot = self.simulation.felt, self.simulation.robot
         q = self.simulation.q[None]
         self._scene.move(robot.skin_positions(q)[0])
@@ -194,7 +194,7 @@ class LiveShow:
         return int(np.argmax(self._known.target_sensations @ felt))
 
     def _follow(self, motion: Motion, felt: np.ndarray) -> None:
-        """Shows what was expected for now, and ends the motion when its time is over."""
+        """Shows the expected sensation, and ends the motion when its time is over."""
         row = min(int(np.searchsorted(motion.time_s, self.simulation.time_s)), len(motion.s) - 1)
         self._scene.show_expected(motion.predicted[row])
         self._log.append((felt.copy(), self.simulation.q.copy(), row))

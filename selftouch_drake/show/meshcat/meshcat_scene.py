@@ -1,10 +1,10 @@
-"""What stands in Meshcat, live and in recordings: the robot's skins three times, side by side.
+"""The scene in Meshcat, live and in recordings: the robot's skins three times, side by side.
 
-In the middle the real ones, on the robot, whose receptors show what is felt; to the left the same
-skins showing what the agent expects to feel; to the right the body that the agent recovered, with
-the sensation that it feels marked in red. Meshcat records and changes transforms and properties,
-no objects: whatever is to change is drawn here once. All that belongs to a skin is drawn below one
-path, whose transform follows the skin's link.
+In the middle are the real skins on the robot; their receptors show the sensation. On the left the
+same skins show the sensation that the agent expects. On the right is the recovered body, with the
+sensation marked in red. Meshcat records transforms and properties, but no new objects: everything
+that changes is drawn once. The parts of a skin are drawn below one path, whose transform follows
+the skin's link.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from pydrake.math import RigidTransform
 from pydrake.perception import BaseField, Fields, PointCloud
 
 from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.geometry import farthest_points
 from selftouch_drake.show.material import Material, MissingError
 from selftouch_drake.show.meshcat.receptors import key_frames, linear_light, rgba
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
@@ -27,7 +28,7 @@ from selftouch_drake.show.paths import SkinPath, evenly_spaced
 from selftouch_drake.show.skins import all_moved, as_one, moved
 from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, VERMILION
 
-# The three stand this many times their size apart.
+# Distance between the three, as a multiple of their size.
 _APART = 1.55
 # Of the places where moving skins are, this share on each side may overlap with the neighbours.
 _RARE = 0.03
@@ -35,6 +36,8 @@ _RARE = 0.03
 _NUM_POSTURES = 200
 # Between lines of text, as a share of the size.
 _LINE = 0.18
+# Sensations whose numbers are written on the recovered body.
+_NUM_NUMBERS = 16
 # Paths of the real skins, of the expected ones, and of the recovered body.
 FELT, EXPECTED, RECOVERED_BODY = "/skins", "/expected", "/recovered"
 
@@ -44,8 +47,8 @@ def firm_touch(representation: QuotientRepresentation) -> float:
 
     Executed plans run through the firmer half of each kernel, whose middle this is; six
     plans on the cube pressed with 0.97 to 1.08 times as much (medians). A receptor that feels all
-    of it is at the end of the scale, and an expected sensation, which has no strength, is shown as
-    if it were so firm.
+    of it is at the end of the scale. An expected sensation has no strength, and is shown as a touch
+    of this strength.
     """
     return float(np.quantile(representation.kernel_strength, 0.75))
 
@@ -56,14 +59,15 @@ class MeshcatScene:
     Args:
         meshcat: where it is drawn.
         material: of a run that has learned.
+        beside_panel: whether to leave room on the right for Meshcat's controls.
 
     Attributes:
         size: m, of the body, or of what its parts move over.
-        kernel_places: `(K, 3)` m, the kernels on the recovered body, NaN in fragments; None if
-            there is no recovered body.
+        kernel_places: `(K, 3)` m, the kernels on the recovered body, or as the agent laid them out
+            if they are on no surface; NaN in fragments.
     """
 
-    def __init__(self, meshcat: Meshcat, material: Material):
+    def __init__(self, meshcat: Meshcat, material: Material, *, beside_panel: bool = False):
         self._meshcat = meshcat
         self._skins = material.skins
         home = as_one(all_moved(material.skins, material.home))
@@ -78,9 +82,10 @@ class MeshcatScene:
         meshcat.SetTransform(EXPECTED, RigidTransform(-self._aside))
         self.move(material.home)
         self._balls = draw_balls(meshcat, material.shape)
-        self.kernel_places = self._draw_recovered(material)
+        self.kernel_places, title = self._draw_recovered(material, middle)
+        self._write("/titles/recovered", title, aside=self._aside)
         self._write_titles()
-        set_stage(meshcat, VIEW, middle, self.size)
+        set_stage(meshcat, VIEW, middle, self.size, beside_panel=beside_panel)
 
     def move(self, poses: np.ndarray) -> None:
         """Puts the skins where their links are: `(skins, 3, 4)`."""
@@ -102,7 +107,7 @@ class MeshcatScene:
 
     def show_here(self, kernel: int) -> None:
         """Marks a kernel on the recovered body, if it is there."""
-        if self.kernel_places is not None and np.isfinite(self.kernel_places[kernel]).all():
+        if np.isfinite(self.kernel_places[kernel]).all():
             here = RigidTransform(self.kernel_places[kernel])
             self._meshcat.SetTransform(f"{RECOVERED_BODY}/here", here)
 
@@ -131,15 +136,14 @@ class MeshcatScene:
                 recording.SetTransform(frame, path, RigidTransform(place))
         self._felt.record(recording, poses, felt)
         self._expected.record(recording, poses, expected)
-        if self.kernel_places is not None:
-            for frame in key_frames(kernel):
-                place = self.kernel_places[kernel[frame]]
-                if np.isfinite(place).all():
-                    here = RigidTransform(place)
-                    recording.SetTransform(frame, f"{RECOVERED_BODY}/here", here)
+        for frame in key_frames(kernel):
+            place = self.kernel_places[kernel[frame]]
+            if np.isfinite(place).all():
+                here = RigidTransform(place)
+                recording.SetTransform(frame, f"{RECOVERED_BODY}/here", here)
 
     def draw_path(self, name: str, paths: Sequence[SkinPath], num_rows: int) -> None:
-        """Draws the planned paths over the skins, from green to blue; `name` tells plans apart."""
+        """Draws the planned paths over the skins, from green to blue; `name` is the plan's."""
         for number, path in enumerate(paths):
             root = f"{self.path_root(path, name)}/path_{number}"
             self._draw_dots(root, path, BLUE, spacing=0.008, point_size=0.007)
@@ -177,13 +181,19 @@ class MeshcatScene:
         width = 0.8 * self.size
         put_legend(self._meshcat, "/legend", full, centre, VIEW, width=width, color=rgba(INK))
 
-    def _draw_recovered(self, material: Material) -> np.ndarray | None:
+    def _draw_recovered(self, material: Material, middle: np.ndarray) -> tuple[np.ndarray, str]:
+        """Draws the recovered body; returns the places of the kernels, and its title."""
+        typical = float(np.median([skin.extent for skin in self._skins]))
+        self._meshcat.SetTransform(RECOVERED_BODY, RigidTransform(self._aside))
         try:
             parts, places = material.recovered, material.kernel_places
+            title = "its body, as it recovered it"
         except MissingError:
-            return None
-        self._meshcat.SetTransform(RECOVERED_BODY, RigidTransform(self._aside))
-        typical = float(np.median([skin.extent for skin in self._skins]))
+            # No surface, or nobody knows where it would lie: the agent's own layout remains.
+            parts, places = (), _laid_out(material, middle, typical)
+            title = "its sensations, as it laid them out"
+            cloud = _cloud(places[np.isfinite(places).all(axis=1)], RECOVERED)
+            self._meshcat.SetObject(f"{RECOVERED_BODY}/kernels", cloud, point_size=0.025 * typical)
         for part in parts:
             path = f"{RECOVERED_BODY}/part_{part.part}"
             color = rgba(RECOVERED, 0.4)
@@ -194,7 +204,21 @@ class MeshcatScene:
             self._meshcat.SetObject(f"{path}/kernels", cloud, point_size=0.025 * typical)
         ball = Sphere(0.04 * typical)
         self._meshcat.SetObject(f"{RECOVERED_BODY}/here", ball, rgba(VERMILION))
-        return places
+        self._number(places, typical)
+        return places, title
+
+    def _number(self, places: np.ndarray, typical: float) -> None:
+        """Writes the numbers of some sensations where they are, on the side of the camera."""
+        middle = np.nanmean(places, axis=0)
+        known = np.flatnonzero((places - middle) @ VIEW.towards > 0.0)
+        at = places[known]
+        for row in farthest_points(lambda k: np.linalg.norm(at - at[k], axis=1), _NUM_NUMBERS):
+            outside = at[row] + 0.12 * (at[row] - middle)
+            path = f"{RECOVERED_BODY}/numbers/{known[row]}"
+            put_text(
+                self._meshcat, path, str(known[row]), outside, VIEW,
+                size=0.07 * typical, color=rgba(INK),
+            )  # fmt: skip
 
     def _draw_dots(
         self, path: str, points: SkinPath, color: str, *, spacing: float, point_size: float
@@ -210,8 +234,19 @@ class MeshcatScene:
     def _write_titles(self) -> None:
         self._write("/titles/expected", "what it expects to feel", aside=-self._aside)
         self._write("/titles/felt", "what it feels")
-        if self.kernel_places is not None:
-            self._write("/titles/recovered", "its body, as it recovered it", aside=self._aside)
+
+
+def _laid_out(material: Material, middle: np.ndarray, size: float) -> np.ndarray:
+    """`(K, 3)` m, the kernels as the agent laid them out: parts side by side, scaled to `size`."""
+    places = np.full((material.representation.num_targets, 3), np.nan)
+    right = 0.0
+    for part in material.body.parts:
+        width = float(np.ptp(part.positions, axis=0).max())
+        offset = (right + width / 2) * VIEW.axes[0] - part.positions.mean(axis=0)
+        places[part.kernels] = part.positions + offset
+        right += 1.2 * width
+    low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
+    return middle + (places - (low + high) / 2) * size / float((high - low).max())
 
 
 def _reach(material: Material, middle: np.ndarray) -> tuple[float, float]:
@@ -223,7 +258,7 @@ def _reach(material: Material, middle: np.ndarray) -> tuple[float, float]:
     poses = material.robot.skin_positions(some)
     if np.ptp(poses, axis=0).max() < 1e-9:
         return width, lowest
-    # As many points as the outline of a picture needs.
+    # No more points than the outline of a picture needs.
     outlines = [skin.vertices[:: max(len(skin.vertices) // 200, 1)] for skin in material.skins]
     places = [
         moved(outline, pose) for number, outline in enumerate(outlines) for pose in poses[:, number]

@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform
 
 from selftouch_drake.show.style import PRESSURE
 
-# Pressure is shown in so many steps: few enough that a receptor's colour changes seldom.
+# Number of colours for pressure: few enough that a receptor's colour changes seldom.
 _STEPS = 24
 _COLORS = PRESSURE(np.arange(_STEPS + 1) / _STEPS)
 

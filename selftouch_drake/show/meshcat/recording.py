@@ -15,7 +15,7 @@ from selftouch_drake.show.meshcat.stage import RobotDrawing
 from selftouch_drake.show.paths import touch_paths
 
 FRAMES_PER_S = 30
-# The page starts over so often; its controls stop it.
+# Repetitions of the animation; the controls of the page stop it.
 _REPETITIONS = 1000
 # s, for which the end of each plan is held.
 _PAUSE_S = 1.0

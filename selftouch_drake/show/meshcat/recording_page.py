@@ -19,7 +19,7 @@ def recording_page(material: Material, targets: Targets) -> str:
     Args:
         material: of the run.
         targets: target sensations from the first to the last that the plan leads through; the first
-            is `"free"` if it begins in any configuration.
+            is a text if it begins in any configuration.
 
     Raises:
         MissingError: the plan was not executed.

@@ -51,7 +51,7 @@ class RobotPage:
 
     @property
     def ended(self) -> bool:
-        """Whether the end was asked for."""
+        """Whether the user pressed the end button."""
         return self.meshcat.GetButtonClicks(END) > 0
 
     def step(self) -> None:

@@ -1,4 +1,4 @@
-"""Meshcat's server, opened without noise, or refused in a line."""
+"""Meshcat's server, opened without log messages; errors have one line."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def open_meshcat(port: int | None = None) -> Meshcat:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Keeps Drake from announcing a server that nobody is to visit."""
+    """Keeps Drake from announcing a server that no user visits."""
     logger = logging.getLogger("drake")
     level = logger.level
     logger.setLevel(logging.WARNING)

@@ -67,7 +67,7 @@ class Patch:
         )
 
     def is_like(self, other: Patch) -> bool:
-        """Whether nobody would see the difference."""
+        """Whether the difference is too small to be seen."""
         return self.vertices.shape == other.vertices.shape and bool(
             np.abs(self.vertices - other.vertices).max() < _STILL
         )

@@ -1,4 +1,4 @@
-"""What stands round the skins in Meshcat: background, camera, the robot itself."""
+"""Background, camera and robot in Meshcat."""
 
 from __future__ import annotations
 
@@ -62,12 +62,27 @@ def draw_balls(meshcat: Meshcat, shape: RobotShape) -> dict[int, str]:
     return paths
 
 
-def set_stage(meshcat: Meshcat, view: View, middle: np.ndarray, size: float) -> None:
-    """Sets background and camera, so that three bodies of a size in m stand round `middle`."""
+def set_stage(
+    meshcat: Meshcat, view: View, middle: np.ndarray, size: float, *, beside_panel: bool = False
+) -> None:
+    """Sets background and camera, so that three bodies of a size in m stand round `middle`.
+
+    Args:
+        meshcat: where.
+        view: the camera's direction.
+        middle: `(3,)` m.
+        size: m.
+        beside_panel: whether the bodies stand left of the middle of the page, so that Meshcat's
+            controls do not cover them on a page that is at least 4:3.
+    """
     for prop in ("/Grid", "/Axes"):
         meshcat.SetProperty(prop, "visible", False)
     meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
     meshcat.SetProperty("/Background/<object>", "bottom_color", [0.87, 0.89, 0.92])
     # Room above for arms.
     centre = middle + np.array([0.0, 0.0, 0.04])
-    meshcat.SetCameraPose(centre + (0.35 + 1.7 * size) * view.towards, centre)
+    distance = 0.35 + 1.7 * size
+    if beside_panel:
+        distance *= 1.25
+        centre = centre + 0.2 * distance * view.axes[0]
+    meshcat.SetCameraPose(centre + distance * view.towards, centre)

@@ -1,4 +1,4 @@
-"""Where babbling has touched the skins, and how often. The experimenter's picture."""
+"""Coverage of the skins by babbling, which only the experimenter sees."""
 
 from __future__ import annotations
 

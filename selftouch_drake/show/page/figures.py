@@ -1,4 +1,4 @@
-"""All figures of a run: which there are, what they are drawn from, and writing them."""
+"""All figures of a run: their list, their data, and their files."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.skins import SkinSurface, all_moved
 from selftouch_drake.show.style import DPI
 
-# Touches that are drawn one by one, about: as many as one can tell apart.
+# Touches that are drawn one by one, about; more would run together.
 _NUM_DOTS = 6000
-# Postures among which the one is chosen that the agent is drawn in.
+# Candidate postures for the picture of the agent.
 _NUM_POSTURES = 400
 
 
@@ -50,6 +50,12 @@ def sensations(material: Material) -> Figure:
     """A few target sensations on the skins."""
     targets = material.representation.target_sensations
     return sensation_figures.sensations(_skins(material), targets)
+
+
+def sensation_map(material: Material) -> Figure:
+    """Where some of the target sensations are felt, by number."""
+    targets = material.representation.target_sensations
+    return sensation_figures.sensation_map(_skins(material), targets)
 
 
 def kernels(material: Material) -> Figure:
@@ -110,7 +116,7 @@ def plan_path(material: Material) -> Figure:
 
 
 def felt_and_predicted(material: Material) -> Figure:
-    """What was felt along that plan, and what had been predicted."""
+    """Felt and predicted sensations along that plan."""
     return motion_figures.felt_and_predicted(material.execution(*material.shown_pair))
 
 
@@ -125,6 +131,7 @@ FIGURES: dict[str, Callable[[Material], Figure]] = {
     "agent": agent,
     "coverage": coverage,
     "sensations": sensations,
+    "sensation_map": sensation_map,
     "kernels": kernels,
     "distance_matrix": distance_matrix,
     "quotient_graph": quotient_graph,
@@ -163,7 +170,7 @@ def draw_figures(
     for number, (name, draw) in enumerate(FIGURES.items()):
         progress(number / len(FIGURES), name.replace("_", " "))
         path, for_papers = (folder / f"{name}.{kind}" for kind in ("png", "pdf"))
-        # A PDF of before is not asked for now, and may no longer be true.
+        # An older PDF may no longer be true.
         for_papers.unlink(missing_ok=True)
         try:
             figure = draw(material)

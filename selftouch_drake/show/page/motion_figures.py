@@ -23,7 +23,7 @@ from selftouch_drake.show.style import (
 
 # Share of its strongest receptor that another must reach to be drawn.
 _SILENT = 0.03
-# Beyond so many joints the colours of the style repeat.
+# Number of joints beyond which the colours of the style repeat.
 _COLORS = 6
 
 
@@ -113,7 +113,7 @@ def contact_and_tracking(execution: Execution, names: Sequence[str], turns: np.n
 
 @styled
 def learning_curve(naive: np.ndarray, remembering: np.ndarray, num_tries: np.ndarray) -> Figure:
-    """How first tries get better with rehearsals of other pairs.
+    """How rehearsals of other pairs improve first tries.
 
     Args:
         naive: `(N,)` share of the time in contact at the first try of each pair, without memory.

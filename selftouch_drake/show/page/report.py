@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from selftouch_drake.show.page.tables import (
     skin_rows,
     toucher_rows,
 )
+from selftouch_drake.show.page.turnable import turnable_body
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +65,10 @@ def report_page(material: Material, pictures: Mapping[str, Picture], recording: 
         recording: of the plan that is shown.
     """
     plans = list(plan_rows(material))
+    try:
+        body = turnable_body(material)
+    except MissingError:
+        body = ""
     return _template().render(
         experiment=material.experiment,
         settings=dump_experiment(material.experiment),
@@ -70,6 +76,8 @@ def report_page(material: Material, pictures: Mapping[str, Picture], recording: 
         headline=material.headline,
         readings=material.readings,
         parts=_parts(material),
+        body=body,
+        viewer=(files(__package__) / "turnable.js").read_text(encoding="utf-8"),
         plans=plans,
         flights=any(plan.num_flights for plan in plans),
         shown=material.shown_pair if material.pairs else None,

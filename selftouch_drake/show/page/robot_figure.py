@@ -99,7 +99,7 @@ def clearest(joints: np.ndarray, skins: Sequence[SkinSurface], skin_poses: np.nd
         [[moved(m, X) for m, X in zip(middles, Xs, strict=True)] for Xs in skin_poses]
     )
     distance = np.linalg.norm(joints[:, :, None] - centres[:, None], axis=3)
-    # What a joint keeps from a skin in every posture says nothing.
+    # A distance that is the same in every posture says nothing.
     varies = np.ptp(distance, axis=0) > 1e-6
     if not varies.any():
         return 0
@@ -113,7 +113,7 @@ def _view(
     joints = np.unique(robot.joints.round(6), axis=0)
     places = np.concatenate([joints, robot.balls])
     lift = np.concatenate([np.full(len(joints), _HOUSING * size), 1.5 * _ball_radii(robot, size)])
-    # What touches matters most.
+    # Touchers matter most.
     weight = np.repeat([1.0, 2.0], [len(joints), len(robot.balls)])
 
     def score(view: View) -> float:
@@ -141,7 +141,7 @@ def _draw_joints(
     everything: Sequence[tuple[np.ndarray, np.ndarray]],
     size: float,
 ) -> list[tuple[str, str]]:
-    """Marks the joints that nothing hides; returns colour and name of each kind that there is."""
+    """Marks the joints that nothing hides; returns colour and name of each kind."""
     places, which = np.unique(robot.joints.round(6), axis=0, return_inverse=True)
     number = np.bincount(which.ravel())
     turns = np.array([robot.turns[which.ravel() == k].all() for k in range(len(places))])

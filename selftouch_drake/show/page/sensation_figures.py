@@ -10,6 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.show.page.scene import (
@@ -21,10 +23,14 @@ from selftouch_drake.show.page.scene import (
     visible,
 )
 from selftouch_drake.show.page.solids import balls, surface
-from selftouch_drake.show.skins import SkinSurface
+from selftouch_drake.show.skins import SkinSurface, as_one
 from selftouch_drake.show.style import BLUE, GREEN, MUTED, PRESSURE, SKIN, styled
 from selftouch_drake.show.view import View
 
+# Sensations whose numbers are written on the skin; more would cover it.
+_NUM_NAMED = 60
+# How far readings of one touch lie apart, as a share of the skin's extent.
+_REACH = 0.25
 # Panels in a row: more are too small to be read.
 _MOST_SHOWN = 6
 
@@ -63,6 +69,61 @@ def sensations(
         ScalarMappable(norm, PRESSURE), ax=figure.axes, label="share of the sensation", shrink=0.7
     )
     return figure
+
+
+@styled
+def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -> Figure:
+    """Where some target sensations are felt, by number, from the front and from behind.
+
+    Args:
+        skins: in one frame.
+        target_sensations: `(K, S)` unit L2 norm.
+    """
+    skin = as_one(skins)
+    places = felt_places(skins, target_sensations)
+    named = farthest_points(_distances(places), _NUM_NAMED)
+    # Round their middle the skins are in the same place in both views.
+    middle = (skin.vertices.min(axis=0) + skin.vertices.max(axis=0)) / 2
+    vertices, places = skin.vertices - middle, places - middle
+    figure = Figure(figsize=(10.5, 4.0), layout="constrained")
+    grid = figure.add_gridspec(1, 2)
+    front = View()
+    views = {"from the front": front, "from behind": View(front.elevation, front.azimuth + 180.0)}
+    for column, (title, view) in enumerate(views.items()):
+        ax = add_scene(figure, grid[column], title)
+        draw(ax, view, surface(vertices, skin.faces, SKIN))
+        seen = named[visible(places[named], vertices, skin.faces, view)]
+        draw(ax, view, balls(places[seen], 0.01 * skin.extent, BLUE), zorder=2)
+        for kernel, (x, y, _) in zip(seen, view.project(places[seen]), strict=True):
+            text = ax.annotate(
+                str(kernel), (x, y), (0, 4), textcoords="offset points", ha="center", zorder=3,
+                fontsize=10, fontweight="bold",
+            )  # fmt: skip
+            text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
+    share_scale(figure.axes)
+    fit_height(figure)
+    scale_bar(figure.axes[0])
+    return figure
+
+
+def felt_places(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -> np.ndarray:
+    """`(K, 3)` m, where each target sensation is felt most: the middle of its strongest readings.
+
+    Of a sensation of several places, it is the strongest one.
+
+    Args:
+        skins: in one frame, as are the places.
+        target_sensations: `(K, S)`.
+    """
+    everything = as_one(skins)
+    receptors = everything.receptors
+    reach = _REACH * np.repeat([s.extent for s in skins], [len(s.receptors) for s in skins])
+    strongest = target_sensations.argmax(axis=1)
+    apart = np.linalg.norm(receptors[strongest, None] - receptors, axis=2)
+    weight = np.where(apart < reach[strongest, None], target_sensations, 0.0)
+    inside = weight @ receptors / weight.sum(axis=1, keepdims=True)
+    _, nearest = cKDTree(everything.vertices).query(inside)
+    return everything.vertices[nearest]
 
 
 @styled

@@ -1,4 +1,4 @@
-"""Pictures of what the agent found out: its body's shape (paper, figure 3) and holes."""
+"""Pictures of the recovered body: its shape (paper, figure 3) and its holes."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def persistence(
 
 
 def _view(skins: Sequence[SkinSurface], parts: Sequence[RecoveredSkin]) -> View:
-    """From where most of what was recovered is seen."""
+    """The view that shows most of the recovered body."""
     offsets = [
         part.positions.mean(axis=0) - skins[part.skins[0]].vertices.mean(axis=0) for part in parts
     ]

@@ -33,6 +33,15 @@ def test_bodies_of_known_topology(points, betti, least_margin):
     assert found.margin > least_margin
 
 
+@pytest.mark.parametrize("points", [sphere(200), cube(300), torus(300), torus(1000)])
+def test_the_margin_is_the_shortest_hole_over_the_longest_false_one(points):
+    found = topology(points)
+    bars = np.concatenate(found.diagram[1:])
+    falling = np.sort(bars[:, 1] - bars[:, 0])[::-1]
+    num_holes = sum(found.betti[1:])
+    assert found.margin == pytest.approx(falling[num_holes - 1] / falling[num_holes])
+
+
 @settings(max_examples=10, deadline=None)
 @given(st.floats(1e-3, 1e3), st.integers(0, 99))
 def test_size_order_and_a_little_noise_do_not_matter(size, seed):

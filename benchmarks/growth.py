@@ -1,0 +1,54 @@
+"""How the cost of a touch grows with receptors, joints and skins. Run it as a script.
+
+Times are of the processor, of one core; how learning grows with touches and targets is in
+`benchmarks/learning.py`. The tables stand in docs/performance.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from selftouch_drake.experience import collect_walk
+from selftouch_drake.experience.sources import KinematicSource
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.robot import World
+
+ROBOTS = ("cube", "torus", "gantry", "turning_body", "two_arms", "infant")
+RECEPTORS = (50, 100, 200, 400)
+
+
+def measure(name: str, overrides: dict, num_touches: int) -> str:
+    """A line of the table: what the robot has, and what its touches cost."""
+    experiment = load_experiment(name, overrides)
+    began = time.process_time()
+    world = World(experiment)
+    source = KinematicSource(world)
+    built = time.process_time() - began
+    collect_walk(source, experiment, 0, 50)
+    began = time.process_time()
+    shard = collect_walk(source, experiment, 1, num_touches)
+    spent = time.process_time() - began
+    return (
+        f"| {name} | {world.robot.num_joints} | {len(world.skins)} | {experiment.num_receptors} "
+        f"| {built:.1f} | {num_touches / shard.num_steps:.2%} | {1e6 * spent / num_touches:,.0f} "
+        f"| {1e6 * spent / shard.num_steps:.2f} |"
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--touches", type=int, default=2000, help="of each robot")
+    touches = parser.parse_args().touches
+    print("| experiment | joints | skins | receptors | built in (s) | steps that touch ", end="")
+    print("| µs a stored touch | µs a step |")
+    print("|---" * 8 + "|")
+    for name in ROBOTS:
+        print(measure(name, {}, touches), flush=True)
+    for number in RECEPTORS:
+        skins = {"skins": {"body": {"num_receptors": number}}}
+        print(measure("sphere", skins, touches), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,235 @@
+"""What everything costs, beside what a user would have instead: one table. Run: `make bench`.
+
+Ways take turns in one run; medians. With `--before CHECKOUT` the rows that compare with an earlier
+version run its command line, too. Those rows start a process each, and count what it starts; all
+others count the time of one core. docs/performance.md holds the table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+from babbling import measure, measure_steps
+from learning import measure_peers
+from memory import peak_memory_mb
+from ompl import util as ou
+from planning import measure_cpu, ompl_planner, questions
+
+from selftouch_drake.run import stages
+from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.knowledge import load_agent, load_representation
+
+HERE = Path(__file__).resolve().parents[1]
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of the table; a ratio above 1 is how many times better ours is."""
+
+    work: str
+    ours: str
+    alternative: str
+    ratio: float | None = None
+
+    def __str__(self) -> str:
+        ratio = "" if self.ratio is None else f"{self.ratio:.3g}"
+        return f"| {self.work} | {self.ours} | {self.alternative} | {ratio} |"
+
+
+def cost(checkout: Path, *arguments: str, folder: Path) -> tuple[float, float]:
+    """Clock and processor seconds of one command of a version, and of all that it starts."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    began = time.perf_counter()
+    command = [sys.executable, "-m", "selftouch_drake.cli", *arguments]
+    environment = {**os.environ, "PYTHONPATH": str(checkout)}
+    done = subprocess.run(command, env=environment, cwd=folder, capture_output=True, text=True)
+    clock = time.perf_counter() - began
+    if done.returncode:
+        raise SystemExit(f"{checkout}: {' '.join(arguments)} failed: {done.stderr.strip()}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    spent = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return clock, spent
+
+
+def beside(work: str, costs: dict[str, list[tuple[float, float]]]) -> Row:
+    """A row of clock and processor seconds, medians of each version's turns."""
+    ours, before = (np.median(costs[name], axis=0) for name in ("ours", "before"))
+    return Row(
+        work,
+        f"{ours[0]:.1f} s ({ours[1]:.1f} s of processor)",
+        f"version before: {before[0]:.1f} s ({before[1]:.1f} s)",
+        before[0] / ours[0],
+    )
+
+
+def touch_rows(turns: int) -> Iterator[Row]:
+    rates = measure(4000, turns)
+    for other, name in (("loop", "bare Drake loop"), ("mujoco", "MuJoCo, point contact")):
+        if other in rates:
+            ratio = rates["selftouch"] / rates[other]
+            alternative = f"{name}: {rates[other]:,.0f} /s"
+            yield Row("stored touches, sphere", f"{rates['selftouch']:,.0f} /s", alternative, ratio)
+    for name, rate in measure_steps(turns).items():
+        yield Row(f"steps that touch nothing, {name}", f"{rate / 1e6:.2f} million /s", "")
+
+
+def run_rows(versions: dict[str, Path], folder: Path, touches: int) -> Iterator[Row]:
+    """Babbling, learning and the demo as commands; the runs stay in `folder`."""
+    small = f"{{babbling: {{num_samples: {touches}}}, representation: {{num_targets: 1000}}}}"
+    babbled: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for name in ("torus", "cube"):
+        for who, checkout in versions.items():
+            where = str(folder / f"{name}-{who}")
+            spent = cost(checkout, "babble", name, "--out", where, "--set", small, folder=folder)
+            babbled.setdefault(name, {})[who] = [spent]
+    learned = {
+        who: [cost(checkout, "learn", str(folder / f"torus-{who}"), folder=folder)]
+        for who, checkout in versions.items()
+    }
+    demo = {
+        who: [cost(checkout, "run", "cube", "--out", str(folder / f"demo-{who}"), folder=folder)]
+        for who, checkout in versions.items()
+    }
+    if "before" in versions:
+        for name, costs in babbled.items():
+            yield beside(f"{touches:,} touches, {name}", costs)
+        yield beside(f"learn {touches:,} touches, 1000 targets", learned)
+        yield beside("`make demo`, installed and compiled", demo)
+
+
+def start_rows(versions: dict[str, Path], folder: Path, turns: int) -> Iterator[Row]:
+    """How long it takes until a command answers."""
+    for what, *options in (
+        ("experiments",),
+        ("plan", "--from", "3", "--to", "50"),
+        ("robot", "cube"),
+    ):
+        costs: dict[str, list[tuple[float, float]]] = {}
+        for _ in range(turns):
+            for who, checkout in versions.items():
+                if what == "robot" and who == "before":
+                    continue
+                run = [str(folder / f"demo-{who}")] if what == "plan" else []
+                spent = cost(checkout, what, *run, *options, folder=folder)
+                costs.setdefault(who, []).append(spent)
+        if "before" in costs:
+            yield beside(f"`selftouch {what}`", costs)
+        else:
+            clock, spent = np.median(costs["ours"], axis=0)
+            yield Row(f"`selftouch {what}`", f"{clock:.1f} s ({spent:.1f} s of processor)", "")
+
+
+def query_row(run: RunDirectory, num_pairs: int) -> Iterator[Row]:
+    """Queries, the first included, beside OMPL with the true model."""
+    ou.setLogLevel(ou.LogLevel.LOG_ERROR)
+    ou.RNG.setSeed(1)
+    world, agent = stages.make_world(run), load_agent(run, predicts=False)
+    pilot = Pilot(agent, world)
+    asked = questions(run, agent.representation, num_pairs)
+    ours = [measure_cpu(lambda q=q: pilot.plan(q.start, q.goal)) for q in asked]
+    ompl = ompl_planner(world)
+    ompl(asked[0])  # compiles what is compiled
+    theirs = [measure_cpu(lambda q=q: ompl(q)) for q in asked]
+    (median, most), (their, their_most) = (
+        1e3 * np.quantile(spent, [0.5, 0.95]) for spent in (ours, theirs)
+    )
+    yield Row(
+        "query, median / 95 %",
+        f"{median:.1f} / {most:.1f} ms",
+        f"OMPL with the true model: {their:,.0f} / {their_most:,.0f} ms",
+        their / median,
+    )
+
+
+def nearest_row(run: RunDirectory, turns: int) -> Iterator[Row]:
+    """Exact nearest distances between kernel sets."""
+    ours, tree, _ = measure_peers(load_representation(run), 12, turns)
+    yield Row(
+        "nearest distances, exact, one core",
+        f"{ours['ns_per_pair']:.3f} ns a pair",
+        f"scipy cKDTree: {tree['ns_per_pair']:.3f} ns",
+        tree["times_here"],
+    )
+
+
+def memory_row(run: Path, folder: Path) -> Iterator[Row]:
+    """Peak memory of an evaluation: measured for 5 and 25 pairs, and a line through both."""
+    peaks = {}
+    for pairs in (5, 25):
+        copy = shutil.copytree(run, folder / f"pairs-{pairs}")
+        text = (
+            (copy / "experiment.yaml").read_text().replace("num_pairs: 20", f"num_pairs: {pairs}")
+        )
+        (copy / "experiment.yaml").write_text(text)
+        command = [sys.executable, __file__, "--evaluate", str(copy)]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        peaks[pairs] = json.loads(done.stdout.splitlines()[-1])
+    each = max(peaks[25] - peaks[5], 0.0) / 20
+    yield Row(
+        "evaluation of 200 pairs, memory",
+        f"{peaks[25] + 175 * each:.0f} MB ({peaks[25]:.0f} for 25 pairs)",
+        "version before: 4 GB",
+        4000 / (peaks[25] + 175 * each),
+    )
+
+
+def machine() -> str:
+    names = [
+        line for line in Path("/proc/cpuinfo").read_text().splitlines() if "model name" in line
+    ]
+    packages = ", ".join(f"{name} {version(name)}" for name in ("drake", "numba", "numpy", "scipy"))
+    processor = names[0].split(":")[1].strip() if names else platform.processor()
+    return f"{os.cpu_count()} cores of {processor}, Python {platform.python_version()}, {packages}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--before", type=Path, help="a checkout of the version to compare with")
+    parser.add_argument("--touches", type=int, default=200_000, help="a million takes five minutes")
+    parser.add_argument("--turns", type=int, default=3)
+    parser.add_argument("--pairs", type=int, default=20, help="that are planned")
+    parser.add_argument("--evaluate", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.evaluate:
+        run = RunDirectory.open(options.evaluate)
+        stages.evaluate(run, stages.make_world(run))
+        print(json.dumps(peak_memory_mb()))
+        return
+    versions = {"ours": HERE} | ({"before": options.before.resolve()} if options.before else {})
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+
+        def parts() -> Iterator[Row]:
+            yield from touch_rows(options.turns)
+            yield from run_rows(versions, folder, options.touches)
+            torus = RunDirectory.open(folder / "torus-ours")
+            yield from query_row(torus, options.pairs)
+            yield from nearest_row(torus, options.turns)
+            yield from start_rows(versions, folder, options.turns)
+            yield from memory_row(folder / "demo-ours", folder)
+
+        for row in parts():
+            print(row, file=sys.stderr, flush=True)
+            rows.append(row)
+    print(f"\n{machine()}\n\n| work | ours | the alternative | ratio |\n|---|---|---|---|")
+    print("\n".join(map(str, rows)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,195 @@
+"""How far a recovered shape can be trusted: luck of networks, and what the agent itself expects.
+
+    python benchmarks/trust.py luck --out runs/trust
+    python benchmarks/trust.py confidence --out runs/trust --picture docs/images/confidence.png
+
+`luck` recovers six bodies, two of them felt through worn skins, with twenty network seeds each.
+`confidence` recovers bodies from few and many touches and targets, through good and bad skins, with
+6 to 16 joints, and sets the error that the agent expects beside the true one.
+
+Runs that are missing are babbled; what was computed is kept, and not computed again.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+from pathlib import Path
+
+import numpy as np
+from babbled import babbled
+from joints import experiment_file
+from matplotlib.figure import Figure
+from scipy.stats import spearmanr
+from shape import Case, measure, read
+
+from selftouch_drake.agent.shape.confidence import MOST_ERROR
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.show.style import GREEN, INK, ORANGE, styled
+
+#: Touches that a run has; cases take some of the first.
+MOST_TOUCHES = 400_000
+
+#: Bodies, skins and seeds of the touches, none of which chose a method.
+LUCK = (
+    ("sphere", "whole", 921),
+    ("cube", "whole", 921),
+    ("torus", "whole", 921),
+    ("double_torus", "whole", 921),
+    ("cube", "worn", 922),
+    ("torus", "worn", 922),
+)
+
+#: What `confidence` recovers: bodies, skins, touches and targets, drawn at random, and whether the
+#: agent's expectation was calibrated on them.
+CASES = Path(__file__).with_name("confidence_cases.csv")
+
+#: A shape with a larger error is wrong, and so is one with other holes.
+WRONG = 0.06
+HOLES = {"sphere": "1 0 1", "cube": "1 0 1", "torus": "1 2 1", "double_torus": "1 4 1"}
+
+
+def luck(arguments: argparse.Namespace) -> None:
+    table = arguments.out / "luck.csv"
+    networks = [("learned", 10 * number) for number in range(arguments.networks)]
+    print("| body | skin | networks | error, median / worst | worst over median | holes |")
+    print("|---|---|---|---|---|---|")
+    for body, skin, seed in LUCK:
+        size = {"seed": seed, "babbling": {"num_samples": arguments.touches}}
+        run = babbled(arguments.out / f"{body}_{seed}", load_experiment(body, size))
+        case = Case.of(run, skin=skin, samples=arguments.touches, targets=arguments.targets)
+        measure(run, [case], networks, table, arguments.out / "cache")
+        found = [row for row in read(table) if (row["body"], row["skin"]) == (body, skin)]
+        error = np.array([float(row["error"]) for row in found])
+        median, worst = np.median(error), error.max()
+        holes = "; ".join(f"{b} ({sum(r['betti'] == b for r in found)})" for b in _sets(found))
+        print(
+            f"| {body} | {skin} | {len(found)} | {median:.1%} / {worst:.1%} "
+            f"| {worst / median:.2f} | {holes} |",
+            flush=True,
+        )
+
+
+def _sets(found: list[dict[str, str]]) -> list[str]:
+    """The numbers of holes that were found, the most frequent first."""
+    betti = [row["betti"] for row in found]
+    return sorted(set(betti), key=lambda one: -betti.count(one))
+
+
+def confidence(arguments: argparse.Namespace) -> None:
+    table = arguments.out / "confidence.csv"
+    with CASES.open() as file:
+        wanted = list(csv.DictReader(file))
+    for row in wanted:
+        body, seed = row["body"], int(row["seed"])
+        size = {"seed": seed, "babbling": {"num_samples": MOST_TOUCHES}}
+        source = body
+        if body.startswith("joints_"):
+            source = experiment_file(arguments.out, int(body.removeprefix("joints_")))
+        run = babbled(arguments.out / f"{body}_{seed}", load_experiment(source, size))
+        case = Case.of(
+            run,
+            skin=row["skin"],
+            samples=int(row["samples"]),
+            targets=int(row["targets"]),
+            queries=60,
+        )
+        measure(run, [case], [("learned", 0)], table, arguments.out / "cache")
+    rows = read(table)
+    print(verdict(rows))
+    if arguments.picture:
+        picture(rows).savefig(arguments.picture)
+
+
+def verdict(rows: list[dict[str, str]]) -> str:
+    """What the figure of confidence is worth, over the runs that calibrated it and over others."""
+    lines = [
+        "| runs | number | rank correlation | trusted | wrong among them | wrong in all |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, some in _by_use(rows).items():
+        error, expected, right, trusted = _columns(some)
+        wrong = (error > WRONG) | ~right
+        lines.append(
+            f"| {name} | {len(some)} | {spearmanr(error, expected)[0]:.2f} | {trusted.sum()} "
+            f"| {(wrong & trusted).sum()} | {wrong.sum()} |"
+        )
+    return "\n".join(lines)
+
+
+@styled
+def picture(rows: list[dict[str, str]]) -> Figure:
+    """True error over the error that the agent expects, a point a run."""
+    figure = Figure(figsize=(8.4, 3.9), layout="constrained")
+    panels = figure.subplots(1, 2, sharey=True)
+    for ax, (name, some) in zip(panels, _by_use(rows).items(), strict=True):
+        error, expected, right, trusted = _columns(some)
+        for chosen, color, label in (
+            (right, GREEN, "holes right"),
+            (~right, ORANGE, "holes wrong"),
+        ):
+            for kind, face in ((trusted, color), (~trusted, "none")):
+                here = chosen & kind
+                ax.scatter(
+                    100 * expected[here],
+                    100 * error[here],
+                    s=22,
+                    facecolors=face,
+                    edgecolors=color,
+                    label=f"{label}, {'trusted' if kind is trusted else 'not trusted'}",
+                )
+        ax.plot([1, 10], [1, 10], color=INK, linewidth=0.8)
+        ax.axvline(100 * MOST_ERROR, color=INK, linestyle=":", linewidth=0.8)
+        ax.axhline(100 * WRONG, color=INK, linestyle=":", linewidth=0.8)
+        ticks = [1.5, 2, 3, 4, 6, 9]
+        ax.set(xscale="log", yscale="log", xlim=(1.3, 10), ylim=(1.3, 14), title=name)
+        ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+        ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
+        ax.set_xticks([], minor=True)
+        ax.set_yticks([], minor=True)
+        ax.set(xlabel="error that the agent expects (%)")
+    panels[0].set(ylabel="true error (% of the extent)")
+    panels[1].legend(loc="lower right")
+    return figure
+
+
+def _by_use(rows: list[dict[str, str]]) -> dict[str, list[dict[str, str]]]:
+    """Rows that the figure was calibrated on, and those that it is judged on."""
+    with CASES.open() as file:
+        use = {_case(row): row["use"] for row in csv.DictReader(file)}
+    return {
+        name: [row for row in rows if use.get(_case(row)) == name]
+        for name in ("calibration", "judged")
+    }
+
+
+def _case(row: dict[str, str]) -> tuple[str, ...]:
+    return tuple(row[name] for name in ("body", "seed", "skin", "samples", "targets"))
+
+
+def _columns(rows: list[dict[str, str]]) -> tuple[np.ndarray, ...]:
+    """Error, expected error, whether the holes are right, and whether the agent trusts it all."""
+    error = np.array([float(row["error"]) for row in rows])
+    expected = np.array([float(row["expected_error"]) for row in rows])
+    right = np.array([row["betti"] == HOLES.get(row["body"], HOLES["torus"]) for row in rows])
+    trusted = np.array([row["trusted"] == "True" for row in rows])
+    return error, expected, right, trusted
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("what", choices=["luck", "confidence"])
+    parser.add_argument("--out", type=Path, default=Path("runs/trust"))
+    parser.add_argument("--networks", type=int, default=20, help="network seeds, of luck")
+    parser.add_argument("--touches", type=int, default=MOST_TOUCHES, help="of luck")
+    parser.add_argument("--targets", type=int, default=1000, help="of luck")
+    parser.add_argument("--picture", type=Path, help="of confidence: a file to draw it into")
+    arguments = parser.parse_args()
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    (luck if arguments.what == "luck" else confidence)(arguments)
+
+
+if __name__ == "__main__":
+    main()

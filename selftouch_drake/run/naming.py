@@ -1,0 +1,47 @@
+"""Names of runs and plans that say what is in them."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+# Characters; what is longer is named by a digest.
+_LONGEST = 60
+
+
+def default_path(name: str, changes: Mapping[str, Any]) -> Path:
+    """The run directory of an experiment if nobody names one: `runs/NAME`, and what was changed.
+
+    Args:
+        name: of the experiment.
+        changes: the fields that were laid over it, as in `{"skins": {"body": {"mesh": ...}}}`.
+    """
+    fields = {field: value for field, value in changes.items() if field != "name"}
+    words = [f"{field.rpartition('.')[2]}={value}" for field, value in leaves(fields).items()]
+    text = re.sub(r"[^\w.=-]+", "_", "-".join(words))
+    return Path("runs") / "-".join(filter(None, (name, _short(text, repr(fields)))))
+
+
+def free_start(q_start: Iterable[float]) -> str:
+    """Names a start at joint positions `(J,)`, rad or m, in the file of a plan."""
+    text = ",".join(f"{position:.6g}" for position in q_start)
+    return f"q={_short(text, text)}"
+
+
+def leaves(fields: Any, prefix: str = "") -> dict[str, Any]:
+    """The values of a nested mapping, each under its keys joined by dots."""
+    if not isinstance(fields, dict):
+        return {prefix[:-1]: fields}
+    return {
+        name: value
+        for key, entry in fields.items()
+        for name, value in leaves(entry, f"{prefix}{key}.").items()
+    }
+
+
+def _short(text: str, content: str) -> str:
+    """The text, or a digest of the content where the text is long."""
+    return text if len(text) <= _LONGEST else hashlib.sha256(content.encode()).hexdigest()[:12]

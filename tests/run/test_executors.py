@@ -1,0 +1,47 @@
+"""Where walks run: here first, and in other processes if there is much to do."""
+
+import os
+import time
+
+import pytest
+
+from selftouch_drake.run import executors
+from selftouch_drake.run.executors import HereAndInProcesses
+
+
+def slow_process(seconds):
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def test_what_is_little_is_done_here():
+    with HereAndInProcesses(2) as executor:
+        assert set(executor.map(slow_process, [0.0] * 20)) == {os.getpid()}
+
+
+def test_one_worker_is_this_process():
+    with HereAndInProcesses(1) as executor:
+        assert set(executor.map(slow_process, [0.0] * 3)) == {os.getpid()}
+
+
+def test_others_join_in_where_there_is_much_to_do(monkeypatch):
+    monkeypatch.setattr(executors, "_HEAD_START_S", 0.0)
+    monkeypatch.setattr(executors, "_start", os.getpid)
+    with HereAndInProcesses(2) as executor:
+        calls = [executor.submit(slow_process, 0.1)]
+        while len({call.result() for call in calls}) < 2:
+            assert len(calls) < 3000
+            calls += [executor.submit(slow_process, 0.05) for _ in range(4)]
+    assert os.getpid() in {call.result() for call in calls}
+
+
+def test_the_end_does_not_wait_for_processes_that_start(monkeypatch):
+    monkeypatch.setattr(executors, "_HEAD_START_S", 3600.0)
+    with HereAndInProcesses(2) as executor:
+        executor.submit(slow_process, 0.0)
+        executor.submit(slow_process, 0.0)
+
+
+def test_errors_come_back():
+    with HereAndInProcesses(2) as executor, pytest.raises(ZeroDivisionError):
+        executor.submit(divmod, 1, 0).result()
