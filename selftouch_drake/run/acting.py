@@ -83,7 +83,7 @@ class Pilot:
             NoWayError: none was found.
             ValueError: as `Agent.tour`.
         """
-        q_start = self._some_configuration(*targets)
+        q_start = self.start_of(*targets)
         return self._queried(lambda agent, **how: agent.tour(targets, q_start=q_start, **how))
 
     def plan_from(self, q_start: np.ndarray, goal: int) -> Query:
@@ -117,6 +117,13 @@ class Pilot:
         return self._queried(
             lambda agent, **how: agent.plan_from(q_start, felt, goal, limits=limits, **how)
         )
+
+    def start_of(self, *targets: int) -> np.ndarray:
+        """`(J,)` the start of the motion: any configuration of the first kernel."""
+        representation = self.agent.representation
+        members = representation.kernel_q[representation.members(targets[0])]
+        stream = self.world.experiment.random_stream("start", *targets)
+        return members[np.random.default_rng(stream).integers(len(members))].astype(float)
 
     def execute(self, motion: Motion) -> tuple[Execution, Log]:
         """Lets the robot follow a motion from its start; the log has every step of the plant."""
@@ -254,10 +261,3 @@ class Pilot:
             plan = make_plan(agent, aside=aside)
             passage = agent.go_along(plan, slider)
         return agent, plan, passage
-
-    def _some_configuration(self, *targets: int) -> np.ndarray:
-        """The start of the motion: any configuration of the first kernel."""
-        representation = self.agent.representation
-        members = representation.kernel_q[representation.members(targets[0])]
-        stream = self.world.experiment.random_stream("start", *targets)
-        return members[np.random.default_rng(stream).integers(len(members))].astype(float)

@@ -139,7 +139,7 @@ def try_pairs(
                 query_s=query.seconds,
                 jerk_reduction=query.jerk_reduction,
                 num_slides=len(query.agent.memory.slides.ends),
-                contact_straight=_contact(world, query.straight),
+                contact_straight=contact_along(world, query.straight),
                 planned=score_motion(motion, world.probe.sensations(motion.q), targets),
                 executed=score_motion(motion, execution.felt, targets),
                 first=_judgement(known),
@@ -235,7 +235,7 @@ def _judgement(one: Try) -> tuple[float, bool]:
     return one.contact, one.reached
 
 
-def _contact(world: World, plan: Plan) -> float:
+def contact_along(world: World, plan: Plan) -> float:
     """Share of the path on which touch is expected and felt."""
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, max(2, int(length / _SAMPLED)))
