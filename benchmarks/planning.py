@@ -33,7 +33,7 @@ from selftouch_drake.agent.planning.members import goal_members
 from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
 from selftouch_drake.experiment import Surface
 from selftouch_drake.robot import World
-from selftouch_drake.robot.kinematics import compose, joint_poses
+from selftouch_drake.robot.kinematics import _compose, _move
 from selftouch_drake.robot.timing import TimedPath, time_path
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
@@ -90,15 +90,18 @@ def on_surface(q, parent, X_PF, axis_F, turns, owner, X_JL, shape, size):
     The first frame is that of the skin's link, the others are those of the touchers.
     """
     num_joints = len(parent)
-    X_WJ = np.empty((num_joints, 3, 4))
-    X_WF, X_FJ = np.empty((3, 4)), np.empty((3, 4))
-    joint_poses(q, parent, X_PF, axis_F, turns, X_WJ, X_WF, X_FJ)
-    X_WL = np.empty((len(owner), 3, 4))
+    # The world, then what each joint moves.
+    X = np.zeros((num_joints + 1, 3, 4))
+    for i in range(3):
+        X[0, i, i] = 1.0
+    X_WF, X_FJ = np.empty((1, 3, 4)), np.zeros((1, 3, 4))
+    for joint in range(num_joints):
+        _compose(X, parent[joint] + 1, X_PF, joint, X_WF, 0)
+        _move(q[joint], axis_F, joint, turns[joint], X_FJ)
+        _compose(X_WF, 0, X_FJ, 0, X, joint + 1)
+    X_WJ, X_WL = X[1:], np.empty((len(owner), 3, 4))
     for frame in range(len(owner)):
-        if owner[frame] < 0:
-            X_WL[frame] = X_JL[frame]
-        else:
-            compose(X_WJ[owner[frame]], X_JL[frame], X_WL[frame])
+        _compose(X, owner[frame] + 1, X_JL, frame, X_WL, frame)
     best, slope = np.inf, np.zeros(num_joints)
     for toucher in range(1, len(owner)):
         p_WT = X_WL[toucher, :, 3].copy()

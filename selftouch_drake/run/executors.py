@@ -45,7 +45,8 @@ class HereAndInProcesses(ThreadPoolExecutor):
 
     def __init__(self, num_workers: int | None = None):
         num_workers = num_workers or os.cpu_count() or 1
-        self._others = local_executor(num_workers - 1) if num_workers > 1 else None
+        # No process starts before the first call.
+        self._others = local_executor(max(num_workers - 1, 1))
         self._thread, self._number = threading.local(), itertools.count()
         self._ends = threading.Event()
         super().__init__(num_workers, initializer=self._begin)
@@ -58,8 +59,7 @@ class HereAndInProcesses(ThreadPoolExecutor):
         """Waits for calls that run, but not for processes that have not started."""
         self._ends.set()
         super().shutdown(wait=wait, cancel_futures=cancel_futures)
-        if self._others is not None:
-            self._others.shutdown(wait=False)
+        self._others.shutdown(wait=False)
 
     def _begin(self) -> None:
         """Each thread stands for one process, the first for this one."""
