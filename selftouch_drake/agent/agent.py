@@ -215,8 +215,8 @@ class Agent:
     def predict(self, plan: Plan, s: np.ndarray, passage: Passage | None = None) -> Prediction:
         """The sensation expected at path lengths `s` `(T,)` of a plan, in rad.
 
-        It is what was felt when the agent went along the plan, if it did (`passage`); else what its
-        stored touches say.
+        If the agent went along the plan before (`passage`), it is what was felt then; else it comes
+        from stored touches.
         """
         if passage is not None:
             return recall_sensation(plan, s, passage.s, passage.felt)
@@ -249,7 +249,7 @@ class Agent:
         return judge(execution, self.representation)
 
     def go_along(self, plan: Plan, slider: Slider) -> Passage:
-        """What becomes of a plan that it goes along slowly; see `practice.go_along`."""
+        """What happens when the agent follows a plan slowly; see `practice.go_along`."""
         return go_along(plan, self.representation, slider)
 
     def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:
@@ -257,7 +257,7 @@ class Agent:
         return out_of_the_way(plan, self.representation, slider)
 
     def felt_across(self, motion: Motion, offsets: np.ndarray, slider: Slider) -> Pressing:
-        """What is felt to either side of a motion; see `pressing.felt_across`."""
+        """The sensations on either side of a motion; see `pressing.felt_across`."""
         return felt_across(motion, offsets, self.representation, slider)
 
     def prepare(self, plan: Plan, doubtful: np.ndarray, slider: Slider) -> Agent:

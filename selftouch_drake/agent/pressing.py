@@ -1,8 +1,8 @@
-"""What is felt beside a motion: on the way to the skin, and from it (naive).
+"""The sensations beside a motion: deeper in the skin, and less deep (naive).
 
-Before a motion is executed, the agent feels its way along it. At places along it, it tries along
-which movement of all joints the touch changes most: that is the way through the skin. Then it feels
-how strong the touch is along that way.
+Before a motion is executed, the agent explores it. At places along it, the agent searches for the
+direction in motor space in which the touch changes most: this direction leads through the skin.
+Then it measures how strong the touch is along that direction.
 """
 
 from __future__ import annotations
@@ -15,26 +15,26 @@ from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider
 
-#: rad of path, between places at which it feels. Some 0.3 s of computing for a path of 5 rad.
+#: rad of path, between these places. Takes about 0.3 s of computing for a path of 5 rad.
 _SAMPLED = 0.03
 
-#: rad, to either side, where the two flanks of a touch are: 1.5 cm at an arm's length.
+#: rad, offset of the two flanks of a touch on either side: 1.5 cm at an arm's length.
 _FLANK = 0.025
 
-# Rounds until the first way is found; each later one starts with the one before.
+# Iterations to find the first direction; each later one starts from the previous direction.
 _FIRST_ROUNDS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pressing:
-    """What is felt beside a motion.
+    """The sensations beside a motion.
 
     K places along it, J joints, G places across.
 
     Attributes:
-        time_s: `(K,)` s, when the motion is there.
-        across: `(K, J)` unit length, the scaled direction through the skin; it turns without jumps.
-        strength: `(K, G)` N, L2 norm of what is felt across the motion; null in the air.
+        time_s: `(K,)` s, time of the motion at each place.
+        across: `(K, J)` unit length, scaled direction through the skin; it changes continuously.
+        strength: `(K, G)` N, L2 norm of the sensations across the motion; 0 in the air.
     """
 
     time_s: np.ndarray
@@ -45,12 +45,12 @@ class Pressing:
 def felt_across(
     motion: Motion, offsets: np.ndarray, representation: QuotientRepresentation, slider: Slider
 ) -> Pressing:
-    """Feels what a motion would feel if it were off its way, to the skin or from it.
+    """Measures the sensations of a motion that is displaced towards the skin or away from it.
 
     Args:
         motion: the motion.
-        offsets: `(G,)` rad, how far off, to either side.
-        representation: the one that it was planned with.
+        offsets: `(G,)` rad, displacements, to either side.
+        representation: the one used to plan the motion.
         slider: feels in the agent's world.
     """
     x = representation.scaled(motion.q)
@@ -62,8 +62,8 @@ def felt_across(
         known = way.any()
         way = way if known else _unit(slider.slope(x[row]))
         for _ in range(1 if known else _FIRST_ROUNDS):
-            # On either flank of a touch the slope leads across, to the skin's middle: this is an
-            # iteration of the power method, for the line that slopes are nearest to.
+            # On both flanks of a touch the slope points across, to the middle of the skin. This is
+            # an iteration of the power method for the line nearest to the slopes.
             slopes = [slider.slope(x[row] + flank * way) for flank in (-_FLANK, _FLANK)]
             turned = _unit(np.sum([slope * (slope @ way) for slope in slopes], axis=0))
             way = turned if turned.any() else way

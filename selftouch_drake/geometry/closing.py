@@ -25,7 +25,7 @@ _EDGE_RADIUS = 0.7
 # In units of the skin's thickness: under a surface rounded this much, inner walls do not meet.
 _ROOM = 1.25
 
-# The second try, as triangles follow the surface in steps only.
+# Factors on the balls' radii in further tries: triangles follow the surface only in steps.
 _WIDER = (1.3, 1.6)
 
 # A detached part with less than this share of the volume is debris of the drawing.

@@ -15,7 +15,7 @@ def farthest_points(
     weight: np.ndarray | None = None,
     least: float = 0.0,
 ) -> np.ndarray:
-    """Picks points one by one, each the farthest from all earlier ones.
+    """Picks points one by one, each as far as possible from all earlier ones.
 
     Works in any space: `distance_from` defines the distance, and may return its square.
 

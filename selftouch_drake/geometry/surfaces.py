@@ -26,7 +26,7 @@ MAX_TRIANGLES = 50_000
 # A mesh is simplified if it has more than this multiple of the triangles that its resolution needs.
 MOST_DETAIL = 4
 
-# m; vertices nearer than this are merged.
+# m, largest distance from the origin: beyond it, rounding merges vertices.
 _FARTHEST = 1e6
 
 

@@ -1,6 +1,6 @@
-"""What the agent makes of its experience: the quotient representation (paper, sections II, III).
+"""Learns the quotient representation from experience (paper, sections II, III).
 
-The learner, which needs scikit-learn, is imported when it is first asked for.
+The learner, which needs scikit-learn, is imported on first use.
 """
 
 from typing import TYPE_CHECKING, Any

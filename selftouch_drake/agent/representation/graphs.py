@@ -34,7 +34,7 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 if TYPE_CHECKING:
     import networkx as nx
 
-#: Kernels whose targets lie within this many spacings are linked; 1.4 to 2 spacings do as well.
+#: Kernels whose targets are within this many spacings are linked; 1.4 to 2 work equally well.
 LINK_SPACINGS = 1.5
 # With few targets the spacing is too wide to be useful: sensations that have nothing in common are
 # sqrt(2) apart. This distance limits links to those that have more in common than not.

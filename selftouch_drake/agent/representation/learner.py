@@ -412,7 +412,7 @@ def _firm_steps(
 
 
 def _firm(sample: KernelSample, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The more strongly felt half of each kernel: its rows in the sample, and offsets.
+    """The more strongly felt half of each kernel: its rows of the sample, and offsets.
 
     A firm touch is deep in the skin, so small motion errors do not lose contact.
     """

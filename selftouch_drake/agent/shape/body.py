@@ -96,7 +96,7 @@ class Body:
 
     @property
     def trusted(self) -> bool:
-        """Whether shape and holes of all parts are to be trusted: see `confidence`."""
+        """Whether shape and holes of all parts can be trusted: see `confidence`."""
         margins = [0.0 if part.topology is None else part.topology.margin for part in self.parts]
         return trusted(self.expected_error, min(margins))
 

@@ -1,9 +1,9 @@
-"""How far off the agent expects a recovered shape to be (naive).
+"""The error that the agent expects of a recovered shape (naive).
 
-The layout itself shows it, in two ways. Distances along the body that contradict each other leave
-stress. And target sensations are evenly spaced by feel, so that kernels lie unevenly where lengths
-are wrong, or where skin feels badly. Neither has a unit, so that bodies, skins and numbers of
-kernels compare.
+It is estimated from the layout, in two ways. Inconsistent distances along the body leave stress.
+And target sensations are evenly spaced in sensation, so kernels are unevenly spaced where lengths
+are wrong, or where the skin is bad. Both are dimensionless, and so comparable between bodies, skins
+and numbers of kernels.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from scipy.spatial import cKDTree
 from selftouch_drake.agent.shape.embedding import Embedding
 
 #: Logarithm of the expected error: constant, and slopes in the logarithms of stress and unevenness.
-#: Least squares over bodies recovered from few and many touches and targets, through good and bad
-#: skins, with 6 to 16 joints (`benchmarks/trust.py confidence`).
+#: Calibrated by least squares on bodies recovered from few and many touches and targets, with good
+#: and bad skins, with 6 to 16 joints (`benchmarks/trust.py confidence`).
 _CONSTANT, _OF_STRESS, _OF_UNEVENNESS = -0.30, 0.22, 0.60
 
-#: A shape is trusted below this expected error, and from this margin of its holes on.
+#: A shape is trusted below this expected error and from this margin of its holes on.
 MOST_ERROR, LEAST_MARGIN = 0.04, 4.0
 
 #: Neighbours from which the spacing around a kernel is measured, as on a surface.
@@ -29,19 +29,19 @@ def expected_error(layout: Embedding) -> float:
     """Expected root mean square error of an unbent layout, as a fraction of its extent.
 
     Args:
-        layout: of 7 kernels or more, by `unbent_embedding`: the stress of others is higher.
+        layout: of 7 kernels or more, from `unbent_embedding`; other layouts have higher stress.
     """
-    # The floor holds for layouts without any stress, of a few kernels.
+    # The floor is needed for layouts of few kernels, without any stress.
     stress, uneven = np.log(np.maximum([layout.stress, unevenness(layout.positions)], 1e-6))
     return float(np.exp(_CONSTANT + _OF_STRESS * stress + _OF_UNEVENNESS * uneven))
 
 
 def trusted(error: float | None, margin: float) -> bool:
-    """Whether a shape and its holes are to be trusted.
+    """Whether a shape and its holes can be trusted.
 
     Args:
-        error: the expected one; None if it is not known.
-        margin: the least of its parts, as `Topology.margin`.
+        error: the expected error; None if unknown.
+        margin: the smallest `Topology.margin` of its parts.
     """
     return error is not None and error < MOST_ERROR and margin >= LEAST_MARGIN
 

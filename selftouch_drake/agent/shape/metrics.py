@@ -80,8 +80,8 @@ class Metric:
         graph: builds the graph from a representation, a seed, and a function that is called with
             the fraction done.
         layout: lays out N nodes from the graph and `(N, N)` shortest paths on it.
-        naive: whether it knows only motor configurations and sensations.
-        calibrated: whether it is known how its layouts show their error: see `confidence`.
+        naive: whether it uses only motor configurations and sensations.
+        calibrated: whether `confidence` is calibrated for its layouts.
     """
 
     graph: Callable[[QuotientRepresentation, int, Progress], BodyGraph]
