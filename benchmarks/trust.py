@@ -34,7 +34,7 @@ MOST_TOUCHES = 400_000
 LUCK = (
     ("sphere", "whole", 921),
     ("cube", "whole", 921),
-    ("torus", "whole", 921),
+    ("torus", "whole", 923),
     ("double_torus", "whole", 921),
     ("cube", "worn", 922),
     ("torus", "worn", 922),

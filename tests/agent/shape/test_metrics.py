@@ -114,6 +114,7 @@ def test_without_a_map_that_knows_neighbours_the_metric_is_sensorimotor(touched,
 def test_lengths_are_felt_where_a_map_is_distorted(touched, maps, monkeypatch):
     representation, place = touched
     maps += [place[representation.kernel_row]] * 2
+    monkeypatch.setattr(metrics, "_LITTLE_APART", 0.0)
     monkeypatch.setattr(metrics, "_MOST_APART", 0.0)
     with pytest.warns(DistrustWarning, match=r"differ by \d+\.\d%; those from sensations are used"):
         part = recover(representation, "learned", holes=False).parts[0]
