@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, as_completed
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from threading import Lock
 
@@ -37,10 +38,16 @@ class NeverTouchesError(ValueError):
 
 
 def walk_sizes(experiment: Experiment) -> list[int]:
-    """Kept configurations of each walk; they sum to `babbling.num_samples`."""
+    """Kept configurations of each walk; they sum to `babbling.num_samples`.
+
+    A walk ends where the body changes.
+    """
     size, total = experiment.babbling.walk_size, experiment.babbling.num_samples
-    full, rest = divmod(total, size)
-    return [size] * full + [rest] * (rest > 0)
+    moments = {change.after for change in experiment.changes if 0 < change.after < total}
+    ends = [0, *sorted(moments), total]
+    return [
+        min(size, end - begin) for start, end in pairwise(ends) for begin in range(start, end, size)
+    ]
 
 
 def random_walk(experiment: Experiment, robot: Robot, walk: int) -> RandomWalk:
@@ -125,12 +132,14 @@ def collect(
         StoreError: a stored shard is damaged, or of another experiment.
     """
     counts, futures = WalkCounts(0, 0), {}
-    text, path = dump_experiment(experiment), str(folder.resolve())
+    sizes, path = walk_sizes(experiment), str(folder.resolve())
+    bodies = _bodies(experiment, sizes)
     try:
-        for walk, num_rows in enumerate(walk_sizes(experiment)):
+        for walk, num_rows in enumerate(sizes):
             known = read_counts(folder, walk, num_rows=num_rows, fingerprint=fingerprint)
             if known is None or not (folder / "truth" / shard_name(walk)).exists():
-                job = executor.submit(_collect_and_store, text, path, walk, num_rows, fingerprint)
+                body = bodies[walk]
+                job = executor.submit(_collect_and_store, body, path, walk, num_rows, fingerprint)
                 futures[job] = num_rows
             else:
                 counts += known
@@ -147,6 +156,14 @@ def collect(
         for job in futures:
             job.cancel()
     return counts
+
+
+def _bodies(experiment: Experiment, sizes: list[int]) -> list[str]:
+    """For each walk, as YAML text, the experiment with the body as it then is."""
+    moments = sorted({0, *(change.after for change in experiment.changes)})
+    texts = [dump_experiment(experiment.after(moment)) for moment in moments]
+    first_rows = np.cumsum([0, *sizes[:-1]])
+    return [texts[i] for i in np.searchsorted(moments, first_rows, side="right") - 1]
 
 
 def how_to_collect(experiment: Experiment, folder: Path) -> str:

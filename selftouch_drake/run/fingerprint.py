@@ -57,7 +57,8 @@ def model_digests(
 def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     """Identifies what decides the experience: seed, robot, skins, what touches and babbling.
 
-    Noise of the joints counts if there is any, and under dynamics the joint controllers do.
+    Noise of the joints and changes of the body count if there are any, and under dynamics the joint
+    controllers do.
 
     Args:
         experiment: the experiment.
@@ -75,6 +76,8 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
         kept["imported"] = experiment.imported.content
     if experiment.joints.noise:
         kept["joints"] = experiment.joints.noise
+    if experiment.changes:
+        kept["changes"] = fields["changes"]
     if experiment.babbling.mode == "dynamic":
         kept["controller"] = {key: fields["execution"][key] for key in _CONTROLLER}
     return _digest(kept)
