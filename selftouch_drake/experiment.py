@@ -608,9 +608,9 @@ def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
 
 def _checked_name(key: Any, name: str, *, scoped: bool = False) -> str:
     """Names become keys of files and words of commands; scoped ones are only looked up."""
-    if isinstance(key, str) and key and len(key) < 100:
-        if scoped or key.replace("-", "_").isidentifier():
-            return key
+    short = isinstance(key, str) and 0 < len(key) < 100
+    if short and (scoped or key.replace("-", "_").isidentifier()):
+        return key
     raise ExperimentError(
         f"{name} has the name {shown(key)}; give one of letters, digits and underscores"
     )
