@@ -26,10 +26,9 @@ from typing import Any
 
 import numpy as np
 
-from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.living import Life, LivingLearner
-from selftouch_drake.evaluation import kernel_truth, shape_errors
-from selftouch_drake.experience import Contacts, collect_walk
+from selftouch_drake.evaluation.life import planned_contact, quality
+from selftouch_drake.experience import collect_walk
 from selftouch_drake.experience.sources import KinematicSource
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import World
@@ -75,48 +74,12 @@ def touches(world: World, first_walk: int) -> Iterator[tuple[np.ndarray, np.ndar
         walk += 1
 
 
-def quality(learner: LivingLearner, world: World, num_pairs: int) -> dict[str, Any]:
-    """Error of the shape, holes, and contact on planned motions, in a world as it is."""
-    known, probe = learner.representation, world.probe
-    agent = Agent.of(known, kernel_sensation=learner.kernel_sensation)
-    # This metric is not learned: no luck of a network's start is in the figures.
-    body = agent.recover("sensorimotor")
-    felt = probe.touches(known.kernel_q)
-    contacts = Contacts.of_rows(
-        felt.row, felt.skin, felt.toucher, felt.p_LC, np.arange(known.num_rows)
-    )
-    try:
-        errors = shape_errors(body.positions, known.part, kernel_truth(known, contacts))
-    except ValueError:  # a kernel of which nothing touches any more
-        errors = {}
-    holes = body.parts[0].topology
-    return {
-        "error": errors.get(0, float("nan")),
-        "holes": "" if holes is None else " ".join(map(str, holes.betti)),
-        "contact": contact(learner, world, num_pairs),
-    }
-
-
-def contact(learner: LivingLearner, world: World, num_pairs: int) -> float:
-    """Share of planned motions in contact, in a world as it is."""
-    agent = Agent.of(learner.representation)
-    felt = [
-        world.probe.sensations(path).any(axis=1).mean() for path in paths(agent, num_pairs, seed=1)
-    ]
-    return float(np.mean(felt))
-
-
-def paths(agent: Agent, num_pairs: int, *, seed: int) -> Iterator[np.ndarray]:
-    """`(T, J)` configurations along plans between random targets; ways that are none are left."""
-    rng = np.random.default_rng(seed)
-    while num_pairs:
-        start, goal = rng.choice(agent.representation.num_targets, 2, replace=False)
-        try:
-            plan = agent.plan(int(start), int(goal))
-        except ValueError:
-            continue
-        num_pairs -= 1
-        yield plan.path(np.arange(0.0, plan.waypoint_s[-1], 0.02))
+def scored(life: Life | LivingLearner, world: World, num_pairs: int) -> dict[str, Any]:
+    """Error of the shape, holes, and contact on planned paths, in a world as it is."""
+    learner = life.learner if isinstance(life, Life) else life
+    found = quality(learner, world, num_pairs)
+    holes = " ".join(map(str, found.holes))
+    return {"error": found.error, "holes": holes, "contact": found.contact}
 
 
 def regained(now: dict[str, Any], before: dict[str, Any]) -> bool:
@@ -160,7 +123,7 @@ class Bench:
             for rung in rungs:
                 while learner.num_touches < rung:
                     learner.take(*next(walks))
-                found = quality(learner, world, self.args.pairs) | {"touches": rung}
+                found = scored(learner, world, self.args.pairs) | {"touches": rung}
                 self._anew.append(found)
                 print(self.body, self.seed, "anew", found, flush=True)
         return next((row["touches"] for row in self._anew if regained(row, wanted)), None)
@@ -173,7 +136,7 @@ class Bench:
             walks = touches(world, 0)
             while life.num_touches < self.args.touches:
                 life.take(*next(walks))
-            found = quality(life.learner, world, self.args.pairs)
+            found = scored(life, world, self.args.pairs)
             found |= {"false": len(life.noticed) + life.has_doubts}
             print(self.body, self.seed, "before", found, flush=True)
             self._lives[key] = life, found
@@ -187,7 +150,7 @@ class Bench:
         life, was = self.life(before)
         wanted = self.life([])[1] if kind == "new" else was
         world, began = self.world(after), time.process_time()
-        at_once = contact(life.learner, world, self.args.pairs)
+        at_once = planned_contact(life.learner, world, self.args.pairs)
         walks, start = touches(world, 200), life.num_touches
         looked, now, most = 0, was, self.args.touches // 2
         while life.num_touches - start < most:
@@ -195,7 +158,7 @@ class Bench:
             mended = life.num_touches - start >= UNNOTICED and not life.has_doubts
             if mended and life.num_touches - start >= 2 * looked:
                 looked = life.num_touches - start
-                now = quality(life.learner, world, self.args.pairs)
+                now = scored(life, world, self.args.pairs)
                 if regained(now, wanted):
                     break
         noticed = [one for one in life.noticed if one.row >= start]
@@ -221,7 +184,10 @@ class Bench:
 
 def table(rows: list[dict[str, str]]) -> Iterator[str]:
     """The rows in columns."""
-    yield "| body | seed | change | noticed | error before, mended % | contact before, at once, mended % | holes | mended | anew |"
+    yield (
+        "| body | seed | change | noticed | error before, mended % "
+        "| contact before, at once, mended % | holes | mended | anew |"
+    )
     yield "|---|---|---|---|---|---|---|---|---|"
     for row in rows:
         error = ", ".join(f"{100 * float(row[k]):.1f}" for k in ("error_before", "error"))

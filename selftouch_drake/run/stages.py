@@ -125,7 +125,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
         ValueError: it cannot be learned from.
     """
     began = time.perf_counter()
-    _require_experience(run)
+    require_experience(run)
     settings, seed = run.experiment.representation, run.experiment.seed
     learner = QuotientLearner(
         num_targets=settings.num_targets,
@@ -309,7 +309,7 @@ def _require_targets(run: RunDirectory, targets: Sequence[int | str]) -> None:
             )
 
 
-def _require_experience(run: RunDirectory) -> None:
+def require_experience(run: RunDirectory) -> None:
     """Refuses experience that is not there, or only in part."""
     if not has_babbled(run):
         what = "babbling" if run.experiment.imported is None else "the import"
