@@ -3,7 +3,7 @@
 from selftouch_drake.agent.living.learner import LivingLearner
 from selftouch_drake.agent.living.life import Life, Noticed
 from selftouch_drake.agent.living.mending import Mending, understand
-from selftouch_drake.agent.living.surprise import Alarm, Expectation, surprise
+from selftouch_drake.agent.living.surprise import Alarm, Expectation
 
 __all__ = [
     "Alarm",
@@ -12,6 +12,5 @@ __all__ = [
     "LivingLearner",
     "Mending",
     "Noticed",
-    "surprise",
     "understand",
 ]
