@@ -17,7 +17,7 @@ import numpy as np
 import yaml
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living import Explorer, Joints, LivingLearner
+from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.experience import (
     Contacts,
@@ -31,7 +31,7 @@ from selftouch_drake.experience import (
 from selftouch_drake.experience.collect import PATIENCE, WORLD_LOCK, step_sizes
 from selftouch_drake.experience.sources import KinematicSource, LedSource
 from selftouch_drake.experiment import Experiment, experiment_from_fields
-from selftouch_drake.robot import Robot, World
+from selftouch_drake.robot import World
 from selftouch_drake.robot.joints import remembered
 
 #: Target sensations and touches of each that the agent finds its way by while it explores: what is
@@ -39,7 +39,12 @@ from selftouch_drake.robot.joints import remembered
 _NUM_TARGETS, _KERNEL_SIZE = 150, 300
 
 #: Touches before the agent goes by what it knows.
-_AT_RANDOM = 1000
+_AT_RANDOM = 500
+
+#: Without time, only touches count, and steps through the air are free: it makes a few small moves
+#: about a place and leaves for another. Under dynamics it stays in touch.
+KINEMATIC = Manner(pace=1.6, dwell=5, air=0.7, walked=20)
+DYNAMIC = Manner(pace=1.0, dwell=24, air=0.1, walked=1)
 
 
 class Life:
@@ -54,7 +59,9 @@ class Life:
         dynamic = experiment.babbling.mode == "dynamic"
         self.experiment = experiment
         self.source = LedSource(world) if dynamic else KinematicSource(world)
-        self._joints = _joints(experiment, world.robot, dynamic=dynamic)
+        self.manner = DYNAMIC if dynamic else KINEMATIC
+        lower, upper = world.robot.babbled_range
+        self._joints = Joints(lower=lower, upper=upper, stride=step_sizes(experiment, world.robot))
         (seed,) = experiment.random_stream("explorer").generate_state(1)
         self.learner = LivingLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
         self.round = 0
@@ -77,7 +84,7 @@ class Life:
         start = rng.uniform(joints.lower, joints.upper) if self._q is None else self._q
         source.rest_at(start)
         felt = np.zeros(self.experiment.num_receptors)
-        moves = Explorer(self._agent(), joints, start, felt, rng).moves()
+        moves = Explorer(self._agent(), joints, self.manner, start, felt, rng).moves()
         path = next(moves)
         kept = []
         num_kept = num_steps = last_touch = num_impossible = 0
@@ -173,14 +180,3 @@ def _explore_and_store(
 def _life(text: str, run: str) -> Life:
     """The life of a run, begun once a process."""
     return Life(experiment_from_fields(yaml.safe_load(text)))
-
-
-def _joints(experiment: Experiment, robot: Robot, *, dynamic: bool) -> Joints:
-    lower, upper = robot.babbled_range
-    return Joints(
-        lower=lower,
-        upper=upper,
-        stride=step_sizes(experiment, robot),
-        pace=1.0 if dynamic else 4.0,
-        air=0.05 if dynamic else 0.3,
-    )

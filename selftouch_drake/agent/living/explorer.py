@@ -12,7 +12,7 @@ does not know what carries it out.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -27,11 +27,8 @@ Met = tuple[np.ndarray, np.ndarray]
 #: What it yields: `(n, J)` configurations to pass.
 Moves = Generator[np.ndarray, Met, None]
 
-#: Slides about at each goal, and how far they lead, in standard strides.
-_SLIDES, _FAR = 3, 8
-
-#: Strides at a time, of a random walk through the air.
-_WALKED = 20
+#: Strides that a slide about a place leads away, at most.
+_FAR = 8
 
 #: Of a stride in touch: the share of the way that is kept from stride to stride, and how far the
 #: agent presses or yields at most.
@@ -53,15 +50,28 @@ class Joints:
         lower: `(J,)` in the robot's units.
         upper: `(J,)` likewise.
         stride: `(J,)` likewise; a step of a random walk.
-        pace: strides, how far it moves in one step while in touch.
-        air: how often it walks through the air to its next touch.
     """
 
     lower: np.ndarray
     upper: np.ndarray
     stride: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Manner:
+    """How an agent explores, by what costs it more: to touch, or to pass the time.
+
+    Attributes:
+        pace: strides, how far it moves in one step while in touch.
+        dwell: steps in which it slides about a place.
+        air: how often it walks to its next place at random through the air.
+        walked: steps of such a walk, until it looks whether it met something.
+    """
+
     pace: float
+    dwell: int
     air: float
+    walked: int
 
 
 class Explorer:
@@ -70,6 +80,7 @@ class Explorer:
     Args:
         agent: what it knows; None if nothing.
         joints: of the robot.
+        manner: how it explores.
         q: `(J,)` where the joints are.
         felt: `(S,)` N, what is felt there.
         rng: of all that is random.
@@ -79,17 +90,18 @@ class Explorer:
         self,
         agent: Agent | None,
         joints: Joints,
+        manner: Manner,
         q: np.ndarray,
         felt: np.ndarray,
         rng: np.random.Generator,
     ) -> None:
-        self._agent, self._joints, self._rng = agent, joints, rng
+        self._agent, self._joints, self._manner, self._rng = agent, joints, manner, rng
         self._q, self._felt = np.asarray(q, dtype=float), felt
         self._walk = np.zeros(len(q))
         #: By how much more is felt along each joint, N per stride, and the last touch.
         self._slope = np.zeros(len(q))
         self._touch = self._q
-        self._wanted = 0.0
+        self._wanted, self._steps = 0.0, 0
         if agent is not None:
             known = agent.representation
             self._wanted = float(np.median(known.kernel_strength))
@@ -98,18 +110,17 @@ class Explorer:
     def moves(self) -> Moves:
         """Explores without end."""
         while True:
-            if self._agent is None or self._rng.random() < self._joints.air:
+            if self._agent is None or self._rng.random() < self._manner.air:
                 yield from self._wander()
             elif not self._felt.any():
                 yield from self._search(self._agent)
             else:
                 yield from self._journey(self._agent, self._goal(self._agent))
-            for _ in range(_SLIDES):
-                if not self._felt.any():
-                    break
+            self._steps = 0
+            while self._felt.any() and self._steps < self._manner.dwell:
                 aim = self._rng.standard_normal(len(self._q))
-                aim *= _FAR * self._joints.pace / np.linalg.norm(aim)
-                yield from self._slide([self._q + aim * self._joints.stride])
+                aim *= _FAR * self._manner.pace / np.linalg.norm(aim)
+                yield from self._slide([self._q + aim * self._joints.stride], self._manner.dwell)
 
     def _search(self, agent: Agent) -> Moves:
         """Goes through the air to a remembered touch."""
@@ -117,23 +128,32 @@ class Explorer:
         rows = agent.representation.members(goal)
         row = int(self._rng.integers(rows.start, rows.stop))
         self._visits[goal] += 1.0
+        self._slope[:] = 0.0
         yield from self._straight(agent.representation.kernel_q[row].astype(float))
 
     def _wander(self) -> Moves:
-        """Walks at random until it touches something else."""
-        while True:
-            walk = np.empty((_WALKED, len(self._q)))
-            q = self._q
-            for step in range(_WALKED):
-                noise = self._rng.standard_normal(len(q))
-                self._walk = 0.9 * self._walk + np.sqrt(1.0 - 0.9**2) * noise
-                q = q + self._walk * self._joints.stride
-                out = (q < self._joints.lower) | (q > self._joints.upper)
-                self._walk[out] *= -1.0
-                walk[step] = q = self._within(q)
-            yield from self._go(walk)
-            if self._felt.any():
-                return
+        """Walks at random until it meets another touch, and goes back to that."""
+        while self._felt.any():
+            yield from self._go(self._random_walk())
+        self._slope[:] = 0.0
+        left = self._touch
+        while self._touch is left:
+            yield from self._go(self._random_walk())
+        if not self._felt.any():
+            yield from self._straight(self._touch)
+
+    def _random_walk(self) -> np.ndarray:
+        """`(n, J)` the next configurations of a walk that turns round at the limits."""
+        walk = np.empty((self._manner.walked, len(self._q)))
+        q = self._q
+        for step in range(len(walk)):
+            noise = self._rng.standard_normal(len(q))
+            self._walk = 0.9 * self._walk + np.sqrt(1.0 - 0.9**2) * noise
+            q = q + self._walk * self._joints.stride
+            out = (q < self._joints.lower) | (q > self._joints.upper)
+            self._walk[out] *= -1.0
+            walk[step] = q = self._within(q)
+        return walk
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a stride at a time."""
@@ -166,25 +186,26 @@ class Explorer:
         q = plan.path(np.linspace(0.0, length, max(int(length / 0.2), 1) + 1))
         yield from q[1:]
 
-    def _slide(self, way: list[np.ndarray] | Iterator[np.ndarray]) -> Moves:
-        """Goes along a way and keeps in touch; gives up where it cannot."""
+    def _slide(self, way: Iterable[np.ndarray], most: float = np.inf) -> Moves:
+        """Goes along a way and keeps in touch; gives up where it cannot, or after `most` steps."""
         returns = 0
         for aim in way:
             lost = 0
             for _ in range(4 * _FAR):
                 rest = aim - self._q
                 far = self._strides(rest)
-                if far < 0.5 * self._joints.pace:
+                if far < 0.5 * self._manner.pace:
                     break
-                step = rest * min(self._joints.pace / far, 1.0)
+                if self._steps >= most or returns >= _MOST_RETURNS:
+                    return
+                self._steps += 1
+                step = rest * min(self._manner.pace / far, 1.0)
                 yield from self._go(self._within(self._q + self._in_touch(step))[None])
                 lost = 0 if self._felt.any() else lost + 1
                 if lost >= _MOST_LOST:
                     returns += 1
                     yield from self._straight(self._touch)
                     break
-            if returns >= _MOST_RETURNS:
-                return
 
     def _in_touch(self, step: np.ndarray) -> np.ndarray:
         """The step, bent along the skin, and pressed on or eased off."""
@@ -195,7 +216,7 @@ class Explorer:
         along = step / stride
         along = along - up * (up @ along)
         short = (self._wanted - float(np.linalg.norm(self._felt))) / steepness
-        most = _PRESSED * self._joints.pace
+        most = _PRESSED * self._manner.pace
         return (along + up * np.clip(short, -most, most)) * stride
 
     def _go(self, path: np.ndarray) -> Moves:
