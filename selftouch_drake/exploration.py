@@ -43,7 +43,7 @@ _AT_RANDOM = 500
 
 #: Without time, only touches count, and steps through the air are free: it makes a few small moves
 #: about a place and leaves for another. Under dynamics it stays in touch.
-KINEMATIC = Manner(pace=1.6, dwell=5, air=0.7, walked=20)
+KINEMATIC = Manner(pace=1.6, dwell=5, air=0.95, walked=20)
 DYNAMIC = Manner(pace=1.0, dwell=24, air=0.1, walked=1)
 
 
@@ -52,9 +52,11 @@ class Life:
 
     Args:
         experiment: what it lives in.
+        explorer: how it goes where.
     """
 
-    def __init__(self, experiment: Experiment):
+    def __init__(self, experiment: Experiment, explorer: type[Explorer] = Explorer):
+        self._explorer = explorer
         world = World(experiment)
         dynamic = experiment.babbling.mode == "dynamic"
         self.experiment = experiment
@@ -84,7 +86,7 @@ class Life:
         start = rng.uniform(joints.lower, joints.upper) if self._q is None else self._q
         source.rest_at(start)
         felt = np.zeros(self.experiment.num_receptors)
-        moves = Explorer(self._agent(), joints, self.manner, start, felt, rng).moves()
+        moves = self._explorer(self._agent(), joints, self.manner, start, felt, rng).moves()
         path = next(moves)
         kept = []
         num_kept = num_steps = last_touch = num_impossible = 0
