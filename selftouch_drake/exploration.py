@@ -43,8 +43,8 @@ _AT_RANDOM = 500
 
 #: Without time, only touches count, and steps through the air are free: it makes a few small moves
 #: about a place and leaves for another. Under dynamics it stays in touch.
-KINEMATIC = Manner(pace=1.6, dwell=5, air=0.95, walked=20)
-DYNAMIC = Manner(pace=1.0, dwell=24, air=0.1, walked=1)
+KINEMATIC = Manner(pace=6.0, dwell=0, air=0.8, walked=20, hops=6)
+DYNAMIC = Manner(pace=1.0, dwell=24, air=0.1, walked=1, hops=0)
 
 
 class Life:

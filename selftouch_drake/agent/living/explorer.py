@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -30,13 +29,18 @@ Moves = Generator[np.ndarray, Met, None]
 #: Strides that a slide about a place leads away, at most.
 _FAR = 8
 
+#: Strides that a small move goes, of each joint. On a torus half of such moves touch. With 4000
+#: touches, 3 of 4 of them small moves about the fourth, its shape is off by 3.2 %, with all of them
+#: met at random by 4.2 %: neighbours on the skin have postures near each other.
+_HOP = 0.67
+
 #: Of a stride in touch: the share of the way that is kept from stride to stride, and how far the
 #: agent presses or yields at most.
 _PRESSED = 0.6
 
 #: Strides without touch, after which it goes back to the last touch; goings back, after which it
 #: gives up.
-_MOST_LOST, _MOST_RETURNS = 3, 4
+_MOST_LOST, _MOST_RETURNS = 2, 4
 
 #: Share of the goals that are ends of poor links; the others are sensations seldom felt.
 _LINKS = 0.3
@@ -66,12 +70,14 @@ class Manner:
         dwell: steps in which it slides about a place.
         air: how often it walks to its next place at random through the air.
         walked: steps of such a walk, until it looks whether it met something.
+        hops: small moves about each touch that it comes to, which need not stay in touch.
     """
 
     pace: float
     dwell: int
     air: float
     walked: int
+    hops: int
 
 
 class Explorer:
@@ -116,6 +122,8 @@ class Explorer:
                 yield from self._search(self._agent)
             else:
                 yield from self._journey(self._agent, self._goal(self._agent))
+            if self._felt.any() and self._manner.hops:
+                yield from self._go(self._hops())
             self._steps = 0
             while self._felt.any() and self._steps < self._manner.dwell:
                 aim = self._rng.standard_normal(len(self._q))
@@ -154,6 +162,11 @@ class Explorer:
             self._walk[out] *= -1.0
             walk[step] = q = self._within(q)
         return walk
+
+    def _hops(self) -> np.ndarray:
+        """`(n, J)` configurations round the last touch."""
+        noise = self._rng.standard_normal((self._manner.hops, len(self._q)))
+        return self._within(self._touch + _HOP * noise * self._joints.stride)
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a stride at a time."""
@@ -225,14 +238,16 @@ class Explorer:
         if not len(q):
             return
         strength = np.linalg.norm(felt, axis=1)
-        passed = np.concatenate([self._q[None], q])
-        strengths = np.concatenate([[np.linalg.norm(self._felt)], strength])
-        for (here, there), (before, after) in zip(
-            pairwise(passed), pairwise(strengths), strict=True
-        ):
+        here, before = self._q, float(np.linalg.norm(self._felt))
+        for there, after in zip(q.astype(float), strength, strict=True):
             step = (there - here) / self._joints.stride
-            if (before > 0.0 or after > 0.0) and (size := float(step @ step)) > 0.0:
+            size = float(step @ step)
+            # Of a smaller step the noise would say more than the skin.
+            if size < (0.5 * self._manner.pace) ** 2 and after > 0.0:
+                continue
+            if size > 0.0 and (before > 0.0 or after > 0.0):
                 self._slope += (after - before - self._slope @ step) / size * step
+            here, before = there, after
         self._q, self._felt = q[-1].astype(float), felt[-1]
         if (touching := np.flatnonzero(strength)).size:
             self._touch = q[touching[-1]].astype(float)

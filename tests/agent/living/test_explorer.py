@@ -9,7 +9,7 @@ from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
 JOINTS = Joints(lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.05))
-MANNER = Manner(pace=1.0, dwell=24, air=0.1, walked=1)
+MANNER = Manner(pace=1.0, dwell=24, air=0.1, walked=1, hops=0)
 DEPTH = 0.15
 
 
