@@ -35,12 +35,13 @@ SHAPES = {
     "visual": (),
 }
 BABBLING_MODES = ("kinematic", "dynamic")
+STRATEGIES = ("random", "active")
 METRICS = ("learned", "sensorimotor", "motor", "literal", "revolute_reference")
 # Fields that mean nothing where experience is imported, and where it is not.
 _WITHOUT_ROBOT = ("robot", "skins", "touching", "joints", "execution", "evaluation", "changes")
 _WITHOUT_DATA = ("imported",)
 # Purposes of randomness; a new one goes to the end, so that the others stay as they are.
-STREAMS = ("walk", "pairs", "start", "skin", "joints", "changes")
+STREAMS = ("walk", "pairs", "start", "skin", "joints", "explorer", "changes")
 
 
 class ExperimentError(ValueError):
@@ -161,8 +162,11 @@ class Joints:
 
 @dataclass(kw_only=True, slots=True)
 class Babbling:
-    """The random walk in motor space, and how much of it is kept."""
+    """How the robot moves through motor space, and how much of it is kept."""
 
+    # `random`: a random walk. `active`: the agent learns while it moves, and goes where it knows
+    # least; see docs/exploration.md.
+    strategy: str = "random"
     # `kinematic`: positions are set and contact is evaluated. `dynamic`: joint controllers follow
     # the walk under gravity, torque limits and contact forces; slower and more real.
     mode: str = "kinematic"
@@ -175,7 +179,7 @@ class Babbling:
     persistence: float = 0.9
     # Seconds a step, in dynamic mode: the time that the robot has for it.
     step_duration: float = 0.1
-    # Kept configurations in one walk, which is one shard of the store.
+    # Kept configurations in one walk, which is one shard of the store; at most, if `active`.
     walk_size: int = 10_000
 
 
@@ -654,6 +658,7 @@ def _check_values(e: Experiment) -> None:
         if value is not None:
             _require(least <= value <= most, name, value, f"give {words}")
     _one_of("babbling.mode", e.babbling.mode, BABBLING_MODES)
+    _one_of("babbling.strategy", e.babbling.strategy, STRATEGIES)
     _require(
         e.representation.num_targets <= e.babbling.num_samples,
         "representation.num_targets",

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
 from functools import lru_cache
-from itertools import pairwise
 from pathlib import Path
 from threading import Lock
 
@@ -30,7 +29,14 @@ from selftouch_drake.robot.joints import remembered
 # A walk that has touched nothing in so many steps is lost.
 PATIENCE = 2_000_000
 # Executors may run jobs in threads, as Dask's do, but a world serves one at a time.
-_WORLD_LOCK = Lock()
+WORLD_LOCK = Lock()
+
+#: Touches in the first rounds of an active strategy, and share of those before in later ones.
+_FIRST_ROUND, _ROUND_GROWS = 250, 0.1
+
+#: Makes and stores the walk of a number, of so many rows: text of the experiment, folder of the
+#: run, number, rows and fingerprint.
+MakeWalk = Callable[[str, str, int, int, str], WalkCounts]
 
 
 class NeverTouchesError(ValueError):
@@ -40,28 +46,39 @@ class NeverTouchesError(ValueError):
 def walk_sizes(experiment: Experiment) -> list[int]:
     """Kept configurations of each walk; they sum to `babbling.num_samples`.
 
-    A walk ends where the body changes.
+    A walk ends where the body changes. With an active strategy a walk is a round, in which what the
+    agent knows stays the same: rounds grow with the experience.
     """
     size, total = experiment.babbling.walk_size, experiment.babbling.num_samples
+    active = experiment.babbling.strategy == "active"
     moments = {change.after for change in experiment.changes if 0 < change.after < total}
-    ends = [0, *sorted(moments), total]
-    return [
-        min(size, end - begin) for start, end in pairwise(ends) for begin in range(start, end, size)
-    ]
+    sizes, done = list[int](), 0
+    for end in (*sorted(moments), total):
+        while done < end:
+            grown = max(_FIRST_ROUND, int(_ROUND_GROWS * done)) if active else size
+            sizes.append(min(grown, size, end - done))
+            done += sizes[-1]
+    return sizes
 
 
 def random_walk(experiment: Experiment, robot: Robot, walk: int) -> RandomWalk:
     """Walk number `walk` of an experiment, through the range that its robot babbles in."""
     babbling, (lower, upper) = experiment.babbling, robot.babbled_range
-    # A joint that slides crosses its range as fast as one that turns goes round.
-    share = np.where(robot.turns, 1.0, (upper - lower) / (2 * np.pi))
     return RandomWalk(
         lower=lower,
         upper=upper,
-        step_size=babbling.step_size * share,
+        step_size=step_sizes(experiment, robot),
         persistence=babbling.persistence,
         seed=experiment.random_stream("walk", walk),
     )
+
+
+def step_sizes(experiment: Experiment, robot: Robot) -> np.ndarray:
+    """`(J,)` rad or m, `babbling.step_size` of each joint of the robot."""
+    lower, upper = robot.babbled_range
+    # A joint that slides crosses its range as fast as one that turns goes round.
+    share = np.where(robot.turns, 1.0, (upper - lower) / (2 * np.pi))
+    return experiment.babbling.step_size * share
 
 
 def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: int) -> Shard:
@@ -114,6 +131,8 @@ def collect(
     fingerprint: str,
     executor: Executor,
     progress: Callable[[int], None] = lambda num_rows: None,
+    make: MakeWalk | None = None,
+    in_turn: bool = False,
 ) -> WalkCounts:
     """Collects what is missing of a run's experience and returns the steps of all walks.
 
@@ -125,28 +144,35 @@ def collect(
         fingerprint: of the experience, which every shard carries.
         executor: where the walks run; its workers must see the folder.
         progress: called with the number of new rows whenever a walk is stored.
+        make: makes a walk, in a worker; by default a random one.
+        in_turn: whether a walk needs those before it.
 
     Raises:
         ChildProcessError: a process of the executor was killed.
         NeverTouchesError: a walk touches nothing.
         StoreError: a stored shard is damaged, or of another experiment.
     """
-    counts, futures = WalkCounts(0, 0), {}
+    make = make or _collect_and_store
+    counts, missing = WalkCounts(0, 0), list[tuple[int, int]]()
     sizes, path = walk_sizes(experiment), str(folder.resolve())
     bodies = _bodies(experiment, sizes)
+    for walk, num_rows in enumerate(sizes):
+        known = read_counts(folder, walk, num_rows=num_rows, fingerprint=fingerprint)
+        if known is None or not (folder / "truth" / shard_name(walk)).exists():
+            missing.append((walk, num_rows))
+        else:
+            counts += known
+            progress(num_rows)
+    futures: dict[Future[WalkCounts], int] = {}
     try:
-        for walk, num_rows in enumerate(sizes):
-            known = read_counts(folder, walk, num_rows=num_rows, fingerprint=fingerprint)
-            if known is None or not (folder / "truth" / shard_name(walk)).exists():
-                body = bodies[walk]
-                job = executor.submit(_collect_and_store, body, path, walk, num_rows, fingerprint)
-                futures[job] = num_rows
-            else:
-                counts += known
-                progress(num_rows)
-        for job in as_completed(futures):
-            counts += job.result()
-            progress(futures[job])
+        for some in [[one] for one in missing] if in_turn else [missing]:
+            futures = {
+                executor.submit(make, bodies[walk], path, walk, num_rows, fingerprint): num_rows
+                for walk, num_rows in some
+            }
+            for job in as_completed(futures):
+                counts += job.result()
+                progress(futures[job])
     except BrokenExecutor:
         raise ChildProcessError(
             "a process that babbles was killed, perhaps for want of memory; go on from what is "
@@ -199,7 +225,7 @@ def require_complete(
 def _collect_and_store(
     text: str, run: str, walk: int, num_rows: int, fingerprint: str
 ) -> WalkCounts:
-    with _WORLD_LOCK:
+    with WORLD_LOCK:
         experiment, source = _world(text)
         shard = collect_walk(source, experiment, walk, num_rows)
     write_shard(Path(run), shard, fingerprint=fingerprint)

@@ -68,6 +68,8 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     for name, mesh in _skin_meshes(experiment).items():
         fields["skins"][name]["surface"]["mesh"] = digests.get(str(mesh))
     kept: dict[str, Any] = {key: fields[key] for key in ("seed", "babbling")}
+    if experiment.babbling.strategy == "random":
+        del kept["babbling"]["strategy"]  # older runs know no other
     kept["models"] = list(digests.values())
     kept["robot"] = {key: fields["robot"][key] for key in ("joints", "collision_depth")}
     # Their order counts: that of the readings in a sensation, and of the numbers in the truth.

@@ -23,6 +23,7 @@ from selftouch_drake.experience import (
     how_to_collect,
     require_complete,
 )
+from selftouch_drake.exploration import explore
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
@@ -92,7 +93,8 @@ def babble(
         stored += num_rows
         progress(stored / wanted, f"{stored:,} of {wanted:,} touches")
 
-    counts = collect(
+    active = run.experiment.babbling.strategy == "active"
+    counts = (explore if active else collect)(
         run.experiment,
         run.path,
         fingerprint=run.fingerprint(),
