@@ -25,7 +25,7 @@ from selftouch_drake.experiment import (
 
 TOP_FIELDS = (
     "name, seed, robot, skins, touching, joints, babbling, "
-    "representation, planning, execution, evaluation, imported"
+    "representation, planning, execution, evaluation, changes, imported"
 )
 SURFACE_FIELDS = (
     "shape, radius, side, major_radius, minor_radius, height, length, semi_axes, mesh, scale, "
