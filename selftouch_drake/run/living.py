@@ -18,9 +18,9 @@ from selftouch_drake.run.worlds import build_world, require_robot
 
 #: Touches that are taken at a time.
 BLOCK = 500
-#: It is scored at so many touches, then whenever there are half as many more, and after changes.
+#: It is scored at so many touches, then whenever there are half as many more, and at changes.
 _FIRST, _MORE = 500, 1.5
-#: Touches after a change at which it is scored again.
+#: Touches after a change by which it is scored again.
 _AFTER = 2500
 
 
@@ -90,10 +90,11 @@ class _Biography:
 
     def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
         """The next touches."""
-        before = self._taken
-        if any(before == change for change in self._changes):
-            self._world = self._enter(before)
-            self._due = min(self._due, before + _AFTER)
+        if self._taken in self._changes:
+            self._world = self._enter(self._taken)
+            self._due = min(self._due, self._taken + _AFTER)
+            if self.life.learner.knows:
+                self._score()
         self._taken += len(q)
         self._felt |= sensation.any(axis=0)
         self.life.take(q, sensation)

@@ -16,14 +16,14 @@ import numpy as np
 
 from selftouch_drake.agent.living.learner import LivingLearner
 from selftouch_drake.agent.living.mending import Mending, understand
-from selftouch_drake.agent.living.surprise import Alarm, Expectation, surprise
+from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation, surprise
 
 #: Touches after which the agent learns what to expect, and the share by which they have grown when
 #: it does again.
 _FIRST, _AGAIN = 5000, 2.0
 
 #: The last touches, from which the expectation does not learn, say what surprise is usual.
-_USUAL = 2000
+_USUAL = 1000
 
 #: Touches of the changed body from which the agent finds out what changed.
 _TO_UNDERSTAND = 2000
@@ -57,6 +57,7 @@ class Life:
             what it remembers.
         seed: of all that is random.
         false_alarms: chance of a false alarm in 100,000 touches.
+        num_steps: of learning what to expect; with fewer it notices less.
     """
 
     def __init__(
@@ -65,8 +66,10 @@ class Life:
         *,
         seed: int = 0,
         false_alarms: float = 0.01,
+        num_steps: int = NUM_STEPS,
     ) -> None:
         self._make_learner, self._seed, self._false_alarms = make_learner, seed, false_alarms
+        self._num_steps = num_steps
         self.learner = make_learner()
         #: The changes that it noticed, in order.
         self.noticed: list[Noticed] = []
@@ -141,7 +144,7 @@ class Life:
         held = self.learner.remembered().columns
         mending = understand(
             self._expectation,
-            held["sensation"].any(axis=0),
+            np.any(held["sensation"] > 0, axis=0),
             self._usual,
             self._strange.q,
             self._strange.sensation,
@@ -163,7 +166,10 @@ class Life:
         held = self.learner.remembered()
         early = held.row < self.learner.num_touches - len(self._last)
         self._expectation = Expectation.learn(
-            held.columns["q"][early], held.columns["sensation"][early], seed=self._seed
+            held.columns["q"][early],
+            held.columns["sensation"][early],
+            num_steps=self._num_steps,
+            seed=self._seed,
         )
         usual = self._surprised(self._last)
         self._usual = float(usual.mean())

@@ -17,12 +17,12 @@ from scipy.special import ndtri
 from selftouch_drake.agent.network import Network, train
 from selftouch_drake.agent.representation.quantise import unit
 
-#: Three hidden layers of 128, and steps on 1024 touches each. On a torus of 100 receptors, from
-#: 60,000 touches, the median cosine distance to what is felt is 0.031.
+#: Three hidden layers of 128, and touches of each step. On a torus of 100 receptors, from 60,000
+#: touches and in 2000 steps, the median cosine distance to what is felt is 0.031. Steps count more
+#: than touches: the mean of 8000 touches and 800 steps is 0.22, of 400 steps 0.37.
 _HIDDEN = (128, 128, 128)
 _BATCH = 1024
-_FEWEST_STEPS, _MOST_STEPS = 400, 2000
-_TOUCHES_A_STEP = 30
+NUM_STEPS = 2000
 
 #: Rise of surprise that is looked for, in standard deviations of its usual spread. The test needs
 #: twice as many touches for half of it.
@@ -44,12 +44,15 @@ class Expectation:
     scale: np.ndarray
 
     @classmethod
-    def learn(cls, q: np.ndarray, sensation: np.ndarray, *, seed: int = 0) -> Expectation:
+    def learn(
+        cls, q: np.ndarray, sensation: np.ndarray, *, num_steps: int = NUM_STEPS, seed: int = 0
+    ) -> Expectation:
         """Learns from touches.
 
         Args:
             q: `(n, J)` motor configurations, in the robot's units.
             sensation: `(n, S)` N, what was felt there; no row null.
+            num_steps: of training.
             seed: the same seed and touches give the same bytes, on one machine.
         """
         rng = np.random.default_rng(seed)
@@ -70,7 +73,6 @@ class Expectation:
         def slope(outputs: np.ndarray) -> np.ndarray:
             return 2.0 * (outputs - (felt[rows] - mean) / spread) / len(outputs)
 
-        num_steps = int(np.clip(len(q) // _TOUCHES_A_STEP, _FEWEST_STEPS, _MOST_STEPS))
         train(network, batch, slope, num_steps)
         network.weights[-1][:] *= spread
         network.biases[-1][:] = network.biases[-1] * spread + mean

@@ -8,7 +8,6 @@ from skins import touch
 
 from selftouch_drake.agent.living import Alarm, Expectation, Life, LivingLearner, understand
 from selftouch_drake.agent.living import life as module
-from selftouch_drake.agent.living import surprise as expecting
 from selftouch_drake.agent.living.surprise import surprise
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
@@ -26,7 +25,7 @@ def touches():
 @pytest.fixture(scope="module")
 def expectation(touches):
     q, sensation = touches
-    return Expectation.learn(q[:5000], sensation[:5000])
+    return Expectation.learn(q[:5000], sensation[:5000], num_steps=400)
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +94,7 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     blind = sensation.copy()
     blind[:, 7] = 0.0
     some = blind.any(axis=1)
-    expectation = Expectation.learn(q[:5000][some[:5000]], blind[:5000][some[:5000]])
+    expectation = Expectation.learn(q[:5000][some[:5000]], blind[:5000][some[:5000]], num_steps=400)
     mending = understand(expectation, blind.any(axis=0), 0.0, q[NUM_OLD:], sensation[NUM_OLD:])
     assert np.flatnonzero(mending.new).tolist() == [7]
     _, mended = mending.mended(q[:1000], blind[:1000])
@@ -148,13 +147,12 @@ def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monk
     monkeypatch.setattr(module, "_FIRST", 3000)
     monkeypatch.setattr(module, "_USUAL", 600)
     monkeypatch.setattr(module, "_TO_UNDERSTAND", 900)
-    monkeypatch.setattr(expecting, "_FEWEST_STEPS", 150)
     q, sensation = touches
     q, sensation = q.copy(), sensation.copy()
     q[4500:, 0] += 0.5
 
     def lived(chunk):
-        life = Life(lambda: LivingLearner(60))
+        life = Life(lambda: LivingLearner(60), num_steps=150)
         for start in range(0, 6500, chunk):
             rows = slice(start, min(start + chunk, 6500))
             life.take(q[rows], sensation[rows])
