@@ -40,7 +40,7 @@ def test_the_report_asks_nothing_of_a_network(page, reported):
     links = Links(page)
     assert links.targets.count("playback.html") == 1
     images = [target for target in links.targets if target != "playback.html"]
-    assert len(images) == 11
+    assert len(images) == 12
     assert all(image.startswith("data:image/png;base64,iVBORw0KGgo") for image in images)
     assert "://" not in re.sub(r'src="[^"]*"|package://', "", page)
     assert "url(" not in page
