@@ -29,6 +29,9 @@ Moves = Generator[np.ndarray, Met, None]
 #: Strides that a slide about a place leads away, at most.
 _FAR = 8
 
+#: Steps of a random walk, after which it has forgotten where it was.
+_AWAY = 20
+
 #: Strides that a small move goes, of each joint. On a torus half of such moves touch. With 4000
 #: touches, 3 of 4 of them small moves about the fourth, its shape is off by 3.2 %, with all of them
 #: met at random by 4.2 %: neighbours on the skin have postures near each other.
@@ -122,8 +125,6 @@ class Explorer:
                 yield from self._search(self._agent)
             else:
                 yield from self._journey(self._agent, self._goal(self._agent))
-            if self._felt.any() and self._manner.hops:
-                yield from self._go(self._hops())
             self._steps = 0
             while self._felt.any() and self._steps < self._manner.dwell:
                 aim = self._rng.standard_normal(len(self._q))
@@ -137,22 +138,21 @@ class Explorer:
         row = int(self._rng.integers(rows.start, rows.stop))
         self._visits[goal] += 1.0
         self._slope[:] = 0.0
-        yield from self._straight(agent.representation.kernel_q[row].astype(float))
+        yield from self._come_to(agent.representation.kernel_q[row].astype(float))
 
     def _wander(self) -> Moves:
         """Walks at random until it meets another touch, and goes back to that."""
-        while self._felt.any():
-            yield from self._go(self._random_walk())
+        # Near the last touch it would meet the same again.
+        yield from self._go(self._random_walk(_AWAY))
         self._slope[:] = 0.0
         left = self._touch
         while self._touch is left:
-            yield from self._go(self._random_walk())
-        if not self._felt.any():
-            yield from self._straight(self._touch)
+            yield from self._go(self._random_walk(self._manner.walked))
+        yield from self._come_to(self._touch)
 
-    def _random_walk(self) -> np.ndarray:
+    def _random_walk(self, num_steps: int) -> np.ndarray:
         """`(n, J)` the next configurations of a walk that turns round at the limits."""
-        walk = np.empty((self._manner.walked, len(self._q)))
+        walk = np.empty((num_steps, len(self._q)))
         q = self._q
         for step in range(len(walk)):
             noise = self._rng.standard_normal(len(q))
@@ -163,10 +163,13 @@ class Explorer:
             walk[step] = q = self._within(q)
         return walk
 
-    def _hops(self) -> np.ndarray:
-        """`(n, J)` configurations round the last touch."""
-        noise = self._rng.standard_normal((self._manner.hops, len(self._q)))
-        return self._within(self._touch + _HOP * noise * self._joints.stride)
+    def _come_to(self, q: np.ndarray) -> Moves:
+        """Goes through the air to a touch, or about it."""
+        if not self._manner.hops:
+            yield from self._straight(q)
+            return
+        noise = self._rng.standard_normal((self._manner.hops, len(q)))
+        yield from self._go(self._within(q + _HOP * noise * self._joints.stride))
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a stride at a time."""
