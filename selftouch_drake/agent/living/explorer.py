@@ -26,7 +26,7 @@ Met = tuple[np.ndarray, np.ndarray]
 #: What it yields: `(n, J)` configurations to pass.
 Moves = Generator[np.ndarray, Met, None]
 
-#: Strides that a slide about a place leads away, at most.
+#: Steps that a slide about a place leads away, at most.
 _FAR = 8
 
 #: Steps of a random walk, after which it has forgotten where it was.
@@ -37,8 +37,10 @@ _AWAY = 20
 #: met at random by 4.2 %: neighbours on the skin have postures near each other.
 _HOP = 0.67
 
-#: Of a stride in touch: the share of the way that is kept from stride to stride, and how far the
-#: agent presses or yields at most.
+#: rad, of path length, between places on a plan that it makes for.
+_ALONG = 0.2
+
+#: Strides, as a share of the pace, that the agent presses or yields in a step at most.
 _PRESSED = 0.6
 
 #: Strides without touch, after which it goes back to the last touch; goings back, after which it
@@ -73,7 +75,8 @@ class Manner:
         dwell: steps in which it slides about a place.
         air: how often it walks to its next place at random through the air.
         walked: steps of such a walk, until it looks whether it met something.
-        hops: small moves about each touch that it comes to, which need not stay in touch.
+        hops: small moves about each touch that it comes to, which need not stay in touch. Then it
+            makes no journeys.
     """
 
     pace: float
@@ -121,7 +124,7 @@ class Explorer:
         while True:
             if self._agent is None or self._rng.random() < self._manner.air:
                 yield from self._wander()
-            elif not self._felt.any():
+            elif self._manner.hops or not self._felt.any():
                 yield from self._search(self._agent)
             else:
                 yield from self._journey(self._agent, self._goal(self._agent))
@@ -197,10 +200,9 @@ class Explorer:
         yield from self._slide(self._along(plan))
 
     def _along(self, plan: Plan) -> Iterator[np.ndarray]:
-        """Configurations of a plan, some strides apart."""
+        """Configurations of a plan, near each other."""
         length = float(plan.waypoint_s[-1])
-        q = plan.path(np.linspace(0.0, length, max(int(length / 0.2), 1) + 1))
-        yield from q[1:]
+        yield from plan.path(np.linspace(0.0, length, max(int(length / _ALONG), 1) + 1))[1:]
 
     def _slide(self, way: Iterable[np.ndarray], most: float = np.inf) -> Moves:
         """Goes along a way and keeps in touch; gives up where it cannot, or after `most` steps."""
