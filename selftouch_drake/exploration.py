@@ -20,19 +20,16 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.experience import (
-    Contacts,
     ExperienceReader,
-    NeverTouchesError,
     Shard,
     WalkCounts,
     collect,
     write_shard,
 )
-from selftouch_drake.experience.collect import PATIENCE, WORLD_LOCK, step_sizes
+from selftouch_drake.experience.collect import WORLD_LOCK, keep_touches, step_sizes
 from selftouch_drake.experience.sources import KinematicSource, LedSource
 from selftouch_drake.experiment import Experiment, experiment_from_fields
-from selftouch_drake.robot import World
-from selftouch_drake.robot.joints import remembered
+from selftouch_drake.robot import Touches, World
 
 #: Target sensations and touches of each that the agent finds its way by while it explores: what is
 #: learned from the experience afterwards has its own.
@@ -41,9 +38,11 @@ _NUM_TARGETS, _KERNEL_SIZE = 150, 300
 #: Touches before the agent goes by what it knows.
 _AT_RANDOM = 500
 
-#: Without time, only touches count, and steps through the air are free: it makes a few small moves
-#: about a place and leaves for another. Under dynamics it stays in touch.
-KINEMATIC = Manner(pace=6.0, dwell=0, air=0.8, walked=20, hops=6)
+#: Without time, only touches count, and steps through the air are free: it makes small moves about
+#: a place that it met at random, and leaves for another. More moves, and more goals, heap touches
+#: up: with 2000 touches of a torus the shape is off by 4.5 % with 4 moves and no goals, by 5.4 % with 3
+#: and a goal for each tenth place, by 4.1 % at random. Under dynamics it stays in touch.
+KINEMATIC = Manner(pace=1.0, dwell=0, air=0.95, walked=20, hops=2)
 DYNAMIC = Manner(pace=1.0, dwell=24, air=0.1, walked=1, hops=0)
 
 
@@ -85,48 +84,18 @@ class Life:
         joints, source = self._joints, self.source
         start = rng.uniform(joints.lower, joints.upper) if self._q is None else self._q
         source.rest_at(start)
-        felt = np.zeros(self.experiment.num_receptors)
-        moves = self._explorer(self._agent(), joints, self.manner, start, felt, rng).moves()
+        nothing = np.zeros(self.experiment.num_receptors)
+        moves = self._explorer(self._agent(), joints, self.manner, start, nothing, rng).moves()
         path = next(moves)
-        kept = []
-        num_kept = num_steps = last_touch = num_impossible = 0
-        while num_kept < num_rows:
+
+        def next_steps() -> tuple[np.ndarray, Touches]:
+            nonlocal path
             q, touches = source.go(path)
             # In a posture that it cannot take, a robot feels nothing.
-            possible = source.possible(q)
-            felt = np.where(possible[:, None], touches.sensation, 0.0)
-            rows = np.flatnonzero(felt.any(axis=1))[: num_rows - num_kept]
-            num_impossible += int(np.sum(touches.sensation[~possible].any(axis=1)))
-            kept.append(
-                (
-                    num_steps + rows,
-                    q[rows],
-                    felt[rows].astype(np.float32),
-                    Contacts.of_rows(
-                        touches.row, touches.skin, touches.toucher, touches.p_LC, rows
-                    ),
-                )
-            )
-            num_kept += len(rows)
-            if len(rows):
-                last_touch = num_steps + int(rows[-1])
-            num_steps += len(q)
-            if num_kept < num_rows and num_steps - last_touch >= PATIENCE:
-                raise NeverTouchesError(
-                    f"exploring touched nothing in {num_steps - last_touch} steps; see what can "
-                    "reach what with `selftouch robot EXPERIMENT --show`"
-                )
-            path = moves.send((q, felt))
-        step, q, sensation, contacts = zip(*kept, strict=True)
-        return Shard(
-            walk=self.round,
-            num_steps=int(np.concatenate(step)[-1]) + 1,
-            num_impossible=num_impossible,
-            step=np.concatenate(step),
-            q=remembered(self.experiment, np.concatenate(q)),
-            sensation=np.concatenate(sensation),
-            contacts=Contacts.joined(contacts),
-        )
+            path = moves.send((q, np.where(source.possible(q)[:, None], touches.sensation, 0.0)))
+            return q, touches
+
+        return keep_touches(next_steps, source.possible, self.experiment, self.round, num_rows)
 
     def _agent(self) -> Agent | None:
         """What it knows; None before it has touched enough to go by."""

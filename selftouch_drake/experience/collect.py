@@ -23,7 +23,7 @@ from selftouch_drake.experience.store import (
 )
 from selftouch_drake.experience.walk import RandomWalk
 from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
-from selftouch_drake.robot import Robot, World
+from selftouch_drake.robot import Robot, Touches, World
 from selftouch_drake.robot.joints import remembered
 
 # A walk that has touched nothing in so many steps is lost.
@@ -88,12 +88,34 @@ def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: in
         NeverTouchesError: there was no touch in very many steps.
     """
     source.begin(random_walk(experiment, source.robot, walk))
+    return keep_touches(source.next_steps, source.possible, experiment, walk, num_rows)
+
+
+def keep_touches(
+    next_steps: Callable[[], tuple[np.ndarray, Touches]],
+    can_take: Callable[[np.ndarray], np.ndarray],
+    experiment: Experiment,
+    walk: int,
+    num_rows: int,
+) -> Shard:
+    """Goes on until `num_rows` configurations touched that the robot can take.
+
+    Args:
+        next_steps: as of `Source`.
+        can_take: `possible` of it.
+        experiment: what is kept for.
+        walk: its number.
+        num_rows: to keep.
+
+    Raises:
+        NeverTouchesError: there was no touch in very many steps.
+    """
     kept_step, kept_q, kept_sensation, kept_contacts = [], [], [], []
     num_kept = num_steps = last_touch = num_impossible = 0
     while num_kept < num_rows:
-        q, touches = source.next_steps()
+        q, touches = next_steps()
         touching = np.flatnonzero(touches.sensation.any(axis=1))
-        possible = source.possible(q[touching])
+        possible = can_take(q[touching])
         kept = touching[possible][: num_rows - num_kept]
         considered = touching <= kept[-1] if len(kept) == num_rows - num_kept else np.True_
         num_impossible += int(np.sum(~possible & considered))

@@ -26,16 +26,21 @@ Met = tuple[np.ndarray, np.ndarray]
 #: What it yields: `(n, J)` configurations to pass.
 Moves = Generator[np.ndarray, Met, None]
 
-#: Strides that a slide about a place leads away, at most.
+#: Steps that a slide about a place leads away, at most.
 _FAR = 8
+
+#: Steps of a random walk, after which it has forgotten where it was.
+_AWAY = 20
 
 #: Strides that a small move goes, of each joint. On a torus half of such moves touch. With 4000
 #: touches, 3 of 4 of them small moves about the fourth, its shape is off by 3.2 %, with all of them
 #: met at random by 4.2 %: neighbours on the skin have postures near each other.
 _HOP = 0.67
 
-#: Of a stride in touch: the share of the way that is kept from stride to stride, and how far the
-#: agent presses or yields at most.
+#: rad, of path length, between places on a plan that it makes for.
+_ALONG = 0.2
+
+#: Strides, as a share of the pace, that the agent presses or yields in a step at most.
 _PRESSED = 0.6
 
 #: Strides without touch, after which it goes back to the last touch; goings back, after which it
@@ -70,7 +75,8 @@ class Manner:
         dwell: steps in which it slides about a place.
         air: how often it walks to its next place at random through the air.
         walked: steps of such a walk, until it looks whether it met something.
-        hops: small moves about each touch that it comes to, which need not stay in touch.
+        hops: small moves about each touch that it comes to, which need not stay in touch. Then it
+            makes no journeys.
     """
 
     pace: float
@@ -118,12 +124,10 @@ class Explorer:
         while True:
             if self._agent is None or self._rng.random() < self._manner.air:
                 yield from self._wander()
-            elif not self._felt.any():
+            elif self._manner.hops or not self._felt.any():
                 yield from self._search(self._agent)
             else:
                 yield from self._journey(self._agent, self._goal(self._agent))
-            if self._felt.any() and self._manner.hops:
-                yield from self._go(self._hops())
             self._steps = 0
             while self._felt.any() and self._steps < self._manner.dwell:
                 aim = self._rng.standard_normal(len(self._q))
@@ -137,22 +141,21 @@ class Explorer:
         row = int(self._rng.integers(rows.start, rows.stop))
         self._visits[goal] += 1.0
         self._slope[:] = 0.0
-        yield from self._straight(agent.representation.kernel_q[row].astype(float))
+        yield from self._come_to(agent.representation.kernel_q[row].astype(float))
 
     def _wander(self) -> Moves:
         """Walks at random until it meets another touch, and goes back to that."""
-        while self._felt.any():
-            yield from self._go(self._random_walk())
+        # Near the last touch it would meet the same again.
+        yield from self._go(self._random_walk(_AWAY))
         self._slope[:] = 0.0
         left = self._touch
         while self._touch is left:
-            yield from self._go(self._random_walk())
-        if not self._felt.any():
-            yield from self._straight(self._touch)
+            yield from self._go(self._random_walk(self._manner.walked))
+        yield from self._come_to(self._touch)
 
-    def _random_walk(self) -> np.ndarray:
+    def _random_walk(self, num_steps: int) -> np.ndarray:
         """`(n, J)` the next configurations of a walk that turns round at the limits."""
-        walk = np.empty((self._manner.walked, len(self._q)))
+        walk = np.empty((num_steps, len(self._q)))
         q = self._q
         for step in range(len(walk)):
             noise = self._rng.standard_normal(len(q))
@@ -163,10 +166,13 @@ class Explorer:
             walk[step] = q = self._within(q)
         return walk
 
-    def _hops(self) -> np.ndarray:
-        """`(n, J)` configurations round the last touch."""
-        noise = self._rng.standard_normal((self._manner.hops, len(self._q)))
-        return self._within(self._touch + _HOP * noise * self._joints.stride)
+    def _come_to(self, q: np.ndarray) -> Moves:
+        """Goes through the air to a touch, or about it."""
+        if not self._manner.hops:
+            yield from self._straight(q)
+            return
+        noise = self._rng.standard_normal((self._manner.hops, len(q)))
+        yield from self._go(self._within(q + _HOP * noise * self._joints.stride))
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a stride at a time."""
@@ -194,10 +200,9 @@ class Explorer:
         yield from self._slide(self._along(plan))
 
     def _along(self, plan: Plan) -> Iterator[np.ndarray]:
-        """Configurations of a plan, some strides apart."""
+        """Configurations of a plan, near each other."""
         length = float(plan.waypoint_s[-1])
-        q = plan.path(np.linspace(0.0, length, max(int(length / 0.2), 1) + 1))
-        yield from q[1:]
+        yield from plan.path(np.linspace(0.0, length, max(int(length / _ALONG), 1) + 1))[1:]
 
     def _slide(self, way: Iterable[np.ndarray], most: float = np.inf) -> Moves:
         """Goes along a way and keeps in touch; gives up where it cannot, or after `most` steps."""
