@@ -400,11 +400,11 @@ def live(
     port: int | None,
     no_page: bool,
 ) -> None:
-    """Watch an agent from its first touch on, with its body as it knows it.
+    """Watch an agent live from its first touch on.
 
-    It babbles as `selftouch run` does, then takes its touches as they came, notices if its body
-    changes, and mends what it knows. The report shows its life as curves. End with the button on
-    the page or with Ctrl-C.
+    Its body as it knows it grows beside it. It babbles as `selftouch run` does, then takes its
+    touches as they came, notices if its body changes, and mends what it knows. The report shows
+    its life as curves. End with the button on the page or with Ctrl-C.
     """
     directory, world = _begin(experiment, out, overrides)
 
