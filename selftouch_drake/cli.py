@@ -385,6 +385,45 @@ def report(run: Path, vector: bool) -> None:
 
 
 @cli.command()
+@EXPERIMENT
+@OUT
+@SET
+@WORKERS
+@click.option(
+    "--port",
+    type=click.IntRange(1024, 65535),
+    help="Port of the page.  [default: the first free one]",
+)
+@click.option("--no-page", is_flag=True, help="Only live, and keep the curves of the life.")
+def live(
+    experiment: str,
+    out: Path | None,
+    overrides: str,
+    workers: int | None,
+    port: int | None,
+    no_page: bool,
+) -> None:
+    """Watch an agent live from its first touch on.
+
+    Its body as it knows it grows beside it. It babbles as `selftouch run` does, then takes its
+    touches as they came, notices if its body changes, and mends what it knows. The report shows
+    its life as curves. End with the button on the page or with Ctrl-C.
+    """
+    directory, world = _begin(experiment, out, overrides)
+
+    from selftouch_drake.run import living, showing, stages
+
+    if not stages.has_babbled(directory):
+        _babble(directory, world, workers, None)
+    if no_page:
+        with _progress("live") as progress:
+            living.live(directory, progress=progress)
+    else:
+        showing.show_live(directory, port=port, announce=click.echo)
+    click.echo(f"life: {directory.life}; `selftouch report {directory.path}` draws it")
+
+
+@cli.command()
 @RUN
 @click.option(
     "--port",

@@ -35,12 +35,13 @@ SHAPES = {
     "visual": (),
 }
 BABBLING_MODES = ("kinematic", "dynamic")
+STRATEGIES = ("random", "active")
 METRICS = ("learned", "sensorimotor", "motor", "literal", "revolute_reference")
 # Fields that mean nothing where experience is imported, and where it is not.
-_WITHOUT_ROBOT = ("robot", "skins", "touching", "joints", "execution", "evaluation")
+_WITHOUT_ROBOT = ("robot", "skins", "touching", "joints", "execution", "evaluation", "changes")
 _WITHOUT_DATA = ("imported",)
 # Purposes of randomness; a new one goes to the end, so that the others stay as they are.
-STREAMS = ("walk", "pairs", "start", "skin", "joints")
+STREAMS = ("walk", "pairs", "start", "skin", "joints", "explorer", "changes")
 
 
 class ExperimentError(ValueError):
@@ -161,8 +162,11 @@ class Joints:
 
 @dataclass(kw_only=True, slots=True)
 class Babbling:
-    """The random walk in motor space, and how much of it is kept."""
+    """How the robot moves through motor space, and how much of it is kept."""
 
+    # `random`: a random walk. `active`: the agent learns while it moves, and goes where it knows
+    # least; see docs/exploration.md.
+    strategy: str = "random"
     # `kinematic`: positions are set and contact is evaluated. `dynamic`: joint controllers follow
     # the walk under gravity, torque limits and contact forces; slower and more real.
     mode: str = "kinematic"
@@ -175,7 +179,7 @@ class Babbling:
     persistence: float = 0.9
     # Seconds a step, in dynamic mode: the time that the robot has for it.
     step_duration: float = 0.1
-    # Kept configurations in one walk, which is one shard of the store.
+    # Kept configurations in one walk, which is one shard of the store; at most, if `active`.
     walk_size: int = 10_000
 
 
@@ -249,6 +253,43 @@ class Imported:
     max_acceleration: list[float] = field(default_factory=list)
 
 
+class ScopedName(str):
+    """Drake's name of a link or a joint: `model::name` where several models have one."""
+
+
+@dataclass(kw_only=True, slots=True)
+class SkinChange:
+    """What happens to one skin. Receptors are numbered from 0 on each skin."""
+
+    # Receptors that read nothing from now on: which, or a share of all that the seed draws.
+    dead: list[int] = field(default_factory=list)
+    dead_share: float = 0.0
+    # Receptors that were dead until now and begin to feel.
+    new: list[int] = field(default_factory=list)
+    # Pairs of receptors that change places in a sensation: which, or a share of all receptors.
+    swapped: list[list[int]] = field(default_factory=list)
+    swapped_share: float = 0.0
+    # The skin slips on its link: metres, and degrees of roll, pitch and yaw about the link's
+    # origin.
+    translation: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    rpy_deg: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    # Factor by which the skin stretches about the link's origin.
+    stretch: float = 1.0
+
+
+@dataclass(kw_only=True, slots=True)
+class Change:
+    """What happens to the body at one moment of the agent's life; the agent is not told."""
+
+    # Kept touches after which it happens; 0 is a body that is so from birth.
+    after: int = 0
+    skins: dict[str, SkinChange] = field(default_factory=dict)
+    # Shares by which links grow: what hangs on a link moves away from the joint that carries it.
+    links: dict[ScopedName, float] = field(default_factory=dict)
+    # Rad or m by which the zeros of joints move: a joint then is at what it reads and so much more.
+    joints: dict[ScopedName, float] = field(default_factory=dict)
+
+
 @dataclass(kw_only=True, slots=True)
 class Experiment:
     """One experiment: a robot, its skins, what touches them, what is learned and how it is scored.
@@ -268,8 +309,24 @@ class Experiment:
     planning: Planning = field(default_factory=Planning)
     execution: Execution = field(default_factory=Execution)
     evaluation: Evaluation = field(default_factory=Evaluation)
+    # How the body changes in the course of its life, in order.
+    changes: list[Change] = field(default_factory=list)
     # Experience from elsewhere: then there is no robot, no skin, and nothing that touches.
     imported: Imported | None = None
+
+    def after(self, num_touches: int) -> "Experiment":
+        """The experiment whose body is from birth what this one's is after so many kept touches."""
+        past = [
+            dataclasses.replace(change, after=0)
+            for change in self.changes
+            if change.after <= num_touches
+        ]
+        return dataclasses.replace(self, changes=past)
+
+    @property
+    def body_changes(self) -> list[Change]:
+        """What happened to the body before birth, in order: the world builds it so."""
+        return self.after(0).changes
 
     @property
     def num_receptors(self) -> int:
@@ -543,9 +600,11 @@ def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
         (item,) = typing.get_args(kind)
         return [_checked_value(entry, item, name=f"{name}[{i}]") for i, entry in enumerate(value)]
     if typing.get_origin(kind) is dict and isinstance(value, Mapping):
-        _, item = typing.get_args(kind)
+        key_kind, item = typing.get_args(kind)
         return {
-            _checked_name(key, name): _checked_value(entry, item, name=f"{name}.{key}")
+            _checked_name(key, name, scoped=key_kind is ScopedName): _checked_value(
+                entry, item, name=f"{name}.{key}"
+            )
             for key, entry in value.items()
         }
     wanted = {
@@ -558,9 +617,10 @@ def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
     raise ExperimentError(f"{name} is {shown(value)}; give {wanted}")
 
 
-def _checked_name(key: Any, name: str) -> str:
-    """Names become keys of files and words of commands."""
-    if isinstance(key, str) and key and len(key) < 100 and key.replace("-", "_").isidentifier():
+def _checked_name(key: Any, name: str, *, scoped: bool = False) -> str:
+    """Names become keys of files and words of commands; scoped ones are only looked up."""
+    short = isinstance(key, str) and 0 < len(key) < 100
+    if short and (scoped or key.replace("-", "_").isidentifier()):
         return key
     raise ExperimentError(
         f"{name} has the name {shown(key)}; give one of letters, digits and underscores"
@@ -605,6 +665,7 @@ def _check_values(e: Experiment) -> None:
         if value is not None:
             _require(least <= value <= most, name, value, f"give {words}")
     _one_of("babbling.mode", e.babbling.mode, BABBLING_MODES)
+    _one_of("babbling.strategy", e.babbling.strategy, STRATEGIES)
     _require(
         e.representation.num_targets <= e.babbling.num_samples,
         "representation.num_targets",
@@ -657,6 +718,41 @@ def _check_robot(e: Experiment) -> None:
         _check_skin(f"skins.{name}", skin)
     for name, toucher in e.touching.items():
         _check_toucher(f"touching.{name}", toucher)
+    for number, change in enumerate(e.changes):
+        before = e.changes[number - 1].after if number else 0
+        _check_change(f"changes[{number}]", change, before, e.skins)
+
+
+def _check_change(name: str, change: Change, before: int, skins: Mapping[str, Skin]) -> None:
+    remedy = f"give a number of touches, at least {before}: changes stand in their order in time"
+    _require(change.after >= before, f"{name}.after", change.after, remedy)
+    for link, share in change.links.items():
+        _require(-0.5 <= share <= 1, f"{name}.links.{link}", share, "give a share from -0.5 to 1")
+    for skin, what in change.skins.items():
+        field_name = f"{name}.skins.{skin}"
+        hint = closest(skin, skins) or f"known are {', '.join(skins)}"
+        _require(skin in skins, field_name, skin, hint)
+        _check_skin_change(field_name, what, skins[skin].num_receptors)
+
+
+def _check_skin_change(name: str, change: SkinChange, num_receptors: int) -> None:
+    pairs = [receptor for pair in change.swapped for receptor in pair]
+    for field_name, receptors in (("dead", change.dead), ("new", change.new), ("swapped", pairs)):
+        valid = len({*receptors}) == len(receptors) and all(
+            0 <= receptor < num_receptors for receptor in receptors
+        )
+        remedy = f"give different receptors from 0 to {num_receptors - 1}"
+        _require(valid, f"{name}.{field_name}", getattr(change, field_name), remedy)
+    valid = all(len(pair) == 2 for pair in change.swapped)
+    _require(valid, f"{name}.swapped", change.swapped, "give pairs, as [[3, 7], [12, 40]]")
+    for field_name, least, most in (
+        ("dead_share", 0, 0.9),
+        ("swapped_share", 0, 1),
+        ("stretch", 0.5, 2),
+    ):
+        value = getattr(change, field_name)
+        _require(least <= value <= most, f"{name}.{field_name}", value, f"give {least} to {most}")
+    _check_triples(name, change)
 
 
 _TINY = sys.float_info.min
@@ -743,8 +839,12 @@ def _check_surface(name: str, surface: Surface) -> None:
     remedy = "give 0.002 to 0.1 metres"
     _require(0.002 <= surface.resolution <= 0.1, f"{name}.resolution", surface.resolution, remedy)
     _require(surface.scale > 0, f"{name}.scale", surface.scale, "give metres per unit, above 0")
+    _check_triples(name, surface)
+
+
+def _check_triples(name: str, posed: Surface | SkinChange) -> None:
     for part in ("translation", "rpy_deg"):
-        value = getattr(surface, part)
+        value = getattr(posed, part)
         _require(len(value) == 3, f"{name}.{part}", value, "give three numbers")
 
 

@@ -25,7 +25,7 @@ from selftouch_drake.experiment import (
 
 TOP_FIELDS = (
     "name, seed, robot, skins, touching, joints, babbling, "
-    "representation, planning, execution, evaluation, imported"
+    "representation, planning, execution, evaluation, changes, imported"
 )
 SURFACE_FIELDS = (
     "shape, radius, side, major_radius, minor_radius, height, length, semi_axes, mesh, scale, "
@@ -586,3 +586,47 @@ def test_a_number_is_never_changed_on_its_way():
         experiment = experiment_from_fields(LEAST | {"execution": {"stiffness": value}})
         assert experiment.execution.stiffness == value
         assert experiment_from_fields(yaml.safe_load(dump_experiment(experiment))) == experiment
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        (
+            [{"after": 9}, {"after": 3}],
+            "changes[1].after is 3; give a number of touches, at least 9: changes stand in their "
+            "order in time",
+        ),
+        ([{"links": {"forearm": 2.0}}], "changes[0].links.forearm is 2.0; give a share from"),
+        ([{"skins": {"bdy": {}}}], "changes[0].skins.bdy is 'bdy'; did you mean body?"),
+        (
+            [{"skins": {"body": {"dead": [100]}}}],
+            "changes[0].skins.body.dead is [100]; give different receptors from 0 to 99",
+        ),
+        (
+            [{"skins": {"body": {"swapped": [[1, 2, 3]]}}}],
+            "changes[0].skins.body.swapped is [[1, 2, 3]]; give pairs",
+        ),
+        ([{"skins": {"body": {"stretch": 3}}}], "changes[0].skins.body.stretch is 3.0; give 0.5"),
+        ([{"whens": 3}], "unknown key changes[0].whens;"),
+    ],
+)
+def test_changes_that_cannot_be(changes, text):
+    with pytest.raises(ExperimentError) as error:
+        load_experiment("torus", {"changes": changes})
+    assert str(error.value).startswith(text)
+
+
+def test_after_its_changes_a_body_is_so_from_birth():
+    experiment = load_experiment(
+        "torus",
+        {
+            "changes": [
+                {"after": 10, "links": {"forearm": 0.1}},
+                {"after": 20, "joints": {"elbow_pitch": 0.1}},
+            ]
+        },
+    )
+    assert experiment.body_changes == []
+    assert experiment.after(9).changes == []
+    assert [c.links for c in experiment.after(10).body_changes] == [{"forearm": 0.1}]
+    assert [c.joints for c in experiment.after(20).body_changes] == [{}, {"elbow_pitch": 0.1}]

@@ -18,6 +18,7 @@ LAYERS = (
     ("run",),
     ("show",),
     ("evaluation",),
+    ("exploration",),
     ("agent",),
     ("experience",),
     ("robot",),

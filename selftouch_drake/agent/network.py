@@ -84,6 +84,12 @@ class Network:
                 slope *= slopes[layer - 1]
         return of_weights + of_biases
 
+    def slope_of_inputs(self, slope: np.ndarray, slopes: list[np.ndarray]) -> np.ndarray:
+        """Carries the slope of a loss in the outputs back to the inputs, `(n, inputs)`."""
+        for weight, inner in zip(self.weights[:0:-1], slopes[::-1], strict=True):
+            slope = (slope @ weight.T) * inner
+        return slope @ self.weights[0].T
+
 
 def train(
     network: Network,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, as_completed
+from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
 from functools import lru_cache
 from pathlib import Path
 from threading import Lock
@@ -23,15 +23,22 @@ from selftouch_drake.experience.store import (
 )
 from selftouch_drake.experience.walk import RandomWalk
 from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
-from selftouch_drake.robot import Robot, World
+from selftouch_drake.robot import Robot, Touches, World
 from selftouch_drake.robot.joints import remembered
 
 # A walk that has touched nothing in so many steps is lost.
 PATIENCE = 2_000_000
 # Executors may run jobs in threads, as Dask's do, but a world serves one at a time.
-_WORLD_LOCK = Lock()
+WORLD_LOCK = Lock()
 # The world that this process has already, by the text of its experiment.
 _KNOWN: dict[str, World] = {}
+
+#: Touches in the first rounds of an active strategy, and share of those before in later ones.
+_FIRST_ROUND, _ROUND_GROWS = 250, 0.1
+
+#: Makes and stores the walk of a number, of so many rows: text of the experiment, folder of the
+#: run, number, rows and fingerprint.
+MakeWalk = Callable[[str, str, int, int, str], WalkCounts]
 
 
 class NeverTouchesError(ValueError):
@@ -39,24 +46,41 @@ class NeverTouchesError(ValueError):
 
 
 def walk_sizes(experiment: Experiment) -> list[int]:
-    """Kept configurations of each walk; they sum to `babbling.num_samples`."""
+    """Kept configurations of each walk; they sum to `babbling.num_samples`.
+
+    A walk ends where the body changes. With an active strategy a walk is a round, in which what the
+    agent knows stays the same: rounds grow with the experience.
+    """
     size, total = experiment.babbling.walk_size, experiment.babbling.num_samples
-    full, rest = divmod(total, size)
-    return [size] * full + [rest] * (rest > 0)
+    active = experiment.babbling.strategy == "active"
+    moments = {change.after for change in experiment.changes if 0 < change.after < total}
+    sizes, done = list[int](), 0
+    for end in (*sorted(moments), total):
+        while done < end:
+            grown = max(_FIRST_ROUND, int(_ROUND_GROWS * done)) if active else size
+            sizes.append(min(grown, size, end - done))
+            done += sizes[-1]
+    return sizes
 
 
 def random_walk(experiment: Experiment, robot: Robot, walk: int) -> RandomWalk:
     """Walk number `walk` of an experiment, through the range that its robot babbles in."""
     babbling, (lower, upper) = experiment.babbling, robot.babbled_range
-    # A joint that slides crosses its range as fast as one that turns goes round.
-    share = np.where(robot.turns, 1.0, (upper - lower) / (2 * np.pi))
     return RandomWalk(
         lower=lower,
         upper=upper,
-        step_size=babbling.step_size * share,
+        step_size=step_sizes(experiment, robot),
         persistence=babbling.persistence,
         seed=experiment.random_stream("walk", walk),
     )
+
+
+def step_sizes(experiment: Experiment, robot: Robot) -> np.ndarray:
+    """`(J,)` rad or m, `babbling.step_size` of each joint of the robot."""
+    lower, upper = robot.babbled_range
+    # A joint that slides crosses its range as fast as one that turns goes round.
+    share = np.where(robot.turns, 1.0, (upper - lower) / (2 * np.pi))
+    return experiment.babbling.step_size * share
 
 
 def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: int) -> Shard:
@@ -66,12 +90,34 @@ def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: in
         NeverTouchesError: there was no touch in very many steps.
     """
     source.begin(random_walk(experiment, source.robot, walk))
+    return keep_touches(source.next_steps, source.possible, experiment, walk, num_rows)
+
+
+def keep_touches(
+    next_steps: Callable[[], tuple[np.ndarray, Touches]],
+    can_take: Callable[[np.ndarray], np.ndarray],
+    experiment: Experiment,
+    walk: int,
+    num_rows: int,
+) -> Shard:
+    """Goes on until `num_rows` configurations touched that the robot can take.
+
+    Args:
+        next_steps: as of `Source`.
+        can_take: `possible` of it.
+        experiment: what is kept for.
+        walk: its number.
+        num_rows: to keep.
+
+    Raises:
+        NeverTouchesError: there was no touch in very many steps.
+    """
     kept_step, kept_q, kept_sensation, kept_contacts = [], [], [], []
     num_kept = num_steps = last_touch = num_impossible = 0
     while num_kept < num_rows:
-        q, touches = source.next_steps()
+        q, touches = next_steps()
         touching = np.flatnonzero(touches.sensation.any(axis=1))
-        possible = source.possible(q[touching])
+        possible = can_take(q[touching])
         kept = touching[possible][: num_rows - num_kept]
         considered = touching <= kept[-1] if len(kept) == num_rows - num_kept else np.True_
         num_impossible += int(np.sum(~possible & considered))
@@ -110,6 +156,8 @@ def collect(
     executor: Executor,
     progress: Callable[[int], None] = lambda num_rows: None,
     world: World | None = None,
+    make: MakeWalk | None = None,
+    in_turn: bool = False,
 ) -> WalkCounts:
     """Collects what is missing of a run's experience and returns the steps of all walks.
 
@@ -121,30 +169,39 @@ def collect(
         fingerprint: of the experience, which every shard carries.
         executor: where the walks run; its workers must see the folder.
         progress: called with the number of new rows whenever a walk is stored.
-        world: of the experiment, for walks that run in this process.
+        world: of the experiment as it begins, for walks that run in this process.
+        make: makes a walk, in a worker; by default a random one.
+        in_turn: whether a walk needs those before it.
 
     Raises:
         ChildProcessError: a process of the executor was killed.
         NeverTouchesError: a walk touches nothing.
         StoreError: a stored shard is damaged, or of another experiment.
     """
-    counts, futures = WalkCounts(0, 0), {}
-    text, path = dump_experiment(experiment), str(folder.resolve())
+    make = make or _collect_and_store
+    counts, missing = WalkCounts(0, 0), list[tuple[int, int]]()
+    sizes, path = walk_sizes(experiment), str(folder.resolve())
+    bodies = _bodies(experiment, sizes)
     _KNOWN.clear()
     if world is not None:
-        _KNOWN[text] = world
+        _KNOWN[bodies[0]] = world
+    for walk, num_rows in enumerate(sizes):
+        known = read_counts(folder, walk, num_rows=num_rows, fingerprint=fingerprint)
+        if known is None or not (folder / "truth" / shard_name(walk)).exists():
+            missing.append((walk, num_rows))
+        else:
+            counts += known
+            progress(num_rows)
+    futures: dict[Future[WalkCounts], int] = {}
     try:
-        for walk, num_rows in enumerate(walk_sizes(experiment)):
-            known = read_counts(folder, walk, num_rows=num_rows, fingerprint=fingerprint)
-            if known is None or not (folder / "truth" / shard_name(walk)).exists():
-                job = executor.submit(_collect_and_store, text, path, walk, num_rows, fingerprint)
-                futures[job] = num_rows
-            else:
-                counts += known
-                progress(num_rows)
-        for job in as_completed(futures):
-            counts += job.result()
-            progress(futures[job])
+        for some in [[one] for one in missing] if in_turn else [missing]:
+            futures = {
+                executor.submit(make, bodies[walk], path, walk, num_rows, fingerprint): num_rows
+                for walk, num_rows in some
+            }
+            for job in as_completed(futures):
+                counts += job.result()
+                progress(futures[job])
     except BrokenExecutor:
         raise ChildProcessError(
             "a process that babbles was killed, perhaps for want of memory; go on from what is "
@@ -154,6 +211,14 @@ def collect(
         for job in futures:
             job.cancel()
     return counts
+
+
+def _bodies(experiment: Experiment, sizes: list[int]) -> list[str]:
+    """For each walk, as YAML text, the experiment with the body as it then is."""
+    moments = sorted({0, *(change.after for change in experiment.changes)})
+    texts = [dump_experiment(experiment.after(moment)) for moment in moments]
+    first_rows = np.cumsum([0, *sizes[:-1]])
+    return [texts[i] for i in np.searchsorted(moments, first_rows, side="right") - 1]
 
 
 def how_to_collect(experiment: Experiment, folder: Path) -> str:
@@ -189,7 +254,7 @@ def require_complete(
 def _collect_and_store(
     text: str, run: str, walk: int, num_rows: int, fingerprint: str
 ) -> WalkCounts:
-    with _WORLD_LOCK:
+    with WORLD_LOCK:
         experiment, source = _world(text)
         shard = collect_walk(source, experiment, walk, num_rows)
     write_shard(Path(run), shard, fingerprint=fingerprint)

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from selftouch_drake.experience.walk import RandomWalk
-from selftouch_drake.robot import Robot, Simulation, Touches, World
+from selftouch_drake.robot import ContactProbe, Robot, Simulation, Touches, World
 
 # Steps in one batch: large enough for numpy, small in memory.
 BATCH = 4096
@@ -46,8 +46,15 @@ class KinematicSource:
 
     def next_steps(self) -> tuple[np.ndarray, Touches]:
         """The next steps of the walk, and what is felt there."""
+        return self.go(self._walk.steps(BATCH))
+
+    def rest_at(self, q: np.ndarray) -> None:
+        """Without time nothing has to come to rest."""
+
+    def go(self, path: np.ndarray) -> tuple[np.ndarray, Touches]:
+        """The configurations `(N, J)` of a path, and what is felt there."""
         # What is stored is what was felt: float32 configurations are the ones that are probed.
-        q = self._walk.steps(BATCH).astype(np.float32)
+        q = path.astype(np.float32)
         return q, self._probe.touches(q)
 
     def possible(self, q: np.ndarray) -> np.ndarray:
@@ -75,11 +82,44 @@ class DynamicSource:
     def next_steps(self) -> tuple[np.ndarray, Touches]:
         """The next samples: the measured configuration and the sensation of the same instant."""
         self._simulation.advance(DYNAMIC_BATCH * SAMPLE_PERIOD)
-        log = self._simulation.take_log()
-        q = log.q.astype(np.float32)
-        # The contacts, which are the experimenter's, are those of a robot put there.
-        return q, dataclasses.replace(self._probe.touches(q), sensation=log.felt)
+        return logged(self._simulation, self._probe)
 
     def possible(self, q: np.ndarray) -> np.ndarray:
         """`(N,)` bool, whether a robot can take the posture: its rigid parts stay apart."""
         return self._probe.collision_depth(q) == 0
+
+
+class LedSource:
+    """Lets joint controllers follow paths that are given bit by bit, as `DynamicSource` a walk."""
+
+    def __init__(self, world: World):
+        self._probe = world.probe
+        # While babbling no joint has slipped.
+        joints = dataclasses.replace(world.experiment.joints, offset=0.0)
+        experiment = dataclasses.replace(world.experiment, joints=joints)
+        self._period = experiment.babbling.step_duration
+        self._simulation = Simulation(experiment, world.skins, log_period=SAMPLE_PERIOD)
+        self.robot = self._simulation.robot
+
+    def rest_at(self, q: np.ndarray) -> None:
+        """Puts the robot at rest at `(J,)` q, and starts its time there."""
+        self._simulation.rest_at(q)
+        self._simulation.take_log()
+
+    def go(self, path: np.ndarray) -> tuple[np.ndarray, Touches]:
+        """Passes `(N, J)` configurations, one each step duration: the samples on the way."""
+        for q in path:
+            self._simulation.lead_to(q, self._simulation.time_s + self._period)
+        return logged(self._simulation, self._probe)
+
+    def possible(self, q: np.ndarray) -> np.ndarray:
+        """`(N,)` bool, whether a robot can take the posture: its rigid parts stay apart."""
+        return self._probe.collision_depth(q) == 0
+
+
+def logged(simulation: Simulation, probe: ContactProbe) -> tuple[np.ndarray, Touches]:
+    """The samples since the last call: measured configurations `(N, J)` and what was felt."""
+    log = simulation.take_log()
+    q = log.q.astype(np.float32)
+    # The contacts, which are the experimenter's, are those of a robot put there.
+    return q, dataclasses.replace(probe.touches(q), sensation=log.felt)

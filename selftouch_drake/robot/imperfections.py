@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import ndtri
 
-from selftouch_drake.experiment import Experiment, Imperfections
+from selftouch_drake.experiment import Experiment, Imperfections, SkinChange
 from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot.skins import SkinModel
 
@@ -55,12 +55,14 @@ class ImperfectSkin:
     Attributes:
         flaws: the imperfections of the skin.
         leak: `(S, S)` rows that sum to one: where what leaks from a receptor goes.
+        source: `(S,)` the receptor that each reading comes from.
         alive: `(S,)` which receptors read anything.
         seed: of the noise, 64 bits.
     """
 
     flaws: Imperfections
     leak: np.ndarray
+    source: np.ndarray
     alive: np.ndarray
     seed: int
 
@@ -69,7 +71,12 @@ class ImperfectSkin:
         """The imperfections of skin `number` of `experiment`; None if it is perfect."""
         flaws = experiment.skins[skin.name].imperfections
         fields, num_receptors = skin.fields, skin.fields.num_receptors
-        if flaws == Imperfections():
+        changes = [
+            change.skins[skin.name]
+            for change in experiment.body_changes
+            if skin.name in change.skins
+        ]
+        if flaws == Imperfections() and not any(map(_rewires, changes)):
             return None
         # The first skin's stream is the one of the time when there was one skin.
         which = (number,) if number else ()
@@ -77,8 +84,14 @@ class ImperfectSkin:
         alive = np.ones(num_receptors, dtype=bool)
         num_dead = round(flaws.dead * num_receptors)
         alive[chance.choice(num_receptors, num_dead, replace=False)] = False
+        source = np.arange(num_receptors)
+        for when, change in enumerate(changes):
+            drawn = np.random.default_rng(experiment.random_stream("changes", number, when))
+            _rewire(change, source, alive, drawn)
         (seed,) = experiment.random_stream("skin", 1, *which).generate_state(1, np.uint64)
-        return ImperfectSkin(flaws=flaws, leak=_leak(fields), alive=alive, seed=int(seed))
+        return ImperfectSkin(
+            flaws=flaws, leak=_leak(fields), source=source, alive=alive, seed=int(seed)
+        )
 
     @property
     def threshold(self) -> float:
@@ -114,8 +127,30 @@ class ImperfectSkin:
                 steps = read / flaws.quantisation
             read = np.where(np.isfinite(steps), flaws.quantisation * np.round(steps), read)
         read[(read < self.threshold) | (read < 0)] = 0.0
+        read = read[:, self.source]
         read[:, ~self.alive] = 0.0
         return read
+
+
+def _rewires(change: SkinChange) -> bool:
+    """Whether a change is one of the readings, not only of where the skin is."""
+    fields = (change.dead, change.dead_share, change.new, change.swapped, change.swapped_share)
+    return any(fields)
+
+
+def _rewire(
+    change: SkinChange, source: np.ndarray, alive: np.ndarray, chance: np.random.Generator
+) -> None:
+    """Makes one change of the `(S,)` sources of the readings and of which are alive, in place."""
+    num_receptors = len(source)
+    num_pairs = round(change.swapped_share * num_receptors / 2)
+    drawn = chance.permutation(num_receptors)[: 2 * num_pairs].reshape(-1, 2)
+    for pair in [*change.swapped, *drawn.tolist()]:
+        source[pair], alive[pair] = source[pair[::-1]], alive[pair[::-1]]
+    alive[change.new] = True
+    alive[change.dead] = False
+    num_dead = round(change.dead_share * num_receptors)
+    alive[chance.choice(num_receptors, num_dead, replace=False)] = False
 
 
 def _leak(fields: ReceptiveFields) -> np.ndarray:

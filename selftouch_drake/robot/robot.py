@@ -12,6 +12,7 @@ from pydrake.multibody.tree import BodyIndex, Joint, PdControllerGains
 
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.experiment import Toucher as ToucherFields
+from selftouch_drake.robot.changes import change_joints, frame_after
 from selftouch_drake.robot.kinematics import Kinematics, moving_joints
 from selftouch_drake.robot.links import find_frame, find_link, scoped_name
 from selftouch_drake.robot.models import RobotModel, load_model, parse
@@ -126,12 +127,13 @@ def MakeRobot(experiment: Experiment, skins: Sequence[SkinModel], scene_graph: S
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     model = robot_model(experiment)
     parse(plant, model)
+    change_joints(plant, experiment)
     fix_joints(plant, experiment, model)
     own = own_geometries(plant, scene_graph)
 
     worn = [wear(plant, skin, visible=False) for skin in skins]
     touchers = [
-        _add_toucher(plant, scene_graph, name, toucher, worn, own)
+        _add_toucher(plant, scene_graph, name, toucher, worn, own, experiment)
         for name, toucher in experiment.touching.items()
     ]
     _give_gains(plant, experiment)
@@ -172,10 +174,12 @@ def _add_toucher(
     described: ToucherFields,
     worn: Sequence[WornSkin],
     own: Mapping[BodyIndex, tuple[GeometryId, ...]],
+    experiment: Experiment,
 ) -> Toucher:
     field = f"touching.{name}"
     if described.link is None:
         frame = find_frame(plant, str(described.frame), f"{field}.frame")
+        frame = frame_after(plant, experiment, frame)
         ids = (register_ball(plant, name, frame, float(described.radius or 0.0)),)
         return Toucher(name=name, link=frame.body(), frame=frame, geometry_ids=ids)
     link = find_link(plant, described.link, f"{field}.link")

@@ -24,6 +24,7 @@ from selftouch_drake.geometry import (
     receptive_fields,
     surfaces,
 )
+from selftouch_drake.robot.changes import skin_motion
 from selftouch_drake.robot.links import find_link, link_geometries, pieces_in_link
 from selftouch_drake.robot.models import load_model, parse
 
@@ -80,6 +81,9 @@ def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:
             scene_graph,
             seed=receptor_seed(experiment, number),
             smallest_ball=min(balls, default=None),
+            motion=skin_motion(
+                plant, experiment, name, find_link(plant, skin.link, f"skins.{name}.link")
+            ),
         )
         for number, (name, skin) in enumerate(experiment.skins.items())
     )
@@ -99,6 +103,7 @@ def make_skin(
     *,
     seed: int,
     smallest_ball: float | None = None,
+    motion: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> SkinModel:
     """One skin of a link of `plant`.
 
@@ -110,6 +115,7 @@ def make_skin(
         seed: of the receptors' places.
         smallest_ball: m, radius of the smallest ball that can get into a hollow body; None if
             nothing can.
+        motion: where the skin went since it was made; see `changes.skin_motion`.
 
     Raises:
         ExperimentError: the skin cannot be made; the text names the field, the value and the
@@ -122,13 +128,17 @@ def make_skin(
         # Only a hollow body has an inside for a ball to get into.
         inspector = scene_graph.model_inspector()
         filled = own or bool(link_geometries(plant, inspector, link, Role.kProximity))
-        wall = hollow_skin(surface, skin.thickness, None if filled else smallest_ball)
         p_LS = place_receptors(
             surface,
             skin.num_receptors,
             seed,
             unevenness=skin.unevenness,
         )
+        if motion is not None:
+            A, b = motion
+            p_LS = p_LS @ A.T + b
+            surface = trimesh.Trimesh(surface.vertices @ A.T + b, surface.faces, process=False)
+        wall = hollow_skin(surface, skin.thickness, None if filled else smallest_ball)
         fields = receptive_fields(surface, p_LS, width=skin.field_width)
     except ExperimentError:
         raise

@@ -203,6 +203,11 @@ class RunDirectory:
         return self.path / "body_distances.npz"
 
     @property
+    def life(self) -> Path:
+        """The life of the agent, as curves."""
+        return self.path / "life.npz"
+
+    @property
     def figures(self) -> Path:
         """Folder of pictures."""
         return self.path / "figures"

@@ -57,7 +57,8 @@ def model_digests(
 def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     """Identifies what decides the experience: seed, robot, skins, what touches and babbling.
 
-    Noise of the joints counts if there is any, and under dynamics the joint controllers do.
+    Noise of the joints and changes of the body count if there are any, and under dynamics the joint
+    controllers do.
 
     Args:
         experiment: the experiment.
@@ -67,6 +68,8 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     for name, mesh in _skin_meshes(experiment).items():
         fields["skins"][name]["surface"]["mesh"] = digests.get(str(mesh))
     kept: dict[str, Any] = {key: fields[key] for key in ("seed", "babbling")}
+    if experiment.babbling.strategy == "random":
+        del kept["babbling"]["strategy"]  # older runs know no other
     kept["models"] = list(digests.values())
     kept["robot"] = {key: fields["robot"][key] for key in ("joints", "collision_depth")}
     # Their order counts: that of the readings in a sensation, and of the numbers in the truth.
@@ -75,6 +78,8 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
         kept["imported"] = experiment.imported.content
     if experiment.joints.noise:
         kept["joints"] = experiment.joints.noise
+    if experiment.changes:
+        kept["changes"] = fields["changes"]
     if experiment.babbling.mode == "dynamic":
         kept["controller"] = {key: fields["execution"][key] for key in _CONTROLLER}
     return _digest(kept)

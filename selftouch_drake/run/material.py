@@ -21,6 +21,7 @@ from selftouch_drake.evaluation import (
     kernel_truth,
     touch_density,
 )
+from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import load_arrays
@@ -228,6 +229,19 @@ class Material:
         for part in self.recovered:
             places[self.body.parts[part.part].kernels] = part.positions
         return places
+
+    @cached_property
+    def life(self) -> LifeCurves:
+        """The life of the agent."""
+        if not self.run.life.exists():
+            raise MissingError(f"no agent has lived; run `selftouch live {self._source}`")
+        arrays = load_arrays(self.run.life)
+        self.run.require_stamp(self.run.life, arrays, remedy=f"run `selftouch live {self._source}`")
+        return LifeCurves.from_arrays(arrays)
+
+    @property
+    def _source(self) -> str:
+        return f"{self.run.path / 'experiment.yaml'} --out {self.run.path}"
 
     def skins_of(self, kernels: np.ndarray) -> tuple[int, ...]:
         """Numbers of the skins that some kernels truly are on, the one with the most first."""

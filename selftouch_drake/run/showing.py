@@ -13,6 +13,7 @@ from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.knowledge import load_agent
+from selftouch_drake.run.living import live
 from selftouch_drake.run.material import Material
 from selftouch_drake.run.worlds import require_robot
 from selftouch_drake.show import (
@@ -23,6 +24,7 @@ from selftouch_drake.show import (
     play_live,
     recording_page,
     report_page,
+    show_life,
 )
 
 # Called with the fraction done and what is being drawn.
@@ -125,6 +127,22 @@ def write_report(
     write_text_whole(run.report, report_page(material, pictures, recording))
     progress(1.0, "reported")
     return run.report
+
+
+def show_live(
+    run: RunDirectory, *, port: int | None = None, announce: Callable[[str], None] = print
+) -> None:
+    """Shows an agent in a browser that lives through the experience of a run; keeps its life.
+
+    Args:
+        run: a run that has babbled.
+        port: of the page; by default the first free one from 7000 on.
+        announce: called with where to look.
+
+    Raises:
+        ValueError: the run has not babbled, or the port is taken.
+    """
+    show_life(lambda page: live(run, page), port=port, announce=announce)
 
 
 def play(

@@ -23,6 +23,7 @@ from selftouch_drake.experience import (
     how_to_collect,
     require_complete,
 )
+from selftouch_drake.exploration import explore
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run import acting
@@ -91,7 +92,8 @@ def babble(
         stored += num_rows
         progress(stored / wanted, f"{stored:,} of {wanted:,} touches")
 
-    counts = collect(
+    active = run.experiment.babbling.strategy == "active"
+    counts = (explore if active else collect)(
         run.experiment,
         run.path,
         fingerprint=run.fingerprint(),
@@ -129,7 +131,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     from selftouch_drake.run.scores import found_figures
 
     began = time.perf_counter()
-    _require_experience(run)
+    require_experience(run)
     settings, seed = run.experiment.representation, run.experiment.seed
     learner = QuotientLearner(
         num_targets=settings.num_targets,
@@ -317,7 +319,7 @@ def _require_targets(run: RunDirectory, targets: Sequence[int | str]) -> None:
             )
 
 
-def _require_experience(run: RunDirectory) -> None:
+def require_experience(run: RunDirectory) -> None:
     """Refuses experience that is missing or incomplete."""
     if not has_babbled(run):
         what = "babbling" if run.experiment.imported is None else "the import"

@@ -2,6 +2,7 @@
 
 from selftouch_drake.show.material import Material, MissingError, TouchSample
 from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
+from selftouch_drake.show.meshcat.life_page import LifePage, show_life
 from selftouch_drake.show.meshcat.live import LiveShow, play_live
 from selftouch_drake.show.meshcat.recording_page import recording_page
 from selftouch_drake.show.meshcat.robot_page import show_robot
@@ -17,6 +18,7 @@ from selftouch_drake.show.skins import SkinSurface
 __all__ = [
     "FIGURES",
     "FeelingRobot",
+    "LifePage",
     "LiveShow",
     "Material",
     "MissingError",
@@ -33,5 +35,6 @@ __all__ = [
     "play_live",
     "recording_page",
     "report_page",
+    "show_life",
     "show_robot",
 ]

@@ -11,6 +11,7 @@ import numpy as np
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.shape import Body
+from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import Robot, Touches, World
 from selftouch_drake.show.recovered import RecoveredSkin
@@ -144,6 +145,10 @@ class Material(Protocol):
     @property
     def kernel_places(self) -> np.ndarray:
         """`(K, 3)` m, each kernel where the recovered body has it; NaN in fragments."""
+
+    @property
+    def life(self) -> LifeCurves:
+        """The life of the agent."""
 
     def skins_of(self, kernels: np.ndarray) -> Sequence[int]:
         """Numbers of the skins that some kernels truly are on, the one with the most first."""

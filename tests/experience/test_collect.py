@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import yaml
 
 from selftouch_drake.experience import (
     ExperienceReader,
@@ -23,7 +24,11 @@ from selftouch_drake.experience.sources import (
     DynamicSource,
     KinematicSource,
 )
-from selftouch_drake.experiment import load_experiment
+from selftouch_drake.experiment import (
+    dump_experiment,
+    experiment_from_fields,
+    load_experiment,
+)
 from selftouch_drake.robot import Touches, World
 from selftouch_drake.run.directory import RunDirectory
 
@@ -330,3 +335,19 @@ def _first(probe, experiment, walk):
     seed = experiment.random_stream("walk", walk)
     start = np.random.default_rng(seed).uniform(size=6)
     return (probe.robot.lower + start * (probe.robot.upper - probe.robot.lower))[None]
+
+
+def test_a_walk_ends_where_the_body_changes(experiment, reference, tmp_path):
+    change = {"after": 250, "skins": {"body": {"dead": list(range(15))}}}
+    fields = yaml.safe_load(dump_experiment(experiment)) | {"changes": [change]}
+    fields["babbling"]["num_samples"] = 300
+    changing = experiment_from_fields(fields)
+    assert walk_sizes(changing) == [200, 50, 50]
+    run, _ = _collected(tmp_path / "run", changing, ThreadPoolExecutor(1))
+    assert run.fingerprint() != reference[0].fingerprint()
+    felt = ExperienceReader(run.experience).read("sensation")
+    as_before = ExperienceReader(reference[0].experience).read("sensation")
+    assert np.array_equal(felt[:250], as_before[:250])
+    assert not felt[250:, :15].any()
+    resumed, _ = _collected(tmp_path / "run", changing, Backwards(0))
+    assert _shards(resumed) == _shards(run)

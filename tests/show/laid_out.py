@@ -14,6 +14,7 @@ from scipy.optimize import least_squares
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.shape import Body, Embedding, RecoveredPart, topology
+from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experience import Contacts, Shard, write_shard
 from selftouch_drake.experiment import experiment_from_fields
 from selftouch_drake.files import save_arrays
@@ -229,6 +230,19 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
         num_touches=len(laid.q),
     )
     save_learned(run, representation, body)
+    touches = np.arange(1, 10)
+    life = LifeCurves(
+        touches=touches,
+        coverage=touches / 9,
+        error=0.1 / touches,
+        contact=touches / 10,
+        block_touches=touches,
+        surprise=0.3 / touches,
+        changed=touches[4:5],
+        noticed=touches[5:6],
+        mended=touches[6:7],
+    )
+    save_arrays(run.life, life.to_arrays() | run.stamp())
     metrics = {"shape_rms_fraction": 0.0123}
     betti = [list(part.topology.betti) for part in body.parts]
     if len(betti) == 1:

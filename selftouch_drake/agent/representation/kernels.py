@@ -43,14 +43,17 @@ class KernelReservoir:
         num_kernels: K.
         max_size: most rows that a kernel keeps.
         seed: of the priorities.
+        fading: rows after which an old row is kept e times less likely than a new one; infinite
+            keeps all with equal chance.
     """
 
-    def __init__(self, num_kernels: int, max_size: int, *, seed: int):
+    def __init__(self, num_kernels: int, max_size: int, *, seed: int, fading: float = np.inf):
         self._max_size = max_size
+        self._fading = fading
         self._random = np.random.Generator(np.random.PCG64(seed))
         self._num_rows = 0
         # A full kernel takes no row of higher priority than it has.
-        self._highest = np.ones(num_kernels)
+        self._highest = np.full(num_kernels, np.inf)
         self._settled: dict[str, np.ndarray] = {}
         self._waiting: list[dict[str, np.ndarray]] = []
 
@@ -59,15 +62,22 @@ class KernelReservoir:
         """Number of rows of the experience so far."""
         return self._num_rows
 
-    def add(self, kernel: np.ndarray, **columns: np.ndarray) -> None:
+    def add(self, kernel: np.ndarray, **columns: np.ndarray) -> np.ndarray:
         """Adds the next rows of the experience.
 
         Args:
             kernel: `(n,)` kernel of each row; -1 leaves a row out.
             columns: `(n, ...)` what to keep with the rows; the same names every time.
+
+        Returns:
+            `(m,)` which of them are kept for now.
         """
         # One draw a row, in order: the i-th row has the i-th draw, however rows are cut.
         priority = self._random.random(len(kernel))
+        if np.isfinite(self._fading):
+            # The first of exponential arrival times, at rates that grow with the row.
+            row = self._num_rows + np.arange(len(kernel))
+            priority = np.log(-np.log1p(-priority)) - row / self._fading
         taken = np.flatnonzero((kernel >= 0) & (priority < self._highest[kernel]))
         self._waiting.append(
             {
@@ -81,6 +91,24 @@ class KernelReservoir:
         num_waiting = sum(len(part["row"]) for part in self._waiting)
         if num_waiting > max(len(self._settled.get("row", ())), _LEAST_WAITING):
             self._settle()
+        return taken
+
+    def relabel(self, kernel: np.ndarray, **columns: np.ndarray) -> None:
+        """Gives the kept rows to other kernels.
+
+        Args:
+            kernel: `(R,)` kernel of each row, in the order of `sample`; -1 forgets a row.
+            columns: `(R, ...)` what takes the place of columns.
+        """
+        self._settle()
+        rows = self._settled
+        order = np.lexsort((rows["row"], rows["kernel"]))
+        rows = {name: column[order] for name, column in rows.items()}
+        rows |= {"kernel": np.asarray(kernel, dtype=np.int64), **columns}
+        self._settled, kept = {}, rows["kernel"] >= 0
+        self._waiting = [{name: column[kept] for name, column in rows.items()}]
+        self._highest[:] = np.inf
+        self._settle()
 
     def sample(self) -> KernelSample:
         """The rows kept so far; kernels with at most `max_size` rows are complete."""

@@ -168,7 +168,12 @@ class QuotientLearner(BaseEstimator):
             )
         sensation, q = sample["sensation"][kept], sample["q"][kept]
         scale = joint_scale(q, sensation)
-        targets = self._targets(sensation, overlap, chance, progress)
+        targets = common_targets(
+            sensation,
+            self.num_targets,
+            overlap if chance else None,
+            progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
+        )
         kernels = KernelReservoir(self.num_targets, self.max_kernel_size, seed=int(sample_seed))
         num_set_aside = 0
         for sensation, q in _in_blocks(batches()):
@@ -200,31 +205,6 @@ class QuotientLearner(BaseEstimator):
             num_set_aside=num_set_aside,
         )
         return self
-
-    def _targets(
-        self, sensation: np.ndarray, overlap: np.ndarray, chance: bool, progress: Progress
-    ) -> np.ndarray:
-        """`(K, S)` target sensations.
-
-        If two places are touched at once by chance, some of these touches are so near each other
-        that they are not told apart. They are few, and feel like nothing else: the farthest points
-        would be theirs. So targets that hardly any touch belongs to are given up, and their touches
-        with them.
-        """
-        for _ in range(_MOST_ROUNDS):
-            targets = target_sensations(
-                sensation,
-                self.num_targets,
-                progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
-            )
-            if not chance:
-                break
-            label, _ = assign(sensation, targets)
-            rare = rare_cells(label, kernel_parts(targets, overlap))
-            if not rare.any():
-                break
-            sensation = sensation[~rare[label]]
-        return targets
 
     def _learn_graph(
         self,
@@ -278,7 +258,7 @@ class QuotientLearner(BaseEstimator):
             part=part,
             set_distance=distance,
             edges=edges,
-            edge_cost=_firm_steps(kernel_x, *_firm(sample, offsets), edges),
+            edge_cost=firm_steps(kernel_x, *firm(sample, offsets), edges),
             embedding=np.full((len(targets), 3), np.nan),
             **counts,
         )
@@ -358,6 +338,39 @@ class QuotientLearner(BaseEstimator):
             )
 
 
+def common_targets(
+    sensation: np.ndarray,
+    num_targets: int,
+    overlap: np.ndarray | None,
+    *,
+    or_fewer: bool = False,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> np.ndarray:
+    """`(K, S)` target sensations, those of chance left out.
+
+    If two places are touched at once by chance, some of these touches are so near each other that
+    they are not told apart. They are few, and feel like nothing else: the farthest points would be
+    theirs. So targets that hardly any touch belongs to are given up, and their touches with them.
+
+    Args:
+        sensation: `(n, S)` N, no row null.
+        num_targets: K.
+        overlap: `(S, S)` bool, of `touches.nearby`; None if no touches come together by chance.
+        or_fewer: as of `target_sensations`.
+        progress: called with the fraction done.
+    """
+    for _ in range(_MOST_ROUNDS):
+        targets = target_sensations(sensation, num_targets, or_fewer=or_fewer, progress=progress)
+        if overlap is None:
+            break
+        label, _ = assign(sensation, targets)
+        rare = rare_cells(label, kernel_parts(targets, overlap))
+        if not rare.any():
+            break
+        sensation = sensation[~rare[label]]
+    return targets
+
+
 _NO_ROWS = "sensation has 0 rows: babble until the finger touches the body."
 
 
@@ -388,7 +401,7 @@ def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.
     return np.concatenate(sensation), np.concatenate(q)
 
 
-def _firm_steps(
+def firm_steps(
     kernel_x: np.ndarray, firm: np.ndarray, firm_offsets: np.ndarray, edges: np.ndarray
 ) -> np.ndarray:
     """`(E,)` rad, mean nearest distance between the firm configurations of both ends.
@@ -411,7 +424,7 @@ def _firm_steps(
     return ((there / sizes[i] + back / sizes[j]) / 2).astype(np.float32)
 
 
-def _firm(sample: KernelSample, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def firm(sample: KernelSample, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The more strongly felt half of each kernel: its rows of the sample, and offsets.
 
     A firm touch is deep in the skin, so small motion errors do not lose contact.

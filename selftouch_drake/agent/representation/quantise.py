@@ -67,6 +67,7 @@ def target_sensations(
     num_targets: int,
     *,
     num_iterations: int = 4,
+    or_fewer: bool = False,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> np.ndarray:
     """Quantises sensations by spherical k-means from a farthest-point start.
@@ -79,6 +80,7 @@ def target_sensations(
         sensation: `(n, S)` N, no row null.
         num_targets: K, number of target sensations.
         num_iterations: Lloyd iterations.
+        or_fewer: give as many targets as there are distinct sensations, if these are fewer.
         progress: called with the fraction done.
 
     Returns:
@@ -95,7 +97,7 @@ def target_sensations(
         raise ValueError(
             "sensation is the same in every row: babble until the finger touches more places."
         )
-    if len(start) < num_targets:
+    if len(start) < num_targets and not or_fewer:
         raise ValueError(
             f"num_targets={num_targets}, but the experience holds only {len(start)} distinct "
             f"sensations: ask for at most {len(start)} targets, or babble longer."
@@ -106,7 +108,7 @@ def target_sensations(
         label, _ = assign(points, centres)
         cells = csr_array(
             (np.ones(len(points), np.float32), (label, np.arange(len(points)))),
-            shape=(num_targets, len(points)),
+            shape=(len(start), len(points)),
         )
         total = cells @ points
         norm = np.linalg.norm(total, axis=1, keepdims=True)

@@ -14,6 +14,7 @@ from selftouch_drake.show.material import Material, MissingError
 from selftouch_drake.show.page import (
     coverage_figure,
     graph_figures,
+    life_figure,
     motion_figures,
     path_figure,
     robot_figure,
@@ -126,6 +127,11 @@ def contact_and_tracking(material: Material) -> Figure:
     return motion_figures.contact_and_tracking(execution, robot.joint_names, robot.turns)
 
 
+def life(material: Material) -> Figure:
+    """The life of the agent, as curves."""
+    return life_figure.life(material.life)
+
+
 # In the order of the paper. The name is that of the file.
 FIGURES: dict[str, Callable[[Material], Figure]] = {
     "agent": agent,
@@ -140,6 +146,7 @@ FIGURES: dict[str, Callable[[Material], Figure]] = {
     "plan_path": plan_path,
     "felt_and_predicted": felt_and_predicted,
     "contact_and_tracking": contact_and_tracking,
+    "life": life,
 }
 
 

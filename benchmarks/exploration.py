@@ -1,0 +1,296 @@
+"""Active babbling beside random babbling and two ways of goal babbling; and learning that goes on.
+
+    python benchmarks/exploration.py touches --bodies torus cube sphere --seeds 1 2 3
+    python benchmarks/exploration.py clock --bodies cube torus --seeds 1 --until 60
+    python benchmarks/exploration.py infant --until 30000
+    python benchmarks/exploration.py learning runs/torus runs/cube
+
+`touches` babbles in the kinematic world until so many touches, `clock` in the dynamic world until
+so many simulated minutes, `infant` until so many touches of `infant`. Each is scored along the way:
+
+- error of the shape by each metric, holes, and share of planned paths between 20 random pairs on
+  which touch is kept (kinematic, straight from the planner: nothing is practised);
+- share of the samples in touch, receptors that were felt, parts of the body that were touched
+  (BabyBench's score of self-touch), and CPU seconds of the agent and its world.
+
+`learning` asks a learner that goes on at ten moments of the stored experience of runs, and learns
+offline from the same touches.
+
+The ways, as goals in the space of sensations are chosen (Baranes and Oudeyer 2013; Moulin-Frier,
+Rouanet and Oudeyer 2014), restated on our interface, not their code:
+
+- `random`: the random walk of `babbling.strategy: random`;
+- `active`: that of `babbling.strategy: active`;
+- `goals`: a target sensation drawn at random; the agent goes to the posture that felt most like it,
+  with noise;
+- `progress`: as `goals`, a target with the chance that its competence changed lately.
+
+Rows are added to a CSV file; figures are drawn from all rows by `picture`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import time
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.living import Explorer, LivingLearner
+from selftouch_drake.agent.living.explorer import Moves
+from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
+from selftouch_drake.agent.shape import recover
+from selftouch_drake.evaluation import kernel_truth, shape_errors
+from selftouch_drake.experience import Contacts, ExperienceReader, Shard, collect_walk
+from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource
+from selftouch_drake.experiment import Experiment, load_experiment
+from selftouch_drake.exploration import Life
+from selftouch_drake.robot import World
+from selftouch_drake.run.directory import RunDirectory
+
+#: Touches and minutes at which is scored.
+TOUCHES = (2000, 5000, 10_000, 20_000, 50_000, 100_000)
+MINUTES = (5, 10, 20, 30, 45, 60, 120, 180, 300)
+MOMENTS = (1000, 2000, 3000, 5000, 8000, 12_000, 20_000, 35_000, 60_000, 100_000)
+
+#: Noise of goal babbling, in strides; tries that competence is measured over, and how often a goal
+#: is drawn at random all the same.
+_NOISE, _RECENT, _AT_RANDOM = 1.0, 8, 0.2
+
+
+class Goals(Explorer):
+    """Random goal babbling: a goal, the posture that is best for it so far, and noise."""
+
+    #: By the number of a target, how alike to it was felt at the last tries.
+    competence: dict[int, list[float]]
+
+    def moves(self) -> Moves:
+        self.competence = {}
+        while True:
+            if self._agent is None:
+                yield from self._wander()
+                continue
+            known = self._agent.representation
+            goal = self.choose(known)
+            members = known.members(goal)
+            best = members.start + int(known.kernel_error[members].argmin())
+            noise = self._rng.standard_normal(len(self._q)) * _NOISE * self._joints.stride
+            yield from self._straight(self._within(known.kernel_q[best] + noise))
+            alike = float(self._felt @ known.target_sensations[goal])
+            norm = float(np.linalg.norm(self._felt))
+            self.competence.setdefault(goal, []).append(alike / norm if norm else 0.0)
+
+    def choose(self, known: QuotientRepresentation) -> int:
+        return int(self._rng.integers(known.num_targets))
+
+
+class Progress(Goals):
+    """Goals by learning progress: where the last tries went better, or worse, than those before."""
+
+    def choose(self, known: QuotientRepresentation) -> int:
+        if self._rng.random() < _AT_RANDOM:
+            return super().choose(known)
+        interest = np.ones(known.num_targets)
+        for goal, tries in self.competence.items():
+            before, after = np.array_split(np.array(tries[-_RECENT:]), 2)
+            if len(after):
+                interest[goal] = 0.01 + abs(after.mean() - before.mean())
+        return int(self._rng.choice(len(interest), p=interest / interest.sum()))
+
+
+WAYS = {"active": Explorer, "goals": Goals, "progress": Progress}
+
+
+def babbled(experiment: Experiment, way: str) -> Iterator[Shard]:
+    """Rounds without end."""
+    world = World(experiment)
+    dynamic = experiment.babbling.mode == "dynamic"
+    life = None if way == "random" else Life(experiment, WAYS[way])
+    source = None if life else (DynamicSource if dynamic else KinematicSource)(world)
+    done, number = 0, 0
+    while True:
+        size = max(250, min(done // 10, 2000))
+        if life is not None:
+            shard = life.explore(size)
+            life.remember(shard.q, shard.sensation)
+        else:
+            assert source is not None
+            shard = collect_walk(source, experiment, number, size)
+        done, number = done + size, number + 1
+        yield shard
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Score:
+    """Scores what was collected against the truth."""
+
+    world: World
+    metrics: list[str]
+    num_targets: int
+
+    def __call__(self, shards: list[Shard]) -> dict[str, Any]:
+        q = np.concatenate([shard.q for shard in shards])
+        sensation = np.concatenate([shard.sensation for shard in shards])
+        contacts = Contacts.joined([shard.contacts for shard in shards if shard.contacts])
+        felt = sensation.any(axis=0)
+        found: dict[str, Any] = {
+            "share": round(len(q) / sum(shard.num_steps for shard in shards), 3),
+            "last_share": round(len(shards[-1].q) / shards[-1].num_steps, 3),
+            "receptors_felt": int(felt.sum()),
+            "skins_touched": len(np.unique(contacts.skin)),
+            "pairs_touched": len(np.unique(contacts.skin.astype(int) * 100 + contacts.toucher)),
+        }
+        learner = QuotientLearner(min(self.num_targets, len(q) // 4))
+        try:
+            representation = learner.fit(sensation, q).representation_
+        except ValueError:
+            return found  # too few distinct sensations
+        found["parts"] = representation.num_parts
+        return found | scores(representation, contacts, self.world, self.metrics)
+
+
+def scores(
+    representation: QuotientRepresentation, contacts: Contacts, world: World, metrics: list[str]
+) -> dict[str, Any]:
+    """Error and holes by each metric, and share of touch on planned paths."""
+    truth = kernel_truth(representation, contacts.take(representation.kernel_row))
+    found: dict[str, Any] = {}
+    for metric in metrics:
+        body = recover(representation, metric)
+        errors = shape_errors(body.positions, representation.part, truth)
+        betti = [part.topology.betti if part.topology else () for part in body.parts]
+        found[f"error_{metric}"] = round(max(errors.values(), default=np.nan), 4)
+        found[f"betti_{metric}"] = ", ".join(" ".join(map(str, one)) for one in betti)
+    agent, rng, kept = Agent.of(representation), np.random.default_rng(0), []
+    large = np.flatnonzero(representation.part == 0)
+    for _ in range(20):
+        start, goal = rng.choice(large, 2, replace=False)
+        plan = agent.plan(int(start), int(goal))
+        q = plan.path(np.linspace(0.0, plan.waypoint_s[-1], 200))
+        kept.append(world.probe.sensations(q).any(axis=1).mean())
+    return found | {"contact": round(float(np.mean(kept)), 4)}
+
+
+def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespace) -> Iterator:
+    """The rows of one life."""
+    mode = "dynamic" if what == "clock" else "kinematic"
+    experiment = load_experiment(body, {"seed": seed, "babbling": {"mode": mode}})
+    score = Score(world=World(experiment), metrics=arguments.metrics, num_targets=arguments.targets)
+    marks = [mark for mark in (MINUTES if what == "clock" else TOUCHES) if mark <= arguments.until]
+    shards, began, scoring = list[Shard](), time.process_time(), 0.0
+    for shard in babbled(experiment, way):
+        shards.append(shard)
+        touches = sum(len(one.q) for one in shards)
+        minutes = sum(one.num_steps for one in shards) * SAMPLE_PERIOD / 60
+        at = minutes if what == "clock" else touches
+        if at < marks[0]:
+            continue
+        marks = [mark for mark in marks if mark > at]
+        here = time.process_time()
+        row = {"what": what, "body": body, "seed": seed, "way": way, "touches": touches}
+        row |= {"minutes": round(minutes, 2) if what == "clock" else None}
+        row |= {"cpu_s": round(here - began - scoring, 1)} | score(shards)
+        scoring += time.process_time() - here
+        yield row
+        if not marks:
+            return
+
+
+def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[str, Any]]:
+    """A learner that goes on beside one that learns from all, at ten moments."""
+    run = RunDirectory.open(path)
+    reader = ExperienceReader(run.experience)
+    q, sensation = reader.read("q"), reader.read("sensation")
+    contacts = Contacts.joined(list(ExperienceReader(run.truth).contacts()))
+    world, learner = World(run.experiment), LivingLearner(num_targets)
+    taken, cpu_s = 0, 0.0
+    for moment in (moment for moment in MOMENTS if moment <= len(q)):
+        began = time.process_time()
+        while taken < moment:
+            rows = slice(taken, min(taken + 500, moment))
+            learner.take(q[rows], sensation[rows])
+            taken = rows.stop
+        known = {"living": learner.representation}
+        cpu_s += time.process_time() - began
+        offline = QuotientLearner(num_targets).fit(sensation[:moment], q[:moment])
+        for way, representation in {**known, "offline": offline.representation_}.items():
+            row = {"what": "learning", "body": run.experiment.name, "way": way}
+            row |= {"seed": run.experiment.seed, "touches": moment, "cpu_s": round(cpu_s, 1)}
+            yield row | scores(representation, contacts, world, metrics)
+
+
+def picture(rows: list[dict[str, str]], out: Path) -> None:
+    """Error and share in touch, over touches and over minutes."""
+    figure = Figure(figsize=(10, 4), layout="constrained")
+    for axes, (what, x) in zip(
+        figure.subplots(1, 2), (("touches", "touches"), ("clock", "minutes")), strict=True
+    ):
+        curves: dict[str, list[tuple[float, float]]] = {}
+        for row in rows:
+            if row["what"] == what and row["error_sensorimotor"]:
+                point = float(row[x]), 100 * float(row["error_sensorimotor"])
+                curves.setdefault(f"{row['body']} {row['seed']}, {row['way']}", []).append(point)
+        for name, points in sorted(curves.items()):
+            axes.plot(*zip(*sorted(points), strict=True), "o-", label=name)
+        axes.set(xscale="log", xlabel=x, ylabel="shape error, % (sensorimotor)", ylim=(0, None))
+        if curves:
+            axes.legend(fontsize=7)
+    figure.savefig(out, dpi=120)
+
+
+FIELDS = (
+    *("what", "body", "seed", "way", "touches", "minutes", "cpu_s", "share", "last_share"),
+    *("receptors_felt", "skins_touched", "pairs_touched", "parts", "contact"),
+    *("error_sensorimotor", "betti_sensorimotor", "error_learned", "betti_learned"),
+)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("what", choices=("touches", "clock", "infant", "learning", "picture"))
+    parser.add_argument("runs", nargs="*", type=Path, help="for `learning`: that have babbled")
+    parser.add_argument("--bodies", nargs="+", default=["torus", "cube", "sphere"])
+    parser.add_argument("--seeds", nargs="+", type=int, default=[1])
+    parser.add_argument("--ways", nargs="+", choices=("random", *WAYS), default=["random", *WAYS])
+    parser.add_argument("--until", type=float, default=20_000, help="touches, or minutes")
+    parser.add_argument("--metrics", nargs="*", default=["sensorimotor"])
+    parser.add_argument("--targets", type=int, default=300)
+    parser.add_argument("--out", type=Path, default=Path("docs/data/exploration.csv"))
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore")  # graphs in pieces, as long as little is known
+
+    def made() -> Iterator[dict[str, Any]]:
+        for path in arguments.runs:
+            yield from learning(path, arguments.metrics, arguments.targets)
+        if arguments.what in ("touches", "clock", "infant"):
+            for body in ["infant"] if arguments.what == "infant" else arguments.bodies:
+                for seed in arguments.seeds:
+                    for way in arguments.ways:
+                        yield from lives(arguments.what, body, seed, way, arguments)
+
+    new = not arguments.out.exists()
+    with arguments.out.open("a", newline="") as file:
+        table = csv.DictWriter(file, FIELDS)
+        if new:
+            table.writeheader()
+        for row in made():
+            table.writerow(row)
+            file.flush()
+            print(
+                *(f"{key} {value}" for key, value in row.items() if value is not None), flush=True
+            )
+    with arguments.out.open() as file:
+        picture(list(csv.DictReader(file)), Path("docs/images/exploration.png"))
+
+
+if __name__ == "__main__":
+    main()

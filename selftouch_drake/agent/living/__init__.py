@@ -1,0 +1,20 @@
+"""What the agent knows while it lives: it learns from touches, explores, notices and mends."""
+
+from selftouch_drake.agent.living.explorer import Explorer, Joints, Manner
+from selftouch_drake.agent.living.learner import LivingLearner
+from selftouch_drake.agent.living.life import Life, Noticed
+from selftouch_drake.agent.living.mending import Mending, understand
+from selftouch_drake.agent.living.surprise import Alarm, Expectation
+
+__all__ = [
+    "Alarm",
+    "Expectation",
+    "Explorer",
+    "Joints",
+    "Life",
+    "LivingLearner",
+    "Manner",
+    "Mending",
+    "Noticed",
+    "understand",
+]

@@ -1,0 +1,349 @@
+"""Learning that goes on: from touches as they come to the quotient representation (naive).
+
+The agent remembers at most `max_kernel_size` touches of each kernel. A new touch falls into the
+kernel that it feels most like, where it takes the place of an old one once that kernel is full.
+Distances are measured again for kernels of which enough is new.
+
+When a quarter of all that is remembered is new, or many touches feel like no target, targets are
+laid out anew among the remembered touches, as the offline learner does: farthest points, and each
+becomes the middle of its cell. They keep their numbers: each goes on as the one that it is most
+like. What is remembered is bounded, and so is the work on it: a touch costs the same at any age.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import csr_array
+from threadpoolctl import threadpool_limits
+
+from selftouch_drake.agent.living.distances import remeasured
+from selftouch_drake.agent.representation.graphs import surface_edges
+from selftouch_drake.agent.representation.joints import joint_scale
+from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
+from selftouch_drake.agent.representation.learner import (
+    MAX_ROWS,
+    common_targets,
+    firm,
+    firm_steps,
+)
+from selftouch_drake.agent.representation.quantise import assign, strength, unit
+from selftouch_drake.agent.representation.quotient import (
+    LEAST_KERNELS,
+    NO_MODE,
+    QuotientRepresentation,
+    mattering,
+)
+from selftouch_drake.agent.representation.relevance import touch_modes
+from selftouch_drake.agent.representation.touches import (
+    by_chance,
+    kernel_parts,
+    nearby,
+    overlapping,
+    set_aside,
+)
+
+#: Touches before the first targets are laid out, and touches for each target until there are all.
+_FIRST = 200
+_TOUCHES_A_TARGET = 8
+
+#: Targets are laid out anew when this share of what is remembered is new; modes, when more is.
+_NEW, _NEW_FOR_MODES = 0.2, 0.5
+
+#: They are besides when this share more of the new touches is farther from every target than any
+#: touch of one place was when they were laid out: those of a skin never felt before may look as if
+#: they were of several places.
+_UNLIKE = 0.1
+
+#: A kernel is measured again when this share of it is new.
+_CHANGED = 0.1
+
+_SET_DISTANCE = "quantile"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Layout:
+    """What is found out anew about all that is remembered, now and then.
+
+    Attributes:
+        targets: `(K, S)` unit L2 norm.
+        overlap: `(S, S)` bool, of `touches.nearby`.
+        chance: whether touches of two places of a part come together by chance.
+        part: `(K,)` the part of the body of each kernel.
+        joint_scale: `(J,)`.
+        reach: cosine distance of the touch of one place that is farthest from its target.
+        unlike: share of all touches that were farther then: of several places at once.
+        mode_joints: `(M, J)` bool.
+        num_touches: rows of the experience at that time.
+        num_held_for_modes: touches that modes were found from.
+    """
+
+    targets: np.ndarray
+    overlap: np.ndarray
+    chance: bool
+    part: np.ndarray
+    joint_scale: np.ndarray
+    reach: float
+    unlike: float
+    mode_joints: np.ndarray
+    num_touches: int
+    num_held_for_modes: int
+
+
+class LivingLearner:
+    """Learns motor kernel sets and the quotient graph while touches come.
+
+    The same touches in the same chunks give the same bytes.
+
+    Args:
+        num_targets: K, number of target sensations once there are enough touches for them.
+        max_kernel_size: most touches remembered of a kernel.
+        memory: touches after which an old one is remembered e times less likely than a new one;
+            None remembers all alike, as in a life in which nothing changes.
+        seed: of all that is random.
+    """
+
+    def __init__(
+        self,
+        num_targets: int = 300,
+        max_kernel_size: int = 1000,
+        *,
+        memory: float | None = None,
+        seed: int = 0,
+    ) -> None:
+        self.num_targets = num_targets
+        self._max_kernel_size = max_kernel_size
+        self._seed = seed
+        # The last kernel is none: touches of several places, from which nothing is learned.
+        self._memory = KernelReservoir(
+            num_targets + 1, max_kernel_size, seed=seed, fading=np.inf if memory is None else memory
+        )
+        self._num_set_aside = 0
+        self._layout: _Layout | None = None
+        #: Touches remembered of each kernel, and those of them since it was measured.
+        self._size = np.zeros(num_targets + 1, dtype=int)
+        self._changed = np.zeros(num_targets + 1, dtype=int)
+        self._num_new = self._num_unlike = 0
+        self._distance = np.zeros((0, 0), dtype=np.float32)
+        self._known: tuple[QuotientRepresentation, csr_array] | None = None
+
+    @property
+    def num_touches(self) -> int:
+        """Touches that it took."""
+        return self._memory.num_rows
+
+    @property
+    def knows(self) -> bool:
+        """Whether there were enough touches for a representation."""
+        return self._layout is not None
+
+    @threadpool_limits.wrap(limits=1, user_api="blas")
+    def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
+        """Learns from the next touches.
+
+        Args:
+            q: `(n, J)` motor configurations, in the robot's units.
+            sensation: `(n, S)` N, what was felt there; no row null.
+        """
+        if not len(q):
+            return
+        self._known = None
+        label, error = self._labels(sensation)
+        self._num_set_aside += int(np.sum(label == self.num_targets))
+        taken = self._memory.add(
+            label,
+            q=np.asarray(q, dtype=np.float32),
+            sensation=np.asarray(sensation, dtype=np.float32),
+            strength=strength(sensation).astype(np.float32),
+            error=error,
+            mode=np.full(len(q), self._mode_of_new, dtype=np.int8),
+        )
+        added = np.bincount(label[taken], minlength=self.num_targets + 1)
+        self._size = np.minimum(self._size + added, self._max_kernel_size)
+        self._changed += added
+        self._num_new += len(taken)
+        if self._layout is not None:
+            self._num_unlike += int(np.sum(error > self._layout.reach))
+        if self._is_due:
+            self._lay_out()
+
+    def forget(self, rows: np.ndarray) -> None:
+        """Forgets touches, as those that no longer hold, and lays out targets among the others.
+
+        Args:
+            rows: numbers of rows of the experience; those not remembered are ignored.
+        """
+        held = self._memory.sample()
+        self._memory.relabel(np.where(np.isin(held.row, rows), -1, held.kernel))
+        self._lay_out()
+
+    def remembered(self) -> KernelSample:
+        """All touches that are remembered, by kernel: columns q, sensation, strength, error, mode.
+
+        Those of kernel `num_targets` are of several places at once.
+        """
+        return self._memory.sample()
+
+    @property
+    def representation(self) -> QuotientRepresentation:
+        """What it knows by now, not embedded; the same as the offline learner's in kind.
+
+        Raises:
+            ValueError: there were too few touches.
+        """
+        return self._learned[0]
+
+    @property
+    def kernel_sensation(self) -> csr_array:
+        """`(R, S)` unit L2 norm, what was felt at each configuration of `representation`."""
+        return self._learned[1]
+
+    @property
+    def _is_due(self) -> bool:
+        if self._layout is None:
+            return self._memory.num_rows >= _FIRST
+        new = max(self._memory.num_rows - self._layout.num_touches, _FIRST)
+        return self._num_new >= _NEW * self._size.sum() or (
+            self._num_unlike >= (self._layout.unlike + _UNLIKE) * new
+        )
+
+    @property
+    def _mode_of_new(self) -> int:
+        """If there is one mode, all touches are of it; else that of new touches is unknown yet."""
+        one = self._layout is None or len(self._layout.mode_joints) == 1
+        return 0 if one else NO_MODE
+
+    def _labels(self, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`(n,)` the kernel of each touch, `num_targets` if it is of several places, and error."""
+        if self._layout is None:
+            # Anywhere, so that none is full before the first targets are laid out.
+            row = self._memory.num_rows + np.arange(len(sensation))
+            return row % self.num_targets, np.zeros(len(sensation), np.float32)
+        label, error = assign(sensation, self._layout.targets)
+        aside = set_aside(sensation, self._layout.overlap, self._layout.chance)
+        return np.where(aside, self.num_targets, label), error
+
+    @threadpool_limits.wrap(limits=1, user_api="blas")
+    def _lay_out(self) -> None:
+        """Lays out targets anew, and gives each remembered touch to the one it feels most like."""
+        held = self._memory.sample()
+        q, sensation = held.columns["q"], held.columns["sensation"]
+        some = np.arange(len(q))
+        if len(some) > MAX_ROWS:
+            rng = np.random.default_rng([self._seed, self._memory.num_rows])
+            some = np.sort(rng.choice(some, MAX_ROWS, replace=False))
+        overlap = overlapping(sensation[some])
+        chance = by_chance(sensation[some], overlap)
+        overlap = nearby(sensation[some], overlap)
+        aside = set_aside(sensation, overlap, chance)
+        some = some[~aside[some]]
+        num_targets = min(len(some) // _TOUCHES_A_TARGET, self.num_targets)
+        if num_targets < LEAST_KERNELS:
+            return
+        old = self._layout
+        targets = common_targets(
+            sensation[some], num_targets, overlap if chance else None, or_fewer=True
+        )
+        if old is not None:
+            targets = _numbered_as(targets, old.targets)
+        label, error = assign(sensation, targets)
+        self._memory.relabel(np.where(aside, self.num_targets, label), error=error)
+        reach = float(error[some].max())
+        layout = _Layout(
+            targets=targets,
+            overlap=overlap,
+            chance=chance,
+            part=kernel_parts(targets, overlap),
+            joint_scale=joint_scale(q[some], sensation[some]),
+            reach=reach,
+            unlike=float(np.mean(error > reach)),
+            mode_joints=np.ones((1, q.shape[1]), dtype=bool) if old is None else old.mode_joints,
+            num_touches=self._memory.num_rows,
+            num_held_for_modes=0 if old is None else old.num_held_for_modes,
+        )
+        if len(q) >= (1.0 + _NEW_FOR_MODES) * layout.num_held_for_modes:
+            layout = self._with_modes(layout)
+        self._layout = layout
+        self._size = np.bincount(self._memory.sample().kernel, minlength=self.num_targets + 1)
+        self._distance = np.zeros((len(targets),) * 2, dtype=np.float32)
+        self._changed = self._size.copy()
+        self._num_new = self._num_unlike = 0
+        self._known = None
+
+    def _with_modes(self, layout: _Layout) -> _Layout:
+        """Finds out which joints matter to which remembered touch."""
+        held = self._memory.sample()
+        offsets = held.offsets(self.num_targets + 1)[: len(layout.targets) + 1]
+        mode = np.full(len(held.row), NO_MODE, dtype=np.int8)
+        mode[: offsets[-1]], mode_joints = touch_modes(
+            (held.columns["q"][: offsets[-1]] * layout.joint_scale).astype(np.float32),
+            offsets,
+            layout.targets,
+            layout.part,
+            seed=self._seed,
+        )
+        self._memory.relabel(held.kernel, mode=mode)
+        return dataclasses.replace(
+            layout, mode_joints=mode_joints, num_held_for_modes=len(held.row)
+        )
+
+    @property
+    @threadpool_limits.wrap(limits=1, user_api="blas")
+    def _learned(self) -> tuple[QuotientRepresentation, csr_array]:
+        if self._known is None:
+            self._known = self._learn(self._checked_layout())
+        return self._known
+
+    def _checked_layout(self) -> _Layout:
+        if self._layout is None:
+            raise ValueError(
+                f"{self._memory.num_rows} touches are too few to know anything: babble longer."
+            )
+        return self._layout
+
+    def _learn(self, layout: _Layout) -> tuple[QuotientRepresentation, csr_array]:
+        """The representation of what is remembered now."""
+        held, num = self._memory.sample(), len(layout.targets)
+        offsets = held.offsets(self.num_targets + 1)[: num + 1]
+        rows = slice(int(offsets[-1]))
+        sample = KernelSample(
+            kernel=held.kernel[rows],
+            row=held.row[rows],
+            columns={name: column[rows] for name, column in held.columns.items()},
+        )
+        q, mode = sample.columns["q"], sample.columns["mode"]
+        x = mattering((q * layout.joint_scale).astype(np.float32), mode, layout.mode_joints)
+        changed = self._changed[:num] >= _CHANGED * self._size[:num]
+        self._distance = remeasured(self._distance, x, offsets, changed, _SET_DISTANCE)
+        self._changed[:num][changed] = 0
+        edges = surface_edges(self._distance, layout.targets, layout.part)
+        representation = QuotientRepresentation(
+            target_sensations=layout.targets,
+            kernel_offsets=offsets,
+            kernel_q=q,
+            kernel_row=sample.row,
+            kernel_strength=sample.columns["strength"],
+            kernel_error=sample.columns["error"],
+            kernel_mode=mode,
+            mode_joints=layout.mode_joints,
+            joint_scale=layout.joint_scale,
+            overlap=layout.overlap,
+            part=layout.part,
+            set_distance=self._distance,
+            edges=edges,
+            edge_cost=firm_steps(x, *firm(sample, offsets), edges),
+            embedding=np.full((num, 3), np.nan),
+            num_touches=self._memory.num_rows,
+            num_set_aside=self._num_set_aside,
+        )
+        return representation, csr_array(unit(sample.columns["sensation"]))
+
+
+def _numbered_as(targets: np.ndarray, old: np.ndarray) -> np.ndarray:
+    """`(K, S)` targets, each with the number of the old one that it is most like; others last."""
+    before, now = linear_sum_assignment(-(old @ targets.T))
+    now = now[np.argsort(before)]
+    return targets[np.concatenate([now, np.setdiff1d(np.arange(len(targets)), now)])]

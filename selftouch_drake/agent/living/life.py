@@ -1,0 +1,201 @@
+"""A life: the agent learns from touches as they come, notices that its body changed, and mends.
+
+It learns what to expect when it has 5000 touches, and again whenever it has twice as many. When the
+alarm is raised, it learns no more for a while and only collects touches of the body that it has
+now. Then it finds out what changed, makes what it remembers into touches of that body, and lives
+on. It is told nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from selftouch_drake.agent.living.learner import LivingLearner
+from selftouch_drake.agent.living.mending import Mending, understand
+from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation, surprise
+
+#: Touches after which the agent learns what to expect, and the share by which they have grown when
+#: it does again.
+_FIRST, _AGAIN = 5000, 2.0
+
+#: The last touches, from which the expectation does not learn, say what surprise is usual.
+_USUAL = 1000
+
+#: Touches of the changed body from which the agent finds out what changed.
+_TO_UNDERSTAND = 2000
+
+#: Touches are taken so many at a time, so that a life does not depend on how it is cut.
+_BLOCK = 500
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Noticed:
+    """A change that the agent noticed.
+
+    Attributes:
+        row: number of the touch at which it did.
+        since: number of the first touch that it takes for one of the changed body.
+        mended_at: touches of the life when it had found out what changed.
+        mending: what it found.
+    """
+
+    row: int
+    since: int
+    mended_at: int
+    mending: Mending
+
+
+class Life:
+    """An agent that learns, expects, notices and mends, touch by touch.
+
+    Args:
+        make_learner: makes a learner that knows nothing; a mended agent begins with a new one, and
+            what it remembers.
+        seed: of all that is random.
+        false_alarms: chance of a false alarm in 100,000 touches.
+        num_steps: of learning what to expect; with fewer it notices less.
+    """
+
+    def __init__(
+        self,
+        make_learner: Callable[[], LivingLearner] = LivingLearner,
+        *,
+        seed: int = 0,
+        false_alarms: float = 0.01,
+        num_steps: int = NUM_STEPS,
+    ) -> None:
+        self._make_learner, self._seed, self._false_alarms = make_learner, seed, false_alarms
+        self._num_steps = num_steps
+        self.learner = make_learner()
+        #: The changes that it noticed, in order.
+        self.noticed: list[Noticed] = []
+        #: Surprise of each touch, `(n,)` arrays in order; NaN before anything is expected.
+        self.surprise: list[np.ndarray] = []
+        self.num_touches = 0
+        self._expectation: Expectation | None = None
+        self._alarm: Alarm | None = None
+        self._usual = 0.0
+        self._expects_again_at: float = _FIRST
+        # Touches that wait for a full block; the last ones learned; those of a changed body.
+        self._waiting = self._last = self._strange = _Touches.none()
+        self._raised: tuple[int, int] | None = None
+
+    @property
+    def has_doubts(self) -> bool:
+        """Whether it noticed a change and has not yet found out what changed."""
+        return self._raised is not None
+
+    def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
+        """Lives through the next touches.
+
+        Args:
+            q: `(n, J)` motor configurations, in the robot's units.
+            sensation: `(n, S)` N, what was felt there; no row null.
+        """
+        touches = self._waiting.and_then(_Touches(np.asarray(q), np.asarray(sensation)))
+        while len(touches) >= _BLOCK:
+            self._live(touches[:_BLOCK])
+            touches = touches[_BLOCK:]
+        self._waiting = touches
+
+    def _live(self, block: _Touches) -> None:
+        first = self.num_touches
+        self.num_touches += len(block)
+        if self._raised is None:
+            block, strange = self._watched(block, first)
+            self._learn(block)
+        else:
+            strange = block
+            self.surprise.append(self._surprised(block))
+        self._strange = self._strange.and_then(strange)
+        if self._raised is not None and len(self._strange) >= _TO_UNDERSTAND:
+            self._mend()
+        elif self._raised is None and self.learner.num_touches >= self._expects_again_at:
+            self._expect()
+
+    def _watched(self, block: _Touches, first: int) -> tuple[_Touches, _Touches]:
+        """Cuts a block where the body changed; all is of the body of before if it did not."""
+        surprised = self._surprised(block)
+        self.surprise.append(surprised)
+        row = None if self._alarm is None else self._alarm.watch(surprised)
+        if row is None or self._alarm is None:
+            return block, _Touches.none()
+        since = row + 1 - self._alarm.since
+        self._raised = first + row, first + since
+        return block[: max(since, 0)], block[max(since, 0) :]
+
+    def _surprised(self, block: _Touches) -> np.ndarray:
+        if self._expectation is None:
+            return np.full(len(block), np.nan)
+        return surprise(self._expectation(block.q), block.sensation)
+
+    def _learn(self, block: _Touches) -> None:
+        if len(block):
+            self.learner.take(block.q, block.sensation)
+            self._last = self._last.and_then(block)[-_USUAL:]
+
+    def _mend(self) -> None:
+        assert self._raised is not None
+        assert self._expectation is not None
+        held = self.learner.remembered().columns
+        mending = understand(
+            self._expectation,
+            np.any(held["sensation"] > 0, axis=0),
+            self._usual,
+            self._strange.q,
+            self._strange.sensation,
+            seed=self._seed,
+        )
+        self.learner = self._make_learner()
+        self.learner.take(*mending.mended(held["q"], held["sensation"]))
+        row, since = self._raised
+        self.noticed.append(
+            Noticed(row=row, since=since, mended_at=self.num_touches, mending=mending)
+        )
+        self._last = _Touches.none()
+        self._learn(self._strange)
+        self._strange, self._raised = _Touches.none(), None
+        self._expect()
+
+    def _expect(self) -> None:
+        """Learns what to expect from all that is remembered, but for the last touches."""
+        held = self.learner.remembered()
+        early = held.row < self.learner.num_touches - len(self._last)
+        self._expectation = Expectation.learn(
+            held.columns["q"][early],
+            held.columns["sensation"][early],
+            num_steps=self._num_steps,
+            seed=self._seed,
+        )
+        usual = self._surprised(self._last)
+        self._usual = float(usual.mean())
+        self._alarm = Alarm.calibrated(usual, false_alarms=self._false_alarms)
+        self._expects_again_at = _AGAIN * self.learner.num_touches
+
+
+class _Touches:
+    """Motor configurations `(n, J)` and what was felt there, `(n, S)`, in order."""
+
+    def __init__(self, q: np.ndarray, sensation: np.ndarray) -> None:
+        self.q, self.sensation = q, sensation
+
+    @staticmethod
+    def none() -> _Touches:
+        return _Touches(np.empty((0, 0)), np.empty((0, 0)))
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __getitem__(self, rows: Any) -> _Touches:
+        return _Touches(self.q[rows], self.sensation[rows])
+
+    def and_then(self, others: _Touches) -> _Touches:
+        if not len(self) or not len(others):
+            return self if len(self) else others
+        return _Touches(
+            np.concatenate([self.q, others.q]), np.concatenate([self.sensation, others.sensation])
+        )

@@ -1,0 +1,124 @@
+"""How good what an agent knows is at a moment of its life, in the body that it then has."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.living import LivingLearner
+from selftouch_drake.agent.shape import Body
+from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
+from selftouch_drake.evaluation.shape import shape_errors
+from selftouch_drake.experience import Contacts
+from selftouch_drake.robot import World
+
+# No luck of a network's start is in this metric, and it takes a few seconds.
+_METRIC = "sensorimotor"
+# Rad of path length, from one look at a path to the next.
+_STEP = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Quality:
+    """What an agent knows, held against a world.
+
+    Attributes:
+        body: the body that it recovers.
+        truth: where its kernels touch now; None if one of them touches nothing any more.
+        error: shape error of the skin that is off most, as a share of its size; NaN without truth.
+        holes: Betti numbers of the largest part; empty if it is too small.
+        contact: share of planned paths in contact, without dynamics; NaN if none was planned.
+    """
+
+    body: Body
+    truth: KernelTruth | None
+    error: float
+    holes: tuple[int, ...]
+    contact: float
+
+
+def quality(learner: LivingLearner, world: World, num_pairs: int) -> Quality:
+    """Scores what a learner knows by now.
+
+    Args:
+        learner: one that knows something.
+        world: with the body as it now is.
+        num_pairs: of start and goal, between which paths are planned.
+    """
+    known = learner.representation
+    body = Agent.of(known).recover(_METRIC)
+    felt = world.probe.touches(known.kernel_q)
+    contacts = Contacts.of_rows(
+        felt.row, felt.skin, felt.toucher, felt.p_LC, np.arange(known.num_rows)
+    )
+    try:
+        truth = kernel_truth(known, contacts)
+    except ValueError:
+        truth = None
+    errors = {} if truth is None else shape_errors(body.positions, known.part, truth)
+    holes = body.parts[0].topology
+    return Quality(
+        body=body,
+        truth=truth,
+        error=max(errors.values(), default=float("nan")),
+        holes=() if holes is None else holes.betti,
+        contact=planned_contact(learner, world, num_pairs),
+    )
+
+
+def planned_contact(learner: LivingLearner, world: World, num_pairs: int) -> float:
+    """Share of planned paths in contact, in the kinematic world; NaN if there is no path."""
+    agent = Agent.of(learner.representation)
+    shares = [world.probe.sensations(q).any(axis=1).mean() for q in _paths(agent, num_pairs)]
+    return float(np.mean(shares)) if shares else float("nan")
+
+
+def _paths(agent: Agent, num_pairs: int) -> Iterator[np.ndarray]:
+    """`(T, J)` configurations along plans between targets drawn at random, if there is a way."""
+    rng = np.random.default_rng(1)
+    for _ in range(num_pairs):
+        start, goal = rng.choice(agent.representation.num_targets, 2, replace=False)
+        try:
+            plan = agent.plan(int(start), int(goal))
+        except ValueError:
+            continue
+        yield plan.path(np.arange(0.0, plan.waypoint_s[-1], _STEP))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LifeCurves:
+    """The life of an agent as curves over its touches.
+
+    Attributes:
+        touches: `(M,)` touches at the moments at which it was scored.
+        coverage: `(M,)` share of all receptors that have felt something by then.
+        error: `(M,)` shape error; see `Quality`.
+        contact: `(M,)` share of planned paths in contact.
+        block_touches: `(B,)` touches at the end of each block.
+        surprise: `(B,)` mean surprise in each block; NaN before anything is expected.
+        changed: `(C,)` touches at which the body changed.
+        noticed: `(D,)` touches at which the agent noticed a change.
+        mended: `(D,)` touches at which it had found out what changed.
+    """
+
+    touches: np.ndarray
+    coverage: np.ndarray
+    error: np.ndarray
+    contact: np.ndarray
+    block_touches: np.ndarray
+    surprise: np.ndarray
+    changed: np.ndarray
+    noticed: np.ndarray
+    mended: np.ndarray
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """All fields, by name."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> LifeCurves:
+        """What `to_arrays` gave; other names are ignored."""
+        return cls(**{field.name: arrays[field.name] for field in fields(cls)})

@@ -1,0 +1,156 @@
+"""A body that changed: links that grew, joints whose zeros moved, skins that slipped."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from pydrake.common.eigen_geometry import AngleAxis
+from pydrake.math import RigidTransform, RollPitchYaw
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    Frame,
+    Joint,
+    PrismaticJoint,
+    RevoluteJoint,
+    RigidBody,
+    WeldJoint,
+)
+
+from selftouch_drake.experiment import Experiment, ExperimentError, SkinChange
+from selftouch_drake.robot.links import find_joint, find_link
+
+
+def change_joints(plant: MultibodyPlant, experiment: Experiment) -> None:
+    """Puts the joints of a plant where they are after links grew and zeros moved.
+
+    What hangs on a grown link moves away from the joint that carries the link. The link's own
+    geometry stays as its model has it.
+
+    Args:
+        plant: holds the robot as its model has it, and is not yet finalized.
+        experiment: whose `body_changes` are made.
+
+    Raises:
+        ExperimentError: a change names what the robot does not have, or a joint that cannot move.
+    """
+    zeros: dict[int, float] = {}
+    for number, change in enumerate(experiment.body_changes):
+        for name in change.links:
+            find_link(plant, name, f"changes[{number}].links")
+        for name, moved in change.joints.items():
+            field = f"changes[{number}].joints"
+            joint = find_joint(plant, name, field)
+            if not isinstance(joint, RevoluteJoint | PrismaticJoint):
+                raise ExperimentError(
+                    f"{field} is {name!r}, a {joint.type_name()} joint; name joints that turn "
+                    "about one axis or slide along one"
+                )
+            index = int(joint.index())
+            zeros[index] = zeros.get(index, 0.0) + moved
+    for joint in [plant.get_joint(index) for index in plant.GetJointIndices()]:
+        on_parent = frame_after(plant, experiment, joint.frame_on_parent())
+        zero = zeros.get(int(joint.index()), 0.0)
+        if zero or on_parent is not joint.frame_on_parent():
+            _replace(plant, joint, on_parent, zero)
+
+
+def frame_after(plant: MultibodyPlant, experiment: Experiment, frame: Frame) -> Frame:
+    """Where a frame of a plant is after its link grew: a new frame, or itself if nothing moved."""
+    scale, shift = _growth(plant, experiment, frame.body())
+    X_LF = frame.GetFixedPoseInBodyFrame()
+    p_LF = scale * X_LF.translation() + shift
+    if np.array_equal(p_LF, X_LF.translation()):
+        return frame
+    body, name = frame.body(), f"{frame.name()}_grown_{plant.num_frames()}"
+    X_LG = RigidTransform(X_LF.rotation(), p_LF)
+    return plant.AddFrame(FixedOffsetFrame(name, body.body_frame(), X_LG))
+
+
+def skin_motion(
+    plant: MultibodyPlant, experiment: Experiment, name: str, link: RigidBody
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Where a skin went since it was made: a point p of it, in its link's frame, is at A p + b.
+
+    Returns:
+        A `(3, 3)` and b `(3,)` m; None if nothing changed.
+    """
+    if not experiment.body_changes:
+        return None
+    A, b = np.eye(3), np.zeros(3)
+    for change in experiment.body_changes:
+        what = change.skins.get(name, SkinChange())
+        R = RollPitchYaw(np.radians(what.rpy_deg)).ToRotationMatrix().matrix()
+        A, b = what.stretch * R @ A, what.stretch * R @ b + what.translation
+    scale, shift = _growth(plant, experiment, link)
+    return scale * A, scale * b + shift
+
+
+def _growth(
+    plant: MultibodyPlant, experiment: Experiment, link: RigidBody
+) -> tuple[float, np.ndarray]:
+    """Factor and shift (`(3,)` m) of the places on a link that grew, 1 and 0 if it did not."""
+    scale = 1.0
+    for number, change in enumerate(experiment.body_changes):
+        for name, share in change.links.items():
+            grown = find_link(plant, name, f"changes[{number}].links")
+            scale *= 1.0 + share * (grown.index() == link.index())
+    return scale, (1.0 - scale) * _carried_at(plant, link)
+
+
+def _carried_at(plant: MultibodyPlant, link: RigidBody) -> np.ndarray:
+    """`(3,)` m, where the joint that carries a link is in its frame; its origin if none does."""
+    for joint in _joints(plant):
+        if joint.child_body().index() == link.index():
+            return joint.frame_on_child().GetFixedPoseInBodyFrame().translation()
+    return np.zeros(3)
+
+
+def _joints(plant: MultibodyPlant) -> Iterator[Joint]:
+    return (plant.get_joint(index) for index in plant.GetJointIndices())
+
+
+def _replace(plant: MultibodyPlant, joint: Joint, on_parent: Frame, zero: float) -> None:
+    """Puts a joint on another frame of its parent, and moves its zero; all else stays."""
+    name, on_child = joint.name(), joint.frame_on_child()
+    if isinstance(joint, WeldJoint):
+        X_FM = joint.X_FM()
+        plant.RemoveJoint(joint)
+        plant.AddJoint(WeldJoint(name, on_parent, on_child, X_FM))
+        return
+    turns = isinstance(joint, RevoluteJoint)
+    if not turns and not isinstance(joint, PrismaticJoint):
+        raise ExperimentError(
+            f"changes[].links moves joint {name!r}, a {joint.type_name()} joint; grow links that "
+            "carry joints that turn about one axis or slide along one"
+        )
+    axis = joint.revolute_axis() if turns else joint.translation_axis()
+    make = RevoluteJoint if turns else PrismaticJoint
+    lower, upper = joint.position_lower_limit(), joint.position_upper_limit()
+    start, damping = joint.default_positions(), joint.default_damping_vector()
+    speed = joint.velocity_lower_limits(), joint.velocity_upper_limits()
+    acceleration = joint.acceleration_lower_limits(), joint.acceleration_upper_limits()
+    actuators = [
+        (a.name(), a.effort_limit(), a.default_rotor_inertia(), a.default_gear_ratio())
+        for a in map(plant.get_joint_actuator, list(plant.GetJointActuatorIndices()))
+        if a.joint().index() == joint.index()
+    ]
+    for actuator in actuators:
+        plant.RemoveJointActuator(plant.GetJointActuatorByName(actuator[0], joint.model_instance()))
+    if zero:
+        moved = RigidTransform(zero * axis)
+        X_FZ = RigidTransform(AngleAxis(zero, axis), np.zeros(3)) if turns else moved
+        on_parent = plant.AddFrame(
+            FixedOffsetFrame(f"{name}_zero_{plant.num_frames()}", on_parent, X_FZ)
+        )
+    plant.RemoveJoint(joint)
+    new = plant.AddJoint(make(name, on_parent, on_child, axis, lower - zero, upper - zero))
+    new.set_default_positions(np.clip(start, lower - zero, upper - zero))
+    new.set_default_damping_vector(damping)
+    new.set_velocity_limits(*speed)
+    new.set_acceleration_limits(*acceleration)
+    for actuator, effort, inertia, ratio in actuators:
+        added = plant.AddJointActuator(actuator, new, effort)
+        added.set_default_rotor_inertia(inertia)
+        added.set_default_gear_ratio(ratio)

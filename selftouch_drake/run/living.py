@@ -1,0 +1,136 @@
+"""The life of a run's agent: it takes the touches of its experience as they came."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Protocol
+
+import numpy as np
+
+from selftouch_drake.agent.living import Life, LivingLearner
+from selftouch_drake.evaluation.life import LifeCurves, Quality, quality
+from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.files import save_arrays
+from selftouch_drake.robot import World
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.stages import Progress, require_experience, silent
+from selftouch_drake.run.worlds import build_world, require_robot
+
+#: Touches that are taken at a time.
+BLOCK = 500
+#: It is scored at so many touches, then whenever there are half as many more, and at changes.
+_FIRST, _MORE = 500, 1.5
+#: Touches after a change by which it is scored again.
+_AFTER = 2500
+
+
+class Watcher(Protocol):
+    """Who looks on."""
+
+    def enter(self, world: World) -> None:
+        """The body is that of `world` from now on."""
+
+    def lived(self, q: np.ndarray, sensation: np.ndarray, life: Life) -> None:
+        """The agent took touches `(n, J)` and `(n, S)` N."""
+
+    def scored(self, found: Quality, num_touches: int) -> None:
+        """The agent was scored."""
+
+
+def live(
+    run: RunDirectory, watcher: Watcher | None = None, progress: Progress = silent
+) -> LifeCurves:
+    """Lets an agent live through the experience of a run, and keeps its life as curves.
+
+    If it is interrupted, the curves up to there are kept.
+
+    Args:
+        run: a run that has babbled.
+        watcher: called with all that happens.
+        progress: called with the fraction lived.
+
+    Raises:
+        RunError: the experience is not complete.
+    """
+    require_robot(run.experiment)
+    require_experience(run)
+    biography = _Biography(run, watcher)
+    total = run.experiment.babbling.num_samples
+    try:
+        for q, sensation in _blocks(run):
+            biography.take(q, sensation)
+            progress(biography.life.num_touches / total, f"{biography.life.num_touches:,} touches")
+    finally:
+        save_arrays(run.life, biography.curves.to_arrays() | run.stamp())
+    return biography.curves
+
+
+def _blocks(run: RunDirectory) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    for sensation, q in ExperienceReader(run.experience).touches():
+        for start in range(0, len(q), BLOCK):
+            yield q[start : start + BLOCK], sensation[start : start + BLOCK]
+
+
+class _Biography:
+    """A life, and what was noted of it."""
+
+    def __init__(self, run: RunDirectory, watcher: Watcher | None):
+        self._experiment, self._watcher = run.experiment, watcher
+        settings, seed = run.experiment.representation, run.experiment.seed
+
+        def learner() -> LivingLearner:
+            return LivingLearner(settings.num_targets, settings.max_kernel_size, seed=seed)
+
+        self.life = Life(learner, seed=seed)
+        self._changes = [c.after for c in run.experiment.changes if c.after > 0]
+        self._due, self._taken = float(_FIRST), 0
+        self._felt = np.zeros(run.experiment.num_receptors, dtype=bool)
+        self._scores: list[tuple[int, float, float, float]] = []
+        self._world = self._enter(0)
+
+    def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
+        """The next touches."""
+        if self._taken in self._changes:
+            self._world = self._enter(self._taken)
+            self._due = min(self._due, self._taken + _AFTER)
+            if self.life.learner.knows:
+                self._score()
+        self._taken += len(q)
+        self._felt |= sensation.any(axis=0)
+        self.life.take(q, sensation)
+        if self._watcher is not None:
+            self._watcher.lived(q, sensation, self.life)
+        if self._taken >= self._due and self.life.learner.knows and not self.life.has_doubts:
+            self._score()
+            self._due = _MORE * self._taken
+
+    def _enter(self, num_touches: int) -> World:
+        world = build_world(self._experiment.after(num_touches))
+        if self._watcher is not None:
+            self._watcher.enter(world)
+        return world
+
+    def _score(self) -> None:
+        found = quality(self.life.learner, self._world, self._experiment.evaluation.num_pairs)
+        score = self._taken, float(self._felt.mean()), found.error, found.contact
+        self._scores.append(score)
+        if self._watcher is not None:
+            self._watcher.scored(found, self._taken)
+
+    @property
+    def curves(self) -> LifeCurves:
+        """The life so far."""
+        touches, coverage, error, contact = np.array(self._scores, dtype=float).reshape(-1, 4).T
+        blocks = self.life.surprise
+        means = [block.mean() for block in blocks]
+        return LifeCurves(
+            touches=touches.astype(int),
+            coverage=coverage,
+            error=error,
+            contact=contact,
+            block_touches=np.cumsum([len(block) for block in blocks], dtype=int),
+            surprise=np.array(means, dtype=float),
+            changed=np.array([c for c in self._changes if c < self._taken], dtype=int),
+            noticed=np.array([one.row + 1 for one in self.life.noticed], dtype=int),
+            mended=np.array([one.mended_at for one in self.life.noticed], dtype=int),
+        )

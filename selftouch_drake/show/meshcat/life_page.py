@@ -1,0 +1,121 @@
+"""A life in a browser: the robot as it touches itself, and beside it the body as it knows it."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable
+
+import numpy as np
+from pydrake.geometry import Meshcat
+from pydrake.math import RigidTransform
+
+from selftouch_drake.agent.living import Life
+from selftouch_drake.evaluation.life import Quality
+from selftouch_drake.robot import World
+from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
+from selftouch_drake.show.meshcat.receptors import rgba
+from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.meshcat.stage import VIEW
+from selftouch_drake.show.meshcat.text_meshes import put_text
+from selftouch_drake.show.recovered import laid_on_skins
+from selftouch_drake.show.skins import surfaces_of
+from selftouch_drake.show.style import INK, RECOVERED
+
+END = "end"
+#: s, from frame to frame, and frames of each block of touches.
+_FRAME_S, _FRAMES = 1 / 30, 15
+#: The body that the agent knows stands this many sizes beside the real one.
+_ASIDE = 1.55
+_KNOWN = "/known"
+
+
+class LifePage:
+    """Shows an agent that lives.
+
+    Args:
+        meshcat: where it is shown.
+        frame_s: s, from frame to frame.
+
+    Attributes:
+        status: what is written below the robot.
+    """
+
+    def __init__(self, meshcat: Meshcat, *, frame_s: float = _FRAME_S):
+        self._meshcat, self._frame_s = meshcat, frame_s
+        self.status = ""
+        meshcat.AddButton(END, "Escape")
+
+    def enter(self, world: World) -> None:
+        """Draws the robot with the body that it has from now on."""
+        self._meshcat.Delete("/drake")
+        self._meshcat.Delete("/skins")
+        self._world, self._robot = world, FeelingRobot(self._meshcat, world)
+
+    def lived(self, q: np.ndarray, sensation: np.ndarray, life: Life) -> None:
+        """Shows some of the touches that the agent took.
+
+        Raises:
+            KeyboardInterrupt: the page's `end` was pressed.
+        """
+        for row in range(0, len(q), max(len(q) // _FRAMES, 1)):
+            if self._meshcat.GetButtonClicks(END):
+                raise KeyboardInterrupt
+            self._robot.show(q[row].astype(float), sensation[row].astype(float))
+            time.sleep(self._frame_s)
+        self._say(f"{life.num_touches:,} touches: {_mood(life)}")
+
+    def scored(self, found: Quality, num_touches: int) -> None:
+        """Draws the body that the agent knows by now."""
+        self._meshcat.Delete(_KNOWN)
+        if found.truth is None:
+            return
+        skins, robot = surfaces_of(self._world.skins), self._robot
+        home = self._world.robot.skin_positions(robot.home[None])[0]
+        self._meshcat.SetTransform(_KNOWN, RigidTransform(_ASIDE * robot.size * VIEW.axes[0]))
+        for part in laid_on_skins(found.body, found.truth, skins, home):
+            both_sides = np.vstack([part.faces, part.faces[:, ::-1]])
+            path = f"{_KNOWN}/part_{part.part}"
+            color = rgba(RECOVERED, 0.6)
+            self._meshcat.SetTriangleMesh(path, part.places.T, both_sides.T, color)
+            self._meshcat.SetTriangleMesh(
+                f"{path}/edges", part.places.T, part.faces.T, rgba(INK), wireframe=True
+            )
+
+    def _say(self, text: str) -> None:
+        if text != self.status:
+            under = self._robot.middle - 0.75 * self._robot.size * VIEW.axes[1]
+            size = 0.08 * self._robot.size
+            put_text(self._meshcat, "/status", text, under, VIEW, size=size, color=rgba(INK))
+            self.status = text
+
+
+def _mood(life: Life) -> str:
+    if life.has_doubts:
+        return "this is not what it expects"
+    if life.noticed:
+        return f"it found out: {life.noticed[-1].mending.in_words}"
+    return "it learns" if life.learner.knows else "it begins"
+
+
+def show_life(
+    live: Callable[[LifePage], object],
+    *,
+    port: int | None = None,
+    announce: Callable[[str], None] = print,
+) -> None:
+    """Shows a life in a browser, until it is over, the `end` button or Ctrl-C.
+
+    Args:
+        live: lives, and calls the page with all that happens.
+        port: of the page; by default the first free one from 7000 on.
+        announce: called with where to look.
+
+    Raises:
+        ValueError: the port is taken.
+    """
+    meshcat = open_meshcat(port)
+    announce(f"live at {meshcat.web_url()} (Ctrl-C to end)")
+    with contextlib.suppress(KeyboardInterrupt):
+        live(LifePage(meshcat))
+    announce("ended")

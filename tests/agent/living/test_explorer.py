@@ -1,0 +1,85 @@
+"""The explorer stays in touch, and goes where it knows least."""
+
+import numpy as np
+import pytest
+
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner
+
+pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
+
+JOINTS = Joints(lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.05))
+MANNER = Manner(pace=1.0, dwell=24, air=0.1, walked=1, hops=0)
+DEPTH = 0.15
+
+
+def ball_feels(q, poles=None):
+    """A skin round a ball: pressed by a fingertip that is at `(n, 3)` q, deeper is more."""
+    far = np.linalg.norm(q, axis=1, keepdims=True)
+    poles = SENSORS if poles is None else poles
+    beside = np.clip(1.0 - np.linalg.norm(q / far - poles[:, None], axis=2).T / 0.75, 0.0, None)
+    depth = np.clip(1.0 - np.abs(far - 1.0) / DEPTH, 0.0, None)
+    return depth * beside
+
+
+def sensors():
+    i = np.arange(40) + 0.5
+    z = 1 - 2 * i / 40
+    turn, flat = i * np.pi * (1 + np.sqrt(5)), np.sqrt(1 - z**2)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
+
+
+SENSORS = sensors()
+
+
+def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), manner=MANNER):
+    start = np.array(start)
+    explorer = Explorer(
+        agent, JOINTS, manner, start, ball_feels(start[None])[0], np.random.default_rng(seed)
+    )
+    moves = explorer.moves()
+    path, met = next(moves), []
+    while sum(map(len, met)) < num_steps:
+        met.append(path)
+        path = moves.send((path, ball_feels(path)))
+    q = np.concatenate(met)
+    return q, ball_feels(q)
+
+
+def who_knows(q, sensation):
+    learner = LivingLearner(30)
+    learner.take(q, sensation)
+    return Agent.of(learner.representation, kernel_sensation=learner.kernel_sensation)
+
+
+def test_it_stays_in_touch_before_it_knows_anything():
+    _, felt = explored(None, 3000)
+    # Of random configurations 16 % touch.
+    assert np.mean(felt.any(axis=1)) > 0.45
+
+
+def test_it_goes_where_it_seldom_was():
+    """It knows one half well; the other it has met a few times."""
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(4000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    points = points[(points[:, 2] > 0) | (rng.random(4000) < 0.05)]
+    agent = who_knows(points, ball_feels(points))
+    q, felt = explored(agent, 3000)
+    q = q[felt.any(axis=1)]
+    assert len(q) > 0.6 * 3000
+    assert np.mean(q[:, 2] < 0) > 0.5
+
+
+def test_moves_stay_within_the_limits_of_the_joints():
+    q, _ = explored(None, 2000)
+    assert (q >= JOINTS.lower).all()
+    assert (q <= JOINTS.upper).all()
+
+
+def test_the_same_seed_gives_the_same_moves():
+    first, _ = explored(None, 500, seed=3)
+    again, _ = explored(None, 500, seed=3)
+    other, _ = explored(None, 500, seed=4)
+    np.testing.assert_array_equal(first, again)
+    assert not np.array_equal(first[:400], other[:400])

@@ -1,0 +1,169 @@
+"""An agent notices that its body changed, finds out how, and makes its touches those of today."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from skins import touch
+
+from selftouch_drake.agent.living import Alarm, Expectation, Life, LivingLearner, understand
+from selftouch_drake.agent.living import life as module
+from selftouch_drake.agent.living.surprise import surprise
+
+pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
+
+NUM_OLD, NUM_NEW = 6000, 1500
+
+
+@pytest.fixture(scope="module")
+def touches():
+    q, sensation, *_ = touch(["sphere"], NUM_OLD + NUM_NEW, num_receptors=40)
+    order = np.random.default_rng(0).permutation(len(q))
+    return q[order].astype(np.float32), sensation[order].astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def expectation(touches):
+    q, sensation = touches
+    return Expectation.learn(q[:5000], sensation[:5000], num_steps=400)
+
+
+@pytest.fixture(scope="module")
+def usual(touches, expectation):
+    q, sensation = touches
+    return surprise(expectation(q[5000:NUM_OLD]), sensation[5000:NUM_OLD])
+
+
+def found(expectation, touches, usual, change):
+    """What the agent makes of a change, of touches since, and of those of before."""
+    q, sensation = touches
+    new_q, new = change(q[NUM_OLD:].copy(), sensation[NUM_OLD:].copy())
+    felt = new.any(axis=1)
+    known = sensation[:NUM_OLD].any(axis=0)
+    return understand(expectation, known, float(usual.mean()), new_q[felt], new[felt])
+
+
+def test_it_expects_what_it_feels(usual):
+    assert np.median(usual) < 0.05
+
+
+def test_nothing_changed_is_left_as_it_is(expectation, touches, usual):
+    mending = found(expectation, touches, usual, lambda q, s: (q, s))
+    q, sensation = mending.mended(touches[0][:100], touches[1][:100])
+    assert np.array_equal(q, touches[0][:100])
+    assert np.array_equal(sensation, touches[1][:100])
+    assert mending.in_words == "nothing that explains it"
+
+
+def test_silent_and_swapped_receptors_are_found(expectation, touches, usual):
+    swapped = np.arange(40)
+    swapped[[3, 30]] = [30, 3]
+
+    def change(q, sensation):
+        sensation = sensation[:, swapped]
+        sensation[:, [5, 6]] = 0.0
+        return q, sensation
+
+    mending = found(expectation, touches, usual, change)
+    assert np.flatnonzero(mending.silent).tolist() == [5, 6]
+    assert np.array_equal(mending.source, swapped)
+    assert mending.displacement is None
+    assert not mending.offset.any()
+    q, sensation = touches[0][:NUM_OLD], touches[1][:NUM_OLD]
+    _, mended = mending.mended(q, sensation)
+    _, true = change(q, sensation)
+    kept = np.linalg.norm(true, axis=1) > 0.2 * np.linalg.norm(sensation, axis=1)
+    assert np.array_equal(mended, true[kept])
+
+
+def test_a_zero_that_moved_is_one_number(expectation, touches, usual):
+    def change(q, sensation):
+        q[:, 1] -= 0.3
+        return q, sensation
+
+    mending = found(expectation, touches, usual, change)
+    assert mending.displacement is None
+    assert np.flatnonzero(mending.offset).tolist() == [1]
+    assert mending.offset[1] == pytest.approx(0.3, abs=0.02)
+    now, _ = mending.mended(touches[0][:10], touches[1][:10])
+    assert now == pytest.approx(change(touches[0][:10].copy(), None)[0], abs=0.02)
+
+
+def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
+    q, sensation = touches
+    blind = sensation.copy()
+    blind[:, 7] = 0.0
+    some = blind.any(axis=1)
+    expectation = Expectation.learn(q[:5000][some[:5000]], blind[:5000][some[:5000]], num_steps=400)
+    mending = understand(expectation, blind.any(axis=0), 0.0, q[NUM_OLD:], sensation[NUM_OLD:])
+    assert np.flatnonzero(mending.new).tolist() == [7]
+    _, mended = mending.mended(q[:1000], blind[:1000])
+    felt = blind[:1000].any(axis=1)
+    before = surprise(blind[:1000][felt], sensation[:1000][felt]).mean()
+    assert surprise(mended[: felt.sum()], sensation[:1000][felt][: len(mended)]).mean() < before / 3
+
+
+def test_a_bent_arm_is_a_displacement(expectation, touches, usual):
+    def bend(q):
+        return q + 0.2 * np.sin(1.5 * q[:, [1, 0, 2, 3, 4]][:, : q.shape[1]])
+
+    def change(q, sensation):
+        # Where the joints read q, they act as if they were at bend(q).
+        now = q.copy()
+        for _ in range(30):
+            now = now + q - bend(now)
+        return now.astype(np.float32), sensation
+
+    mending = found(expectation, touches, usual, change)
+    assert mending.displacement is not None
+    before, after = mending.surprise
+    assert after < before / 2
+    q = touches[0][:500]
+    now, _ = mending.mended(q, touches[1][:500])
+    true, _ = change(q.copy(), None)
+    assert np.abs(now - true)[:, :3].mean() < 0.5 * np.abs(q - true)[:, :3].mean()
+
+
+def test_the_alarm_is_silent_on_what_is_usual_and_quick_on_what_is_not():
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        alarm = Alarm.calibrated(rng.exponential(size=2000))
+        assert alarm.watch(rng.exponential(size=100_000)) is None
+        row = alarm.watch(2.0 * rng.exponential(size=500))
+        assert row is not None
+        assert row < 150
+        assert abs(alarm.since - row - 1) < 50
+
+
+def test_touches_that_come_in_runs_count_for_less():
+    rng = np.random.default_rng(1)
+    runs = np.repeat(rng.exponential(size=20_000), 5)
+    alarm = Alarm.calibrated(runs[:4000])
+    assert alarm.correlation > 3
+    assert alarm.watch(runs[4000:]) is None
+
+
+def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monkeypatch):
+    monkeypatch.setattr(module, "_FIRST", 3000)
+    monkeypatch.setattr(module, "_USUAL", 600)
+    monkeypatch.setattr(module, "_TO_UNDERSTAND", 900)
+    q, sensation = touches
+    q, sensation = q.copy(), sensation.copy()
+    q[4500:, 0] += 0.5
+
+    def lived(chunk):
+        life = Life(lambda: LivingLearner(60), num_steps=150)
+        for start in range(0, 6500, chunk):
+            rows = slice(start, min(start + chunk, 6500))
+            life.take(q[rows], sensation[rows])
+        return life
+
+    one, other = lived(250), lived(730)
+    (noticed,) = one.noticed
+    assert 4500 <= noticed.row < 5000
+    assert noticed.mended_at <= 6000
+    assert noticed.mending.offset[0] == pytest.approx(-0.5, abs=0.1)
+    assert not one.has_doubts
+    for field in dataclasses.fields(one.learner.representation):
+        mine, its = (getattr(x.learner.representation, field.name) for x in (one, other))
+        assert np.array_equal(mine, its, equal_nan=field.name == "embedding")

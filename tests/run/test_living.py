@@ -1,0 +1,80 @@
+"""An agent lives through the experience of a run, watched or not, and its life is kept."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from selftouch_drake.evaluation.life import LifeCurves
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.files import load_arrays
+from selftouch_drake.run import stages
+from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.living import live
+from selftouch_drake.run.material import Material
+from selftouch_drake.show import LifePage, open_meshcat
+from selftouch_drake.show.page import life_figure
+
+pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    surface = {"shape": "sphere", "radius": 0.25, "resolution": 0.05}
+    experiment = load_experiment(
+        "sphere",
+        {
+            "skins": {"body": {"surface": surface, "num_receptors": 30}},
+            "babbling": {"num_samples": 1200, "walk_size": 600},
+            "representation": {"num_targets": 60},
+            "evaluation": {"num_pairs": 1},
+            "changes": [{"after": 1000, "skins": {"body": {"dead": [0]}}}],
+        },
+    )
+    run = RunDirectory.create(tmp_path_factory.mktemp("life") / "run", experiment)
+    with pytest.raises(RunError, match="half-finished"):
+        live(run)
+    stages.babble(run, stages.make_world(run), ThreadPoolExecutor(1))
+    return run
+
+
+class Page(LifePage):
+    """A page that notes what it shows, and may be ended."""
+
+    def __init__(self, ends_after=np.inf):
+        super().__init__(open_meshcat(), frame_s=0.0)
+        self.seen, self._ends_after = [], ends_after
+
+    def enter(self, world):
+        super().enter(world)
+        self.seen.append(len(world.experiment.changes))
+
+    def lived(self, q, sensation, life):
+        super().lived(q, sensation, life)
+        if life.num_touches > self._ends_after:
+            raise KeyboardInterrupt
+
+
+def test_a_life_is_shown_and_kept_as_curves(run):
+    page = Page()
+    curves = live(run, page)
+    assert page.seen == [0, 1]
+    assert page.status == "1,000 touches: it learns"
+    assert curves.touches[-1] >= 750
+    assert (np.diff(curves.coverage) >= 0).all()
+    assert 0.9 < curves.coverage[-1] <= 1
+    assert curves.error[-1] < 0.2
+    assert curves.changed.tolist() == [1000]
+    assert not len(curves.noticed)
+    kept = Material(run).life
+    assert all(
+        np.array_equal(array, kept.to_arrays()[name], equal_nan=True)
+        for name, array in curves.to_arrays().items()
+    )
+    assert len(life_figure.life(kept).axes) == 4
+
+
+def test_a_life_that_was_ended_is_kept_so_far(run):
+    with pytest.raises(KeyboardInterrupt):
+        live(run, Page(ends_after=500))
+    assert LifeCurves.from_arrays(load_arrays(run.life)).block_touches[-1] <= 1000

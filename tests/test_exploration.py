@@ -1,0 +1,118 @@
+"""Active babbling: rounds that follow from the rounds before, in both worlds."""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from selftouch_drake import exploration
+from selftouch_drake.experience import ExperienceReader, shard_name, walk_sizes
+from selftouch_drake.experiment import ExperimentError, dump_experiment, load_experiment
+from selftouch_drake.exploration import explore
+from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.fingerprint import experience_fingerprint
+
+SKINS = {
+    "body": {
+        "surface": {"shape": "sphere", "radius": 0.25, "resolution": 0.04},
+        "num_receptors": 30,
+    }
+}
+
+
+def active(num_samples, **babbling):
+    given = {"strategy": "active", "num_samples": num_samples} | babbling
+    return load_experiment(
+        "sphere",
+        {"skins": SKINS, "babbling": given, "representation": {"num_targets": 50}},
+    )
+
+
+def explored(path, experiment):
+    run = RunDirectory.create(path, experiment)
+    return run, explored_into(run)
+
+
+def explored_into(run):
+    exploration._life.cache_clear()
+    with ThreadPoolExecutor(1) as executor:
+        return explore(run.experiment, run.path, fingerprint=run.fingerprint(), executor=executor)
+
+
+def shards(run):
+    return {str(p.relative_to(run.path)): p.read_bytes() for p in run.path.rglob("*.parquet")}
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    run, counts = explored(tmp_path_factory.mktemp("active") / "run", active(750))
+    return run, counts, shards(run)
+
+
+def test_rounds_grow_with_the_experience():
+    sizes = walk_sizes(active(10_000))
+    assert sizes[:4] == [250, 250, 250, 250]
+    assert sizes[-2] > 500
+    assert sum(sizes) == 10_000
+    assert max(walk_sizes(active(10_000, walk_size=300))) == 300
+
+
+def test_what_touches_is_kept_as_it_is_felt(reference):
+    run, _, _ = reference
+    q = ExperienceReader(run.experience).read("q")
+    sensation = ExperienceReader(run.experience).read("sensation")
+    assert q.shape == (750, 6)
+    assert sensation.any(axis=1).all()
+    felt = exploration._life(*_key(run)).source.go(q)[1].sensation
+    np.testing.assert_array_equal(felt.astype(np.float32), sensation)
+
+
+def _key(run):
+
+    return dump_experiment(run.experiment), str(run.path.resolve())
+
+
+def test_a_stopped_run_goes_on_to_the_same_bytes(reference, tmp_path):
+    _, counts, wanted = reference
+    run = RunDirectory.create(tmp_path / "run", active(750))
+    for folder in ("experience", "truth"):
+        (run.path / folder).mkdir(exist_ok=True)
+        for number in range(2):
+            name = f"{folder}/{shard_name(number)}"
+            (run.path / name).write_bytes(wanted[name])
+    assert explored_into(run) == counts
+    assert shards(run) == wanted
+
+
+def test_a_lost_round_is_lived_again_to_the_same_bytes(reference):
+    run, counts, wanted = reference
+    (run.experience / shard_name(1)).unlink()
+    assert explored_into(run) == counts
+    assert shards(run) == wanted
+
+
+def test_the_agent_is_naive(reference):
+    """Without the truth of the rounds before it does the same."""
+    life = exploration.Life(active(750))
+    reader = ExperienceReader(reference[0].experience)
+    q, sensation = reader.read("q"), reader.read("sensation")
+    for number in range(2):
+        life.remember(q[250 * number :][:250], sensation[250 * number :][:250])
+    np.testing.assert_array_equal(life.explore(250).q, q[500:])
+
+
+def test_it_explores_under_dynamics(tmp_path):
+    run, counts = explored(tmp_path / "run", active(100, mode="dynamic"))
+    assert ExperienceReader(run.experience).num_rows == 100
+    assert counts.num_steps > 100
+
+
+def test_a_strategy_has_a_name():
+    with pytest.raises(ExperimentError, match=r"babbling.strategy is 'busy'"):
+        load_experiment("sphere", {"babbling": {"strategy": "busy"}})
+
+
+def test_random_babbling_keeps_its_fingerprint():
+
+    random = load_experiment("sphere")
+    assert experience_fingerprint(random, {}) != experience_fingerprint(active(100_000), {})
