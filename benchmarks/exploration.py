@@ -51,7 +51,7 @@ from selftouch_drake.evaluation import kernel_truth, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader, Shard, collect_walk
 from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource
 from selftouch_drake.experiment import Experiment, load_experiment
-from selftouch_drake.exploration import Life
+from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 
@@ -112,7 +112,7 @@ def babbled(experiment: Experiment, way: str) -> Iterator[Shard]:
     """Rounds without end."""
     world = World(experiment)
     dynamic = experiment.babbling.mode == "dynamic"
-    life = None if way == "random" else Life(experiment, WAYS[way])
+    life = None if way == "random" else Exploration(experiment, WAYS[way])
     source = None if life else (DynamicSource if dynamic else KinematicSource)(world)
     done, number = 0, 0
     while True:

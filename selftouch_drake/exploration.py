@@ -26,7 +26,7 @@ from selftouch_drake.experience import (
     collect,
     write_shard,
 )
-from selftouch_drake.experience.collect import WORLD_LOCK, keep_touches, step_sizes
+from selftouch_drake.experience.collect import WORLD_LOCK, keep_touches, known_world, step_sizes
 from selftouch_drake.experience.sources import KinematicSource, LedSource
 from selftouch_drake.experiment import Experiment, experiment_from_fields
 from selftouch_drake.robot import Touches, World
@@ -46,17 +46,23 @@ KINEMATIC = Manner(pace=1.0, dwell=0, air=0.95, walked=20, hops=2)
 DYNAMIC = Manner(pace=1.0, dwell=24, air=0.1, walked=1, hops=0)
 
 
-class Life:
+class Exploration:
     """An agent in its world, which explores in rounds and learns from each.
 
     Args:
         experiment: what it lives in.
         explorer: how it goes where.
+        world: of the experiment; by default it is built.
     """
 
-    def __init__(self, experiment: Experiment, explorer: type[Explorer] = Explorer):
+    def __init__(
+        self,
+        experiment: Experiment,
+        explorer: type[Explorer] = Explorer,
+        world: World | None = None,
+    ):
         self._explorer = explorer
-        world = World(experiment)
+        world = world or World(experiment)
         dynamic = experiment.babbling.mode == "dynamic"
         self.experiment = experiment
         self.source = LedSource(world) if dynamic else KinematicSource(world)
@@ -116,6 +122,7 @@ def explore(
     fingerprint: str,
     executor: Executor,
     progress: Callable[[int], None] = lambda num_rows: None,
+    world: World | None = None,
 ) -> WalkCounts:
     """Collects what is missing of an active run's experience; arguments and errors as `collect`."""
     return collect(
@@ -124,6 +131,7 @@ def explore(
         fingerprint=fingerprint,
         executor=executor,
         progress=progress,
+        world=world,
         make=_explore_and_store,
         in_turn=True,
     )
@@ -148,6 +156,7 @@ def _explore_and_store(
 
 
 @lru_cache(maxsize=1)
-def _life(text: str, run: str) -> Life:
+def _life(text: str, run: str) -> Exploration:
     """The life of a run, begun once a process."""
-    return Life(experiment_from_fields(yaml.safe_load(text)))
+    experiment = experiment_from_fields(yaml.safe_load(text))
+    return Exploration(experiment, world=known_world(text, experiment))

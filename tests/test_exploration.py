@@ -93,7 +93,7 @@ def test_a_lost_round_is_lived_again_to_the_same_bytes(reference):
 
 def test_the_agent_is_naive(reference):
     """Without the truth of the rounds before it does the same."""
-    life = exploration.Life(active(750))
+    life = exploration.Exploration(active(750))
     reader = ExperienceReader(reference[0].experience)
     q, sensation = reader.read("q"), reader.read("sensation")
     for number in range(2):

@@ -269,4 +269,9 @@ def _world(text: str) -> tuple[Experiment, Source]:
         "kinematic": KinematicSource,
         "dynamic": DynamicSource,
     }
-    return experiment, sources[experiment.babbling.mode](_KNOWN.get(text) or World(experiment))
+    return experiment, sources[experiment.babbling.mode](known_world(text, experiment))
+
+
+def known_world(text: str, experiment: Experiment) -> World:
+    """The world of an experiment with this text: the one that `collect` was given, or a new one."""
+    return _KNOWN.get(text) or World(experiment)

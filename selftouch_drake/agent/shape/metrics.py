@@ -50,8 +50,8 @@ _MOST_UNLIKE = 0.015
 #: (standard deviation): 0.03 to 0.07 where a map was right, 0.08 and more where it was not.
 _MOST_APART = 0.075
 
-#: Below this share no other network is trained: 0.035 to 0.041 on whole tori. From it on, the better
-#: of two is used: of networks between, some make twice the error of others.
+#: Below this share no other network is trained: 0.035 to 0.041 on whole tori. From it on, the
+#: better of two is used: of networks between, some make twice the error of others.
 _LITTLE_APART = 0.045
 
 #: Configurations of each set whose nearest neighbours the literal metric searches: all 1e12 pairs
