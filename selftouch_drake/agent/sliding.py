@@ -92,9 +92,9 @@ class Slides:
             array = getattr(self, name)
             whole = name in ("offsets", "node")
             if array.shape != shape or array.dtype.kind not in ("iu" if whole else "f"):
-                raise ValueError(f"slide_{name} is no array of slides")
+                raise ValueError(f"slide_{name} is not an array of slides")
             if not np.isfinite(array).all():
-                raise ValueError(f"slide_{name} holds what is no finite number")
+                raise ValueError(f"slide_{name} must hold finite numbers")
         ends = self.offsets[[0, -1]].tolist()
         if ends != [0, num_x] or (self.offsets[1:] < self.offsets[:-1]).any():
             raise ValueError(f"slide_offsets must rise from 0 to {num_x}")

@@ -199,10 +199,10 @@ def test_a_memory_of_another_representation_is_refused():
             "link_penalty must hold finite factors",
         ),
         ("link_penalty", np.array([1.0, np.nan, 1]), "link_penalty must hold finite factors"),
-        ("slide_ends", np.zeros((0, 2, 3)), "slide_ends is no array of slides"),
-        ("slide_x", np.full((1, 2), np.nan), "slide_x holds what is no finite number"),
+        ("slide_ends", np.zeros((0, 2, 3)), "slide_ends is not an array of slides"),
+        ("slide_x", np.full((1, 2), np.nan), "slide_x must hold finite numbers"),
         ("slide_offsets", np.array([3]), "slide_offsets must rise from 0 to 0"),
-        ("slide_node", np.array([0.5]), "slide_node is no array of slides"),
+        ("slide_node", np.array([0.5]), "slide_node is not an array of slides"),
     ],
 )
 def test_a_damaged_memory_is_refused(name, array, message):

@@ -126,7 +126,7 @@ class KernelReservoir:
         """Keeps the rows with the lowest priorities of each kernel."""
         parts = [self._settled] * bool(self._settled) + self._waiting
         if not parts:
-            raise ValueError("no row was added: add some before asking for a sample.")
+            raise ValueError("no row was added: add some before asking for a sample")
         rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         order = np.lexsort((rows["priority"], rows["kernel"]))
         kernel = rows["kernel"][order]

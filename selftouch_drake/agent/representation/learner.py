@@ -153,8 +153,8 @@ class QuotientLearner(BaseEstimator):
             progress(0.0, "target sensations")
         if some.num_rows < self.num_targets:
             raise ValueError(
-                f"num_targets={self.num_targets}, but there are only {some.num_rows} sensations: "
-                "babble longer, or ask for fewer targets."
+                f"num_targets is {self.num_targets}, but there are only {some.num_rows} sensations: "
+                "babble longer, or ask for fewer targets"
             )
         sample = some.sample().columns
         overlap = overlapping(sample["sensation"])
@@ -164,7 +164,7 @@ class QuotientLearner(BaseEstimator):
         if not kept.any():
             raise ValueError(
                 "sensation touches several parts of the body in every row: babble until each is "
-                "touched alone."
+                "touched alone"
             )
         sensation, q = sample["sensation"][kept], sample["q"][kept]
         scale = joint_scale(q, sensation)
@@ -192,7 +192,7 @@ class QuotientLearner(BaseEstimator):
         if kernels.num_rows != some.num_rows:
             raise ValueError(
                 f"batches gave {some.num_rows} rows, then {kernels.num_rows}: give the same "
-                "experience each time."
+                "experience each time"
             )
         self._learn_graph(
             kernels.sample(),
@@ -314,7 +314,7 @@ class QuotientLearner(BaseEstimator):
                 if found != width:
                     raise ValueError(
                         f"{name} row {row} has {found} {parts}, rows before {width}: give "
-                        "experience of one robot."
+                        "experience of one robot"
                     )
             row += len(sensation)
             yield sensation, q
@@ -326,15 +326,15 @@ class QuotientLearner(BaseEstimator):
         for name, lowest in least.items():
             value: Any = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lowest:
-                raise ValueError(f"{name}={value!r}: give a whole number, {lowest} or more.")
+                raise ValueError(f"{name} is {value!r}: give a whole number, {lowest} or more")
         seed = self.random_state
         if not (seed is None or isinstance(seed, np.random.RandomState)) and (
             isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0
         ):
-            raise ValueError(f"random_state={seed!r}: give a whole number, 0 or more.")
+            raise ValueError(f"random_state is {seed!r}: give a whole number, 0 or more")
         if self.set_distance not in SET_DISTANCES:
             raise ValueError(
-                f"set_distance={self.set_distance!r}: choose one of {', '.join(SET_DISTANCES)}."
+                f"set_distance is {self.set_distance!r}: choose one of {', '.join(SET_DISTANCES)}"
             )
 
 
@@ -371,7 +371,7 @@ def common_targets(
     return targets
 
 
-_NO_ROWS = "sensation has 0 rows: babble until the finger touches the body."
+_NO_ROWS = "sensation has 0 rows: babble until the finger touches the body"
 
 
 def _in_blocks(
@@ -438,10 +438,10 @@ def firm(sample: KernelSample, offsets: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 def _numbers(name: str, rows: Any) -> np.ndarray:
     if issparse(rows):
-        raise TypeError(f"{name} is sparse: give it dense, as {name}.toarray() is.")
+        raise TypeError(f"{name} is sparse: give it dense, as {name}.toarray() is")
     array = np.asarray(rows)
     if array.dtype.kind not in "fiu":
-        raise ValueError(f"{name} holds {array.dtype}: give real numbers.")
+        raise ValueError(f"{name} holds {array.dtype}: give real numbers")
     return array
 
 
@@ -449,35 +449,34 @@ def _check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
     """Rejects sensations that no skin can produce."""
     if sensation.ndim != 2 or sensation.shape[1] == 0:
         raise ValueError(
-            f"sensation has shape {sensation.shape}: give sensations as (rows, receptors)."
+            f"sensation has shape {sensation.shape}: give sensations as (rows, receptors)"
         )
     felt = strength(sensation).astype(np.float32)
     if (bad := np.flatnonzero(~np.isfinite(felt))).size:
         raise ValueError(
-            f"sensation row {first_row + bad[0]} holds NaN or infinity: drop such rows "
-            f"({bad.size})."
+            f"sensation row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})"
         )
     if (lowest := sensation.min(initial=0)) < 0:
         raise ValueError(
-            f"sensation holds {lowest:g}, below 0: give pressures, the sensors' offset removed."
+            f"sensation holds {lowest:g}, below 0: subtract the receptors' offset, to give pressures"
         )
     if (null := np.flatnonzero(felt == 0)).size:
         raise ValueError(
             f"sensation row {first_row + null[0]} is null: keep only rows that touch "
-            f"({null.size} do not)."
+            f"({null.size} do not)"
         )
 
 
 def _check_configurations(q: np.ndarray, num_rows: int, first_row: int = 0) -> None:
     """Rejects motor configurations that do not match `num_rows` sensations."""
     if q.ndim != 2 or q.shape[1] == 0:
-        raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints).")
+        raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints)")
     if len(q) != num_rows:
         raise ValueError(
             f"q has {len(q)} rows and sensation {num_rows}: give one motor configuration "
-            "for each sensation."
+            "for each sensation"
         )
     if (bad := np.flatnonzero(~np.isfinite(q).all(axis=1))).size:
         raise ValueError(
-            f"q row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})."
+            f"q row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})"
         )

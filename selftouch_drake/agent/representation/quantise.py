@@ -95,12 +95,12 @@ def target_sensations(
     )
     if len(start) == 1:
         raise ValueError(
-            "sensation is the same in every row: babble until the finger touches more places."
+            "sensation is the same in every row: babble until the finger touches more places"
         )
     if len(start) < num_targets and not or_fewer:
         raise ValueError(
-            f"num_targets={num_targets}, but the experience holds only {len(start)} distinct "
-            f"sensations: ask for at most {len(start)} targets, or babble longer."
+            f"num_targets is {num_targets}, but the experience holds only {len(start)} distinct "
+            f"sensations: ask for at most {len(start)} targets, or babble longer"
         )
     progress(0.5)
     centres = points[start]

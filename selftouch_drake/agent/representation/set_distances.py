@@ -75,11 +75,11 @@ def set_distances(
     """
     if unknown := [name for name in names if name not in SET_DISTANCES]:
         raise ValueError(
-            f"set distance {unknown[0]!r} is unknown: choose one of {', '.join(SET_DISTANCES)}."
+            f"set distance {unknown[0]!r} is unknown: choose one of {', '.join(SET_DISTANCES)}"
         )
     offsets = np.asarray(kernel_offsets, dtype=np.int64)
     if (empty := np.flatnonzero(np.diff(offsets) <= 0)).size:
-        raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from kernel_offsets.")
+        raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from kernel_offsets")
     kinds = [SET_DISTANCES[name] for name in names]
     members = np.ascontiguousarray(kernel_x, dtype=np.float32)
     num_kernels = len(offsets) - 1

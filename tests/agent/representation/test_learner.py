@@ -145,7 +145,7 @@ def test_experience_that_changes_between_readings_is_refused(experience):
     with pytest.raises(ValueError, match="batches") as error:
         QuotientLearner(20).fit_batches(lambda: next(readings))
     assert str(error.value) == (
-        "batches gave 6000 rows, then 4000: give the same experience each time."
+        "batches gave 6000 rows, then 4000: give the same experience each time"
     )
 
 
@@ -155,22 +155,22 @@ def test_experience_that_changes_between_readings_is_refused(experience):
         (
             "sensation",
             lambda s: s[:, :29],
-            "sensation row 4000 has 29 receptors, rows before 30: give experience of one robot.",
+            "sensation row 4000 has 29 receptors, rows before 30: give experience of one robot",
         ),
         (
             "q",
             lambda q: q[:, :4],
-            "q row 4000 has 4 joints, rows before 5: give experience of one robot.",
+            "q row 4000 has 4 joints, rows before 5: give experience of one robot",
         ),
         (
             "sensation",
             lambda s: changed(s, (7, 2), np.nan),
-            "sensation row 4007 holds NaN or infinity: drop such rows (1).",
+            "sensation row 4007 holds NaN or infinity: drop such rows (1)",
         ),
         (
             "sensation",
             lambda s: changed(s, 5, 0.0),
-            "sensation row 4005 is null: keep only rows that touch (1 do not).",
+            "sensation row 4005 is null: keep only rows that touch (1 do not)",
         ),
         ("q", lambda q: changed(q, 3, np.inf), "q row 4003 holds NaN or infinity: drop such"),
     ],
@@ -276,82 +276,82 @@ def changed(array, index, value):
 @pytest.mark.parametrize(
     ("parameters", "change", "message"),
     [
-        ({"num_targets": 1}, {}, "num_targets=1: give a whole number, 2 or more."),
-        ({"num_targets": 2.5}, {}, "num_targets=2.5: give a whole number, 2 or more."),
-        ({"max_kernel_size": 0}, {}, "max_kernel_size=0: give a whole number, 1 or more."),
-        ({"num_neighbours": True}, {}, "num_neighbours=True: give a whole number, 1 or more."),
-        ({"random_state": -1}, {}, "random_state=-1: give a whole number, 0 or more."),
+        ({"num_targets": 1}, {}, "num_targets is 1: give a whole number, 2 or more"),
+        ({"num_targets": 2.5}, {}, "num_targets is 2.5: give a whole number, 2 or more"),
+        ({"max_kernel_size": 0}, {}, "max_kernel_size is 0: give a whole number, 1 or more"),
+        ({"num_neighbours": True}, {}, "num_neighbours is True: give a whole number, 1 or more"),
+        ({"random_state": -1}, {}, "random_state is -1: give a whole number, 0 or more"),
         (
             {"set_distance": "cosine"},
             {},
-            "set_distance='cosine': choose one of minimum, quantile, mean_nearest, hausdorff.",
+            "set_distance is 'cosine': choose one of minimum, quantile, mean_nearest, hausdorff",
         ),
         (
             {},
             {"sensation": lambda s: s[:0], "q": lambda q: q[:0]},
-            "sensation has 0 rows: babble until the finger touches the body.",
+            "sensation has 0 rows: babble until the finger touches the body",
         ),
         (
             {},
             {"sensation": lambda s: s[:, 0]},
-            "sensation has shape (500,): give sensations as (rows, receptors).",
+            "sensation has shape (500,): give sensations as (rows, receptors)",
         ),
         (
             {},
             {"sensation": lambda s: changed(s, (4, 2), np.nan)},
-            "sensation row 4 holds NaN or infinity: drop such rows (1).",
+            "sensation row 4 holds NaN or infinity: drop such rows (1)",
         ),
         (
             {},
             {"sensation": lambda s: changed(s, (4, 2), np.inf)},
-            "sensation row 4 holds NaN or infinity: drop such rows (1).",
+            "sensation row 4 holds NaN or infinity: drop such rows (1)",
         ),
         (
             {},
             {"sensation": lambda s: changed(s, (4, 2), -0.5)},
-            "sensation holds -0.5, below 0: give pressures, the sensors' offset removed.",
+            "sensation holds -0.5, below 0: subtract the receptors' offset, to give pressures",
         ),
         (
             {},
             {"sensation": lambda s: changed(s, [8, 9], 0.0)},
-            "sensation row 8 is null: keep only rows that touch (2 do not).",
+            "sensation row 8 is null: keep only rows that touch (2 do not)",
         ),
         (
             {},
             {"sensation": lambda s: np.ones_like(s)},
-            "sensation is the same in every row: babble until the finger touches more places.",
+            "sensation is the same in every row: babble until the finger touches more places",
         ),
         (
             {},
             {"sensation": lambda s: np.repeat(s[:20], 25, axis=0)},
-            "num_targets=50, but the experience holds only 20 distinct sensations: ask for at most "
-            "20 targets, or babble longer.",
+            "num_targets is 50, but the experience holds only 20 distinct sensations: ask for at most "
+            "20 targets, or babble longer",
         ),
         (
             {},
             {"sensation": lambda s: s.astype(str)},
-            "sensation holds <U32: give real numbers.",
+            "sensation holds <U32: give real numbers",
         ),
         (
             {},
             {"q": lambda q: q[:, 0]},
-            "q has shape (500,): give motor configurations as (rows, joints).",
+            "q has shape (500,): give motor configurations as (rows, joints)",
         ),
         (
             {},
             {"q": lambda q: q[1:]},
-            "q has 499 rows and sensation 500: give one motor configuration for each sensation.",
+            "q has 499 rows and sensation 500: give one motor configuration for each sensation",
         ),
         (
             {},
             {"q": lambda q: changed(q, 3, np.nan)},
-            "q row 3 holds NaN or infinity: drop such rows (1).",
+            "q row 3 holds NaN or infinity: drop such rows (1)",
         ),
         (
             {"num_targets": 501},
             {},
-            "num_targets=501, but there are only 500 sensations: babble longer, or ask for fewer "
-            "targets.",
+            "num_targets is 501, but there are only 500 sensations: babble longer, or ask for fewer "
+            "targets",
         ),
     ],
 )

@@ -57,6 +57,6 @@ def test_too_few_distinct_sensations():
     with pytest.raises(ValueError, match="distinct") as error:
         target_sensations(np.repeat(np.eye(3), 4, axis=0), 5)
     assert str(error.value) == (
-        "num_targets=5, but the experience holds only 3 distinct sensations: "
-        "ask for at most 3 targets, or babble longer."
+        "num_targets is 5, but the experience holds only 3 distinct sensations: "
+        "ask for at most 3 targets, or babble longer"
     )

@@ -62,7 +62,7 @@ def test_any_number_of_threads_gives_the_same_bytes(num_threads, monkeypatch):
     _, q, offsets = random_sets([30, 70, 1, 40, 55], 6, 0)
     # The package exports a function with the same name as the module.
     module = importlib.import_module("selftouch_drake.agent.representation.set_distances")
-    monkeypatch.setattr(module, "cpu_count", lambda: num_threads)
+    monkeypatch.setattr(module, "_num_cores", lambda: num_threads)
     found = set_distances(q, offsets, *SET_DISTANCES)
     monkeypatch.undo()
     for here, there in zip(found, set_distances(q, offsets, *SET_DISTANCES), strict=True):
@@ -83,12 +83,12 @@ def test_progress_rises_to_one():
             [0, 2, 4],
             "median",
             "set distance 'median' is unknown: choose one of minimum, quantile, mean_nearest, "
-            "hausdorff.",
+            "hausdorff",
         ),
         (
             [0, 4, 4],
             "minimum",
-            "kernel 1 holds no configuration: drop it from kernel_offsets.",
+            "kernel 1 holds no configuration: drop it from kernel_offsets",
         ),
     ],
 )
