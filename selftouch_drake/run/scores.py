@@ -65,6 +65,7 @@ def score_body(
     parts = true_parts(fields, counts, truth)
     return {
         **figures,
+        **confidence_figures(body),
         **part_figures(body, parts, several=_several(run, body)),
         "kernel_spread_median_m": float(np.median(truth.spread)),
         "kernel_spread_worst_m": float(truth.spread.max()),
@@ -82,9 +83,9 @@ def found_figures(run: RunDirectory, body: Body) -> Figures:
     figures: Figures = {"parts_found": len(body.parts)}
     if any(part.doubt for part in body.parts):
         figures["shape_doubt_by_part"] = [part.doubt for part in body.parts]
-    if body.expected_error is not None:
-        figures["shape_expected_error"] = body.expected_error
-        figures["shape_trusted"] = body.trusted
+    # Of other runs, the truth will say whether there is a shape to be sure of.
+    if run.experiment.imported is not None:
+        figures |= confidence_figures(body)
     if margins:
         figures["topology_margin"] = min(margins)
     figures["embedding_fourth_eigenvalue"] = max(
@@ -95,6 +96,13 @@ def found_figures(run: RunDirectory, body: Body) -> Figures:
     else:
         figures |= {"topology_betti": betti[0], "intrinsic_dimension": dimensions[0]}
     return {key: value for key, value in figures.items() if value is not None}
+
+
+def confidence_figures(body: Body) -> Figures:
+    """How sure the agent is of the shape; nothing if its metric is not calibrated."""
+    if body.expected_error is None:
+        return {}
+    return {"shape_expected_error": body.expected_error, "shape_trusted": body.trusted}
 
 
 def part_figures(body: Body, parts: Sequence[TruePart], *, several: bool) -> Figures:
