@@ -153,8 +153,8 @@ class QuotientLearner(BaseEstimator):
             progress(0.0, "target sensations")
         if some.num_rows < self.num_targets:
             raise ValueError(
-                f"num_targets is {self.num_targets}, but there are only {some.num_rows} sensations: "
-                "babble longer, or ask for fewer targets"
+                f"num_targets is {self.num_targets}, but there are only {some.num_rows} "
+                "sensations: babble longer, or ask for fewer targets"
             )
         sample = some.sample().columns
         overlap = overlapping(sample["sensation"])
@@ -458,7 +458,8 @@ def _check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
         )
     if (lowest := sensation.min(initial=0)) < 0:
         raise ValueError(
-            f"sensation holds {lowest:g}, below 0: subtract the receptors' offset, to give pressures"
+            f"sensation holds {lowest:g}, below 0: subtract the receptors' offset, to give "
+            "pressures"
         )
     if (null := np.flatnonzero(felt == 0)).size:
         raise ValueError(

@@ -324,8 +324,8 @@ def changed(array, index, value):
         (
             {},
             {"sensation": lambda s: np.repeat(s[:20], 25, axis=0)},
-            "num_targets is 50, but the experience holds only 20 distinct sensations: ask for at most "
-            "20 targets, or babble longer",
+            "num_targets is 50, but the experience holds only 20 distinct sensations: ask for at "
+            "most 20 targets, or babble longer",
         ),
         (
             {},
@@ -350,8 +350,8 @@ def changed(array, index, value):
         (
             {"num_targets": 501},
             {},
-            "num_targets is 501, but there are only 500 sensations: babble longer, or ask for fewer "
-            "targets",
+            "num_targets is 501, but there are only 500 sensations: babble longer, or ask for "
+            "fewer targets",
         ),
     ],
 )
