@@ -144,8 +144,8 @@ def picture(rows: list[dict[str, str]]) -> Figure:
         ax.plot([1, 10], [1, 10], color=INK, linewidth=0.8)
         ax.axvline(100 * MOST_ERROR, color=INK, linestyle=":", linewidth=0.8)
         ax.axhline(100 * WRONG, color=INK, linestyle=":", linewidth=0.8)
-        ticks = [1.5, 2, 3, 4, 6, 9]
-        ax.set(xscale="log", yscale="log", xlim=(1.3, 10), ylim=(1.3, 14), title=name)
+        ticks = [1.5, 2, 3, 4, 6, 9, 15, 25]
+        ax.set(xscale="log", yscale="log", xlim=(1.3, 10), ylim=(1.3, 30), title=name)
         ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
         ax.set_xticks([], minor=True)
