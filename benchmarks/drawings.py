@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from shape_picture import ablation
+from trust import picture as expected_and_true
 
 from selftouch_drake.show.style import BLUE, PALE, styled
 from selftouch_drake.sweep.table import read_table
@@ -100,7 +101,13 @@ def shape_ablation() -> Figure:
     return ablation(read_table(ROOT / "sweeps" / "results" / "ablation.parquet").to_pylist())
 
 
+def confidence() -> Figure:
+    """True error over the error that the agent expects; `benchmarks/trust.py` measures."""
+    return expected_and_true(rows_of("confidence.csv"))
+
+
 DRAWINGS = {
+    "confidence": confidence,
     "learning": learning,
     "memory": memory,
     "two_fingers": two_fingers,

@@ -171,6 +171,7 @@ def digest(name: str) -> str:
         files += [
             Path(__file__).with_name("drawings.py"),
             Path(__file__).with_name("shape_picture.py"),
+            Path(__file__).with_name("trust.py"),
         ]
         files += [*(ROOT / "docs" / "data").glob("*.csv"), *(ROOT / "sweeps").glob("results/*")]
     else:

@@ -1,7 +1,7 @@
 """How far a recovered shape can be trusted: luck of networks, and what the agent itself expects.
 
     python benchmarks/trust.py luck --out runs/trust
-    python benchmarks/trust.py confidence --out runs/trust --picture docs/images/confidence.png
+    python benchmarks/trust.py confidence --out runs/trust
 
 `luck` recovers six bodies, two of them felt through worn skins, with twenty network seeds each.
 `confidence` recovers bodies from few and many touches and targets, through good and bad skins, with
@@ -100,8 +100,6 @@ def confidence(arguments: argparse.Namespace) -> None:
         measure(run, [case], [("learned", 0)], table, arguments.out / "cache")
     rows = read(table)
     print(verdict(rows))
-    if arguments.picture:
-        picture(rows).savefig(arguments.picture)
 
 
 def verdict(rows: list[dict[str, str]]) -> str:
@@ -188,7 +186,6 @@ def main() -> None:
     parser.add_argument("--networks", type=int, default=20, help="network seeds, of luck")
     parser.add_argument("--touches", type=int, default=MOST_TOUCHES, help="of luck")
     parser.add_argument("--targets", type=int, default=1000, help="of luck")
-    parser.add_argument("--picture", type=Path, help="of confidence: a file to draw it into")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     (luck if arguments.what == "luck" else confidence)(arguments)
