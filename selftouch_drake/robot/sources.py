@@ -131,5 +131,7 @@ class Babbler(LeafSystem):
 def value_of(content: object) -> AbstractValue:
     """Any Python object as a Drake value, for old and new bindings."""
     value = Value[object]()
-    value.set_value(content)
+    # It holds None as it is made, which newer bindings refuse to set.
+    if content is not None:
+        value.set_value(content)
     return value
