@@ -106,7 +106,7 @@ class TouchServo(LeafSystem):
 
     - desired_state: `(2J,)` rad or m, and their rates; in as planned, out with the offset.
     - sensation: `(S,)` N.
-    - beside: a `Beside`, over the context's time; None where the offset is to stay.
+    - beside: a `Beside`, over the context's time; `()` where the offset is to stay.
 
     The offset, its rate and the belief are discrete state. The offset never exceeds `MAX_OFFSET`,
     and never leads out of the limits of the joints.
@@ -153,7 +153,8 @@ class TouchServo(LeafSystem):
 
         Where the robot is put at rest, the offset is 0, else as it was.
         """
-        self._beside.FixValue(context, value_of(beside))
+        # Newer bindings take no None.
+        self._beside.FixValue(context, value_of(beside or ()))
         offset = np.zeros(self._num_joints) if at_rest else self._moved(context)[0]
         held = np.zeros(self._num_joints + 1)
         context.SetDiscreteState(self._offset, np.concatenate([offset, held]))
@@ -169,7 +170,7 @@ class TouchServo(LeafSystem):
         beside, time_s = self._beside.Eval(context), context.get_time()
         offset, _ = self._moved(context)
         rate, belief = np.zeros(self._num_joints), context.get_discrete_state(self._belief).value()
-        across, expected = (None, None) if beside is None else beside.at(time_s)
+        across, expected = beside.at(time_s) if beside else (None, None)
         if expected is not None and expected.any():
             felt = float(np.linalg.norm(self._sensation.Eval(context)))
             belief = corrected(belief, felt, expected, PERIOD)

@@ -129,9 +129,7 @@ class Babbler(LeafSystem):
 
 
 def value_of(content: object) -> AbstractValue:
-    """Any Python object as a Drake value, for old and new bindings."""
+    """Any Python object but None as a Drake value, for old and new bindings."""
     value = Value[object]()
-    # It holds None as it is made, which newer bindings refuse to set.
-    if content is not None:
-        value.set_value(content)
+    value.set_value(content)
     return value
