@@ -29,7 +29,7 @@ def expected_error(layout: Embedding) -> float:
     """Expected root mean square error of an unbent layout, as a fraction of its extent.
 
     Args:
-        layout: of 7 kernels or more, from `unbent_embedding`; other layouts have higher stress.
+        layout: from `unbent_embedding`; other layouts have higher stress.
     """
     # The floor is needed for layouts of few kernels, without any stress.
     stress, uneven = np.log(np.maximum([layout.stress, unevenness(layout.positions)], 1e-6))
@@ -48,5 +48,6 @@ def trusted(error: float | None, margin: float) -> bool:
 
 def unevenness(positions: np.ndarray) -> float:
     """Standard deviation of the logarithm of the spacing around each of the `(n, 3)` positions."""
-    distance, _ = cKDTree(positions).query(positions, _NEIGHBOURS + 1)
+    neighbours = min(_NEIGHBOURS, len(positions) - 1)
+    distance, _ = cKDTree(positions).query(positions, neighbours + 1)
     return float(np.log(np.median(distance[:, 1:], axis=1)).std())

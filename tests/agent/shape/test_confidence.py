@@ -64,3 +64,7 @@ def test_an_even_sphere_is_more_even_than_a_random_one():
     rng = np.random.default_rng(0)
     random = rng.normal(size=(300, 3))
     assert unevenness(sphere(300)) < 0.1 < unevenness(random)
+
+
+def test_few_kernels_have_a_finite_unevenness():
+    assert np.isfinite(unevenness(sphere(5)))
