@@ -110,11 +110,11 @@ def test_a_slide_is_known_by_its_ends():
 @pytest.mark.parametrize(
     ("name", "array", "message"),
     [
-        ("ends", np.zeros((1, 2, 2)), "slide_ends is no array of slides"),
+        ("ends", np.zeros((1, 2, 2)), "slide_ends is not an array of slides"),
         ("node", np.array([-1]), "slide_node must name kernels 0 to 8"),
         ("node", np.array([9]), "slide_node must name kernels 0 to 8"),
         ("offsets", np.array([0, 2]), "slide_offsets must rise from 0 to 1"),
-        ("x", np.full((1, 3), np.inf), "slide_x holds what is no finite number"),
+        ("x", np.full((1, 3), np.inf), "slide_x must hold finite numbers"),
     ],
 )
 def test_what_are_no_slides_is_refused(name, array, message):
