@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.spatial import Delaunay
+from scipy.spatial import Delaunay, cKDTree
 
 #: Bars between these lengths, in spacings, may be true or false.
 _UNSURE = (1.0, 1.3)
@@ -20,6 +20,9 @@ _UNSURE = (1.0, 1.3)
 #: Bars born later than this, in spacings, are not holes of the body. On sampled surfaces, loops are
 #: born when neighbours meet, measured at 1 to 1.4, and voids when faces close, at 1.7 to 2.5.
 _LATE = 4.0
+
+#: Neighbours from which the spacing around a point is measured.
+_NEIGHBOURS = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +49,9 @@ def topology(points: np.ndarray) -> Topology:
     """Counts components, loops and voids of the body that the points sample.
 
     Bars are measured in spacings, so neither the size nor the unit of the body matters. Let r be
-    the radius at which neighbours meet (the median death of H0). On an evenly sampled surface the
+    the radius at which neighbours meet (the median death of H0). Where the points around the place
+    at which a bar dies lie farther apart than the median, as on a stretch of skin that feels alike,
+    r is larger in proportion. On an evenly sampled surface the
     balls leave a false loop inside each polygon of neighbours: of length 0.4 r for a square, 0.7 r
     for a pentagon, r where one or two kernels are missing, 1.3 r where three are. A hole of the
     body dies at its own radius, however fine the sampling. So bars below r are false, bars above
@@ -61,11 +66,11 @@ def topology(points: np.ndarray) -> Topology:
     Raises:
         ValueError: the points are too few, not finite, or lie in a plane.
     """
-    diagram = alpha_persistence(points)
-    h0, h1, h2 = diagram
+    found = _bars(points)
+    h0, h1, h2 = diagram = _diagram(found)
     spacing = float(np.median(h0[:, 1]))
     bars = np.concatenate([h1, h2])
-    length = (bars[:, 1] - bars[:, 0]) / spacing
+    length = (bars[:, 1] - bars[:, 0]) / spacing / _sparsity(points, found[1] + found[2])
     early = bars[:, 0] <= _LATE * spacing
     least, margin = _least_true(length[early])
     true = early & (length >= least)
@@ -79,6 +84,15 @@ def topology(points: np.ndarray) -> Topology:
         spacing=spacing,
         diagram=diagram,
     )
+
+
+def _sparsity(points: np.ndarray, bars: Sequence[Bar]) -> np.ndarray:
+    """How much wider than the median, at least 1, points lie around the places where bars die."""
+    neighbours = min(_NEIGHBOURS, len(points) - 1)
+    distance, _ = cKDTree(points).query(points, neighbours + 1)
+    around = np.median(distance[:, 1:], axis=1)
+    around = np.maximum(around / np.median(around), 1.0)
+    return np.array([around[list(bar.filled_by)].max() for bar in bars])
 
 
 def _least_true(length: np.ndarray) -> tuple[float, float]:
@@ -110,19 +124,43 @@ def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nd
     Raises:
         ValueError: the points are too few or lie in a plane.
     """
+    return _diagram(_bars(points))
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Bar:
+    """A component, loop or void: squared radii of its birth and death, and what fills it."""
+
+    birth: float
+    death: float
+    filled_by: tuple[int, ...]
+
+
+def _diagram(bars: tuple[list[Bar], ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    h0, h1, h2 = (
+        np.sqrt(np.array([(bar.birth, bar.death) for bar in some], dtype=float).reshape(-1, 2))
+        for some in bars
+    )
+    return h0, h1, h2
+
+
+def _bars(points: np.ndarray) -> tuple[list[Bar], list[Bar], list[Bar]]:
+    """The bars of H0, H1 and H2, ascending, without those of zero length."""
     appearing = zip(*alpha_filtration(points), strict=True)
     # A face comes before the simplices that it bounds if they appear at the same radius.
     in_order = sorted(appearing, key=lambda pair: (pair[1], len(pair[0])))
     simplices = [simplex for simplex, _ in in_order]
-    radius = [radius2 for _, radius2 in in_order]
-    bars: list[list[tuple[float, float]]] = [[], [], []]
+    radius2 = [value for _, value in in_order]
+    bars: tuple[list[Bar], list[Bar], list[Bar]] = ([], [], [])
     for birth, death in _persistence_pairs(simplices):
+        of_dimension = bars[len(simplices[birth]) - 1]
         if death is None:
-            bars[len(simplices[birth]) - 1].append((radius[birth], np.inf))
-        elif radius[death] > radius[birth]:
-            bars[len(simplices[birth]) - 1].append((radius[birth], radius[death]))
-    h0, h1, h2 = (np.sqrt(np.array(sorted(b), dtype=float).reshape(-1, 2)) for b in bars)
-    return h0, h1, h2
+            of_dimension.append(Bar(radius2[birth], np.inf, ()))
+        elif radius2[death] > radius2[birth]:
+            of_dimension.append(Bar(radius2[birth], radius2[death], simplices[death]))
+    for some in bars:
+        some.sort()
+    return bars
 
 
 def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[float]]:

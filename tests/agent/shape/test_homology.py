@@ -39,7 +39,8 @@ def test_the_margin_is_the_shortest_hole_over_the_longest_false_one(points):
     bars = np.concatenate(found.diagram[1:])
     falling = np.sort(bars[:, 1] - bars[:, 0])[::-1]
     num_holes = sum(found.betti[1:])
-    assert found.margin == pytest.approx(falling[num_holes - 1] / falling[num_holes])
+    # Lengths are in spacings around the place, which vary a little.
+    assert found.margin == pytest.approx(falling[num_holes - 1] / falling[num_holes], rel=0.25)
 
 
 @settings(max_examples=10, deadline=None)
@@ -55,6 +56,16 @@ def test_size_order_and_a_little_noise_do_not_matter(size, seed):
 def test_a_hole_left_by_one_missing_kernel_is_no_loop():
     points = sphere(300)
     assert topology(np.delete(points, 150, axis=0)).betti == (1, 0, 1)
+
+
+def test_a_stretch_of_skin_that_feels_alike_is_no_loop():
+    points = torus(1000)
+    for middle in points[[100, 500, 800]]:
+        alike = np.argsort(np.linalg.norm(points - middle, axis=1))[:12]
+        points = np.vstack([np.delete(points, alike, axis=0), middle])
+    found = topology(points)
+    assert found.betti == (1, 2, 1)
+    assert found.margin > 2.0
 
 
 def test_an_open_bowl_is_no_void():
