@@ -55,7 +55,9 @@ def measure_peers(representation: QuotientRepresentation, num_sets: int, turns: 
     def here() -> list[np.ndarray]:
         tables = [np.empty((num_sets, len(a)), dtype=np.float32) for a in sets]
         for a, table in zip(sets, tables, strict=True):
-            nearest_squared(np.ascontiguousarray(a.T), members, offsets, table, _NOT_TOLD)
+            nearest_squared(
+                np.ascontiguousarray(a.T), members, offsets[:-1], offsets[1:], table, _NOT_TOLD
+            )
         return [np.sqrt(table) for table in tables]
 
     def tree() -> list[np.ndarray]:

@@ -12,7 +12,7 @@ from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted, validate_data
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.graphs import surface_neighbours
+from selftouch_drake.agent.representation.graphs import surface_neighbours, unlike
 from selftouch_drake.agent.representation.joints import joint_scale
 from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
 from selftouch_drake.agent.representation.neighbours import (
@@ -234,6 +234,7 @@ class QuotientLearner(BaseEstimator):
             offsets,
             self.set_distance,
             max_queries=self.max_queries,
+            rough=unlike(targets),
             progress=lambda fraction: progress(0.6 + 0.4 * fraction, "set distances"),
         )
         neighbours, near = surface_neighbours(distance, targets, part, self.num_neighbours)

@@ -17,6 +17,8 @@ import numpy as np
 
 #: Configurations of a set that ask for their nearest. More changes distances by less than 2 %.
 MAX_QUERIES = 120
+#: The same where the distance needs only to be roughly right.
+_FEW_QUERIES = 16
 _NOT_TOLD = np.empty((0, 0), dtype=np.int32)
 
 
@@ -53,6 +55,7 @@ def set_distances(
     kernel_offsets: np.ndarray,
     *names: str,
     max_queries: int = MAX_QUERIES,
+    rough: np.ndarray | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> list[np.ndarray]:
     """Computes distances between every two kernel sets, of one or several kinds at once.
@@ -65,6 +68,8 @@ def set_distances(
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
         names: in `SET_DISTANCES`.
         max_queries: most queries per set.
+        rough: `(K, K)` bool, symmetric, pairs of sets for which 16 queries are enough; None if
+            there are none.
         progress: called with the fraction done.
 
     Returns:
@@ -85,12 +90,19 @@ def set_distances(
     num_kernels = len(offsets) - 1
     search = _nearest_squared(members.shape[1], False)
 
-    def directed(kernel: int) -> list[np.ndarray]:
-        rows = _strided(offsets[kernel], offsets[kernel + 1], max_queries)
-        squared = np.empty((num_kernels, len(rows)), dtype=np.float32)
-        search(np.ascontiguousarray(members[rows].T), members, offsets, squared, _NOT_TOLD)
-        near = np.sqrt(squared.T)
-        return [kind.reduce(near) for kind in kinds]
+    def directed(kernel: int) -> np.ndarray:
+        found = np.empty((len(kinds), num_kernels), dtype=np.float32)
+        few = np.zeros(num_kernels, dtype=bool) if rough is None else rough[kernel]
+        for sets, most in ((~few, max_queries), (few, min(_FEW_QUERIES, max_queries))):
+            rows = _strided(offsets[kernel], offsets[kernel + 1], most)
+            starts, stops = offsets[:-1][sets], offsets[1:][sets]
+            squared = np.empty((len(starts), len(rows)), dtype=np.float32)
+            queries = np.ascontiguousarray(members[rows].T)
+            search(queries, members, starts, stops, squared, _NOT_TOLD)
+            near = np.sqrt(squared.T)
+            for kind, row in zip(kinds, found, strict=True):
+                row[sets] = kind.reduce(near)
+        return found
 
     there = np.empty((len(kinds), num_kernels, num_kernels), dtype=np.float32)
     # Threads of our own, as the kernel frees the GIL: numba's OpenMP layer breaks after a fork.
@@ -144,7 +156,8 @@ def linked_nearest(
         search(
             np.ascontiguousarray(queries.T),
             members,
-            kernel_offsets[head : head + 2],
+            kernel_offsets[head : head + 1],
+            kernel_offsets[head + 1 : head + 2],
             found[None],
             four[None],
         )
@@ -178,7 +191,8 @@ def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
     def nearest_squared(
         queries: np.ndarray,
         members: np.ndarray,
-        offsets: np.ndarray,
+        starts: np.ndarray,
+        stops: np.ndarray,
         out: np.ndarray,
         which: np.ndarray,
     ) -> None:
@@ -190,17 +204,18 @@ def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
 
         Args:
             queries: `(J, N)` float32.
-            members: `(R, J)` float32, grouped by set.
-            offsets: `(K + 1,)` int64.
+            members: `(R, J)` float32.
+            starts: `(K,)` int64, the first row of each set.
+            stops: `(K,)` int64, the row after the last one.
             out: `(K, N)` float32, written.
             which: `(K, N)` int32, written if `tell_which`: the first of the four members compared
                 together that include the nearest. It costs 6 % of the time.
         """
-        for k in range(len(offsets) - 1):
+        for k in range(len(starts)):
             best = out[k]
             best[:] = np.inf
-            last = offsets[k + 1] - 1
-            for r0 in range(offsets[k], last + 1, 4):
+            last = stops[k] - 1
+            for r0 in range(starts[k], last + 1, 4):
                 # A short tail repeats its last member, which changes no minimum.
                 r1, r2, r3 = min(r0 + 1, last), min(r0 + 2, last), min(r0 + 3, last)
                 m0, m1, m2, m3 = members[r0], members[r1], members[r2], members[r3]
