@@ -19,11 +19,11 @@ from selftouch_drake.agent.rehearsal import Try, best
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experience import (
     ExperienceReader,
+    WalkCounts,
     collect,
     how_to_collect,
     require_complete,
 )
-from selftouch_drake.exploration import explore
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run import acting
@@ -92,8 +92,13 @@ def babble(
         stored += num_rows
         progress(stored / wanted, f"{stored:,} of {wanted:,} touches")
 
-    active = run.experiment.babbling.strategy == "active"
-    counts = (explore if active else collect)(
+    gather: Callable[..., WalkCounts] = collect
+    if run.experiment.babbling.strategy == "active":
+        # Imports scikit-learn, which other stages than this one need not wait for.
+        from selftouch_drake.exploration import explore
+
+        gather = explore
+    counts = gather(
         run.experiment,
         run.path,
         fingerprint=run.fingerprint(),

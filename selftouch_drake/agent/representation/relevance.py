@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from sklearn.cluster import KMeans
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.network import Network, standardised, train_to_expect
@@ -221,6 +220,8 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
     of modes rises as long as no set of joints contains another: configurations between two modes
     need the joints of both. Modes that leave many configurations unassigned are rejected.
     """
+    from sklearn.cluster import KMeans  # takes half a second, which planning need not wait for
+
     each = np.eye(expected.x.shape[1], dtype=bool)
     change = np.sqrt([expected.change(rows, joint, rng) for joint in each]).T
     share = change / np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)

@@ -11,7 +11,6 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.sparse import csr_array
-from sklearn.cluster import KMeans
 
 from selftouch_drake.agent.representation.neighbours import neighbour_edges
 from selftouch_drake.agent.shape.cells import Cells
@@ -35,6 +34,8 @@ def cut_wide_cells(
         `(R, D)` the same rows grouped by piece, `(P + 1,)` offsets of the pieces, and `(P,)` the
         kernel of each piece, ascending.
     """
+    from sklearn.cluster import KMeans  # takes half a second, which planning need not wait for
+
     cells = Cells.of(coordinates, offsets)
     sizes = np.diff(offsets)
     number = np.minimum(_times_larger(cells).astype(int), sizes // _LEAST_SIZE)
