@@ -38,7 +38,7 @@ SMALL = {
     "execution": {"max_tries": 3},
     "evaluation": {"num_pairs": 2},
 }
-LIMITS = "q_start[1] is -1.5: give one within the limits of the joint, -1 to 2.6"
+LIMITS = "q_start[1] is -1.5: give a position within the limits of the joint, -1 to 2.6"
 
 
 @pytest.fixture(scope="module")
@@ -361,7 +361,7 @@ ENDS = (
         ("plan --from-q 0,0,0,0,0,0 --to 60", "--to is 60; this run has target sensations 0 to 59"),
         (
             "plan --from-q 0,0 --to 1",
-            "q_start has shape (2,): this representation needs (6,), one number per joint",
+            "q_start has shape (2,): give (6,), one number per joint",
         ),
         ("plan --from-q 0,-1.5,0,0,0,0 --to 1", LIMITS),
         (
