@@ -68,7 +68,7 @@ def warn_of_untouched(
     if never:
         warnings.warn(
             f"{', '.join(never)} in {run.experiment.babbling.num_samples:,} touches; see what can "
-            f"reach what with `selftouch robot {run.path / 'experiment.yaml'} --show`",
+            f"touch what with `selftouch robot {run.path / 'experiment.yaml'} --show`",
             NeverTouchedWarning,
             stacklevel=3,
         )

@@ -167,8 +167,8 @@ def run_sweep(
                     del later[name]
     except BrokenExecutor:
         raise ChildProcessError(
-            "a process of the sweep was killed, perhaps for want of memory; go on with the same "
-            "command and fewer --workers"
+            "a process of the sweep was killed, perhaps because memory ran out; repeat the command "
+            "with fewer --workers: it continues from the finished stages"
         ) from None
     finally:
         for future in pending:

@@ -260,7 +260,7 @@ def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeyp
     with pytest.raises(NeverTouchesError) as error:
         collect_walk(source, experiment, away, 10)
     assert str(error.value) == (
-        "babbling touched nothing in 12288 steps; see what can reach what with `selftouch robot "
+        "babbling touched nothing in 12288 steps; see what can touch what with `selftouch robot "
         "EXPERIMENT --show`, or make babbling.step_size larger"
     )
 

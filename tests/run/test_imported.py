@@ -240,7 +240,7 @@ def test_fields_that_cannot_be_set_are_refused(overrides, message, tmp_path):
 
 def test_mistakes_leave_no_run(data, tmp_path, capfd):
     for words, message in (
-        ((tmp_path / "nowhere",), "nowhere is not there; give a file or a folder"),
+        ((tmp_path / "nowhere",), "nowhere does not exist; give a file or a folder"),
         ((data, "--q", "angle_*"), "--q is 'angle_*'; "),
         ((data, "--threshold", "300"), "nothing is felt in 29999 rows: "),
         ((data, "--set", "{skins: 3}"), "skins is 3; give a mapping by name"),

@@ -247,7 +247,7 @@ def test_what_never_reaches_ends_after_a_bounded_number_of_steps(babble, tmp_pat
     # The elbow turns about the shoulder, 10 cm wide, and stays 10 cm away from the torso.
     *_, line = babble("{touching: {tip: {frame: forearm}}}").splitlines()
     assert line == (
-        "selftouch: babbling touched nothing in 2002944 steps; see what can reach what with "
+        "selftouch: babbling touched nothing in 2002944 steps; see what can touch what with "
         "`selftouch robot EXPERIMENT --show`, or make babbling.step_size larger"
     )
     assert not list((tmp_path / "run").rglob("*.parquet"))

@@ -131,7 +131,7 @@ def test_it_forgets_what_no_longer_holds():
 
 def test_too_few_touches_are_refused():
     q, sensation, *_ = touch(["sphere"], 50)
-    with pytest.raises(ValueError, match="50 touches are too few to know anything"):
+    with pytest.raises(ValueError, match="50 touches are too few to learn from"):
         _ = lived(q, sensation).representation
 
 
