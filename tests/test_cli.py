@@ -302,7 +302,7 @@ def test_a_shipped_experiment_is_shown():
     text = (EXPERIMENTS / "gantry.yaml").read_text(encoding="utf-8")
     assert selftouch("experiments", "--show", "gantry").stdout == text
     assert refused("experiments", "--show", "gantri") == (
-        "--show is 'gantri'; no such experiment is shipped: did you mean gantry?"
+        "--show is 'gantri'; this experiment is not shipped: did you mean gantry?"
     )
 
 

@@ -105,10 +105,10 @@ FIRST_VERSION = (
         ('name: "two\\nlines"', "name is 'two\\nlines'; give a printable name"),
         ("skins: 3", "skins is 3; give a mapping by name"),
         ("skins: {body: 3}", "skins.body is 3, not a mapping; give a mapping of its fields"),
-        ("skins: {2: {}}", "skins has the name 2; give one of letters, digits and underscores"),
+        ("skins: {2: {}}", "skins has the name 2; use letters, digits and underscores"),
         (
             "skins: {a b: {}}",
-            "skins has the name 'a b'; give one of letters, digits and underscores",
+            "skins has the name 'a b'; use letters, digits and underscores",
         ),
         (
             "skins: {extra: {surface: collision}}",
@@ -593,8 +593,8 @@ def test_a_number_is_never_changed_on_its_way():
     [
         (
             [{"after": 9}, {"after": 3}],
-            "changes[1].after is 3; give a number of touches, at least 9: changes stand in their "
-            "order in time",
+            "changes[1].after is 3; give a number of touches, at least 9: changes are listed in "
+            "order of time",
         ),
         ([{"links": {"forearm": 2.0}}], "changes[0].links.forearm is 2.0; give a share from"),
         ([{"skins": {"bdy": {}}}], "changes[0].skins.bdy is 'bdy'; did you mean body?"),

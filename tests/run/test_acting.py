@@ -338,8 +338,8 @@ def test_the_command_line_plans_tours_and_free_starts(run, capsys):
 
 
 ENDS = (
-    "start or goal is missing, or given twice; give --from and --to, or --through alone, "
-    "or a free start (--from-q) and --to"
+    "start or goal is missing, or given twice; give --from and --to, or --from-q and --to, "
+    "or --through alone"
 )
 
 
@@ -387,7 +387,7 @@ ENDS = (
         ),
         (
             "execute --through 1,2 --rehearse 2",
-            "--rehearse is given with --through; give --from and --to instead",
+            "--rehearse is given with --through; use --from and --to instead",
         ),
         (
             "execute --from 1 --to 2 --rehearse 0",

@@ -162,7 +162,7 @@ def test_what_needs_a_world_says_so(words, learned, capfd):
 
 def test_a_free_start_needs_a_world(learned, capfd):
     assert selftouch("plan", learned.path, "--from-q", "0,0,0,0,0,0,0", "--to", 3) == 2
-    assert "--from-q needs a robot that could be simulated" in capfd.readouterr().err
+    assert "--from-q needs a simulated robot" in capfd.readouterr().err
 
 
 def test_the_same_data_resume_an_import(data, run, capfd):
