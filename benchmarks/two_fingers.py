@@ -240,11 +240,11 @@ def touches(arguments: argparse.Namespace) -> None:
         for metric, distances in (("motor", by_motor), ("sensation", by_sensation(targets))):
             picked = landmarks(distances, arguments.landmarks)
             found = turns(distances[np.ix_(picked, picked)])
-            told = dict.fromkeys(("edges_right", "configurations_told", "of_these_right"), np.nan)
+            labels = dict.fromkeys(("edges_right", "configurations_labelled", "of_these_right"), np.nan)
             if found.order > 1:
-                told = fingers_told(q, p_WF, row, offsets, picked, distances, found)
+                labels = labelled_fingers(q, p_WF, row, offsets, picked, distances, found)
             rows += [
-                {"rows": num_rows, "targets": num_targets, **line, **told}
+                {"rows": num_rows, "targets": num_targets, **line, **labels}
                 for line in lines(f"two touches, {metric}", found)
             ]
         write(f"touches_s{arguments.seed}", rows)
@@ -271,7 +271,7 @@ def cosine(p: np.ndarray) -> float:
     return float(p[0] @ p[1] / np.linalg.norm(p[0]) / np.linalg.norm(p[1]))
 
 
-def fingers_told(
+def labelled_fingers(
     q: np.ndarray,
     p_WF: np.ndarray,
     row: np.ndarray,
@@ -316,7 +316,7 @@ def fingers_told(
     right = np.mean(label[scored] == truth[scored])
     return {
         "edges_right": round(float(edges_right), 4),
-        "configurations_told": round(float(np.mean(label != 0)), 4),
+        "configurations_labelled": round(float(np.mean(label != 0)), 4),
         "of_these_right": round(float(max(right, 1 - right)), 4),
     }
 

@@ -75,7 +75,7 @@ def test_imports_point_down(path):
     assert upward_imports(path, path.read_text(encoding="utf-8")) == []
 
 
-def test_every_room_has_its_place():
+def test_every_package_has_a_layer():
     assert {room_of(path) for path in modules()} == set(HEIGHT)
 
 

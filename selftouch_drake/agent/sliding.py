@@ -92,7 +92,10 @@ class Slides:
             array = getattr(self, name)
             whole = name in ("offsets", "node")
             if array.shape != shape or array.dtype.kind not in ("iu" if whole else "f"):
-                raise ValueError(f"slide_{name} is not an array of slides")
+                raise ValueError(
+                    f"slide_{name} is {array.dtype} of shape {array.shape}, expected "
+                    f"{'whole' if whole else 'real'} numbers of shape {shape}"
+                )
             if not np.isfinite(array).all():
                 raise ValueError(f"slide_{name} must hold finite numbers")
         ends = self.offsets[[0, -1]].tolist()

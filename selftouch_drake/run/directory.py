@@ -61,7 +61,7 @@ class RunDirectory:
         if path.exists() and not (
             path.is_dir() and all(_of_a_killed_start(found) for found in path.iterdir())
         ):
-            raise RunError(f"{path} is not a run and not empty; choose another --out")
+            raise RunError(f"{path} is neither a run nor empty; choose another --out")
         digests = model_digests(experiment)
         path.mkdir(parents=True, exist_ok=True)
         write_text_whole(path / _MODELS, json.dumps(digests, indent=2) + "\n")
@@ -84,7 +84,7 @@ class RunDirectory:
         with file.open(encoding="utf-8", errors="replace") as lines:
             header = lines.readline().strip()
         if not header.startswith(_HEADER):
-            raise RunError(f"{file} is not the experiment of a run; choose another directory")
+            raise RunError(f"{file} does not belong to a run; choose the directory of a run")
         if header != f"{_HEADER}{RUN_FORMAT}":
             raise RunError(
                 f"{path} was made by another version (format {header.removeprefix(_HEADER)}, this "
@@ -246,8 +246,8 @@ class RunDirectory:
             raise RunError(f"{file} is damaged; delete it and evaluate again")
         if figures.pop("made_for", None) != self._experience_stamp():
             raise RunError(
-                f"{file} is of another experiment or version; delete it, and babble and evaluate "
-                "again: what is stored is kept"
+                f"{file} belongs to another experiment or version; delete it, then babble and "
+                "evaluate again: stored walks are kept"
             )
         return figures
 
@@ -300,7 +300,7 @@ class RunDirectory:
         found = (load_arrays(file) if arrays is None else arrays).get("made_for")
         if found is None or str(found) != str(self.stamp()["made_for"]):
             remedy = remedy or f"run `selftouch learn {self.path}`"
-            raise RunError(f"{file} is of another experiment or version; {remedy}")
+            raise RunError(f"{file} belongs to another experiment or version; {remedy}")
 
 
 def _of_a_killed_start(path: Path) -> bool:

@@ -133,12 +133,12 @@ class Material:
         names = list(self.experiment.skins)
         kinds = ("vertices", "faces", "p_LS")
         if not self.run.skin.exists():
-            raise MissingError("the skins are not there; run `selftouch babble`")
+            raise MissingError("the skins are missing; run `selftouch babble`")
         wanted = [f"{name}_{kind}" for name in names for kind in kinds]
         arrays = load_arrays(self.run.skin, [*wanted, "made_for"])
         if str(arrays["made_for"]) != str(self.run.body_stamp()["made_for"]):
             raise RunError(
-                f"{self.run.skin} is of another experiment or version; run `selftouch babble "
+                f"{self.run.skin} belongs to another experiment or version; run `selftouch babble "
                 f"{self.run.path / 'experiment.yaml'} --out {self.run.path}`"
             )
         skins, first = [], 0
@@ -180,14 +180,14 @@ class Material:
     def representation(self) -> QuotientRepresentation:
         """What the agent has learned."""
         if not self.run.representation.exists():
-            raise MissingError("nothing was learned yet; run `selftouch learn`")
+            raise MissingError("nothing has been learned yet; run `selftouch learn`")
         return load_representation(self.run)
 
     @cached_property
     def body(self) -> Body:
         """The body that the agent recovered."""
         if not self.run.topology.exists():
-            raise MissingError("the recovered body is not there; run `selftouch learn`")
+            raise MissingError("the recovered body is missing; run `selftouch learn`")
         return load_body(self.run, self.representation)
 
     @cached_property
@@ -214,8 +214,8 @@ class Material:
         truth = self.kernel_truth
         if not truth.is_surface:
             raise MissingError(
-                f"{1 - truth.share_single:.0%} of the touches are at several places at once: what "
-                "they stand for is no surface (paper, section IV)"
+                f"{1 - truth.share_single:.0%} of the touches are at several places at once: the "
+                "quotient space is not a surface in space (paper, section IV)"
             )
         parts = laid_on_skins(self.body, truth, self.skins, self.home)
         if not parts:
@@ -234,7 +234,9 @@ class Material:
     def life(self) -> LifeCurves:
         """The life of the agent."""
         if not self.run.life.exists():
-            raise MissingError(f"no agent has lived; run `selftouch live {self._source}`")
+            raise MissingError(
+                f"the life of the agent is missing; run `selftouch live {self._source}`"
+            )
         arrays = load_arrays(self.run.life)
         self.run.require_stamp(self.run.life, arrays, remedy=f"run `selftouch live {self._source}`")
         return LifeCurves.from_arrays(arrays)
@@ -256,7 +258,7 @@ class Material:
     def shown_pair(self) -> tuple[int, int]:
         """The plan that is shown: the longest of those executed, else the longest of all."""
         if not self.pairs:
-            raise MissingError("nothing was planned yet; run `selftouch plan`")
+            raise MissingError("nothing has been planned yet; run `selftouch plan`")
 
         def length(pair: tuple[int, int]) -> tuple[bool, int]:
             return was_executed(self.run, *pair), len(self.motion(*pair).nodes)
@@ -282,7 +284,7 @@ class Material:
         """The true places of the touches."""
         self._require_robot()
         if not any(self.run.truth.glob("part-*.parquet")):
-            raise MissingError("the truth is not there; run `selftouch babble`")
+            raise MissingError("the truth is missing; run `selftouch babble`")
         return ExperienceReader(self.run.truth)
 
     @cached_property

@@ -56,9 +56,9 @@ class SweepDirectory:
         file = path / "sweep.yaml"
         if file.is_file():
             if not file.read_bytes().startswith(header.encode()):
-                raise RunError(f"{path} is not of sweep {sweep.name}; choose another --out")
+                raise RunError(f"{path} belongs to another sweep; choose another --out")
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise RunError(f"{path} is not a sweep and not empty; choose another --out")
+            raise RunError(f"{path} is neither a sweep nor empty; choose another --out")
         path.mkdir(parents=True, exist_ok=True)
         names = [run_name(experiment) for experiment in sweep.experiments]
         content = {"fields": list(sweep.fields), "runs": names}

@@ -174,7 +174,7 @@ def test_another_unit_of_a_joint_changes_nothing_but_the_unit(agent, experience)
     np.testing.assert_allclose(there.path(s) / unit, here.path(s), atol=1e-2)
 
 
-def test_two_hands_that_rarely_touch_at_once_are_told_apart():
+def test_two_hands_that_rarely_touch_at_once_are_separated():
     q, sensation, skin, _ = touch(["sphere", "tube", "cap"], 12_000, double=0.03, seed=1)
     agent = Agent.learn(q, sensation, num_targets=200)
     representation = agent.representation

@@ -252,7 +252,7 @@ def test_a_dynamic_walk_is_sampled_evenly_and_felt_where_it_is(experiment, probe
     np.testing.assert_array_equal(felt_again, sensation[: len(again)])
 
 
-def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeypatch):
+def test_a_body_that_is_never_touched_is_reported(experiment, source, probe, monkeypatch):
     monkeypatch.setattr(collect_module, "PATIENCE", 10_000)
     monkeypatch.setattr(experiment.babbling, "step_size", 1e-9)
     # The walk hardly moves, and this one starts away from the body.
@@ -265,7 +265,7 @@ def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeyp
     )
 
 
-def test_a_walk_that_stops_touching_is_told(experiment, monkeypatch):
+def test_a_walk_that_stops_touching_is_reported(experiment, monkeypatch):
     class TouchesOnce:
         """Touches in its first batch, and never again."""
 

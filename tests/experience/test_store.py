@@ -196,7 +196,7 @@ def test_a_folder_without_shards_is_refused(tmp_path):
     )
 
 
-def test_damage_anywhere_is_told_or_harmless(tmp_path):
+def test_damage_anywhere_is_reported_or_harmless(tmp_path):
     """Of a shard cut or overwritten anywhere, nothing is read that was never written."""
     write_shard(tmp_path, _shard(num_rows=200), fingerprint=PRINT)
     path = tmp_path / "experience" / shard_name(0)

@@ -262,7 +262,7 @@ def test_opposite_walls_do_not_talk():
 
 
 class Scale:
-    """A cube with a skin on a link that moves as it is told, and a block that rests on it."""
+    """A cube with a skin on a link that moves as commanded, and a block that rests on it."""
 
     MASS, SIZE = 0.2, (0.08, 0.08, 0.04)
 

@@ -216,7 +216,7 @@ def test_one_of_two_balls_in_touch_is_enough(tmp_path):
     np.testing.assert_array_equal(may_touch(world, q), [False, True, True])
 
 
-def test_no_configurations_are_none(world):
+def test_no_configurations_give_an_empty_result(world):
     none = np.empty((0, world.robot.num_joints))
     assert may_touch(world, none).shape == (0,)
     assert world.probe.sensations(none).shape == (0, world.experiment.num_receptors)

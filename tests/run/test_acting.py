@@ -63,8 +63,8 @@ def world(learned):
     return learned[1]
 
 
-def told(capsys, *arguments):
-    """Exit status, and what was said on stdout and stderr."""
+def output_of(capsys, *arguments):
+    """Exit status, stdout and stderr."""
     with pytest.raises(SystemExit) as end:
         main([str(a) for a in arguments])
     said = capsys.readouterr()
@@ -165,7 +165,7 @@ def test_later_plans_keep_off_what_rehearsals_lost(run, world):
     assert not np.array_equal(after.nodes, before.nodes)
 
 
-def test_to_learn_again_is_to_forget_rehearsals(run):
+def test_learning_again_forgets_rehearsals(run):
     save_memory(run, RehearsalMemory.blank(representation_of(run)))
     stages.learn(run)
     assert not run.rehearsal.exists()
@@ -178,11 +178,10 @@ def test_a_memory_that_does_not_belong_is_refused(run):
     with pytest.raises(RunError) as error:
         load_agent(run)
     assert str(error.value) == (
-        f"{run.rehearsal} remembers rehearsals with another representation; delete it, and "
-        "rehearse again"
+        f"{run.rehearsal} belongs to another representation; delete it and rehearse again"
     )
     save_arrays(run.rehearsal, arrays | {"num_tries": np.array(-1)})
-    with pytest.raises(RunError, match="is no memory of rehearsals: num_tries is -1"):
+    with pytest.raises(RunError, match="is not a memory of rehearsals: num_tries is -1"):
         load_agent(run)
 
 
@@ -204,12 +203,12 @@ def test_a_representation_without_the_stamp_of_its_experience_is_refused(run):
     with pytest.raises(RunError) as error:
         load_agent(run)
     assert str(error.value) == (
-        f"{run.representation} is of another experiment or version; "
+        f"{run.representation} belongs to another experiment or version; "
         f"run `selftouch learn {run.path}`"
     )
 
 
-def test_a_plan_to_where_one_is_stays_and_is_reached(run, world):
+def test_a_plan_to_the_current_sensation_stays_and_is_reached(run, world):
     motion = stages.plan(run, world, 7, 7)
     assert motion.nodes.tolist() == [7]
     assert np.allclose(motion.q, motion.q[0])
@@ -315,24 +314,26 @@ def test_a_plan_on_which_rigid_parts_run_into_each_other_is_refused(run, world, 
 
 
 def test_the_command_line_plans_tours_and_free_starts(run, capsys):
-    status, out, _ = told(capsys, "plan", run.path, "--through", "3,20,41")
+    status, out, _ = output_of(capsys, "plan", run.path, "--through", "3,20,41")
     assert status == 0
     assert out.splitlines()[-1] == f"plan: {run.path / 'plans' / '3-20-41.npz'}"
     free = ("--from-q", "0.1,-0.5,0.3,0,0,0", "--to", 20)
-    status, out, _ = told(capsys, "plan", run.path, *free)
+    status, out, _ = output_of(capsys, "plan", run.path, *free)
     assert status == 0
     assert out.startswith("route: off ")
     assert (run.path / "plans" / "q=0.1,-0.5,0.3,0,0,0-20.npz").is_file()
-    status, out, _ = told(capsys, "execute", run.path, *free)
+    status, out, _ = output_of(capsys, "execute", run.path, *free)
     assert status == 0
     assert out.startswith("tracking: ")
     assert out.splitlines()[2] in ("sensation 20: reached", "sensation 20: missed")
-    told(capsys, "execute", run.path, "--through", "3,20,41")
-    status, out, _ = told(capsys, "record", run.path, "--through", "3,20,41")
+    output_of(capsys, "execute", run.path, "--through", "3,20,41")
+    status, out, _ = output_of(capsys, "record", run.path, "--through", "3,20,41")
     page = run.path / "plans" / "3-20-41.html"
     assert (status, out) == (0, f"recording: {page}\n")
     assert f"{run.experiment.name}: sensation 3 to 20 to 41" in page.read_text(encoding="utf-8")
-    status, out, _ = told(capsys, "execute", run.path, "--from", 3, "--to", 20, "--rehearse", 2)
+    status, out, _ = output_of(
+        capsys, "execute", run.path, "--from", 3, "--to", 20, "--rehearse", 2
+    )
     assert status == 0
     assert out.startswith("tries: ")
 
@@ -397,6 +398,6 @@ ENDS = (
 )
 def test_what_cannot_be_planned_is_refused_in_one_line(run, capsys, arguments, message):
     verb, *options = arguments.split()
-    status, out, err = told(capsys, verb, run.path, *options)
+    status, out, err = output_of(capsys, verb, run.path, *options)
     assert (status, out) == (2, "")
     assert err == f"selftouch: {message}\n".replace("RUN", str(run.path))

@@ -80,7 +80,7 @@ def content(run):
     return {p.relative_to(run.path): p.read_bytes() for p in run.path.rglob("*") if p.is_file()}
 
 
-def test_what_was_learned_and_what_it_came_from_are_told(learned):
+def test_what_was_learned_and_what_it_came_from_are_reported(learned):
     figures = learned.metrics()
     assert figures["representation_num_targets"] == 50
     assert figures["graph_component_sizes"] == [50]
@@ -135,7 +135,7 @@ def test_learning_again_drops_what_was_made_from_the_old(run):
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ValueError("cannot be learned from")])
 @pytest.mark.parametrize("moment", ["target sensations", "quotient graph", "shape and holes"])
-def test_learning_that_does_not_end_changes_nothing(run, error, moment):
+def test_interrupted_learning_changes_nothing(run, error, moment):
     before = content(run)
 
     def stop(fraction, doing):
@@ -201,7 +201,7 @@ def test_the_recovered_body_has_to_be_there(run):
     representation = load_representation(run)
     run.body_distances.unlink()
     assert not stages.has_learned(run)
-    with pytest.raises(RunError, match="is not there; run `selftouch learn"):
+    with pytest.raises(RunError, match="is missing; run `selftouch learn"):
         load_body(run, representation)
 
 
@@ -242,10 +242,10 @@ def test_a_graph_in_parts_is_in_the_figures(run, monkeypatch):
         return np.stack([i, j], axis=1)[(i < 10) == (j < 10)]
 
     monkeypatch.setattr("selftouch_drake.agent.representation.graphs.neighbour_edges", apart)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         stages.learn(run)
-    assert {warning.category for warning in told} == {DisconnectedWarning}
+    assert {warning.category for warning in caught} == {DisconnectedWarning}
     assert run.metrics()["graph_component_sizes"] == [40, 10]
     ((i, j),) = run.metrics()["graph_bridges"]
     assert i < 10 <= j

@@ -125,7 +125,7 @@ def test_a_braked_motion_stays_on_its_path_and_stands_still():
     assert q[-1] == pytest.approx(motion.q[-1])
 
 
-def test_what_cannot_be_planned_is_said(reported):
+def test_an_impossible_plan_is_reported(reported):
     def refuse(*args):
         raise ValueError("target 7 cannot be reached from target 0")
 
@@ -172,7 +172,7 @@ def test_a_taken_port_is_a_users_mistake(reported):
         taken.bind(("localhost", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(ValueError, match=f"--port {port} is taken; choose another"):
+        with pytest.raises(ValueError, match=f"--port {port} is in use; give another"):
             play(reported, port=port)
 
 

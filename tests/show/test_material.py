@@ -77,5 +77,7 @@ def test_the_stored_skins_are_those_of_this_experiment(make_run):
     run = make_run("babbled")
     arrays = dict(np.load(run.skin))
     np.savez(run.skin, **arrays | {"made_for": np.array("format 0, other")})
-    with pytest.raises(ValueError, match=r"skin\.npz is of another experiment or version; run"):
+    with pytest.raises(
+        ValueError, match=r"skin\.npz belongs to another experiment or version; run"
+    ):
         _ = Material(run).skins

@@ -36,7 +36,7 @@ def test_by_default_no_plan_leaves_the_range_of_experience(ring, planner):
         assert np.all(q <= ring.kernel_q.max(axis=0) + 1e-9)
 
 
-def test_a_plan_to_where_one_is_stays_there(ring, planner):
+def test_a_plan_to_the_current_sensation_stays_there(ring, planner):
     plan = planner.plan(ring.kernel_q[0], 0, 0)
     assert plan.nodes.tolist() == [0]
     assert plan.links.shape == (0,)
