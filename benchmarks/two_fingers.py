@@ -240,7 +240,9 @@ def touches(arguments: argparse.Namespace) -> None:
         for metric, distances in (("motor", by_motor), ("sensation", by_sensation(targets))):
             picked = landmarks(distances, arguments.landmarks)
             found = turns(distances[np.ix_(picked, picked)])
-            labels = dict.fromkeys(("edges_right", "configurations_labelled", "of_these_right"), np.nan)
+            labels = dict.fromkeys(
+                ("edges_right", "configurations_labelled", "of_these_right"), np.nan
+            )
             if found.order > 1:
                 labels = labelled_fingers(q, p_WF, row, offsets, picked, distances, found)
             rows += [

@@ -1,4 +1,4 @@
-"""The command line as a user meets it: in a process of its own."""
+"""The command line as a user sees it: in its own process."""
 
 import json
 import os
@@ -202,7 +202,7 @@ def test_ctrl_c_leaves_a_run_to_resume(tmp_path, cube_run):
 
 
 def refused(*arguments, cwd=None):
-    """Runs a command that must be refused and returns the one line that says why."""
+    """Runs a command that must be refused; returns the error line."""
     done = selftouch(*arguments, cwd=cwd)
     assert done.returncode == 2, (done.returncode, done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
@@ -332,7 +332,7 @@ def test_a_plan_through_the_air_is_shown():
 
 
 def test_an_edited_model_is_named_by_what_comes_after(tmp_path, cube_run):
-    """A run of models that are the user's own, as after `selftouch run mine.yaml`."""
+    """A run with the user's own models, as after `selftouch run mine.yaml`."""
     models, run = tmp_path / "models", tmp_path / "run"
     shutil.copytree(MODELS, models)
     shutil.copytree(cube_run, run)

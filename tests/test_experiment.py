@@ -476,7 +476,7 @@ valid_fields = st.fixed_dictionaries(
 
 
 def holds(there, fields):
-    """Whether everything that was given is there."""
+    """Whether everything given is present."""
     if not isinstance(fields, dict):
         return there == fields
     return all(holds(there[name], value) for name, value in fields.items())

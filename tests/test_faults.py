@@ -1,4 +1,4 @@
-"""What goes wrong outside: killed processes, full disks, second writers, lost shards."""
+"""External faults: killed processes, full disks, concurrent writers, lost shards."""
 
 import ctypes
 import json
@@ -167,7 +167,7 @@ def test_a_lost_shard_of_the_truth_is_collected_again(run, whole_run):
 
 @pytest.fixture(scope="session")
 def learned_run(whole_run, tmp_path_factory):
-    """A run that has learned, planned and rehearsed, as small as it gets."""
+    """A very small run that has learned, planned and rehearsed."""
     path = tmp_path_factory.mktemp("learned") / "run"
     shutil.copytree(whole_run, path)
     run = RunDirectory.open(path)
@@ -288,7 +288,7 @@ WRITING = [["learn"], ["plan", *PAIR], ["execute", *PAIR], ["evaluate"], ["repor
 
 @pytest.fixture
 def sweep(learned_run, tmp_path, monkeypatch):
-    """A sweep file of one run, the folder of its sweep, and workers that are threads of this."""
+    """A sweep file with one run, the folder of the sweep, and workers that are threads."""
     file = tmp_path / "small.yaml"
     file.write_text(f"{{experiments: [cube], set: {SMALL}}}")
     threads = lambda *arguments, **options: ThreadPoolExecutor(1)  # noqa: E731
@@ -324,7 +324,7 @@ def test_a_full_disk_is_reported_by_a_sweep(sweep, capsys, small_files):
 
 @pytest.fixture
 def small_files():
-    """The kernel refuses what is larger, as it refuses everything when the disk is full."""
+    """The operating system refuses larger files, as if the disk were full."""
 
     @contextmanager
     def limited(size):
@@ -340,7 +340,7 @@ def small_files():
 
 @pytest.fixture
 def mere_mortal():
-    """Takes from root, in this thread, its right to write where nobody may."""
+    """Removes root's right to write to read-only folders, in this thread."""
     if os.geteuid() != 0:
         yield
         return

@@ -1,4 +1,4 @@
-"""Whatever is parsed: a clear error or a right result, in time, and no harm to anything else.
+"""Any input gives a clear error or a correct result, in time, and harms nothing else.
 
 A few dozen inputs each in the ordinary tests; `make fuzz` tries thousands and prints how many.
 """
@@ -121,7 +121,7 @@ def print_counts():
 
 
 class Made:
-    """A run with every kind of file in it, and what they hold."""
+    """A run with every kind of file, and their contents."""
 
     def __init__(self, directory, shard, representation):
         self.directory, self.shard, self.representation = directory, shard, representation
@@ -381,7 +381,7 @@ arrays = st.sampled_from(
 
 
 def with_foreign(data, file):
-    """What a file holds, some of its arrays replaced."""
+    """The content of a file with some arrays replaced."""
     content = load_arrays(file)
     for name in data.draw(st.sets(st.sampled_from(sorted(content)), min_size=1, max_size=3)):
         content[name] = data.draw(arrays)
@@ -520,7 +520,7 @@ words = st.sampled_from(
 @fuzz
 @given(arguments=st.lists(words | st.text(max_size=5), max_size=6))
 def test_any_command(arguments, run, tmp_path_factory, capsys):
-    """Nothing is computed here: what would be is refused, or has no run to work on."""
+    """Nothing is computed here: commands are refused, or find no run."""
     there = tmp_path_factory.getbasetemp() / "nowhere"
     there.mkdir(exist_ok=True)
     here = Path.cwd()

@@ -30,7 +30,7 @@ PATIENCE = 600
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
-    """Where notebooks leave their runs, for one another."""
+    """The folder in which notebooks share their runs."""
     return tmp_path_factory.mktemp("runs")
 
 

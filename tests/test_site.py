@@ -1,4 +1,4 @@
-"""The documentation site builds without a warning, needs no network, and names all there is."""
+"""The documentation site builds without a warning, needs no network, and is complete."""
 
 import dataclasses
 import html

@@ -277,8 +277,8 @@ class ExperienceReader:
             taken, first = end, first + contacts.num_rows
         if taken < len(rows):
             raise StoreError(
-                f"{self._paths[0].parent} has {first} rows, none of number {max(rows)}; it is of "
-                "another experiment"
+                f"{self._paths[0].parent} has {first} rows, but row {max(rows)} is needed; it "
+                "belongs to another experiment: babble again"
             )
         return Contacts.joined(parts).take(np.argsort(order, kind="stable"))
 
@@ -304,8 +304,8 @@ class ExperienceReader:
             taken, first = end, first + len(batch)
         if taken < len(rows):
             raise StoreError(
-                f"{self._paths[0].parent} has {first} rows, none of number {max(rows)}; it is of "
-                "another experiment"
+                f"{self._paths[0].parent} has {first} rows, but row {max(rows)} is needed; it "
+                "belongs to another experiment: babble again"
             )
         found = np.concatenate(parts)
         return found[np.argsort(order, kind="stable")]

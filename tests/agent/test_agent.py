@@ -29,7 +29,7 @@ def on_part(agent, part, count, seed=0):
 
 
 def felt_by(q):
-    """What `touch` would feel; nothing at more than 0.1 from both skins."""
+    """Sensations as in `touch`; null farther than 0.1 from both skins."""
     place, parts = q[:, :3].astype(float), []
     for number, shape in enumerate(SHAPES[name] for name in ("sphere", "tube")):
         at = place - 6.0 * number * np.array([1.0, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""A point at the end of three links in space, and a ball that feels how deep it is pressed."""
+"""A point at the end of three links in space, and a ball that feels how deep the point is."""
 
 import re
 from itertools import pairwise
@@ -45,7 +45,7 @@ SLIDER = Slider(feel, possible, -LIMIT, LIMIT)
 
 
 def held(x):
-    """Share of the straight lines between `(n, J)` configurations on which something is felt."""
+    """Share of the straight way through `(n, J)` configurations on which something is felt."""
     dense = np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(x)])
     return np.mean(feel(dense).any(axis=1) & possible(dense))
 

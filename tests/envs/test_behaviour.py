@@ -1,4 +1,4 @@
-"""What an environment shows, rewards and ends."""
+"""Observations, rewards and ends of the environments."""
 
 import numpy as np
 import pytest

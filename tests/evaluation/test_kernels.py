@@ -7,7 +7,7 @@ from selftouch_drake.evaluation import kernel_truth, parts_on_skins, shape_error
 
 
 def representation(sizes):
-    """Kernels of so many configurations each."""
+    """Kernels with the given numbers of configurations."""
     K, R = len(sizes), sum(sizes)
     return QuotientRepresentation(
         target_sensations=np.eye(K),

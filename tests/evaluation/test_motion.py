@@ -21,7 +21,7 @@ TARGETS = np.eye(3)
 
 
 def motion(predicted, *, goal=2, in_air=(False, False, False)):
-    """Four instants on a way of three steps, from kernel 0 to `goal`."""
+    """Four instants of a plan of three steps, from kernel 0 to `goal`."""
     s = np.array([0.0, 1.0, 2.0, 3.0])
     return Motion(
         nodes=np.array([0, 1, 0, goal]),

@@ -1,4 +1,4 @@
-"""Tables that other tools write are read, checked and, where they cannot serve, refused."""
+"""Tables of other tools are read and checked; unusable ones are refused."""
 
 import json
 
@@ -21,7 +21,7 @@ def arrays(rows):
 
 
 def columns():
-    """One column for each number, in no order."""
+    """One column per number, unordered."""
     named = {f"taxel_{n}": READINGS[:, n] for n in reversed(range(12))}
     return named | {f"joint_{n}": Q[:, n] for n in range(3)} | {"time_s": TIME_S}
 

@@ -65,7 +65,7 @@ def dummy(tmp_path_factory):
 
 
 def brute_force(world, q):
-    """`(N, P)` m, how deep each two links are, beyond what is allowed: by Drake alone."""
+    """`(N, P)` m, depth of each two links beyond the allowed one, computed by Drake."""
     station = robots.kinematic_station(world)
     depth = np.zeros((len(q), len(station.robot.rigid_pairs)))
     for row, at in enumerate(q):

@@ -70,7 +70,7 @@ def plant_and_geometry(model):
 
 
 def extents(inspector, role):
-    """Of the meshes with a role, sorted."""
+    """File names of the meshes with a role, sorted."""
     shapes = [inspector.GetShape(g) for g in inspector.GetAllGeometryIds(role)]
     found = [trimesh.load_mesh(shape.source().path()).extents * shape.scale3() for shape in shapes]
     return np.array(sorted(found, key=tuple))

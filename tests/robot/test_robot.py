@@ -1,4 +1,4 @@
-"""A robot is data: what is made of it, and what is said of mistakes in it."""
+"""A robot is data: how it is built, and how mistakes in it are reported."""
 
 import re
 
@@ -26,7 +26,7 @@ def build(folder, *parts, skins=SKINS, touching=TOUCHING, **fields):
 
 
 def message_of(folder, *parts, **fields):
-    """What is said of a mistake."""
+    """The error message for a mistake."""
     with pytest.raises(ExperimentError) as caught:
         _ = build(folder, *parts, **fields).probe
     return str(caught.value)

@@ -39,12 +39,12 @@ def screen_of(world):
 
 
 def may_touch(world, q):
-    """`(N,)` bool, whether the screen lets anything pass."""
+    """`(N,)` bool, whether the screen passes any pair."""
     return screen_of(world).near(q).any(axis=1)
 
 
 def on_rails(folder, surface):
-    """A ball on three rails at a skin that stands still: q is where the ball is."""
+    """A ball on three rails near a fixed skin: q is the position of the ball."""
     return robots.build(
         folder,
         robots.link("base"),
@@ -61,13 +61,13 @@ def on_rails(folder, surface):
 
 @pytest.fixture(scope="module", params=SURFACES)
 def ball(request, tmp_path_factory):
-    """The ball at each of the skins."""
+    """The ball near each of the skins."""
     return on_rails(tmp_path_factory.mktemp("ball"), SURFACES[request.param])
 
 
 @pytest.fixture(scope="module")
 def world_of_hands(tmp_path_factory):
-    """All of the touchers, each carried anywhere, at a skin that moves, too."""
+    """All touchers, each movable anywhere, near a skin that moves as well."""
     folder = tmp_path_factory.mktemp("hands")
     trimesh.Trimesh(CORNERS, FACES).export(folder / "pyramid.obj")
     small = {"shape": "capsule", "radius": 0.04, "length": 0.05, "translation": [0, 0.01, 0]}

@@ -1,4 +1,4 @@
-"""A servo on one joint that slides through a skin 6 cm wide, and one that moves nothing."""
+"""A servo on one joint that crosses a skin 6 cm wide, and one joint that moves nothing."""
 
 import numpy as np
 import pytest
@@ -21,13 +21,13 @@ TIME_S = 0.02 * np.arange(200)
 
 
 def strength(x, time_s=0.0, slipped=0.0):
-    """N, what is felt at x rad; the plan is now on one flank of the skin and now on the other."""
+    """N, reading at x rad; the plan alternates between the two flanks of the skin."""
     middle = 0.012 * np.cos(3.0 * time_s) + slipped
     return np.maximum(0.0, 4.0 - np.square((x - middle) / 0.015))
 
 
 def beside(expected=None):
-    """What was felt beside a plan that stays at 0."""
+    """Strengths beside a plan that stays at 0."""
     felt = strength(OFFSETS, TIME_S[:, None])
     return Beside(
         time_s=TIME_S,
@@ -71,7 +71,7 @@ def served(slipped, planned=0.0, duration=3.0, pressing=None):
 
 
 def held(slipped):
-    """The least strength of touch after the first half second."""
+    """The smallest strength of the touch after the first half second."""
     time_s, q = served(slipped)
     later = time_s > 0.5
     assert not q[:, 1].any()

@@ -1,4 +1,4 @@
-"""Several skins on a plant of one's own."""
+"""Several skins on a user's own plant."""
 
 import copy
 import re

@@ -234,7 +234,7 @@ def test_stored_pairs_are_those_of_two_targets(run, world):
 
 
 def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
-    """As they always were: numbers of pairs, drawn from the seed."""
+    """Numbers of the pairs that the seed draws; they must not change."""
     run.experiment.evaluation.num_pairs = 30
     representation = representation_of(run)
     random = np.random.default_rng(run.experiment.random_stream("pairs"))

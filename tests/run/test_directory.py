@@ -261,7 +261,7 @@ def test_meshes_that_change_places_are_another_robot(tmp_path):
 
 @pytest.fixture
 def models(tmp_path):
-    """A copy of the shipped models, and an experiment of them."""
+    """A copy of the shipped models, and an experiment that uses it."""
     folder = tmp_path / "models"
     shutil.copytree(MODELS, folder)
     for file in folder.glob("*.dmd.yaml"):
@@ -318,7 +318,7 @@ def test_without_its_models_a_run_opens_and_keeps_its_fingerprint(models, tmp_pa
 
 
 def test_other_models_elsewhere_are_refused(models, tmp_path):
-    """A run that moved to a machine where the package is of another version."""
+    """A run on a machine with another version of the package."""
     folder, experiment = models
     run = RunDirectory.create(tmp_path / "run", experiment)
     file = run.path / "models.json"

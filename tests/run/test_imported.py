@@ -33,7 +33,7 @@ def recording():
 
 @pytest.fixture(scope="module")
 def data(recording, tmp_path_factory):
-    """Two files with 7 joints and 300 receptors of eight bits, as a real robot writes them."""
+    """Two files with 7 joints and 300 eight-bit receptors, as a real robot writes them."""
     folder = tmp_path_factory.mktemp("data") / "my_robot"
     folder.mkdir()
     raw = recording.raw.copy()

@@ -47,7 +47,7 @@ EXPERIMENT = {
 
 @pytest.fixture
 def babble(tmp_path, capfd):
-    """Babbles with an experiment in a folder of its own; returns what is said on stderr."""
+    """Babbles with an experiment in a new folder; returns stderr."""
 
     def babble(overrides="{}", model=MODEL, directives=DIRECTIVES, *, status=2):
         (tmp_path / "small.sdf").write_text(model)

@@ -37,7 +37,7 @@ def world():
 
 @pytest.fixture(scope="module")
 def run(world, tmp_path_factory):
-    """A run that felt each place of each skin, one after another: no robot moved."""
+    """A run with a touch at each place of each skin; no robot moved."""
     rng = np.random.default_rng(0)
     run = RunDirectory.create(tmp_path_factory.mktemp("parts") / "run", world.experiment)
     sensation = np.zeros((sum(PER_SKIN), 90))

@@ -1,4 +1,4 @@
-"""What learning leaves when it comes to its end, and when it does not."""
+"""Files after learning, finished or interrupted."""
 
 import shutil
 import warnings
@@ -206,7 +206,7 @@ def test_the_recovered_body_has_to_be_there(run):
 
 
 def test_touches_at_two_places_have_no_shape(run, babbled):
-    """Every touch is of two fingers: a kernel is a pose of the hand, and no place."""
+    """Every touch has two fingers: a kernel is a pose of the hand, not a place."""
     for walk, contacts in enumerate(ExperienceReader(babbled.truth).contacts()):
         felt = list(ExperienceReader(babbled.experience).touches())[walk]
         two = Contacts(

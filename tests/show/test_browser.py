@@ -1,4 +1,4 @@
-"""What a browser shows, in headless Chromium: recording, report and the live agent.
+"""Recording, report and live agent in a browser (headless Chromium).
 
 Screenshots stay in pytest's temporary directory, to be looked at.
 """
@@ -37,7 +37,7 @@ def chromium():
 
 @contextmanager
 def visited(browser, url):
-    """A page, and what went wrong on it."""
+    """A page and its errors."""
     page, errors = browser.new_page(viewport={"width": 800, "height": 500}), []
     page.set_default_timeout(PATIENCE)
     page.on("console", lambda m: errors.append(m.text) if m.type in ("error", "warning") else None)
@@ -48,7 +48,7 @@ def visited(browser, url):
 
 
 def picture(page, path) -> np.ndarray:
-    """`(height, width, 3)` what the page's canvas shows, from 0 to 1."""
+    """`(height, width, 3)` pixels of the page's canvas, 0 to 1."""
     page.locator("canvas").first.screenshot(path=path)
     return imread(path)[..., :3]
 
@@ -93,7 +93,7 @@ def test_the_recording_moves_and_colours_the_skin(chromium, reported, tmp_path):
 
 
 def position_at(page, time_s: float, *path: str) -> list[float]:
-    """Where an object is at a time of the recording, in its parent."""
+    """Position of an object in its parent, at a time of the recording."""
     return page.evaluate(
         """async ([time, path]) => {
              viewer.animator.pause();

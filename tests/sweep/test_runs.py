@@ -30,7 +30,7 @@ cases:
 
 
 class Here(Executor):
-    """Does each job at once, in this thread, and remembers which stages were asked for."""
+    """Runs each job at once in this thread, and records the stages."""
 
     def __init__(self):
         self.stages = []
@@ -54,7 +54,7 @@ def sweep(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def finished(sweep, tmp_path_factory):
-    """The directory of a finished sweep, how often each stage truly ran, and who failed."""
+    """The directory of a finished sweep, the number of runs of each stage, and failed runs."""
     directory = SweepDirectory.create(tmp_path_factory.mktemp("out") / "sweep", sweep)
     did = []
     with pytest.MonkeyPatch.context() as patch:

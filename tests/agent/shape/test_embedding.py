@@ -122,7 +122,7 @@ def test_bodies_fit_without_a_warning(body):
 
 
 def test_errors():
-    with pytest.raises(ValueError, match="kernels") as error:
+    with pytest.raises(ValueError, match="num_targets") as error:
         stress_embedding(np.ones((3, 3)) - np.eye(3))
     assert str(error.value) == "num_targets is 3: give at least 4, to lay out a body in space"
     apart = geodesics(np.array([[0, 1], [2, 3]]), np.ones(2), 4)
