@@ -4,9 +4,9 @@
     python benchmarks/two_fingers.py touches   # Drake: a hand spread wide, some ten minutes
     python benchmarks/two_fingers.py mixed     # sensations as they are, one touch or two
     python benchmarks/two_fingers.py runs RUN... # runs of shipped experiments with two fingers
-    python benchmarks/two_fingers.py prediction RUN... # what is foretold along their plans
+    python benchmarks/two_fingers.py prediction RUN... # predictions along their plans
 
-Needs ripser: pip install 'selftouch-drake[homology]'. The figures stand in docs/two_fingers.md.
+Needs ripser: pip install 'selftouch-drake[homology]'. docs/two_fingers.md has the results.
 """
 
 from __future__ import annotations
@@ -391,11 +391,11 @@ def runs(arguments: argparse.Namespace) -> None:
 
 
 def prediction(arguments: argparse.Namespace) -> None:
-    """How far what is foretold along plans is from what is felt on them.
+    """Prints the errors of predictions along plans, and of three limits that use the truth.
 
-    Three lines are limits, which know the truth: what the stored touches say whose fingertips were
-    nearest to where the fingertips truly are, averaged or fitted linearly, and those that are most
-    like what is felt.
+    Two limits take the stored touches whose fingertips were nearest to the true positions of the
+    fingertips, and average them or fit them linearly. The third takes the stored touch most similar
+    to what is felt.
     """
     for path in arguments.runs:
         run = RunDirectory.open(path)
@@ -414,18 +414,18 @@ def prediction(arguments: argparse.Namespace) -> None:
             felt, there = felt[kept], tip_places(world, motion.q[kept])
             distance, near = tree.query(there, 60)
             around = tips[near] - there[:, None]
-            foretold = {
-                "stored touches": query.agent.predict(query.plan, motion.s[kept]).sensation,
-                "gone along before": motion.predicted[kept],
+            predicted = {
+                "from stored touches": query.agent.predict(query.plan, motion.s[kept]).sensation,
+                "from following the plan first": motion.predicted[kept],
                 "limit: mean of the 8 nearest": fitted(
                     stored, near[:, :8], around[:, :8, :0], distance[:, :8]
                 ),
                 "limit: linear in the 60 nearest": fitted(stored, near, around, distance),
             }
-            found = {name: cosine_distance(felt, each) for name, each in foretold.items()}
+            found = {name: cosine_distance(felt, each) for name, each in predicted.items()}
             unit = felt / np.linalg.norm(felt, axis=1, keepdims=True)
-            found["limit: most alike"] = 1.0 - (stored @ unit.T).max(axis=0)
-            found["gone along before, under dynamics"] = cosine_distance(
+            found["limit: most similar touch"] = 1.0 - (stored @ unit.T).max(axis=0)
+            found["the same, under dynamics"] = cosine_distance(
                 executed[kept], motion.predicted[kept]
             )
             for name, error in found.items():

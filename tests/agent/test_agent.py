@@ -74,7 +74,7 @@ def test_an_agent_learns_recovers_plans_and_remembers(agent):
         agent.memory = None
 
 
-def test_planned_motions_stay_on_the_skin_and_feel_as_foretold(agent):
+def test_planned_motions_stay_on_the_skin_and_feel_as_predicted(agent):
     for seed in range(6):
         start, goal = on_part(agent, seed % 2, 2, seed)
         execution = carried_out(agent, agent.plan(start, goal))

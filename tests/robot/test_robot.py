@@ -141,8 +141,8 @@ def test_this_is_the_same_robot(tmp_path):
         (
             ROBOT,
             {"skins": {"hand": {"link": "hand", "surface": "collision"}}},
-            "skins.hand.surface is 'collision', but link 'hand' has no such geometry; give it "
-            "some in its model, or give a shape or a mesh",
+            "skins.hand.surface is 'collision', but link 'hand' has no such geometry; add some "
+            "in its model, or give a shape or a mesh",
         ),
         (
             ROBOT,
