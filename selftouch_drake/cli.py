@@ -133,8 +133,8 @@ def run(
 ) -> None:
     """Do everything, from babbling to the report.
 
-    EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`) or a YAML file.
-    Finished stages are skipped: a stopped run resumes.
+    EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`; by default cube) or
+    a YAML file. Finished stages are skipped: a stopped run resumes.
     """
     directory, world = _begin(experiment, out, overrides)
 
@@ -166,7 +166,10 @@ def run(
 def babble(
     experiment: str, out: Path | None, overrides: str, workers: int | None, scheduler: str | None
 ) -> None:
-    """Walk at random through motor space and keep every touch."""
+    """Walk at random through motor space and keep every touch.
+
+    EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
+    """
     directory, world = _begin(experiment, out, overrides)
     _babble(directory, world, workers, scheduler)
     click.echo(f"experience: {directory.experience}")
@@ -244,7 +247,7 @@ def import_data(
 def learn(run: Path) -> None:
     """Learn the quotient graph and recover the body.
 
-    Reads the experience of RUN, never the truth.
+    Reads the touches of the run directory RUN, never the truth (where the robot was touched).
     """
     directory = _open(run)
 
@@ -268,7 +271,10 @@ def plan(
     goal: int | None,
     through: list[int] | None,
 ) -> None:
-    """Plan a smooth motion from one sensation to another."""
+    """Plan a smooth motion from one sensation to another.
+
+    RUN is a run directory that has learned. The report of the run has a map of the numbers.
+    """
     directory = _open(run)
     targets = _targets(start, q_start, goal, through)
 
@@ -312,7 +318,10 @@ def execute(
     through: list[int] | None,
     max_tries: int | None,
 ) -> None:
-    """Execute a plan under full dynamics and store the sensations."""
+    """Execute a plan under full dynamics and store the sensations.
+
+    RUN is a run directory. Make the plan first, with `selftouch plan` and the same options.
+    """
     directory = _open(run)
     targets = _targets(start, q_start, goal, through)
     if max_tries is not None and start is None:
@@ -346,8 +355,8 @@ def record(
 ) -> None:
     """Record an executed plan as a 3D page.
 
-    The HTML page is written beside the plan and needs no network. The report has a recording of its
-    own.
+    The HTML page is written beside the plan in the run directory RUN, and needs no network. The
+    report has a recording of its own.
     """
     directory = _open(run)
     targets = _targets(start, q_start, goal, through)
@@ -363,7 +372,7 @@ def record(
 def evaluate(run: Path) -> None:
     """Score the recovered shape and random plans.
 
-    The score compares RUN with the truth, which the agent never sees.
+    Compares the run directory RUN with the truth, which the agent never sees.
     """
     directory = _open(run)
 
@@ -378,7 +387,10 @@ def evaluate(run: Path) -> None:
 @RUN
 @click.option("--vector", is_flag=True, help="Also write the figures as PDF, for papers.")
 def report(run: Path, vector: bool) -> None:
-    """Draw the figures of RUN and write its report."""
+    """Draw the figures of RUN and write its report.
+
+    RUN is a run directory. The report is RUN/report.html.
+    """
     directory = _open(run)
 
     from selftouch_drake.run.showing import write_report
@@ -409,6 +421,8 @@ def live(
 ) -> None:
     """Watch an agent learn from its first touch on.
 
+    EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
+
     The page shows the robot, and beside it the body that the agent knows so far. The robot babbles
     as in `selftouch run`. Then the agent learns from its touches one after another, notices if its
     body changes, and corrects what it knows. The report shows its life as curves. End with the
@@ -437,6 +451,8 @@ def live(
 )
 def play(run: Path, port: int | None) -> None:
     """Watch the agent of RUN move, and choose what it feels next.
+
+    RUN is a run directory that has learned.
 
     Open the printed address in a browser. End with the button on the page or with Ctrl-C.
     """
@@ -498,7 +514,10 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
     "--show", is_flag=True, help="Show the robot in a browser, with a slider for each joint."
 )
 def robot(experiment: str, overrides: str, show: bool) -> None:
-    """Print joints, skins, and what touches what."""
+    """Print joints, skins, and what touches what.
+
+    EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
+    """
     from selftouch_drake.robot.describe import describe
 
     _, world = _load(experiment, overrides)
@@ -514,12 +533,18 @@ def robot(experiment: str, overrides: str, show: bool) -> None:
 def experiments(show: str | None) -> None:
     """List the shipped experiments and sweeps."""
     from selftouch_drake.experiment import closest, shipped_experiments
-    from selftouch_drake.resources import EXPERIMENTS
+    from selftouch_drake.resources import EXPERIMENTS, SWEEPS, summary
     from selftouch_drake.sweep.design import shipped_sweeps
 
     names = shipped_experiments()
     if show is None:
-        click.echo("\n".join([*names, *(f"sweep: {sweep}" for sweep in shipped_sweeps())]))
+        for title, folder, shipped in (
+            ("Experiments (selftouch run NAME)", EXPERIMENTS, names),
+            ("Sweeps (selftouch sweep NAME)", SWEEPS, shipped_sweeps()),
+        ):
+            click.echo(title)
+            for name in shipped:
+                click.echo(f"  {name:<25} {summary(folder / f'{name}.yaml')}")
     elif show in names:
         click.echo((EXPERIMENTS / f"{show}.yaml").read_text(encoding="utf-8"), nl=False)
     else:

@@ -314,8 +314,10 @@ def test_a_list_of_experiments_needs_no_drake():
     )
     heavy = ("pydrake", "sklearn", "scipy", "matplotlib", "trimesh", "numba", "pyarrow")
     done = subprocess.run([sys.executable, "-c", code, *heavy], capture_output=True, text=True)
-    *names, loaded = done.stdout.splitlines()
-    assert names == [*shipped_experiments(), *(f"sweep: {name}" for name in shipped_sweeps())]
+    *lines, loaded = done.stdout.splitlines()
+    listed = [line.split(maxsplit=1) for line in lines if line.startswith("  ")]
+    assert [name for name, _ in listed] == [*shipped_experiments(), *shipped_sweeps()]
+    assert all(meaning.endswith((".", "?")) for _, meaning in listed)
     assert loaded == "[]"
 
 
