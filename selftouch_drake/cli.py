@@ -708,7 +708,7 @@ def _print_headline(directory) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from selftouch_drake.run.figures import headline
+    from selftouch_drake.run.metrics import headline
 
     table = Table("metric", "value", title=directory.experiment.name, title_justify="left")
     for tile in headline(directory.metrics()):

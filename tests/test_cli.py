@@ -23,7 +23,7 @@ from selftouch_drake.resources import EXPERIMENTS, MODELS
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.figures import FIGURES
+from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.sweep import shipped_sweeps
 
 SMALL = (
@@ -77,7 +77,7 @@ def test_run_leaves_all_that_the_design_names(cube_run):
 def assert_is_complete(run, *, metrics_compared):
     metrics = json.loads((run / "metrics.json").read_text())
     experiment = load_experiment(run / "experiment.yaml")
-    known = {figure.key for figure in FIGURES}
+    known = {metric.key for metric in METRICS}
     assert set(metrics) - {"made_for"} <= known
     assert metrics["babbling_num_samples"] == 2000
     assert list(metrics["babbling_touches_by_skin"]) == list(experiment.skins)

@@ -12,7 +12,7 @@ import pytest
 
 from selftouch_drake.cli import cli
 from selftouch_drake.experiment import Babbling, Skin
-from selftouch_drake.run.figures import FIGURES as METRICS
+from selftouch_drake.run.metrics import METRICS
 
 ROOT = Path(__file__).parents[1]
 

@@ -18,7 +18,7 @@ from selftouch_drake.experiment import Experiment, shipped_experiments
 from selftouch_drake.resources import EXPERIMENTS, summary
 from selftouch_drake.resources import EXPERIMENTS, SWEEPS
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.figures import FIGURES as METRICS
+from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.sweep import shipped_sweeps
 
 #: Packages of the API reference with their titles: what a program outside of this one may use.

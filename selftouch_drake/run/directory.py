@@ -239,28 +239,28 @@ class RunDirectory:
         if not file.exists():
             return {}
         try:
-            figures = json.loads(file.read_text(encoding="utf-8"))
+            found = json.loads(file.read_text(encoding="utf-8"))
         except (ValueError, RecursionError):
-            figures = None
-        if not isinstance(figures, dict):
+            found = None
+        if not isinstance(found, dict):
             raise RunError(f"{file} is damaged; delete it and evaluate again")
-        if figures.pop("made_for", None) != self._experience_stamp():
+        if found.pop("made_for", None) != self._experience_stamp():
             raise RunError(
                 f"{file} belongs to another experiment or version; delete it, then babble and "
                 "evaluate again: stored walks are kept"
             )
-        return figures
+        return found
 
-    def add_metrics(self, figures: dict[str, Any]) -> None:
+    def add_metrics(self, metrics: dict[str, Any]) -> None:
         """Adds metrics to `metrics.json`; those of the same name are replaced."""
-        self._write_metrics(self.metrics() | figures)
+        self._write_metrics(self.metrics() | metrics)
 
     def drop_metrics(self, names: Collection[str]) -> None:
         """Removes metrics that are no longer true because an earlier stage ran again."""
         self._write_metrics({k: v for k, v in self.metrics().items() if k not in names})
 
-    def _write_metrics(self, figures: dict[str, Any]) -> None:
-        text = json.dumps({"made_for": self._experience_stamp()} | figures, indent=2)
+    def _write_metrics(self, metrics: dict[str, Any]) -> None:
+        text = json.dumps({"made_for": self._experience_stamp()} | metrics, indent=2)
         write_text_whole(self.path / "metrics.json", text + "\n")
 
     def fingerprint(self) -> str:

@@ -29,7 +29,6 @@ from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot import MakeRobot, Robot, Touches, World
 from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import Reading, Tile, headline, readings
 from selftouch_drake.run.knowledge import (
     load_body,
     load_execution,
@@ -40,9 +39,17 @@ from selftouch_drake.run.knowledge import (
     stored_pairs,
     was_executed,
 )
+from selftouch_drake.run.metrics import Reading, Tile, headline, readings
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import NoWorldError, require_robot
-from selftouch_drake.show import MissingError, RecoveredSkin, RobotShape, SkinSurface, TouchSample
+from selftouch_drake.show import (
+    MissingError,
+    NoSurfaceError,
+    RecoveredSkin,
+    RobotShape,
+    SkinSurface,
+    TouchSample,
+)
 from selftouch_drake.show.recovered import at_poses, laid_on_skins, skins_of
 
 
@@ -213,9 +220,9 @@ class Material:
         """The recovered parts, each on its skins at home."""
         truth = self.kernel_truth
         if not truth.is_surface:
-            raise MissingError(
-                f"{1 - truth.share_single:.0%} of the touches are at several places at once: the "
-                "quotient space is not a surface in space (paper, section IV)"
+            raise NoSurfaceError(
+                f"{1 - truth.share_single:.0%} of the touches are at several places at once, so a "
+                "kernel is a pose of the hand and not a place on the skin (paper, section IV)"
             )
         parts = laid_on_skins(self.body, truth, self.skins, self.home)
         if not parts:

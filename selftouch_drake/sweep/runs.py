@@ -28,8 +28,8 @@ from selftouch_drake.experiment import Experiment, dump_experiment, experiment_f
 from selftouch_drake.files import require_writable, write_text_whole
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import keys_of
 from selftouch_drake.run.fingerprint import learning_fingerprint
+from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.sweep.design import Sweep
 
 _HEADER = "# A sweep of selftouch_drake, format 1\n"

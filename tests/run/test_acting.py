@@ -17,7 +17,6 @@ from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import NoWayError, Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import FIGURES
 from selftouch_drake.run.knowledge import (
     load_agent,
     load_execution,
@@ -28,8 +27,9 @@ from selftouch_drake.run.knowledge import (
     stored_pairs,
     was_executed,
 )
+from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.run.naming import free_start
-from selftouch_drake.run.trial_figures import trial_figures, trial_table
+from selftouch_drake.run.trial_metrics import trial_metrics, trial_table
 from selftouch_drake.run.trials import random_pairs, try_pairs
 
 SMALL = {
@@ -251,8 +251,8 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
     # What was rehearsed before does not count: the figures are the same every time.
     agent = agent.recalling(agent.memory.after(np.arange(20)))
     trials, _ = try_pairs(run, world, agent, stages.silent)
-    figures = trial_figures(trials, world.robot.turns)
-    assert set(figures) <= {figure.key for figure in FIGURES}
+    figures = trial_metrics(trials, world.robot.turns)
+    assert set(figures) <= {metric.key for metric in METRICS}
     assert figures["execution_num_pairs"] == 2
     assert figures["rehearsal_contact_mean"] >= figures["execution_contact_mean"]
     assert figures["rehearsal_contact_worst"] >= figures["execution_contact_worst"]
@@ -276,7 +276,7 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
     assert np.mean(shares) == pytest.approx(figures["execution_contact_mean"])
     # The sliding joints of another robot have a figure of their own.
     sliding = np.array([True] * 4 + [False] * 2)
-    mixed = trial_figures(trials, sliding)
+    mixed = trial_metrics(trials, sliding)
     parts = (
         4 * mixed["execution_tracking_rms_rad"] ** 2 + 2 * mixed["execution_tracking_rms_m"] ** 2
     )
@@ -295,7 +295,7 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
     monkeypatch.setattr(world.probe, "collision_depth", depth)
     run.experiment.evaluation.num_pairs = 1
     trials, _ = try_pairs(run, world, load_agent(run), stages.silent)
-    figures = trial_figures(trials, world.robot.turns)
+    figures = trial_metrics(trials, world.robot.turns)
     assert figures["planning_impossible_postures"] == 5
     assert figures["execution_impossible_postures"] == 5
     # Plans are sampled at 100 Hz, the plant steps at 200 Hz.

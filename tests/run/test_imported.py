@@ -125,7 +125,7 @@ def test_the_report_says_what_there_is(run):
     assert selftouch("report", run.path) == 0
     page = run.report.read_text()
     text = " ".join(re.sub("<[^>]+>", " ", page).split())
-    assert "A robot that runs elsewhere recorded its 7 joints (joint_0, joint_1" in text
+    assert "Another robot recorded its 7 joints (joint_0, joint_1" in text
     assert "taxels[7]" in text
     assert page.count("was imported and has no robot") <= 1
     assert "selftouch evaluate" not in page
@@ -155,7 +155,7 @@ def test_what_needs_a_world_says_so(words, learned, capfd):
     words = [str(word).replace("RUN", str(learned.path)) for word in words]
     assert selftouch(*words) == 2
     assert capfd.readouterr().err.strip() == (
-        "selftouch: my_robot was imported and has no robot that could be simulated: use learn, "
+        "selftouch: my_robot was imported, without a robot to simulate: use learn, "
         "plan and report, and execute its plans on the robot that recorded it"
     )
 

@@ -14,8 +14,8 @@ from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run import knowledge, scores, stages
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import FIGURES
 from selftouch_drake.run.knowledge import load_body, load_representation
+from selftouch_drake.run.metrics import METRICS
 
 NUM_ROWS, WALK_SIZE = 1500, 500
 
@@ -93,7 +93,7 @@ def test_what_was_learned_and_what_it_came_from_are_reported(learned):
     assert len(figures["topology_betti"]) == 3
     assert "topology_betti_by_part" not in figures
     # Every figure is in the table, so that the next learning drops it.
-    assert set(figures) <= {figure.key for figure in FIGURES}
+    assert set(figures) <= {metric.key for metric in METRICS}
 
 
 def test_what_was_recovered_is_read_back_as_it_was(learned):
@@ -191,7 +191,7 @@ def test_scores_against_the_truth(run):
     assert set(distortion) == {"motor", "sensorimotor"}
     assert 0.0 < figures["distance_distortion_median_fraction"] < 0.3
     assert figures["parts_true"] == 1
-    assert set(figures) <= {figure.key for figure in FIGURES}
+    assert set(figures) <= {metric.key for metric in METRICS}
     # What means nothing for one skin is absent.
     assert "shape_rms_fraction_by_skin" not in figures
     assert "topology_betti_true_by_part" not in figures

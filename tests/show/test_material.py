@@ -4,7 +4,8 @@ import trimesh
 from laid_out import places_of
 
 from selftouch_drake.run.material import Material
-from selftouch_drake.show import MissingError
+from selftouch_drake.show import FIGURES, MissingError
+from selftouch_drake.show.page.report import Picture, Recording, report_page
 from selftouch_drake.show.skins import all_moved
 
 
@@ -67,6 +68,9 @@ def test_several_touches_at_once_are_no_surface(reported, monkeypatch):
     )
     with pytest.raises(MissingError, match="30% of the touches are at several places at once"):
         _ = material.recovered
+    page = report_page(material, {name: Picture(missing="-") for name in FIGURES}, Recording())
+    assert "No picture of the recovered body:</strong> 30% of the touches" in page
+    assert "<strong>The body, the recovered body" not in page
 
 
 def test_the_longest_executed_plan_is_shown(reported):
