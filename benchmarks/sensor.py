@@ -316,7 +316,10 @@ def deviation(felt: float, true: float) -> str:
 
 
 def floor_accuracy(quick: bool) -> Iterator[str]:
-    yield "| radius, m | modulus, Pa | step, s | weight, N | felt, off weight | off `F_Ac_W` |"
+    yield (
+        "| radius (m) | modulus (Pa) | step (s) | weight (N) | felt, relative to the weight | "
+        "relative to `F_Ac_W` |"
+    )
     yield "|---|---|---|---|---|---|"
     for radius, modulus, step in variations(quick):
         rest, weight = on_floor(radius, modulus, step)
@@ -329,8 +332,9 @@ def floor_accuracy(quick: bool) -> Iterator[str]:
 
 def block_accuracy(quick: bool) -> Iterator[str]:
     yield (
-        "| side, m | modulus, Pa | step, s | weight, N | felt, off weight | off `F_Ac_W` | "
-        "centre by `Touches`, off moment | centre by receptors, off moment | receptors apart |"
+        "| side (m) | modulus (Pa) | step (s) | weight (N) | felt, relative to the weight | "
+        "relative to `F_Ac_W` | error of the centre by `Touches` | "
+        "error of the centre by receptors | spacing of receptors |"
     )
     yield "|---|---|---|---|---|---|---|---|---|"
     for size, modulus, step in variations(quick):
@@ -352,7 +356,7 @@ def block_accuracy(quick: bool) -> Iterator[str]:
 
 
 def receptor_accuracy(quick: bool) -> Iterator[str]:
-    yield "| receptors | centre by receptors, off moment |"
+    yield "| receptors | error of the centre by receptors |"
     yield "|---|---|"
     for num_receptors in (50,) if quick else (50, 100, 200, 400, 800):
         rest, _ = block_on_cube(0.3, 1e5, 0.005, num_receptors)
@@ -361,7 +365,10 @@ def receptor_accuracy(quick: bool) -> Iterator[str]:
 
 
 def tip_accuracy(quick: bool) -> Iterator[str]:
-    yield "| ball, m | tip, m | depth, mm | felt, N | `F_Ac_W`, N | off `F_Ac_W` | off pressure |"
+    yield (
+        "| ball (m) | tip (m) | depth (mm) | felt (N) | `F_Ac_W` (N) | relative to `F_Ac_W` | "
+        "relative to the pressure |"
+    )
     yield "|---|---|---|---|---|---|---|"
     cases = [(0.15, 0.01, 0.004), (0.15, 0.03, 0.004), (0.15, 0.1, 0.004), (0.15, 0.01, 0.008)]
     for radius, tip, depth in cases[: 1 if quick else None]:

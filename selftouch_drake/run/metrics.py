@@ -414,7 +414,8 @@ _HEADLINE = {
     ),
     "shape_trusted": (
         "trusted",
-        "whether the agent trusts its shape and holes; it should not trust a wrong one",
+        "whether the agent trusts its shape and holes: expected error below 4 %, holes with a "
+        "margin of 4 or more",
     ),
     "parts_found": ("parts", "pieces of the body that no touch joins; one skin is one part"),
     "topology_betti": (
