@@ -1,4 +1,4 @@
-"""Runs that have babbled: made where they are missing, so that a benchmark is one command."""
+"""Runs with touches; a missing run is made, so that a benchmark is one command."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a stored touch costs, beside what a user would write instead. Run: `make bench`.
+"""Cost of a stored touch, compared with code that a user would write. Run: `make bench`.
 
 Three ways through the same random walks at the sphere, on one core, in turn, medians of several
 turns:
@@ -44,7 +44,7 @@ from selftouch_drake.run.executors import local_executor
 
 
 class Loop:
-    """SetPositions and ComputeContactSurfaces, as one would write it first."""
+    """The obvious loop: SetPositions, then ComputeContactSurfaces."""
 
     def __init__(self, world: World):
         station = MakeDynamicStation(world.experiment, world.skins)
@@ -64,7 +64,7 @@ class Loop:
 
 
 class Selftouch:
-    """What `selftouch babble` does for one walk, writing included."""
+    """The work of `selftouch babble` for one walk, including writing."""
 
     def __init__(self, world: World, folder: Path):
         self.experiment, self.folder = world.experiment, folder
@@ -127,7 +127,7 @@ def in_turn(
     turns: int,
     clock: Callable[[], float] = time.process_time,
 ) -> dict[str, float]:
-    """Seconds of each way: medians over turns that go round, the first left out."""
+    """Seconds for each method: medians over interleaved turns, without the first."""
     seconds: dict[str, list[float]] = {name: [] for name in ways}
     for turn in range(turns + 1):
         for name, way in ways.items():
@@ -139,7 +139,7 @@ def in_turn(
 
 
 def measure(num_touches: int, turns: int) -> dict[str, float]:
-    """Stored touches a second of each way."""
+    """Stored touches per second for each method."""
     world = World(load_experiment("sphere"))
     with tempfile.TemporaryDirectory() as folder:
         selftouch, loop = Selftouch(world, Path(folder)), Loop(world)
@@ -160,7 +160,7 @@ def measure(num_touches: int, turns: int) -> dict[str, float]:
 
 
 def measure_processes(num_touches: int, turns: int) -> dict[int, float]:
-    """Stored touches a second of one and of two processes that are already warm."""
+    """Stored touches per second with one and with two warm processes."""
     executors = {workers: local_executor(workers) for workers in (1, 2)}
     overrides = {"babbling": {"num_samples": num_touches, "walk_size": num_touches // 20}}
     experiment = load_experiment("sphere", overrides)
@@ -178,7 +178,7 @@ def measure_processes(num_touches: int, turns: int) -> dict[int, float]:
 
 
 def measure_steps(turns: int) -> dict[str, float]:
-    """Steps a second that touch nothing, and are rejected: the walk's part, and the screen's."""
+    """Rejected steps per second: share of the walk and of the screen."""
     ways: dict[str, Callable[[int], object]] = {}
     num_steps = 10 * BATCH
     for name in ("sphere", "infant"):
@@ -209,7 +209,7 @@ print(time.perf_counter() - began)
 
 
 def measure_start() -> dict[str, float]:
-    """s until a process has its first hundred touches, its world built: cold, and cached."""
+    """s until a new process has its first hundred touches: with cold and warm caches."""
 
     def first_touches(cache: str) -> float:
         ran = subprocess.run(

@@ -1,4 +1,4 @@
-"""Steps a second of Gymnasium environments, one copy and several at once. Run it as a script.
+"""Steps per second of Gymnasium environments, one copy and several. Run it as a script.
 
 Beside them is MuJoCo's humanoid, if `gymnasium[mujoco]` is installed. A step of the humanoid is
 0.015 s of its time, one of ours 0.05 s: the last column compares them.
@@ -31,7 +31,7 @@ def actions(space: gymnasium.spaces.Box, num_steps: int) -> np.ndarray:
 
 
 def steps_a_second(name: str, num_copies: int, num_steps: int) -> float:
-    """Steps of all copies together, a second, after they were built and reset."""
+    """Steps per second of all copies together, without building and resetting them."""
     copies = AsyncVectorEnv([lambda: gymnasium.make(name)] * num_copies)
     try:
         copies.reset(seed=0)
@@ -46,7 +46,7 @@ def steps_a_second(name: str, num_copies: int, num_steps: int) -> float:
 
 
 def step_s(name: str) -> float:
-    """s of its own time that one step of an environment takes."""
+    """s of simulated time per step of an environment."""
     env = gymnasium.make(name)
     found = env.unwrapped.period_s if name in envs.environments() else env.unwrapped.dt
     env.close()
@@ -54,7 +54,7 @@ def step_s(name: str) -> float:
 
 
 def has_mujoco() -> bool:
-    """Whether the humanoid can be made here."""
+    """Whether MuJoCo's humanoid is installed."""
     try:
         gymnasium.make(HUMANOID).close()
     except (ImportError, gymnasium.error.DependencyNotInstalled):

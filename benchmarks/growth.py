@@ -19,7 +19,7 @@ RECEPTORS = (50, 100, 200, 400)
 
 
 def measure(name: str, overrides: dict, num_touches: int) -> str:
-    """A line of the table: what the robot has, and what its touches cost."""
+    """A line of the table: size of the robot and cost of its touches."""
     experiment = load_experiment(name, overrides)
     began = time.process_time()
     world = World(experiment)

@@ -1,4 +1,4 @@
-"""Plans that are practised in imagination: contact without going along them.
+"""Plans that are practised in imagination only, without following them.
 
     python benchmarks/imagined.py RUN... --pairs 20
 
@@ -41,7 +41,7 @@ _PASSES = 3
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False)
 class Imagination:
-    """Log odds that a configuration touches, against one that is drawn at random."""
+    """Log odds that a configuration touches, relative to random configurations."""
 
     network: Network
     middle: np.ndarray
@@ -55,7 +55,7 @@ class Imagination:
 
     @classmethod
     def learned(cls, q: np.ndarray, num_steps: int, seed: int) -> Imagination:
-        """From the `(n, J)` configurations of touches."""
+        """Trains on the `(n, J)` configurations of touches."""
         rng, (num, num_joints) = np.random.default_rng(seed), q.shape
         lower, upper = q.min(axis=0), q.max(axis=0)
         network = Network.random([num_joints, _WIDTH, _WIDTH, _WIDTH, 1], rng)
@@ -78,7 +78,7 @@ class Imagination:
     def slider(
         self, representation: QuotientRepresentation, world: World, least_odds: float
     ) -> Slider:
-        """Slides along what is imagined; every receptor feels the odds beyond the least."""
+        """A slider in imagination: every receptor feels the odds above a threshold."""
         num = representation.target_sensations.shape[1]
 
         def feel(x: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""How much of the shape a raw skin costs, against a clean one. Run it as a script.
+"""How much a raw skin costs, compared with a clean one. Run it as a script.
 
     python benchmarks/imported.py --out runs/recorded
 
@@ -57,7 +57,7 @@ def make_world(seed: int) -> World:
 
 
 def record(folder: Path, world: World, num_rows: int) -> None:
-    """Makes all recordings of one motion, and the truth beside them."""
+    """Makes all recordings of one motion, and their truth."""
     experiment, seed = world.experiment, world.experiment.seed
     lower, upper = world.robot.babbled_range
     walk = RandomWalk(
@@ -99,7 +99,7 @@ def lists(rows: np.ndarray) -> pa.Array:
 
 
 def contact(agent: Agent, world: World) -> np.ndarray:
-    """Shares of the length of random plans in which a perfect skin is touched."""
+    """Shares of the length of random plans on which a perfect skin is touched."""
     rng, shares = np.random.default_rng(0), []
     for _ in range(NUM_PLANS):
         start, goal = rng.choice(agent.representation.num_targets, 2, replace=False)

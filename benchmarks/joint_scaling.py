@@ -1,4 +1,4 @@
-"""What a scaling of joints does to shape and contact. Run it as a script on runs that have babbled.
+"""Effect of joint scaling on shape and contact. Run it as a script on runs that have babbled.
 
     python benchmarks/joint_scaling.py runs/torus runs/cube runs/sphere --unit 0.2 1 5 1 1 1
 
@@ -41,7 +41,7 @@ SPREAD = 1.6
 
 
 def even(factor: Callable[[np.ndarray], np.ndarray]) -> Scaling:
-    """A scaling by some measure of each joint, of the common spread."""
+    """A scaling by some measure of each joint, normalised to the common spread."""
 
     def scaling(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
         scale = 1.0 / factor(q.astype(float))

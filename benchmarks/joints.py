@@ -1,4 +1,4 @@
-"""Shape and contact over the number of joints: a torus that turns on more and more of them.
+"""Shape and contact over the number of joints: a torus on a neck with more and more joints.
 
     python benchmarks/joints.py --joints 6 7 9 12 16 --pairs 20 --out runs/joints
     python benchmarks/joints.py --out runs/joints --picture docs/images/joints.png
@@ -43,7 +43,7 @@ _JOINT = """<joint name="{name}" type="revolute"><pose>0 0 {z} 0 0 0</pose><pare
 
 
 def neck(num_joints: int) -> str:
-    """The SDFormat text of a body on so many joints, one or more."""
+    """The SDFormat text of a body on `num_joints` joints, one or more."""
     names = ["base", *(f"neck_{number}" for number in range(1, num_joints)), "body"]
     turn = round(_TURN * (3 / max(num_joints, 3)) ** 0.5, 3)
     parts = [_LINK.format(name=name, z=-_NECK, mass=0.3, i=0.0002) for name in names[:-1]]
@@ -64,7 +64,7 @@ def neck(num_joints: int) -> str:
 
 
 def experiment_file(folder: Path, num_joints: int) -> str | Path:
-    """The name of an experiment with so many joints, or a file that describes one."""
+    """The name of an experiment with `num_joints` joints, or a file that describes one."""
     if num_joints == _ARM:
         return "torus"
     model, directives = folder / f"neck_{num_joints}.sdf", folder / f"neck_{num_joints}.dmd.yaml"
@@ -91,7 +91,7 @@ def experiment_file(folder: Path, num_joints: int) -> str | Path:
 
 
 def measured(num_joints: int, arguments: argparse.Namespace) -> Metrics:
-    """The figures of a run with so many joints, which is made unless it is there."""
+    """The metrics of a run with `num_joints` joints; a missing run is made."""
     size = {
         "seed": arguments.seed,
         "babbling": {"num_samples": arguments.touches},

@@ -41,7 +41,7 @@ grid: {{representation.max_kernel_size: [500, 1000]}}
 
 
 def commands(folder: Path) -> dict[str, list[str]]:
-    """The stages, in order; each begins where the one before came to its end."""
+    """The stages in order; each starts where the previous one ended."""
     run = str(folder / "run")
     (folder / "kills.yaml").write_text(SWEEP)
     return {
@@ -56,7 +56,7 @@ def commands(folder: Path) -> dict[str, list[str]]:
 
 
 def start(command: list[str]) -> multiprocessing.Process:
-    """Runs a command line in a process, and a session, of its own."""
+    """Runs a command line in its own process and session."""
 
     def work():
         os.setsid()
@@ -71,7 +71,7 @@ def start(command: list[str]) -> multiprocessing.Process:
 
 
 def digests(folder: Path) -> dict[str, str]:
-    """Of every file, without the times in it; of pages full of times, that they are there."""
+    """Content of every file without its times; for pages full of times, only their existence."""
     return {
         str(path.relative_to(folder)): _digest(path)
         for path in sorted(folder.rglob("*"))
@@ -98,7 +98,7 @@ def _timeless(figures: dict[str, object]) -> dict[str, object]:
 
 
 class Stage:
-    """A stage of a run in `folder`: what is there before it, what after, and how long it takes."""
+    """A stage of a run in `folder`: files before and after it, and its duration."""
 
     def __init__(self, name: str, command: list[str], folder: Path, before: Path):
         self.name, self._command, self._folder, self._before = name, command, folder, before
@@ -132,7 +132,7 @@ class Stage:
         return moment
 
     def resume(self) -> list[str]:
-        """Gives the same command again; returns what is wrong after it."""
+        """Gives the same command again; returns the differences."""
         process = start(self._command)
         process.join(PATIENCE * self.duration + 60)
         if process.is_alive():

@@ -1,4 +1,4 @@
-"""What learning costs: set distances beside scipy's, all of `learn`, and how both grow.
+"""Cost of learning: set distances compared with scipy, all of `learn`, and their growth.
 
 Run: `python benchmarks/learning.py RUN`, on a run that has learned 1000 targets from a million
 touches. It reads the run and leaves it as it is. Times are of the processor, not of the clock, so
@@ -95,7 +95,7 @@ def measure_peers(representation: QuotientRepresentation, num_sets: int, turns: 
 
 
 def fit(run: Path, num_rows: int, num_targets: int, kernel_size: int) -> QuotientLearner:
-    """Learns from the first rows of a run; beyond its end the same shards come again."""
+    """Learns from the first rows of a run; at its end the shards repeat."""
     reader = ExperienceReader(run / "experience")
 
     def batches() -> Iterator[tuple[np.ndarray, np.ndarray]]:
@@ -119,7 +119,7 @@ def learn(run: Path) -> None:
 
 
 def measure_in_child(run: Path, *arguments: int) -> dict[str, float]:
-    """Time and peak memory of `fit`, or without arguments of `learn`, in a process of its own."""
+    """Time and peak memory of `fit`, or of `learn` without arguments, in a new process."""
     command = [sys.executable, __file__, str(run), "--child", json.dumps(arguments)]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return json.loads(done.stdout)
@@ -140,7 +140,7 @@ def child(run: Path, arguments: list[int]) -> dict[str, float]:
 
 
 def grid(largest: int) -> list[tuple[str, int, int, int]]:
-    """What grows, and rows, targets and kernel size of each point."""
+    """The quantity that grows; rows, targets and kernel size of each point."""
     rows = [n for n in (100_000, 300_000, 1_000_000, 3_000_000, 10_000_000) if n <= largest]
     return [
         *(("rows", n, NUM_TARGETS, KERNEL_SIZE) for n in rows),

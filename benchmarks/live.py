@@ -1,4 +1,4 @@
-"""Whether the live agent is as fast as it is asked to be, with a browser that looks on.
+"""Whether the live agent reaches the wanted speed while a browser shows it.
 
     python benchmarks/live.py runs/cube
 

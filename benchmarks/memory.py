@@ -32,13 +32,13 @@ STAGES = ("babble, a worker", "babble, the main process", "learn", "evaluate", "
 
 
 def peak_memory_mb() -> float:
-    """Of this process alone: what `getrusage` says begins with the memory of its parent."""
+    """Peak memory of this process, in MB; `getrusage` would include memory of its parent."""
     status = Path("/proc/self/status").read_text()
     return int(status.partition("VmHWM:")[2].split()[0]) / 1024
 
 
 def repeated(source: Path, times: int, num_targets: int, path: Path) -> None:
-    """Makes a run whose experience is that of `source`, `times` over, but for its last walks."""
+    """Makes a run with the experience of `source`, repeated, without the last walks."""
     whole = RunDirectory.open(source)
     known = whole.experiment
     experiment = replace(
@@ -69,7 +69,7 @@ def repeated(source: Path, times: int, num_targets: int, path: Path) -> None:
 
 
 def do(stage: str, path: Path) -> dict[str, float]:
-    """Does a stage in this process; returns the peak memory of the processes it took, in MB."""
+    """Runs a stage in this process; returns the peak memory of its processes, in MB."""
     run = RunDirectory.open(path)
     if stage == "babble":
         with local_executor(1) as executor:

@@ -26,7 +26,7 @@ def peak_memory_of_worker_mb(delay_s: float) -> float:
 
 
 def measure(name: str, num_samples: int, workers: int, folder: Path) -> str:
-    """Collects, reads back and checks; returns a line of the table."""
+    """Collects touches, reads and checks them; returns a line of the table."""
     # Nothing is learned, so that the number of targets only has to be one that is valid.
     overrides = {"babbling": {"num_samples": num_samples}, "representation": {"num_targets": 50}}
     run = RunDirectory.create(folder / f"{name}-{num_samples}", load_experiment(name, overrides))

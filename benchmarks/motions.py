@@ -12,9 +12,9 @@ from pathlib import Path
 
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.figures import readings
 from selftouch_drake.run.knowledge import load_agent
-from selftouch_drake.run.scores import trial_figures
+from selftouch_drake.run.metrics import readings
+from selftouch_drake.run.trial_metrics import trial_metrics
 from selftouch_drake.run.trials import try_pairs
 
 
@@ -31,9 +31,9 @@ def main() -> None:
         # The same run, but for the number of pairs; their first tries are kept among its plans.
         asked = dataclasses.replace(run.experiment, evaluation=evaluation)
         trials, _ = try_pairs(RunDirectory(path, asked), world, agent, stages.silent)
-        figures = trial_figures(trials, world.robot.turns)
+        metrics = trial_metrics(trials, world.robot.turns)
         columns[path.name] = {
-            reading.key: reading.value for some in readings(figures).values() for reading in some
+            reading.key: reading.value for some in readings(metrics).values() for reading in some
         }
     keys = list(dict.fromkeys(key for column in columns.values() for key in column))
     print(f"| figure | {' | '.join(columns)} |")

@@ -1,4 +1,4 @@
-"""Runs notebooks from the first cell to the last, and stores what they show.
+"""Runs notebooks from the first cell to the last, and stores their outputs.
 
     python benchmarks/notebooks.py                    # all of them
     python benchmarks/notebooks.py trust two_fingers
@@ -24,15 +24,19 @@ COLORS = 128
 
 
 def smaller(image: str) -> str:
-    """A PNG in base64 with a palette of its own; itself if that is not smaller."""
-    picture = Image.open(io.BytesIO(base64.b64decode(image))).convert("RGB")
+    """A PNG in base64 with its own palette; unchanged if that is not smaller, or if it moves."""
+    picture = Image.open(io.BytesIO(base64.b64decode(image)))
+    if getattr(picture, "is_animated", False):
+        return image
     file = io.BytesIO()
-    picture.quantize(COLORS, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
+    picture.convert("RGB").quantize(COLORS, dither=Image.Dither.NONE).save(
+        file, "PNG", optimize=True
+    )
     return min(base64.b64encode(file.getvalue()).decode("ascii"), image, key=len)
 
 
 def run(path: Path, folder: Path) -> None:
-    """Runs a notebook in a folder, and stores its outputs."""
+    """Runs a notebook in a folder and stores its outputs."""
     notebook = nbformat.read(path, as_version=4)
     where = {"metadata": {"path": folder}}
     NotebookClient(notebook, timeout=None, kernel_name="python3", resources=where).execute()

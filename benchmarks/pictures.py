@@ -94,14 +94,14 @@ def figure(name: str, of: Callable[[Path], Material], runs: Path) -> Figure:
 
 
 def cropped(pictures: np.ndarray) -> np.ndarray:
-    """Pictures `(n, height, width, 3)` without the margins in which nothing is ever drawn."""
+    """Pictures `(n, height, width, 3)` without empty margins."""
     drawn = (pictures != pictures[0, 0, 0]).any(axis=(0, 3))
     rows, columns = (np.flatnonzero(drawn.any(axis=axis)) for axis in (1, 0))
     return pictures[:, rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
 def moving(runs: Path) -> None:
-    """The executed tour, as a picture that moves."""
+    """The executed tour, as an animation."""
     material = torus(runs)
     execution = load_execution(material.run, *TOUR)
     time_s = execution.motion.time_s
@@ -182,7 +182,7 @@ def digest(name: str) -> str:
 
 
 def content(file: Path) -> bytes:
-    """What a file holds; of a program, what it does: words about it draw nothing."""
+    """The content of a file; of a program without docstrings and errors, which draw nothing."""
     if file.suffix != ".py":
         return file.read_bytes()
     tree = ast.parse(file.read_text(encoding="utf-8"))
@@ -195,7 +195,7 @@ def content(file: Path) -> bytes:
 
 
 def outdated() -> list[str]:
-    """Pictures that other code or data would draw now, as far as their stamp shows."""
+    """Pictures whose code or data changed since they were drawn."""
     stamp = json.loads(STAMP.read_text(encoding="utf-8")) if STAMP.exists() else {}
     return [name for name in ALL if stamp.get(name) != digest(name)]
 

@@ -1,4 +1,4 @@
-"""Planning beside its peers, on the same pairs of a run that has learned. Run it as a script.
+"""Planning compared with other planners, on the same pairs of a learned run. Run it as a script.
 
 - selftouch: the quotient graph, which knows neither the robot nor its body.
 - OMPL: RRT-Connect in a projected state space, given the true kinematics and the true surface.
@@ -53,7 +53,7 @@ SHAPES = {"sphere": 0, "cube": 1, "torus": 2}
 
 @dataclass(frozen=True)
 class Question:
-    """What every planner is asked: `(J,)` where the joints are, and `(n, J)` where they may end."""
+    """A task for all planners: `(J,)` start and `(n, J)` possible ends."""
 
     start: int
     goal: int
@@ -142,7 +142,7 @@ class OnSurface(ob.Constraint):
         out[0] = on_surface(x, *self.arguments)[1]
 
     def projected(self, q: np.ndarray) -> np.ndarray:
-        """The configuration on the surface that Newton's method finds from `q`."""
+        """Newton's method from `q` to a configuration on the surface."""
         q = q.copy()
         for _ in range(50):
             distance, slope = on_surface(q, *self.arguments)
@@ -153,7 +153,7 @@ class OnSurface(ob.Constraint):
 
 
 def dimensions(surface: Surface, depth: float) -> np.ndarray:
-    """What `surface_distance` needs of a shape, `depth` m below its surface."""
+    """Parameters of `surface_distance` for a shape, `depth` m below its surface."""
     if surface.shape == "sphere":
         return np.array([surface.radius - depth])
     if surface.shape == "cube":
@@ -162,7 +162,7 @@ def dimensions(surface: Surface, depth: float) -> np.ndarray:
 
 
 def require_known(world: World) -> None:
-    """Refuses a robot whose true surface is not known here."""
+    """Checks that the true surface of a robot is known here."""
     skins = list(world.experiment.skins.values())
     known = len(skins) == 1 and skins[0].surface.shape in SHAPES
     if not known or any(skins[0].surface.translation + skins[0].surface.rpy_deg):
@@ -267,7 +267,7 @@ def jerk(path: BSpline, scale: np.ndarray) -> float:
 
 
 def measure(name, plan, asked, world: World, representation: QuotientRepresentation) -> str:
-    """Asks one planner everything, executes its answers, and returns its line of the table."""
+    """Runs one planner on all tasks, executes its plans, and returns its line of the table."""
     rows = []
     for question in asked:
         began = time.process_time()
@@ -292,7 +292,7 @@ def measure(name, plan, asked, world: World, representation: QuotientRepresentat
 
 
 def measure_cpu(work: Callable[[], object]) -> float:
-    """s of processor that it takes."""
+    """CPU time in s."""
     began = time.process_time()
     work()
     return time.process_time() - began

@@ -1,4 +1,4 @@
-"""What a real skin would read, imitated: eight bits, offsets, drift, noise, hysteresis and spikes.
+"""Imitates the readings of a real skin: eight bits, offsets, drift, noise, hysteresis and spikes.
 
 Nothing here knows Drake. `recorded` is a small recording for tests; `benchmarks/imported.py` wears
 out what a simulated robot feels.
@@ -45,7 +45,7 @@ class Recorded:
 def recorded(
     num_rows: int, num_receptors: int = 300, *, rate_hz: float = 50.0, seed: int = 0
 ) -> Recorded:
-    """A finger wanders over a sphere, presses it and lifts off again.
+    """A finger that moves over a sphere, presses it and lifts off again.
 
     The first three joints place the finger; the others sway, and change nothing that is felt.
     """
@@ -71,7 +71,7 @@ def recorded(
 
 
 class RawSkin:
-    """A skin of S receptors that reads eight bits.
+    """A skin with S receptors of eight bits.
 
     Args:
         num_receptors: S.
@@ -99,7 +99,7 @@ class RawSkin:
         self._spikes = spikes
 
     def read(self, force: np.ndarray) -> np.ndarray:
-        """`(n, S)` uint8, what it reads in the next n rows where a perfect skin feels `force` N."""
+        """`(n, S)` uint8 readings of the next n rows, if a perfect skin feels `force` N."""
         rng, shape = self._rng, force.shape
         held = np.empty(shape, dtype=np.float32)
         for row, pressed in enumerate(force):
@@ -116,7 +116,7 @@ class RawSkin:
 
 
 def _wandering(rng: np.random.Generator, num_rows: int, width: int, persistence: float):
-    """`(num_rows, width)` numbers of about one that change smoothly, as joints do."""
+    """`(num_rows, width)` numbers of magnitude one that change smoothly, like joints."""
     poles = np.poly([persistence] * 2)
     walk = lfilter([1.0], poles, rng.normal(size=(num_rows + 500, width)), axis=0)[500:]
     return walk / walk.std(axis=0)

@@ -1,4 +1,4 @@
-"""Published ways to find the shape of a skin, beside ours: same touches, targets and scores.
+"""Published methods for the shape of a skin, compared with ours: same touches, targets, scores.
 
     python benchmarks/rivals.py runs/torus runs/cube --touches 10000 100000 --targets 300
 
@@ -69,7 +69,7 @@ def isomap(representation: QuotientRepresentation, felt: np.ndarray, seed: int) 
 
 
 def by_receptors(apart: Callable[[np.ndarray], np.ndarray], *, local: bool = False) -> Rival:
-    """Receptors laid out by how far apart their readings `(n, S)` say that they are."""
+    """A layout of receptors by distances between their readings `(n, S)`."""
 
     def lay(representation: QuotientRepresentation, felt: np.ndarray, seed: int) -> Layout:
         if local:
@@ -85,7 +85,7 @@ def by_receptors(apart: Callable[[np.ndarray], np.ndarray], *, local: bool = Fal
 
 
 def correlation(felt: np.ndarray) -> np.ndarray:
-    """`(S, S)` one minus the correlation; receptors that never read are as far as can be."""
+    """`(S, S)` one minus the correlation; receptors that never read get the largest distance."""
     with np.errstate(invalid="ignore", divide="ignore"):
         apart = 1.0 - np.nan_to_num(np.corrcoef(felt.T))
     np.fill_diagonal(apart, 0.0)

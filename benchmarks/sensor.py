@@ -1,4 +1,4 @@
-"""How fast and how accurate the tactile skin is. Run: `python benchmarks/sensor.py`.
+"""Speed and accuracy of the tactile skin. Run: `python benchmarks/sensor.py`.
 
 Speed: a plant with so many skins, each pressed by so many balls; what one look at its contact costs
 Drake, and what the skin costs on top of that: CPU time, medians over many postures.
@@ -71,7 +71,7 @@ def rigid(friction: float = 0.5, *, hint: float = 0.01) -> ProximityProperties:
 
 
 class Row:
-    """Balls in skin side by side, each pressed by fingertips; continuous, so contact is state's."""
+    """Balls in skin side by side, each pressed by fingertips; a continuous plant."""
 
     def __init__(self, num_skins: int, num_receptors: int, num_contacts: int):
         surface = sphere(RADIUS)
@@ -116,7 +116,7 @@ class Row:
 
     @property
     def num_faces(self) -> float:
-        """Faces of a contact surface, on average, as it was last looked at."""
+        """Mean number of faces of a contact surface, at the last evaluation."""
         contact = self._contact()
         return statistics.mean(
             contact.hydroelastic_contact_info(i).contact_surface().num_faces()
@@ -124,7 +124,7 @@ class Row:
         )
 
     def look(self, depth: float) -> tuple[float, float]:
-        """s that Drake and that the skin take, with all fingertips `depth` m deep."""
+        """s for Drake's contact and for the skin, with all fingertips `depth` m deep."""
         for tip, at, direction in self._tips:
             X_WT = RigidTransform(at + (RADIUS + TIP_RADIUS - depth) * direction)
             self._plant.SetFreeBodyPose(self._plant_context, tip, X_WT)
@@ -157,7 +157,7 @@ def speed(num_looks: int, quick: bool) -> Iterator[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Rest:
-    """Something at rest, and what is felt of it.
+    """A body at rest, and its sensation.
 
     Attributes:
         felt: `(S,)` N.
@@ -173,7 +173,7 @@ class Rest:
 
     @property
     def force(self) -> np.ndarray:
-        """`(3,)` N, of all contacts on the skin, in the world."""
+        """`(3,)` N, force of all contacts on the skin, in the world."""
         return np.sum(
             [self._on_skin(c) * c.F_Ac_W().translational() for c in self.contacts], axis=0
         )
@@ -182,13 +182,13 @@ class Rest:
         return 1 if contact.contact_surface().id_M() == self.worn.geometry_id else -1
 
     def centre_by_moment(self) -> np.ndarray:
-        """`(3,)` m, in the world: where Drake's force has no moment, of one level contact."""
+        """`(3,)` m, in the world: the point at which Drake's force has no moment."""
         (contact,) = self.contacts
         force, moment = contact.F_Ac_W().translational(), contact.F_Ac_W().rotational()
         return contact.contact_surface().centroid() + np.cross(force, moment) / (force @ force)
 
     def centre_by_sensor(self) -> np.ndarray:
-        """`(3,)` m, in the world: the centre of pressure that `Touches` gives, the truth."""
+        """`(3,)` m, in the world: the centre of pressure in `Touches`, the truth."""
         sensor = SensorModel([self.worn.model.fields], [self.worn.geometry_id])
         faces = PressedFaces()
         sensor.gather(faces, 0, [contact.contact_surface() for contact in self.contacts])
@@ -196,7 +196,7 @@ class Rest:
         return self.X_WL @ touches.p_LC[0]
 
     def centre_by_receptors(self) -> np.ndarray:
-        """`(3,)` m, in the world: the mean place of the receptors, weighted by what they feel."""
+        """`(3,)` m, in the world: mean position of the receptors, weighted by readings."""
         p_LS = self.worn.model.fields.p_LS
         return self.X_WL @ (self.felt @ p_LS / self.felt.sum())
 
@@ -227,7 +227,7 @@ def at_rest(
 
 
 def on_floor(radius: float, modulus: float, time_step: float) -> tuple[Rest, float]:
-    """A ball in skin on the floor, as heavy as it presses 1 kg at 15 cm; and its weight in N."""
+    """A ball in skin on the floor, 1 kg at a radius of 15 cm; and its weight in N."""
     mass = (radius / 0.15) ** 2
 
     def build(plant: MultibodyPlant, scene_graph: SceneGraph) -> WornSkin:
@@ -250,7 +250,7 @@ def on_floor(radius: float, modulus: float, time_step: float) -> tuple[Rest, flo
 def block_on_cube(
     side: float, modulus: float, time_step: float, num_receptors: int = 100
 ) -> tuple[Rest, float]:
-    """A block a third as wide as the cube in skin that it is on; and its weight in N."""
+    """A block on a cube in skin, a third as wide as the cube; and its weight in N."""
     mass = 10.0 * side**2
 
     def build(plant: MultibodyPlant, scene_graph: SceneGraph) -> WornSkin:
@@ -299,7 +299,7 @@ SIZES, MODULI, STEPS = (0.05, 0.15, 0.3), (3e4, 1e5, 1e6), (0.001, 0.005, 0.01)
 
 
 def variations(quick: bool) -> Iterator[tuple[float, float, float]]:
-    """Size, modulus and step: each alone is varied about the middle one."""
+    """Size, modulus and step; each is varied alone, starting from the middle one."""
     middle = 0.15, 1e5, 0.005
     yield middle
     if not quick:
@@ -316,7 +316,10 @@ def deviation(felt: float, true: float) -> str:
 
 
 def floor_accuracy(quick: bool) -> Iterator[str]:
-    yield "| radius, m | modulus, Pa | step, s | weight, N | felt, off weight | off `F_Ac_W` |"
+    yield (
+        "| radius (m) | modulus (Pa) | step (s) | weight (N) | felt, relative to the weight | "
+        "relative to `F_Ac_W` |"
+    )
     yield "|---|---|---|---|---|---|"
     for radius, modulus, step in variations(quick):
         rest, weight = on_floor(radius, modulus, step)
@@ -329,8 +332,9 @@ def floor_accuracy(quick: bool) -> Iterator[str]:
 
 def block_accuracy(quick: bool) -> Iterator[str]:
     yield (
-        "| side, m | modulus, Pa | step, s | weight, N | felt, off weight | off `F_Ac_W` | "
-        "centre by `Touches`, off moment | centre by receptors, off moment | receptors apart |"
+        "| side (m) | modulus (Pa) | step (s) | weight (N) | felt, relative to the weight | "
+        "relative to `F_Ac_W` | error of the centre by `Touches` | "
+        "error of the centre by receptors | spacing of receptors |"
     )
     yield "|---|---|---|---|---|---|---|---|---|"
     for size, modulus, step in variations(quick):
@@ -352,7 +356,7 @@ def block_accuracy(quick: bool) -> Iterator[str]:
 
 
 def receptor_accuracy(quick: bool) -> Iterator[str]:
-    yield "| receptors | centre by receptors, off moment |"
+    yield "| receptors | error of the centre by receptors |"
     yield "|---|---|"
     for num_receptors in (50,) if quick else (50, 100, 200, 400, 800):
         rest, _ = block_on_cube(0.3, 1e5, 0.005, num_receptors)
@@ -361,7 +365,10 @@ def receptor_accuracy(quick: bool) -> Iterator[str]:
 
 
 def tip_accuracy(quick: bool) -> Iterator[str]:
-    yield "| ball, m | tip, m | depth, mm | felt, N | `F_Ac_W`, N | off `F_Ac_W` | off pressure |"
+    yield (
+        "| ball (m) | tip (m) | depth (mm) | felt (N) | `F_Ac_W` (N) | relative to `F_Ac_W` | "
+        "relative to the pressure |"
+    )
     yield "|---|---|---|---|---|---|---|"
     cases = [(0.15, 0.01, 0.004), (0.15, 0.03, 0.004), (0.15, 0.1, 0.004), (0.15, 0.01, 0.008)]
     for radius, tip, depth in cases[: 1 if quick else None]:

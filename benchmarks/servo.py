@@ -1,4 +1,4 @@
-"""What the touch servo is worth: contact, goals and forces with it and without.
+"""Contact, goals and forces with and without the touch servo.
 
     python benchmarks/servo.py RUN... --pairs 20
 
@@ -37,7 +37,7 @@ _START = 0.3
 
 
 def worn(skin: SkinModel) -> SkinModel:
-    """The skin with 5 mm less on its outer side; its receptors are where they were."""
+    """The skin with 5 mm less on its outer side; its receptors keep their places."""
     wall = skin.wall
     lost = hollow_skin(trimesh.Trimesh(wall.vertices, wall.faces, process=False), LOST, None)
     left = trimesh.Trimesh(lost.inner_vertices, wall.faces, process=False)
@@ -47,7 +47,7 @@ def worn(skin: SkinModel) -> SkinModel:
 def bodies(
     experiment: Experiment, skins: Sequence[SkinModel], num_joints: int, num_pairs: int
 ) -> dict[str, tuple[Sequence[SkinModel], np.ndarray]]:
-    """By name: the skins, and `(pairs, J)` rad, by how much the joints have slipped."""
+    """By name: the skins, and `(pairs, J)` rad, slip of the joints."""
     rng = np.random.default_rng(experiment.seed)
     pair = np.arange(num_pairs)
     one = np.zeros((num_pairs, num_joints))

@@ -1,4 +1,4 @@
-"""How well every metric recovers the body of runs that have babbled. Run it as a script.
+"""Accuracy of every shape metric on runs that have babbled. Run it as a script.
 
     python benchmarks/shape.py runs/torus runs/cube --out docs/data/shape.csv
     python benchmarks/shape.py runs/torus --skins lopsided noisy worn --metrics learned
@@ -59,7 +59,7 @@ LEARNING_METRICS = ("learned",)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What is learned from."""
+    """Touches to learn from."""
 
     body: str
     seed: int
@@ -73,7 +73,7 @@ class Case:
     def of(
         cls, run: RunDirectory, *, skin: str, samples: int, targets: int, queries: int = MAX_QUERIES
     ) -> Case:
-        """The first so many touches of a run, felt through a skin of some wear."""
+        """The first touches of a run, with a worn skin."""
         return cls(
             body=run.experiment.name,
             seed=run.experiment.seed,
@@ -90,7 +90,7 @@ class Case:
 
 
 class Experience:
-    """The first touches of a run, felt through a skin of some wear."""
+    """The first touches of a run, with a worn skin."""
 
     def __init__(self, run: RunDirectory):
         self.run = run
@@ -99,7 +99,7 @@ class Experience:
         self.contacts = Contacts.joined(list(ExperienceReader(run.truth).contacts()))
 
     def felt(self, case: Case) -> tuple[np.ndarray, np.ndarray, Contacts]:
-        """Sensations, motor configurations and true contacts, of rows that are not null."""
+        """Sensations, motor configurations and true contacts of rows that are not null."""
         rows = slice(case.samples)
         sensation = self.sensation[rows]
         share, noisy = SKINS[case.skin]
@@ -115,7 +115,7 @@ class Experience:
         return sensation[touching], self.q[touching], self.contacts.take(touching)
 
     def _missing(self, share: float, rng: np.random.Generator) -> np.ndarray:
-        """Which receptors are missing: a share of those on one half of each skin."""
+        """Missing receptors: a share of those on one half of each skin."""
         arrays = load_arrays(self.run.skin)
         missing = np.zeros(self.run.experiment.num_receptors, dtype=bool)
         for number, name in enumerate(self.run.experiment.skins):
@@ -129,7 +129,7 @@ class Experience:
 def learned_representation(
     case: Case, sensation: np.ndarray, q: np.ndarray, cache: Path
 ) -> tuple[QuotientRepresentation, float]:
-    """Learns, or takes what was learned before; returns also the CPU seconds it took."""
+    """Learns, or loads an earlier result; also returns the CPU seconds."""
     path, clock = cache / f"{case.name}.npz", cache / f"{case.name}.txt"
     if not clock.exists():
         began = time.process_time()
@@ -144,7 +144,7 @@ def learned_representation(
 
 
 def score(body: Body, seconds: float) -> dict[str, object]:
-    """What the agent found by itself, without the truth."""
+    """Results of the agent, without the truth."""
     found = [topology(part.places) for part in body.parts]
     (largest, *_), layouts = body.parts, [part.embedding for part in body.parts]
     return {
@@ -160,7 +160,7 @@ def score(body: Body, seconds: float) -> dict[str, object]:
 def rows(
     experience: Experience, case: Case, metrics: list[tuple[str, int]], cache: Path
 ) -> Iterator[dict[str, object]]:
-    """The rows of one case, a metric and network seed each."""
+    """The rows of one case, one per metric and network seed."""
     sensation, q, contacts = experience.felt(case)
     representation, seconds = learned_representation(case, sensation, q, cache)
     truth = kernel_truth(representation, contacts.take(representation.kernel_row))
@@ -191,7 +191,7 @@ def rows(
 def measure(
     run: RunDirectory, cases: list[Case], wanted: list[tuple[str, int]], out: Path, cache: Path
 ) -> None:
-    """Adds the rows of a run's cases, by metrics and network seeds, that a file does not hold."""
+    """Adds missing rows of a run's cases, by metrics and network seeds, to a file."""
     done = {_key(row) for row in read(out)}
     experience = None
     for case in cases:
@@ -211,7 +211,7 @@ def measure(
 
 
 def read(path: Path) -> list[dict[str, str]]:
-    """The rows of a table that may not be there yet."""
+    """The rows of a table; none if it does not exist yet."""
     if not path.exists():
         return []
     with path.open() as file:
@@ -292,7 +292,7 @@ def _key(row: dict) -> tuple[str, ...]:
 
 
 def _append(path: Path, row: dict[str, object]) -> None:
-    """Adds a row; to a table that lacks some of its columns, without them."""
+    """Adds a row, without columns that the table lacks."""
     path.parent.mkdir(parents=True, exist_ok=True)
     columns = list(read(path)[0]) if read(path) else list(row)
     begins = not path.exists()

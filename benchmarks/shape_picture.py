@@ -1,4 +1,4 @@
-"""The picture of what `selftouch sweep ablation` measured: shape error over receptors."""
+"""The picture of `selftouch sweep ablation`: shape error over receptors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ LINES = {
 
 
 def receptors_of(row: dict) -> int:
-    """The receptors of a run; tables of the first version have them under another name."""
+    """The number of receptors of a run; tables of the first version have another name for it."""
     return row.get("skins.body.num_receptors") or row["skin.num_receptors"]
 
 

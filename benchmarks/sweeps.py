@@ -1,4 +1,4 @@
-"""A sweep beside the same runs one by one: `python benchmarks/sweeps.py`, on a free machine.
+"""A sweep compared with single runs: `python benchmarks/sweeps.py`, on an idle machine.
 
 By hand they are `selftouch run`, one command after the other, each with a process a core while it
 babbles; it draws a report besides, which a sweep does not. So the same is done once more with the
@@ -32,7 +32,7 @@ def selftouch(*arguments: object) -> None:
 
 
 def now() -> np.ndarray:
-    """s, of the clock, and of processors by all commands so far."""
+    """Wall time and CPU time of all commands so far, s."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return np.array([time.perf_counter(), used.ru_utime + used.ru_stime])
 
@@ -58,7 +58,7 @@ def by_hand(
 
 
 def num_files(sweep: Sweep, folder: Path, name: str) -> int:
-    """How many files of that name there are on disk: what is shared counts once."""
+    """Number of files of that name on disk; shared files count once."""
     runs = [SweepDirectory(folder).run(experiment) for experiment in sweep.experiments]
     return len({(run.path / name).stat().st_ino for run in runs})
 

@@ -1,4 +1,4 @@
-"""What everything costs, beside what a user would have instead: one table. Run: `make bench`.
+"""Costs of all work, compared with alternatives, in one table. Run: `make bench`.
 
 Ways take turns in one run; medians. With `--before CHECKOUT` the rows that compare with an earlier
 version run its command line, too. Those rows start a process each, and count what it starts; all
@@ -39,7 +39,7 @@ HERE = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the table; a ratio above 1 is how many times better ours is."""
+    """A line of the table; a ratio above 1 means that ours is better."""
 
     work: str
     ours: str
@@ -52,7 +52,7 @@ class Row:
 
 
 def cost(checkout: Path, *arguments: str, folder: Path) -> tuple[float, float]:
-    """Clock and processor seconds of one command of a version, and of all that it starts."""
+    """Wall and CPU time of one command of a version, with all its processes."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     began = time.perf_counter()
     command = [sys.executable, "-m", "selftouch_drake.cli", *arguments]
@@ -67,7 +67,7 @@ def cost(checkout: Path, *arguments: str, folder: Path) -> tuple[float, float]:
 
 
 def beside(work: str, costs: dict[str, list[tuple[float, float]]]) -> Row:
-    """A row of clock and processor seconds, medians of each version's turns."""
+    """A row of wall and CPU times, medians over the turns of each version."""
     ours, before = (np.median(costs[name], axis=0) for name in ("ours", "before"))
     return Row(
         work,
@@ -113,7 +113,7 @@ def run_rows(versions: dict[str, Path], folder: Path, touches: int) -> Iterator[
 
 
 def start_rows(versions: dict[str, Path], folder: Path, turns: int) -> Iterator[Row]:
-    """How long it takes until a command answers."""
+    """Time until a command answers."""
     for what, *options in (
         ("experiments",),
         ("plan", "--from", "3", "--to", "50"),
@@ -135,7 +135,7 @@ def start_rows(versions: dict[str, Path], folder: Path, turns: int) -> Iterator[
 
 
 def query_row(run: RunDirectory, num_pairs: int) -> Iterator[Row]:
-    """Queries, the first included, beside OMPL with the true model."""
+    """Queries, including the first, compared with OMPL with the true model."""
     ou.setLogLevel(ou.LogLevel.LOG_ERROR)
     ou.RNG.setSeed(1)
     world, agent = stages.make_world(run), load_agent(run, predicts=False)
@@ -168,7 +168,7 @@ def nearest_row(run: RunDirectory, turns: int) -> Iterator[Row]:
 
 
 def memory_row(run: Path, folder: Path) -> Iterator[Row]:
-    """Peak memory of an evaluation: measured for 5 and 25 pairs, and a line through both."""
+    """Peak memory of an evaluation, from a line through 5 and 25 pairs."""
     peaks = {}
     for pairs in (5, 25):
         copy = shutil.copytree(run, folder / f"pairs-{pairs}")

@@ -1,4 +1,4 @@
-"""How far a recovered shape can be trusted: luck of networks, and what the agent itself expects.
+"""Trust in a recovered shape: scatter between networks, and the agent's own estimate.
 
     python benchmarks/trust.py luck --out runs/trust
     python benchmarks/trust.py confidence --out runs/trust
@@ -71,7 +71,7 @@ def luck(arguments: argparse.Namespace) -> None:
 
 
 def _sets(found: list[dict[str, str]]) -> list[str]:
-    """The numbers of holes that were found, the most frequent first."""
+    """The numbers of holes found, the most frequent first."""
     betti = [row["betti"] for row in found]
     return sorted(set(betti), key=lambda one: -betti.count(one))
 
@@ -103,7 +103,7 @@ def confidence(arguments: argparse.Namespace) -> None:
 
 
 def verdict(rows: list[dict[str, str]]) -> str:
-    """What the figure of confidence is worth, over the runs that calibrated it and over others."""
+    """Quality of the expected error, on the calibration runs and on others."""
     lines = [
         "| runs | number | rank correlation | trusted | wrong among them | wrong in all |",
         "|---|---|---|---|---|---|",
@@ -120,7 +120,7 @@ def verdict(rows: list[dict[str, str]]) -> str:
 
 @styled
 def picture(rows: list[dict[str, str]]) -> Figure:
-    """True error over the error that the agent expects, a point a run."""
+    """True error over the error that the agent expects, one point per run."""
     figure = Figure(figsize=(8.4, 3.9), layout="constrained")
     panels = figure.subplots(1, 2, sharey=True)
     for ax, (name, some) in zip(panels, _by_use(rows).items(), strict=True):
@@ -155,7 +155,7 @@ def picture(rows: list[dict[str, str]]) -> Figure:
 
 
 def _by_use(rows: list[dict[str, str]]) -> dict[str, list[dict[str, str]]]:
-    """Rows that the figure was calibrated on, and those that it is judged on."""
+    """Rows used for calibration, and rows for the test."""
     with CASES.open() as file:
         use = {_case(row): row["use"] for row in csv.DictReader(file)}
     return {
@@ -169,7 +169,7 @@ def _case(row: dict[str, str]) -> tuple[str, ...]:
 
 
 def _columns(rows: list[dict[str, str]]) -> tuple[np.ndarray, ...]:
-    """Error, expected error, whether the holes are right, and whether the agent trusts it all."""
+    """Error, expected error, whether the holes are right, and whether the agent trusts them."""
     error = np.array([float(row["error"]) for row in rows])
     expected = np.array([float(row["expected_error"]) for row in rows])
     right = np.array([row["betti"] == HOLES.get(row["body"], HOLES["torus"]) for row in rows])

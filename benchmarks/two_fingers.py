@@ -1,12 +1,12 @@
-"""What two fingers feel: how many turns of the hand come undone, for ideal presses and touches.
+"""Two fingers: how many turns of the hand close a loop, for ideal presses and touches.
 
     python benchmarks/two_fingers.py ideal     # numpy alone: chords on a sphere, a few minutes
     python benchmarks/two_fingers.py touches   # Drake: a hand spread wide, some ten minutes
     python benchmarks/two_fingers.py mixed     # sensations as they are, one touch or two
     python benchmarks/two_fingers.py runs RUN... # runs of shipped experiments with two fingers
-    python benchmarks/two_fingers.py prediction RUN... # what is foretold along their plans
+    python benchmarks/two_fingers.py prediction RUN... # predictions along their plans
 
-Needs ripser: pip install 'selftouch-drake[homology]'. The figures stand in docs/two_fingers.md.
+Needs ripser: pip install 'selftouch-drake[homology]'. docs/two_fingers.md has the results.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def sphere_points(num_points: int) -> np.ndarray:
 
 
 def random_chords(num: int, angle: float, rng: np.random.Generator) -> np.ndarray:
-    """`(num, 2, 3)` ends of chords of the unit sphere, `angle` rad apart, any way round."""
+    """`(num, 2, 3)` ends of random chords of the unit sphere, `angle` rad apart."""
     middle, across = rng.standard_normal((2, num, 3))
     middle /= np.linalg.norm(middle, axis=1, keepdims=True)
     across -= np.einsum("nx,nx->n", across, middle)[:, None] * middle
@@ -75,7 +75,7 @@ def random_chords(num: int, angle: float, rng: np.random.Generator) -> np.ndarra
 
 
 def felt(points: np.ndarray, receptors: np.ndarray) -> np.ndarray:
-    """Overlapping round fields on the unit sphere that add up to one, as those of the skin."""
+    """Overlapping round fields on the unit sphere that sum to one, like those of the skin."""
     angle = np.arccos(np.clip(sphere_points(5000) @ receptors.T, -1, 1))
     radius = 1.15 * np.sort(angle, axis=1)[:, 2].max()
     angle = np.arccos(np.clip(points @ receptors.T, -1, 1))
@@ -127,7 +127,7 @@ def write(name: str, rows: list[dict]) -> None:
 
 
 def ideal(arguments: argparse.Namespace) -> None:
-    """Chords of one length, ends pressed alike; then distinguished; then with lifted fingers."""
+    """Chords of one length with equal ends, with distinguished ends, and with lifted fingers."""
     rng = np.random.default_rng(arguments.seed)
     receptors = sphere_points(100)
 
@@ -153,7 +153,7 @@ def ideal(arguments: argparse.Namespace) -> None:
 
 
 def collect(seed: int, num_rows: int) -> dict[str, np.ndarray]:
-    """Walks of the hand spread wide: some touches as they come, then those that may be of both.
+    """Walks of a widely spread hand: some unselected touches, then those with both tips near.
 
     Where only one fingertip is near the skin Drake is not asked: the agent would leave such rows
     out, and they are nine touches in ten.
@@ -240,18 +240,20 @@ def touches(arguments: argparse.Namespace) -> None:
         for metric, distances in (("motor", by_motor), ("sensation", by_sensation(targets))):
             picked = landmarks(distances, arguments.landmarks)
             found = turns(distances[np.ix_(picked, picked)])
-            told = dict.fromkeys(("edges_right", "configurations_told", "of_these_right"), np.nan)
+            labels = dict.fromkeys(
+                ("edges_right", "configurations_labelled", "of_these_right"), np.nan
+            )
             if found.order > 1:
-                told = fingers_told(q, p_WF, row, offsets, picked, distances, found)
+                labels = labelled_fingers(q, p_WF, row, offsets, picked, distances, found)
             rows += [
-                {"rows": num_rows, "targets": num_targets, **line, **told}
+                {"rows": num_rows, "targets": num_targets, **line, **labels}
                 for line in lines(f"two touches, {metric}", found)
             ]
         write(f"touches_s{arguments.seed}", rows)
 
 
 def mixed(arguments: argparse.Namespace) -> None:
-    """Sensations as they are: force not evened out, and touches of one finger among them."""
+    """Unchanged sensations: with unequal forces, and with touches of one finger."""
     data = np.load(arguments.data)
     two = separate_touches(data["s"], overlapping(data["as_"]))[0] == 2
     rows = []
@@ -271,7 +273,7 @@ def cosine(p: np.ndarray) -> float:
     return float(p[0] @ p[1] / np.linalg.norm(p[0]) / np.linalg.norm(p[1]))
 
 
-def fingers_told(
+def labelled_fingers(
     q: np.ndarray,
     p_WF: np.ndarray,
     row: np.ndarray,
@@ -280,7 +282,7 @@ def fingers_told(
     distances: np.ndarray,
     found: Turns,
 ) -> dict[str, float]:
-    """Scores the turns against the truth: do they say which finger is at which end?
+    """Scores the turns against the truth: do they show which finger is at which end?
 
     The agent labels its configurations so that near ones in neighbouring kernels have the same
     label, or the other one if the step is a turn. The truth: which finger is at an end of the
@@ -316,13 +318,13 @@ def fingers_told(
     right = np.mean(label[scored] == truth[scored])
     return {
         "edges_right": round(float(edges_right), 4),
-        "configurations_told": round(float(np.mean(label != 0)), 4),
+        "configurations_labelled": round(float(np.mean(label != 0)), 4),
         "of_these_right": round(float(max(right, 1 - right)), 4),
     }
 
 
 def ends_of(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Names the ends of a kernel's chords: which rows have finger 0 at the first, and the chord."""
+    """Names the ends of a kernel's chords: rows with finger 0 at the first end, and the chord."""
     chord, swapped = p[0], np.zeros(len(p), dtype=bool)
     for _ in range(3):
         there, back = (np.linalg.norm(x - chord, axis=(1, 2)) for x in (p, p[:, ::-1]))
@@ -332,7 +334,7 @@ def ends_of(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def leading_sign(i: np.ndarray, j: np.ndarray, sign: np.ndarray, num: int) -> np.ndarray:
-    """`(num,)` labels +1 and -1 that agree with the signs between pairs as well as may be.
+    """`(num,)` labels +1 and -1 that agree best with the signs between pairs.
 
     Labels in one component say nothing of those in another: outside the largest they are 0.
     """
@@ -350,13 +352,13 @@ def leading_sign(i: np.ndarray, j: np.ndarray, sign: np.ndarray, num: int) -> np
 
 
 def num_touchers(contacts: Contacts) -> np.ndarray:
-    """`(N,)` how many touchers press at each touch: the truth."""
+    """`(N,)` number of pressing touchers of each touch: the truth."""
     pairs = np.unique(np.stack([contacts.row, contacts.toucher], axis=1), axis=0)
     return np.bincount(pairs[:, 0], minlength=contacts.num_rows)
 
 
 def runs(arguments: argparse.Namespace) -> None:
-    """What the kernels of ordinary runs hold, and the dimension of their quotient graphs."""
+    """Kernels of ordinary runs, and the dimension of their quotient graphs."""
     rows = []
     for run in arguments.runs:
         kept = slice(arguments.rows)
@@ -389,11 +391,11 @@ def runs(arguments: argparse.Namespace) -> None:
 
 
 def prediction(arguments: argparse.Namespace) -> None:
-    """How far what is foretold along plans is from what is felt on them.
+    """Prints the errors of predictions along plans, and of three limits that use the truth.
 
-    Three lines are limits, which know the truth: what the stored touches say whose fingertips were
-    nearest to where the fingertips truly are, averaged or fitted linearly, and those that are most
-    like what is felt.
+    Two limits take the stored touches whose fingertips were nearest to the true positions of the
+    fingertips, and average them or fit them linearly. The third takes the stored touch most similar
+    to what is felt.
     """
     for path in arguments.runs:
         run = RunDirectory.open(path)
@@ -412,18 +414,18 @@ def prediction(arguments: argparse.Namespace) -> None:
             felt, there = felt[kept], tip_places(world, motion.q[kept])
             distance, near = tree.query(there, 60)
             around = tips[near] - there[:, None]
-            foretold = {
-                "stored touches": query.agent.predict(query.plan, motion.s[kept]).sensation,
-                "gone along before": motion.predicted[kept],
+            predicted = {
+                "from stored touches": query.agent.predict(query.plan, motion.s[kept]).sensation,
+                "from following the plan first": motion.predicted[kept],
                 "limit: mean of the 8 nearest": fitted(
                     stored, near[:, :8], around[:, :8, :0], distance[:, :8]
                 ),
                 "limit: linear in the 60 nearest": fitted(stored, near, around, distance),
             }
-            found = {name: cosine_distance(felt, each) for name, each in foretold.items()}
+            found = {name: cosine_distance(felt, each) for name, each in predicted.items()}
             unit = felt / np.linalg.norm(felt, axis=1, keepdims=True)
-            found["limit: most alike"] = 1.0 - (stored @ unit.T).max(axis=0)
-            found["gone along before, under dynamics"] = cosine_distance(
+            found["limit: most similar touch"] = 1.0 - (stored @ unit.T).max(axis=0)
+            found["the same, under dynamics"] = cosine_distance(
                 executed[kept], motion.predicted[kept]
             )
             for name, error in found.items():
@@ -438,7 +440,7 @@ def prediction(arguments: argparse.Namespace) -> None:
 def fitted(
     stored: csr_array, near: np.ndarray, around: np.ndarray, distance: np.ndarray
 ) -> np.ndarray:
-    """`(T, S)` what is felt at a place, by a linear fit to the stored touches near it.
+    """`(T, S)` the sensation at a place, by a linear fit to stored touches near it.
 
     Args:
         stored: `(R, S)` what was felt.

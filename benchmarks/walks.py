@@ -1,4 +1,4 @@
-"""What the parameters of the random walk do to touch rate and coverage. Run it as a script.
+"""Effect of the random walk's parameters on touch rate and coverage. Run it as a script.
 
 Every row collects the same number of touches of one robot; the table stands in docs/experience.md.
 """

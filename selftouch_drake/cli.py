@@ -1,6 +1,6 @@
 """The command line: `selftouch run` does everything, and each stage is a command of its own.
 
-Slow imports, above all Drake, happen where they are needed, after every check that can do without.
+Slow imports, above all Drake, happen where they are needed, after all checks that do not need them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ OUT = click.option(
     "--out",
     type=click.Path(path_type=Path),
     help="Run directory. An unfinished run of the same experiment resumes.  "
-    "[default: runs/NAME, with what --set changes]",
+    "[default: runs/NAME, plus the changes of --set]",
 )
 SET = click.option(
     "--set",
@@ -35,12 +35,12 @@ SET = click.option(
 WORKERS = click.option(
     "--workers",
     type=click.IntRange(min=1),
-    help="Number of processes that babble.  [default: one per core]",
+    help="Number of babbling processes.  [default: one per core]",
 )
 SCHEDULER = click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="Address of a Dask scheduler whose workers babble, tcp://host:port.",
+    help="Address of a Dask scheduler whose workers do the babbling, tcp://host:port.",
 )
 FROM = click.option(
     "--from", "start", type=int, help="Number of the target sensation to start from."
@@ -75,7 +75,7 @@ FROM_Q = click.option(
     "q_start",
     type=Numbers(float),
     metavar="Q1,Q2,...",
-    help="Joint positions to start from, in rad or m, touching or not, instead of --from.",
+    help="Joint positions to start from, in rad or m, touching or not; instead of --from.",
 )
 
 
@@ -87,7 +87,7 @@ def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
 
 
 class InOrderOfUse(click.Group):
-    """Lists the commands in the order in which one uses them."""
+    """Lists the commands in the usual order of use."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Returns the commands in the order of their definition."""
@@ -104,8 +104,9 @@ class InOrderOfUse(click.Group):
 def cli(ctx: click.Context) -> None:
     """An agent finds out, by touching itself, that it has a body.
 
-    It moves at random and remembers what it felt where. From that alone it builds a graph of its
-    sensations: the shape of its body, and a map on which it plans from any sensation to any other.
+    The agent moves a robot at random and remembers what it felt at which joint positions. From that
+    alone it builds a graph of its sensations. The graph shows the shape of its body, and the agent
+    plans on it from any sensation to any other.
 
     \b
     selftouch run cube                        do everything, into runs/cube
@@ -114,8 +115,8 @@ def cli(ctx: click.Context) -> None:
     selftouch plan runs/cube --from 3 --to 250
     selftouch execute runs/cube --from 3 --to 250
     selftouch play runs/cube                  watch it live in a browser
-    selftouch robot two_arms                  what moves, what feels, what touches what
-    selftouch import recording.npz            data that another robot recorded
+    selftouch robot two_arms                  its joints, skins, and what touches what
+    selftouch import recording.npz            data recorded by another robot
     """  # noqa: D301 - click keeps the lines after a \b as they are
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
@@ -132,8 +133,8 @@ def run(
 ) -> None:
     """Do everything, from babbling to the report.
 
-    EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`) or a YAML file.
-    Finished stages are skipped: a run that was stopped resumes.
+    EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`; by default cube) or
+    a YAML file. Finished stages are skipped: a stopped run resumes.
     """
     directory, world = _begin(experiment, out, overrides)
 
@@ -165,7 +166,10 @@ def run(
 def babble(
     experiment: str, out: Path | None, overrides: str, workers: int | None, scheduler: str | None
 ) -> None:
-    """Walk at random through motor space and keep every touch."""
+    """Walk at random through motor space and keep every touch.
+
+    EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
+    """
     directory, world = _begin(experiment, out, overrides)
     _babble(directory, world, workers, scheduler)
     click.echo(f"experience: {directory.experience}")
@@ -177,22 +181,25 @@ def babble(
 @click.option(
     "--q",
     metavar="COLUMNS",
-    help="Joint positions: a column of arrays, or 'joint_*' for one column for each joint.",
+    help="Joint positions: a column of arrays, or a pattern such as 'joint_*' for one column per "
+    "joint.",
 )
 @click.option(
-    "--sensation", metavar="COLUMNS", help="Readings of the skin, likewise, as in 'taxel_*'."
+    "--sensation", metavar="COLUMNS", help="Readings of the skin: an array column or a pattern."
 )
-@click.option("--time", metavar="COLUMN", help="Seconds; the speeds of the joints follow from it.")
+@click.option("--time", metavar="COLUMN", help="Seconds, to compute the speeds of the joints.")
 @click.option(
-    "--offset", type=float, help="Reading of a receptor at rest; 0 for pressures.  [default: found]"
+    "--offset",
+    type=float,
+    help="Reading of a receptor at rest; 0 for pressures.  [default: estimated]",
 )
 @click.option(
-    "--threshold", type=float, help="Smallest reading above rest that counts.  [default: found]"
+    "--threshold", type=float, help="Smallest reading above rest that counts.  [default: estimated]"
 )
 @click.option(
     "--rising/--falling",
     default=None,
-    help="Whether readings rise with pressure.  [default: found]",
+    help="Whether readings rise with pressure.  [default: estimated]",
 )
 @click.option(
     "--max-velocity", type=float, help="Limit of plans, rad/s or m/s.  [default: as recorded, or 1]"
@@ -211,11 +218,11 @@ def import_data(
     overrides: str,
     **how: Any,
 ) -> None:
-    """Begin a run with data that another robot recorded.
+    """Begin a run with data recorded by another robot.
 
-    DATA is a Parquet, CSV or NPZ file or a folder of them, with joint positions and raw readings of
-    the skin in each row. `learn`, `plan` and `report` work on such a run; what needs a simulated
-    robot does not.
+    DATA is a Parquet, CSV or NPZ file, or a folder of them, with joint positions and raw readings
+    of the skin in each row. `learn`, `plan` and `report` work on such a run; commands that need a
+    simulated robot do not.
     """
     from selftouch_drake.experiment import parse_overrides
     from selftouch_drake.run import imported
@@ -240,7 +247,7 @@ def import_data(
 def learn(run: Path) -> None:
     """Learn the quotient graph and recover the body.
 
-    Reads the experience of RUN, never the truth.
+    Reads the touches of the run directory RUN, never the truth (where the robot was touched).
     """
     directory = _open(run)
 
@@ -264,7 +271,10 @@ def plan(
     goal: int | None,
     through: list[int] | None,
 ) -> None:
-    """Plan a smooth motion from one sensation to another."""
+    """Plan a smooth motion from one sensation to another.
+
+    RUN is a run directory that has learned. The report of the run has a map of the numbers.
+    """
     directory = _open(run)
     targets = _targets(start, q_start, goal, through)
 
@@ -276,8 +286,8 @@ def plan(
     if without_world:
         if q_start is not None:
             raise click.UsageError(
-                f"--from-q needs a robot that could be simulated, and {run} was imported: give "
-                "--from, the target sensation that is felt there"
+                f"--from-q needs a simulated robot, and {run} was imported: give --from, the "
+                "target sensation felt at the start"
             )
         motion = stages.plan_imported(directory, *targets)
     elif q_start is None:
@@ -298,7 +308,7 @@ def plan(
     "max_tries",
     type=click.IntRange(min=1),
     metavar="N",
-    help="Plan and try up to N times until contact is never lost; remember what failed.",
+    help="Plan and execute up to N times until contact is never lost; remember what failed.",
 )
 def execute(
     run: Path,
@@ -308,12 +318,15 @@ def execute(
     through: list[int] | None,
     max_tries: int | None,
 ) -> None:
-    """Execute a plan under full dynamics, and store what was felt."""
+    """Execute a plan under full dynamics and store the sensations.
+
+    RUN is a run directory. Make the plan first, with `selftouch plan` and the same options.
+    """
     directory = _open(run)
     targets = _targets(start, q_start, goal, through)
     if max_tries is not None and start is None:
         given = "--from-q" if q_start else "--through"
-        raise click.UsageError(f"--rehearse is given with {given}; give --from and --to instead")
+        raise click.UsageError(f"--rehearse is given with {given}; use --from and --to instead")
 
     from selftouch_drake.agent.rehearsal import best
     from selftouch_drake.run import stages
@@ -340,10 +353,10 @@ def record(
     goal: int | None,
     through: list[int] | None,
 ) -> None:
-    """Record an executed plan as an HTML page.
+    """Record an executed plan as a 3D page.
 
-    The page lies beside the plan and needs no network. `selftouch report` records one plan for its
-    own page.
+    The HTML page is written beside the plan in the run directory RUN, and needs no network. The
+    report has a recording of its own.
     """
     directory = _open(run)
     targets = _targets(start, q_start, goal, through)
@@ -359,7 +372,7 @@ def record(
 def evaluate(run: Path) -> None:
     """Score the recovered shape and random plans.
 
-    The score compares RUN with the truth, which the agent never sees.
+    Compares the run directory RUN with the truth, which the agent never sees.
     """
     directory = _open(run)
 
@@ -374,7 +387,10 @@ def evaluate(run: Path) -> None:
 @RUN
 @click.option("--vector", is_flag=True, help="Also write the figures as PDF, for papers.")
 def report(run: Path, vector: bool) -> None:
-    """Draw the figures of RUN and write its report."""
+    """Draw the figures of RUN and write its report.
+
+    RUN is a run directory. The report is RUN/report.html.
+    """
     directory = _open(run)
 
     from selftouch_drake.run.showing import write_report
@@ -394,7 +410,7 @@ def report(run: Path, vector: bool) -> None:
     type=click.IntRange(1024, 65535),
     help="Port of the page.  [default: the first free one]",
 )
-@click.option("--no-page", is_flag=True, help="Only live, and keep the curves of the life.")
+@click.option("--no-page", is_flag=True, help="Show no page; only store the curves for the report.")
 def live(
     experiment: str,
     out: Path | None,
@@ -403,11 +419,14 @@ def live(
     port: int | None,
     no_page: bool,
 ) -> None:
-    """Watch an agent live from its first touch on.
+    """Watch an agent learn from its first touch on.
 
-    Its body as it knows it grows beside it. It babbles as `selftouch run` does, then takes its
-    touches as they came, notices if its body changes, and mends what it knows. The report shows
-    its life as curves. End with the button on the page or with Ctrl-C.
+    EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
+
+    The page shows the robot, and beside it the body that the agent knows so far. The robot babbles
+    as in `selftouch run`. Then the agent learns from its touches one after another, notices if its
+    body changes, and corrects what it knows. The report shows its life as curves. End with the
+    button on the page or with Ctrl-C.
     """
     directory, world = _begin(experiment, out, overrides)
 
@@ -431,7 +450,9 @@ def live(
     help="Port of the page.  [default: the first free one]",
 )
 def play(run: Path, port: int | None) -> None:
-    """Watch the agent of RUN live, and choose what it feels next.
+    """Watch the agent of RUN move, and choose what it feels next.
+
+    RUN is a run directory that has learned.
 
     Open the printed address in a browser. End with the button on the page or with Ctrl-C.
     """
@@ -447,17 +468,17 @@ def play(run: Path, port: int | None) -> None:
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
-    help="Folder of the sweep. A sweep that was stopped resumes.  [default: runs/sweeps/NAME]",
+    help="Folder of the sweep. A stopped sweep resumes.  [default: runs/sweeps/NAME]",
 )
 @click.option(
     "--workers",
     type=click.IntRange(min=1),
-    help="Number of runs at a time.  [default: one per core]",
+    help="Number of parallel runs.  [default: one per core]",
 )
 @click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="Address of a Dask scheduler whose workers do the runs, tcp://host:port.",
+    help="Address of a Dask scheduler whose workers carry out the runs, tcp://host:port.",
 )
 def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | None) -> None:
     """Run many experiments and compare them.
@@ -493,7 +514,10 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
     "--show", is_flag=True, help="Show the robot in a browser, with a slider for each joint."
 )
 def robot(experiment: str, overrides: str, show: bool) -> None:
-    """Print joints, skins, and what touches what."""
+    """Print joints, skins, and what touches what.
+
+    EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
+    """
     from selftouch_drake.robot.describe import describe
 
     _, world = _load(experiment, overrides)
@@ -505,21 +529,27 @@ def robot(experiment: str, overrides: str, show: bool) -> None:
 
 
 @cli.command()
-@click.option("--show", metavar="NAME", help="Print one of them, as a start for your own.")
+@click.option("--show", metavar="NAME", help="Print an experiment, as a start for your own.")
 def experiments(show: str | None) -> None:
     """List the shipped experiments and sweeps."""
     from selftouch_drake.experiment import closest, shipped_experiments
-    from selftouch_drake.resources import EXPERIMENTS
+    from selftouch_drake.resources import EXPERIMENTS, SWEEPS, summary
     from selftouch_drake.sweep.design import shipped_sweeps
 
     names = shipped_experiments()
     if show is None:
-        click.echo("\n".join([*names, *(f"sweep: {sweep}" for sweep in shipped_sweeps())]))
+        for title, folder, shipped in (
+            ("Experiments (selftouch run NAME)", EXPERIMENTS, names),
+            ("Sweeps (selftouch sweep NAME)", SWEEPS, shipped_sweeps()),
+        ):
+            click.echo(title)
+            for name in shipped:
+                click.echo(f"  {name:<25} {summary(folder / f'{name}.yaml')}")
     elif show in names:
         click.echo((EXPERIMENTS / f"{show}.yaml").read_text(encoding="utf-8"), nl=False)
     else:
         hint = closest(show, names) or f"choose one of {', '.join(names)}"
-        raise click.UsageError(f"--show is {show!r}; no such experiment is shipped: {hint}")
+        raise click.UsageError(f"--show is {show!r}; this experiment is not shipped: {hint}")
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -530,7 +560,7 @@ def main(arguments: list[str] | None = None) -> None:
 def exit_status(command: Callable[[], object]) -> int:
     """Runs `command`; turns a user's mistake into one line on stderr instead of a traceback.
 
-    A warning of this package becomes one line too, and does not end the command.
+    A warning of this package becomes one line too.
     """
     try:
         with warnings.catch_warnings():
@@ -561,14 +591,14 @@ def _own_warnings_in_one_line(others: Callable[..., None]) -> Callable[..., None
 def _targets(
     start: int | None, q_start: list[float] | None, goal: int | None, through: list[int] | None
 ) -> list:
-    """Returns the targets that name a plan; checks which options go together."""
+    """Returns the targets that name a plan; checks the combination of options."""
     from selftouch_drake.run.naming import free_start
 
     begins = [start is not None, q_start is not None, through is not None]
     if sum(begins) != 1 or (goal is None) != (through is not None):
         raise click.UsageError(
-            "start or goal is missing, or given twice; give --from and --to, or --through alone, "
-            "or a free start (--from-q) and --to"
+            "start or goal is missing, or given twice; give --from and --to, or --from-q and --to, "
+            "or --through alone"
         )
     if through is None:
         return [free_start(q_start) if q_start else start, goal]
@@ -578,12 +608,12 @@ def _targets(
 
 
 def _route(motion) -> str:
-    """The target sensations of the route, and a line for each sign that needs one."""
+    """The target sensations of the route, and a line that explains each sign used."""
     words: list[str] = []
     before: list[int] = []
     for node, in_air in zip(motion.nodes, [False, *motion.in_air], strict=True):
         if before and node == before[-1]:
-            continue  # on a slide, or a detour through the air
+            continue  # the same sensation on a slide or a detour
         if in_air and before[-1] >= 0:
             words.append("| lifts off |")
         words.append("off" if node < 0 else f"{node}*" if node in before else str(node))
@@ -609,19 +639,19 @@ def _tracking(execution, turns) -> str:
 
 
 def _load(experiment: str, overrides: str):
-    """Loads an experiment and builds its world, so that errors come before anything is written."""
+    """Loads an experiment and builds its world: errors appear before anything is written."""
     from selftouch_drake.experiment import load_experiment, parse_overrides
     from selftouch_drake.run.fingerprint import model_digests
     from selftouch_drake.run.stages import build_world
 
     loaded = load_experiment(experiment, parse_overrides(overrides))
-    # Reports the meshes that it converts.
+    # Also reports meshes that it converts.
     model_digests(loaded, announce=lambda line: click.echo(f"selftouch: {line}", err=True))
     return loaded, build_world(loaded)
 
 
 def _begin(experiment: str, out: Path | None, overrides: str):
-    """Begins or resumes a run, and says where."""
+    """Begins or resumes a run, and prints its path."""
     from selftouch_drake.experiment import parse_overrides
     from selftouch_drake.run.directory import RunDirectory
     from selftouch_drake.run.naming import default_path
@@ -649,7 +679,7 @@ def _babble(directory, world, workers: int | None, scheduler: str | None) -> Non
 
     chosen = dask_executor(scheduler) if scheduler else HereAndInProcesses(workers)
     with _progress("babble") as progress, chosen as executor:
-        progress(0.0, "the first walks")  # under dynamics they may take minutes
+        progress(0.0, "the first walks")  # under dynamics these take minutes
         stages.babble(directory, world, executor, progress)
 
 
@@ -667,7 +697,7 @@ def _progress(stage: str) -> Iterator[Callable[[float, str], None]]:
         TextColumn("{task.description}"),
     )
     with Progress(*columns, console=Console(stderr=True)) as bar:
-        # Hidden until the first report, so that an early error leaves only its reason.
+        # Hidden until the first report, so that an early error prints one line only.
         task = bar.add_task("", total=1.0, stage=stage, visible=False)
         yield lambda fraction, doing: bar.update(
             task, completed=fraction, description=doing, visible=True
@@ -678,7 +708,7 @@ def _print_headline(directory) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from selftouch_drake.run.figures import headline
+    from selftouch_drake.run.metrics import headline
 
     table = Table("metric", "value", title=directory.experiment.name, title_justify="left")
     for tile in headline(directory.metrics()):

@@ -1,7 +1,8 @@
 """The experiment: everything that decides what a run does, as one dataclass tree.
 
-Every field has a valid default but the robot's; `load_experiment` fills a tree from a shipped
-experiment or a YAML file, checks it, and says in one line which field is wrong and what to do.
+Every field except the robot's has a valid default. `load_experiment` fills a tree from a shipped
+experiment or a YAML file and checks it; an error says in one line which field is wrong and what to
+do.
 """
 
 import contextlib
@@ -21,8 +22,8 @@ import yaml
 
 from selftouch_drake.resources import EXPERIMENTS
 
-# The dimensions that each shape needs, in metres. `collision` and `visual` are the geometry that
-# the robot's model gives the link.
+# Dimensions that each shape needs, in metres. `collision` and `visual` stand for the geometry of
+# the link in the robot's model.
 SHAPES = {
     "sphere": ("radius",),
     "cube": ("side",),
@@ -37,10 +38,10 @@ SHAPES = {
 BABBLING_MODES = ("kinematic", "dynamic")
 STRATEGIES = ("random", "active")
 METRICS = ("learned", "sensorimotor", "motor", "literal", "revolute_reference")
-# Fields that mean nothing where experience is imported, and where it is not.
+# Fields without a meaning if experience is imported, and if it is not.
 _WITHOUT_ROBOT = ("robot", "skins", "touching", "joints", "execution", "evaluation", "changes")
 _WITHOUT_DATA = ("imported",)
-# Purposes of randomness; a new one goes to the end, so that the others stay as they are.
+# Purposes of randomness; add a new one at the end, so that the streams of the others do not change.
 STREAMS = ("walk", "pairs", "start", "skin", "joints", "explorer", "changes")
 
 
@@ -52,15 +53,15 @@ class ExperimentError(ValueError):
 class Robot:
     """The robot, as Drake loads it."""
 
-    # Drake model directives; the models inside are URDF, SDFormat or MJCF. A package:// URI, or a
-    # path that starts at the experiment's file.
+    # Drake model directives; the models inside are URDF, SDFormat or MJCF. A package:// URI or a
+    # path, relative to the experiment's file.
     directives: str = ""
-    # Roots of package:// URIs by name. `{prefix}` stands for Python's own prefix, where wheels put
-    # shared data.
+    # Folders of package:// URIs, by name. `{prefix}` stands for Python's prefix (sys.prefix), where
+    # wheels put shared data.
     packages: dict[str, str] = field(default_factory=dict)
-    # Names of the joints that move, null for all that can; the others stay at their default.
+    # Names of the joints that move; null for all. Other joints stay at their default position.
     joints: list[str] | None = None
-    # Metres by which rigid parts may run into each other before a posture counts as impossible.
+    # Metres by which rigid parts may overlap before a posture counts as impossible.
     collision_depth: float = 0.005
 
 
@@ -78,40 +79,42 @@ class Surface:
     # Of a capsule: between the centres of its two caps.
     length: float | None = None
     semi_axes: list[float] | None = None
-    # A closed surface (.obj, .stl, .ply); a relative path starts at the experiment's file.
+    # A closed surface (.obj, .stl, .ply); a path relative to the experiment's file.
     mesh: str | None = None
     # Metres per unit of the mesh file.
     scale: float = 1.0
     # Pose in the link's frame: metres, and degrees of roll, pitch and yaw.
     translation: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     rpy_deg: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
-    # Metres, edge length of the skin's triangles: finer is rounder, and slower to touch.
+    # Metres, edge length of the skin's triangles: finer is rounder, and contact takes longer.
     resolution: float = 0.03
 
 
 @dataclass(kw_only=True, slots=True)
 class Imperfections:
-    """What a real skin does to a sensation, in this order; by default nothing.
+    """Imperfections of a real skin, applied in this order; by default none.
 
-    Noise is drawn from the seed and the motor configuration: another configuration has other noise.
+    Noise depends on the seed and on the motor configuration: the same configuration always has the
+    same noise.
     """
 
     # Share of each reading that leaks to the receptors whose fields overlap with its own.
     cross_talk: float = 0.0
     # Standard deviation of a reading's error, as a share of the reading.
     multiplicative_noise: float = 0.0
-    # N, standard deviation of a reading's error, touched or not; a firm reading is 1 to 3 N.
+    # N, standard deviation of the error of every reading, touched or not. A firm reading is 1 to
+    # 3 N.
     additive_noise: float = 0.0
-    # N, the largest reading that a receptor gives; null if there is none.
+    # N, the largest reading of a receptor; null for no limit.
     saturation: float | None = None
-    # N, the step of the readings, as of an analogue-to-digital converter; 0 if there is none.
+    # N, step of the readings, as from an analogue-to-digital converter; 0 for none.
     quantisation: float = 0.0
     # Share of receptors that never read anything; the seed decides which.
     dead: float = 0.0
-    # N, the agent's own: smaller readings count as none. Null is six standard deviations of the
-    # additive noise, which makes one false touch in 500,000; five make one in 1,700.
+    # N, the agent ignores smaller readings. Null is six standard deviations of the additive noise,
+    # with one false touch in 500,000 configurations; with five, it is one in 1,700.
     threshold: float | None = None
-    # Seconds from touch to reading, where there is time: under dynamics.
+    # Seconds from touch to reading; has an effect under dynamics only.
     delay: float = 0.0
 
 
@@ -119,19 +122,19 @@ class Imperfections:
 class Skin:
     """A soft tactile skin on one link, moving or not."""
 
-    # The link that wears it: Drake's scoped name, or the bare one where it is unique.
+    # The link that wears it: Drake's scoped name, or the bare name if it is unique.
     link: str = ""
     surface: Surface = field(default_factory=Surface)
     # Metres, from the outer face inwards.
     thickness: float = 0.03
-    # Receptors; the paper has 20 to 200 on one body.
+    # Number of receptors; the paper uses 20 to 200 on one body.
     num_receptors: int = 100
     # Pa. Soft skin keeps contact forces at a few newtons; 1e6 gives hundreds.
     hydroelastic_modulus: float = 3.0e4
-    # 0 is an even layout; at u, receptors are 1 / (1 - u) times as far apart on one side of the
-    # skin as on the other. The seed decides which side.
+    # 0 for an even layout. At u, receptors on one side of the skin are 1 / (1 - u) times as far
+    # apart as on the other. The seed decides which side.
     unevenness: float = 0.0
-    # Radius of the receptive fields, as a multiple of the least with which three overlap
+    # Radius of the receptive fields, as a multiple of the smallest at which three fields overlap
     # everywhere.
     field_width: float = 1.0
     imperfections: Imperfections = field(default_factory=Imperfections)
@@ -141,10 +144,10 @@ class Skin:
 class Toucher:
     """Something that presses skins: a ball at a frame, or a link's own geometry."""
 
-    # A rigid ball about this frame's origin, `radius` metres wide.
+    # Frame whose origin is the centre of a rigid ball, and the radius of that ball in metres.
     frame: str | None = None
     radius: float | None = None
-    # A link: its skin if it wears one, else its own collision geometry, rigid.
+    # A link: its skin if it wears one; otherwise its own collision geometry, as a rigid body.
     link: str | None = None
 
 
@@ -152,34 +155,34 @@ class Toucher:
 class Joints:
     """How well the agent knows its motor configuration; by default exactly."""
 
-    # Rad or m, standard deviation of the error of each joint that the agent remembers.
+    # Rad or m, standard deviation of the error in each remembered joint position.
     noise: float = 0.0
-    # Rad or m, standard deviation of a constant offset of each joint that comes before plans are
-    # executed, as when an encoder slips. One from the beginning would change nothing: true angles
-    # are never known.
+    # Rad or m, standard deviation of a constant offset of each joint that appears before plans are
+    # executed, as when an encoder slips. An offset from the beginning would change nothing, because
+    # the agent never knows true angles.
     offset: float = 0.0
 
 
 @dataclass(kw_only=True, slots=True)
 class Babbling:
-    """How the robot moves through motor space, and how much of it is kept."""
+    """How the robot moves through motor space, and how many touches are kept."""
 
     # `random`: a random walk. `active`: the agent learns while it moves, and goes where it knows
     # least; see docs/exploration.md.
     strategy: str = "random"
     # `kinematic`: positions are set and contact is evaluated. `dynamic`: joint controllers follow
-    # the walk under gravity, torque limits and contact forces; slower and more real.
+    # the walk under gravity, torque limits and contact forces; slower and more realistic.
     mode: str = "kinematic"
-    # Touching motor configurations to keep; the paper's limit is one million.
+    # Number of touches to keep; the paper's limit is one million.
     num_samples: int = 100_000
-    # Rad a step, standard deviation of the walk's velocity of a joint that turns. A joint that
-    # slides moves the same share of its range as one that turns does of a full turn.
+    # Rad per step, standard deviation of the velocity of a revolute joint. A sliding joint moves
+    # the same share of its range as a revolute joint moves of a full turn.
     step_size: float = 0.15
     # Share of the velocity kept from step to step: 0 is Brownian, near 1 is ballistic.
     persistence: float = 0.9
-    # Seconds a step, in dynamic mode: the time that the robot has for it.
+    # Seconds per step, in dynamic mode.
     step_duration: float = 0.1
-    # Kept configurations in one walk, which is one shard of the store; at most, if `active`.
+    # Number of touches of one walk, which is one shard of the store; with `active`, the most.
     walk_size: int = 10_000
 
 
@@ -189,9 +192,9 @@ class Representation:
 
     # Target sensations K, up to 1000 as in the paper.
     num_targets: int = 300
-    # Motor configurations kept in one motor kernel set.
+    # Most motor configurations kept in one motor kernel set.
     max_kernel_size: int = 1000
-    # The metric that the embedding is drawn from; METRICS.
+    # The shape metric from which the body is recovered; one of METRICS.
     metric: str = "learned"
 
 
@@ -199,7 +202,7 @@ class Representation:
 class Planning:
     """From a route on the quotient graph to a smooth path in motor space."""
 
-    # Path length between the knots of the smoothing spline: rad of an arm of revolute joints.
+    # Path length between knots of the smoothing spline, in rad; larger is smoother.
     knot_spacing: float = 0.135
 
 
@@ -207,18 +210,18 @@ class Planning:
 class Execution:
     """The dynamic world in which plans are executed."""
 
-    # Seconds, the plant's discrete step.
+    # Seconds, discrete time step of the plant.
     time_step: float = 0.005
     # Gains of the joint controllers: N·m/rad and N·m·s/rad, or N/m and N·s/m.
     stiffness: float = 2000.0
     damping: float = 100.0
-    # Limits of the timed plans, of every joint that the model does not limit further: rad/s and
-    # rad/s², or m/s and m/s².
+    # Limits of timed plans, for joints that the model does not limit further: rad/s and rad/s², or
+    # m/s and m/s².
     max_velocity: float = 1.0
     max_acceleration: float = 5.0
-    # Tries of a rehearsal: after six, those pairs that still lose contact seldom get better.
+    # Most tries of a rehearsal: pairs that still lose contact after six rarely improve.
     max_tries: int = 6
-    # Whether the robot corrects its path by what it feels; before that it feels its way along it.
+    # Whether the robot corrects its motion by what it feels. It first explores the plan slowly.
     touch_servo: bool = False
 
 
@@ -226,22 +229,22 @@ class Execution:
 class Evaluation:
     """How the agent is scored."""
 
-    # Random pairs of start and goal sensation that are planned and executed.
+    # Number of random pairs of start and goal sensation that are planned and executed.
     num_pairs: int = 20
-    # Metrics whose shape error is reported beside that of representation.metric; null is all that
-    # are naive. The learned one takes some ten seconds.
+    # Further shape metrics whose error is reported; null for all naive ones. The learned one takes
+    # about ten seconds.
     shape_metrics: list[str] | None = None
 
 
 @dataclass(kw_only=True, slots=True)
 class Imported:
-    """Experience that another robot recorded, in place of a robot that Drake loads.
+    """Experience that another robot recorded, instead of a robot that Drake loads.
 
-    Nothing is known of the robot but what it felt where, so that nothing can be simulated.
-    `selftouch import` fills it.
+    Nothing is known about the robot except its touches, so nothing can be simulated.
+    `selftouch import` fills these fields.
     """
 
-    # The file or folder that it was read from.
+    # The file or folder from which the data was read.
     source: str = ""
     # SHA-256 of the rows that were kept.
     content: str = ""
@@ -254,19 +257,19 @@ class Imported:
 
 
 class ScopedName(str):
-    """Drake's name of a link or a joint: `model::name` where several models have one."""
+    """Drake's name of a link or joint: `model::name` if several models have one of that name."""
 
 
 @dataclass(kw_only=True, slots=True)
 class SkinChange:
-    """What happens to one skin. Receptors are numbered from 0 on each skin."""
+    """A change of one skin. Receptors are numbered from 0 on each skin."""
 
-    # Receptors that read nothing from now on: which, or a share of all that the seed draws.
+    # Receptors that die: their numbers, or a share of all, drawn from the seed.
     dead: list[int] = field(default_factory=list)
     dead_share: float = 0.0
-    # Receptors that were dead until now and begin to feel.
+    # Receptors that were dead so far and begin to feel.
     new: list[int] = field(default_factory=list)
-    # Pairs of receptors that change places in a sensation: which, or a share of all receptors.
+    # Pairs of receptors that swap places in a sensation: their numbers, or a share of all.
     swapped: list[list[int]] = field(default_factory=list)
     swapped_share: float = 0.0
     # The skin slips on its link: metres, and degrees of roll, pitch and yaw about the link's
@@ -279,14 +282,14 @@ class SkinChange:
 
 @dataclass(kw_only=True, slots=True)
 class Change:
-    """What happens to the body at one moment of the agent's life; the agent is not told."""
+    """A change of the body at one moment of the agent's life; the agent is not informed."""
 
-    # Kept touches after which it happens; 0 is a body that is so from birth.
+    # Number of kept touches after which it happens; 0 for a body that is so from birth.
     after: int = 0
     skins: dict[str, SkinChange] = field(default_factory=dict)
-    # Shares by which links grow: what hangs on a link moves away from the joint that carries it.
+    # Shares by which links grow: all that is attached to a link moves away from its joint.
     links: dict[ScopedName, float] = field(default_factory=dict)
-    # Rad or m by which the zeros of joints move: a joint then is at what it reads and so much more.
+    # Rad or m by which the zeros of joints shift: the true position is the reading plus this.
     joints: dict[ScopedName, float] = field(default_factory=dict)
 
 
@@ -298,7 +301,7 @@ class Experiment:
     """
 
     name: str = ""
-    # The one source of randomness; the same seed gives the same bytes.
+    # The only source of randomness; the same seed gives the same bytes.
     seed: int = 0
     robot: Robot = field(default_factory=Robot)
     skins: dict[str, Skin] = field(default_factory=dict)
@@ -309,13 +312,13 @@ class Experiment:
     planning: Planning = field(default_factory=Planning)
     execution: Execution = field(default_factory=Execution)
     evaluation: Evaluation = field(default_factory=Evaluation)
-    # How the body changes in the course of its life, in order.
+    # Changes of the body during its life, in order of time.
     changes: list[Change] = field(default_factory=list)
-    # Experience from elsewhere: then there is no robot, no skin, and nothing that touches.
+    # Experience of another robot; then there are no robot, no skins and no touchers.
     imported: Imported | None = None
 
     def after(self, num_touches: int) -> "Experiment":
-        """The experiment whose body is from birth what this one's is after so many kept touches."""
+        """An experiment whose body is from birth as this one's is after `num_touches` touches."""
         past = [
             dataclasses.replace(change, after=0)
             for change in self.changes
@@ -325,12 +328,12 @@ class Experiment:
 
     @property
     def body_changes(self) -> list[Change]:
-        """What happened to the body before birth, in order: the world builds it so."""
+        """Changes before birth, in order; the world is built with them."""
         return self.after(0).changes
 
     @property
     def num_receptors(self) -> int:
-        """S, of all skins together."""
+        """S, number of receptors of all skins together."""
         if self.imported is not None:
             return self.imported.num_receptors
         return sum(skin.num_receptors for skin in self.skins.values())
@@ -350,11 +353,11 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
 
     Args:
         source: the name of a shipped experiment or the path of a YAML file.
-        overrides: a nested mapping laid over the file, as in `{"seed": 1}`; a `surface` is replaced
-            whole. A relative path in it starts at the working directory.
+        overrides: a nested mapping of fields to change, as in `{"seed": 1}`; a `surface` is
+            replaced as a whole. Relative paths in it start at the working directory.
 
     Raises:
-        ExperimentError: naming the field, its value and the remedy.
+        ExperimentError: a field is wrong; the text names the field, its value and the remedy.
     """
     path = _find(source)
     fields = parse_fields(path.read_bytes(), what=f"experiment {path}")
@@ -373,17 +376,17 @@ def parse_overrides(text: str) -> dict[str, Any]:
 
 
 def experiment_from_fields(fields: Mapping[str, Any]) -> Experiment:
-    """Makes a checked experiment of a nested mapping; absent fields keep their defaults."""
+    """Makes a checked experiment from a nested mapping; missing fields keep their defaults."""
     experiment = _made(fields, Experiment, prefix="")
     _check_values(experiment)
     return experiment
 
 
 def load_skins(path: str | Path) -> dict[str, Skin]:
-    """Loads the `skins` of a YAML file, by name, and checks them; its other keys are not looked at.
+    """Loads the `skins` of a YAML file, by name, and checks them; other keys are ignored.
 
     Raises:
-        ExperimentError: naming the field, its value and the remedy.
+        ExperimentError: a field is wrong; the text names the field, its value and the remedy.
     """
     text = yaml_sections(path).get("skins", "")
     fields = parse_fields(text, what=f"skins in {path}")
@@ -391,10 +394,10 @@ def load_skins(path: str | Path) -> dict[str, Skin]:
 
 
 def yaml_sections(path: str | Path) -> dict[str, str]:
-    """Each key of a YAML file as YAML text of its own, with tags that only others know.
+    """Each top-level entry of a YAML file as YAML text; unknown tags are kept.
 
     Raises:
-        ExperimentError: the file cannot be read, or is no mapping.
+        ExperimentError: the file cannot be read, or is not a mapping.
     """
     try:
         root = yaml.compose(Path(path).read_text(encoding="utf-8"), Loader=yaml.SafeLoader)
@@ -402,7 +405,9 @@ def yaml_sections(path: str | Path) -> dict[str, str]:
         reason = " ".join(str(error).split())
         raise ExperimentError(f"{shown(str(path))} cannot be read as YAML: {reason}") from None
     if not isinstance(root, yaml.MappingNode):
-        raise ExperimentError(f"{shown(str(path))} is no mapping; write `skins:` and skins by name")
+        raise ExperimentError(
+            f"{shown(str(path))} is not a mapping; write `skins:` and skins by name"
+        )
     return {
         key.value: yaml.serialize(yaml.MappingNode(root.tag, [(key, value)]))
         for key, value in root.value
@@ -410,7 +415,7 @@ def yaml_sections(path: str | Path) -> dict[str, str]:
 
 
 def skins_from_fields(fields: Any) -> dict[str, Skin]:
-    """Makes checked skins of a mapping by name, whose values are mappings or skins themselves."""
+    """Makes checked skins from a mapping by name; its values are mappings or skins."""
     if isinstance(fields, Mapping):
         fields = {
             name: dataclasses.asdict(skin) if isinstance(skin, Skin) else skin
@@ -424,7 +429,7 @@ def skins_from_fields(fields: Any) -> dict[str, Skin]:
 
 
 def dump_experiment(experiment: Experiment) -> str:
-    """The resolved experiment as YAML text, every field spelled out that means something."""
+    """The complete experiment as YAML text, with defaults, without fields that have no meaning."""
     fields = dataclasses.asdict(experiment)
     for absent in _WITHOUT_DATA if experiment.imported is None else _WITHOUT_ROBOT:
         del fields[absent]
@@ -433,7 +438,7 @@ def dump_experiment(experiment: Experiment) -> str:
 
 def _find(source: str | Path) -> Path:
     for path in (EXPERIMENTS / f"{source}.yaml", Path(source)):
-        # A name that is too long for a file is an error elsewhere, and no file here.
+        # A name that is too long for a file raises an error; here it is just not a file.
         with contextlib.suppress(OSError, ValueError):
             if path.is_file():
                 return path
@@ -446,13 +451,13 @@ def parse_fields(text: str | bytes, *, what: str) -> dict[str, Any]:
     """Reads a YAML mapping; `what` names it in errors.
 
     Raises:
-        ExperimentError: it is not YAML, or no mapping, or names a key twice.
+        ExperimentError: it is not YAML, not a mapping, or contains a key twice.
     """
     try:
         fields = yaml.load(text, Loader=_UniqueKeys)
     except RecursionError:
         raise ExperimentError(f"{what} is nested too deeply; give a mapping of fields") from None
-    # PyYAML lets the errors of its constructors through: dates, numbers and tags that are none.
+    # PyYAML does not catch errors of its constructors, for instance of an invalid date.
     except (yaml.YAMLError, ValueError, LookupError, AttributeError, ArithmeticError) as error:
         problem = " ".join(str(getattr(error, "problem", error)).split())
         raise ExperimentError(f"{what} is not YAML: {problem}") from None
@@ -466,7 +471,7 @@ def parse_fields(text: str | bytes, *, what: str) -> dict[str, Any]:
 
 
 class _UniqueKeys(yaml.SafeLoader):
-    """Refuses a key that is given twice; PyYAML would keep the last."""
+    """Raises an error for a repeated key; PyYAML would keep the last value."""
 
     def construct_mapping(self, node, deep=False):
         seen = set()
@@ -483,7 +488,7 @@ class _UniqueKeys(yaml.SafeLoader):
 
 
 def _absolute_paths(folder: Path, fields: dict[str, Any]) -> dict[str, Any]:
-    """The fields with relative paths made to start at `folder`."""
+    """The fields with relative paths made absolute, starting at `folder`."""
 
     def absolute(path: Any) -> Any:
         if not isinstance(path, str) or not path or not path.isprintable():
@@ -517,9 +522,9 @@ def _skin_from(skin: Any, absolute: Callable[[Any], Any]) -> Any:
 
 
 def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
-    """The fields of `over` laid over those of `base`, mapping by mapping.
+    """The fields of `base`, changed by those of `over`, mapping by mapping.
 
-    A `surface` is replaced whole, so that another shape needs no nulls.
+    A `surface` is replaced as a whole, so that another shape needs no nulls.
     """
     result = dict(base)
     for key, value in over.items():
@@ -529,7 +534,7 @@ def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
 
 
 def _made(fields: Any, schema: type, *, prefix: str) -> Any:
-    """A dataclass of `schema`; names unknown keys and wrong types by their full path."""
+    """Makes a dataclass of `schema`; errors name unknown keys and wrong types by full path."""
     if schema is Surface:
         fields = _spelled_out(fields)
     if not isinstance(fields, Mapping):
@@ -552,7 +557,7 @@ def _made(fields: Any, schema: type, *, prefix: str) -> Any:
 
 
 def _spelled_out(surface: Any) -> Any:
-    """`collision` and `{mesh: file}` are short for a mapping with a shape."""
+    """Expands the short forms `collision` and `{mesh: file}` to a mapping with a shape."""
     if isinstance(surface, str):
         return {"shape": surface}
     if isinstance(surface, Mapping) and "shape" not in surface and "mesh" in surface:
@@ -561,7 +566,7 @@ def _spelled_out(surface: Any) -> Any:
 
 
 def _first_version(key: str) -> str:
-    """What to do about a key of the first version's experiments."""
+    """The remedy for a key of the first version's experiments."""
     if key in ("body", "skin", "end_effector"):
         return (
             "experiments of the first version have it; describe robot, skins and touching instead, "
@@ -571,7 +576,7 @@ def _first_version(key: str) -> str:
 
 
 def closest(text: str, choices: typing.Iterable[str]) -> str:
-    """`did you mean ...?` for the choice that is most like a text; empty if none is."""
+    """`did you mean ...?` with the choice most similar to a text; empty if none is similar."""
     found = difflib.get_close_matches(text, list(choices), n=1)
     return f"did you mean {found[0]}?" if found else ""
 
@@ -618,24 +623,22 @@ def _checked_value(value: Any, kind: Any, *, name: str) -> Any:
 
 
 def _checked_name(key: Any, name: str, *, scoped: bool = False) -> str:
-    """Names become keys of files and words of commands; scoped ones are only looked up."""
+    """Checks a name: it becomes a key of files and a word of commands, unless it is scoped."""
     short = isinstance(key, str) and 0 < len(key) < 100
     if short and (scoped or key.replace("-", "_").isidentifier()):
         return key
-    raise ExperimentError(
-        f"{name} has the name {shown(key)}; give one of letters, digits and underscores"
-    )
+    raise ExperimentError(f"{name} has the name {shown(key)}; use letters, digits and underscores")
 
 
 def shown(value: object) -> str:
-    """A value as an error quotes it: on one line, and short whatever it is."""
+    """A value as quoted in errors: on one line, and always short."""
     short = reprlib.Repr()
     short.maxstring = short.maxother = 100
     short.maxlevel = 3
     try:
         text = " ".join(short.repr(value).split())
         return text if len(text) <= 150 else f"{text[:150]}..."
-    except ValueError:  # Python does not spell out numbers beyond some thousand digits
+    except ValueError:  # Python does not print numbers with many thousand digits
         return "a number of thousands of digits"
 
 
@@ -682,7 +685,7 @@ def _samples_of(e: Experiment) -> str:
 
 
 def _check_imported(e: Experiment, imported: Imported) -> None:
-    """Experience from elsewhere has joints and receptors, and no robot."""
+    """Checks an experiment with imported experience: joints and receptors, but no robot."""
     for name in _WITHOUT_ROBOT:
         value = getattr(e, name)
         remedy = "imported experience has no robot: leave it out"
@@ -724,7 +727,7 @@ def _check_robot(e: Experiment) -> None:
 
 
 def _check_change(name: str, change: Change, before: int, skins: Mapping[str, Skin]) -> None:
-    remedy = f"give a number of touches, at least {before}: changes stand in their order in time"
+    remedy = f"give a number of touches, at least {before}: changes are listed in order of time"
     _require(change.after >= before, f"{name}.after", change.after, remedy)
     for link, share in change.links.items():
         _require(-0.5 <= share <= 1, f"{name}.links.{link}", share, "give a share from -0.5 to 1")
@@ -759,7 +762,7 @@ _TINY = sys.float_info.min
 
 
 def _ranges(e: Experiment) -> Iterator[tuple[str, float | None, float, float, str]]:
-    """Name, value, least and most of every number that has a range, and the range in words."""
+    """Name, value, minimum and maximum of every number with a range, and the range in words."""
 
     def above_zero(name: str, value: float) -> tuple[str, float, float, float, str]:
         return name, value, _TINY, math.inf, "a number above 0"

@@ -1,5 +1,7 @@
-"""Where models, experiments and sweeps lie: in a wheel, or beside a checkout's package."""
+"""Folders of the shipped models, experiments and sweeps: in a wheel, or beside the package."""
 
+import itertools
+import re
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
@@ -8,3 +10,11 @@ _ROOT = _PACKAGE if (_PACKAGE / "models").is_dir() else _PACKAGE.parent
 MODELS = _ROOT / "models"
 EXPERIMENTS = _ROOT / "experiments"
 SWEEPS = _ROOT / "sweeps"
+
+
+def summary(file: Path) -> str:
+    """The first sentence of the comment at the beginning of a YAML file."""
+    lines = file.read_text(encoding="utf-8").splitlines()
+    comments = itertools.takewhile(lambda line: line.startswith("#"), lines)
+    comment = " ".join(line.removeprefix("#").strip() for line in comments)
+    return re.split(r"(?<=[.?]) ", comment)[0]

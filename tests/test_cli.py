@@ -1,4 +1,4 @@
-"""The command line as a user meets it: in a process of its own."""
+"""The command line as a user sees it: in its own process."""
 
 import json
 import os
@@ -23,7 +23,7 @@ from selftouch_drake.resources import EXPERIMENTS, MODELS
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.figures import FIGURES
+from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.sweep import shipped_sweeps
 
 SMALL = (
@@ -77,7 +77,7 @@ def test_run_leaves_all_that_the_design_names(cube_run):
 def assert_is_complete(run, *, metrics_compared):
     metrics = json.loads((run / "metrics.json").read_text())
     experiment = load_experiment(run / "experiment.yaml")
-    known = {figure.key for figure in FIGURES}
+    known = {metric.key for metric in METRICS}
     assert set(metrics) - {"made_for"} <= known
     assert metrics["babbling_num_samples"] == 2000
     assert list(metrics["babbling_touches_by_skin"]) == list(experiment.skins)
@@ -202,7 +202,7 @@ def test_ctrl_c_leaves_a_run_to_resume(tmp_path, cube_run):
 
 
 def refused(*arguments, cwd=None):
-    """Runs a command that must be refused and returns the one line that says why."""
+    """Runs a command that must be refused; returns the error line."""
     done = selftouch(*arguments, cwd=cwd)
     assert done.returncode == 2, (done.returncode, done.stdout, done.stderr)
     assert "Traceback" not in done.stderr
@@ -302,7 +302,7 @@ def test_a_shipped_experiment_is_shown():
     text = (EXPERIMENTS / "gantry.yaml").read_text(encoding="utf-8")
     assert selftouch("experiments", "--show", "gantry").stdout == text
     assert refused("experiments", "--show", "gantri") == (
-        "--show is 'gantri'; no such experiment is shipped: did you mean gantry?"
+        "--show is 'gantri'; this experiment is not shipped: did you mean gantry?"
     )
 
 
@@ -314,8 +314,10 @@ def test_a_list_of_experiments_needs_no_drake():
     )
     heavy = ("pydrake", "sklearn", "scipy", "matplotlib", "trimesh", "numba", "pyarrow")
     done = subprocess.run([sys.executable, "-c", code, *heavy], capture_output=True, text=True)
-    *names, loaded = done.stdout.splitlines()
-    assert names == [*shipped_experiments(), *(f"sweep: {name}" for name in shipped_sweeps())]
+    *lines, loaded = done.stdout.splitlines()
+    listed = [line.split(maxsplit=1) for line in lines if line.startswith("  ")]
+    assert [name for name, _ in listed] == [*shipped_experiments(), *shipped_sweeps()]
+    assert all(meaning.endswith((".", "?")) for _, meaning in listed)
     assert loaded == "[]"
 
 
@@ -332,7 +334,7 @@ def test_a_plan_through_the_air_is_shown():
 
 
 def test_an_edited_model_is_named_by_what_comes_after(tmp_path, cube_run):
-    """A run of models that are the user's own, as after `selftouch run mine.yaml`."""
+    """A run with the user's own models, as after `selftouch run mine.yaml`."""
     models, run = tmp_path / "models", tmp_path / "run"
     shutil.copytree(MODELS, models)
     shutil.copytree(cube_run, run)

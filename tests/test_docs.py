@@ -1,4 +1,4 @@
-"""What the documentation shows is there, and its programs run."""
+"""Files that the documentation names exist, and its programs run."""
 
 import re
 import shlex
@@ -47,7 +47,7 @@ def test_a_page_names_only_files_that_are_there(page):
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with a small run of the cube, as one has after `selftouch run cube`."""
+    """A folder with a small run of the cube, as after `selftouch run cube`."""
     folder = tmp_path_factory.mktemp("docs")
     small = {"babbling": {"num_samples": 3000}, "representation": {"metric": "sensorimotor"}}
     babble = ["babble", "cube", "--out", "runs/cube", "--set", yaml.safe_dump(small)]

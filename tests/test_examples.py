@@ -1,4 +1,4 @@
-"""The gallery: each program of `examples/` does what it says."""
+"""Each program in `examples/` works as described."""
 
 import importlib.util
 import json
@@ -13,7 +13,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 
 
 def run(name, *arguments):
-    """Runs an example's `main`; a skin that is not what was asked for is an error."""
+    """Runs an example's `main`; a simplified skin is an error."""
     spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)

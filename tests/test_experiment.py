@@ -105,10 +105,10 @@ FIRST_VERSION = (
         ('name: "two\\nlines"', "name is 'two\\nlines'; give a printable name"),
         ("skins: 3", "skins is 3; give a mapping by name"),
         ("skins: {body: 3}", "skins.body is 3, not a mapping; give a mapping of its fields"),
-        ("skins: {2: {}}", "skins has the name 2; give one of letters, digits and underscores"),
+        ("skins: {2: {}}", "skins has the name 2; use letters, digits and underscores"),
         (
             "skins: {a b: {}}",
-            "skins has the name 'a b'; give one of letters, digits and underscores",
+            "skins has the name 'a b'; use letters, digits and underscores",
         ),
         (
             "skins: {extra: {surface: collision}}",
@@ -281,7 +281,7 @@ def test_what_has_to_be_positive_is_positive(field):
         ("[" * 5000, "--set is nested too deeply; give a mapping of fields"),
     ],
 )
-def test_overrides_that_are_no_mapping_are_told(text, message):
+def test_overrides_that_are_not_a_mapping_are_refused(text, message):
     with pytest.raises(ExperimentError) as error:
         parse_overrides(text)
     assert str(error.value) == message
@@ -303,13 +303,13 @@ def test_what_yaml_itself_stumbles_over_is_not_yaml(text):
         ("\0", f"shipped are {SHIPPED}"),
     ],
 )
-def test_an_experiment_that_is_not_there_is_told(name, hint):
+def test_a_missing_experiment_is_reported(name, hint):
     with pytest.raises(ExperimentError) as error:
         load_experiment(name)
     assert str(error.value) == f"experiment {name!r} is neither shipped nor a file; {hint}"
 
 
-def test_a_value_of_any_size_is_told_in_a_short_line():
+def test_a_value_of_any_size_is_reported_in_a_short_line():
     huge = "9" * 100_000
     loads = [
         lambda: experiment_from_fields({"seed": 16**5000}),
@@ -325,7 +325,7 @@ def test_a_value_of_any_size_is_told_in_a_short_line():
         assert len(str(error.value)) < 400
 
 
-def test_a_file_is_told_by_its_path(tmp_path):
+def test_a_file_is_named_by_its_path(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("seed: [1")
     with pytest.raises(ExperimentError, match=f"^experiment {path} is not YAML: "):
@@ -341,7 +341,7 @@ def test_a_file_is_told_by_its_path(tmp_path):
     )
 
 
-def test_a_file_that_contains_itself_is_told(tmp_path):
+def test_a_file_that_contains_itself_is_reported(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("&a {joints: *a}")
     with pytest.raises(ExperimentError) as error:
@@ -476,7 +476,7 @@ valid_fields = st.fixed_dictionaries(
 
 
 def holds(there, fields):
-    """Whether everything that was given is there."""
+    """Whether everything given is present."""
     if not isinstance(fields, dict):
         return there == fields
     return all(holds(there[name], value) for name, value in fields.items())
@@ -521,7 +521,7 @@ junk = st.recursive(
 )
 
 
-def _loads_or_is_told(load) -> None:
+def _loads_or_is_refused(load) -> None:
     try:
         experiment = load()
     except ExperimentError as error:
@@ -535,15 +535,15 @@ def _loads_or_is_told(load) -> None:
 
 @settings(max_examples=200, deadline=None)
 @given(fields=junk | st.dictionaries(known_keys, junk))
-def test_any_data_loads_or_is_told(fields):
-    _loads_or_is_told(lambda: experiment_from_fields(fields))
+def test_any_data_loads_or_is_refused(fields):
+    _loads_or_is_refused(lambda: experiment_from_fields(fields))
 
 
 @settings(max_examples=100, deadline=None)
 @given(fields=valid_fields, section=known_keys, key=known_keys, value=junk)
-def test_one_wrong_value_loads_or_is_told(fields, section, key, value):
-    _loads_or_is_told(lambda: experiment_from_fields(fields | {section: {key: value}}))
-    _loads_or_is_told(lambda: experiment_from_fields(fields | {key: value}))
+def test_one_wrong_value_loads_or_is_refused(fields, section, key, value):
+    _loads_or_is_refused(lambda: experiment_from_fields(fields | {section: {key: value}}))
+    _loads_or_is_refused(lambda: experiment_from_fields(fields | {key: value}))
 
 
 tokens = st.sampled_from(
@@ -560,25 +560,25 @@ tokens = st.sampled_from(
 
 @settings(max_examples=300, deadline=None)
 @given(text=st.lists(tokens, max_size=12).map("".join) | st.text(max_size=40))
-def test_any_text_loads_or_is_told(text, tmp_path_factory):
-    _loads_or_is_told(lambda: experiment_from_fields(parse_overrides(text)))
+def test_any_text_loads_or_is_refused(text, tmp_path_factory):
+    _loads_or_is_refused(lambda: experiment_from_fields(parse_overrides(text)))
     path = tmp_path_factory.getbasetemp() / "any.yaml"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
-    _loads_or_is_told(lambda: load_experiment(path))
+    _loads_or_is_refused(lambda: load_experiment(path))
 
 
 @settings(max_examples=100, deadline=None)
 @given(content=st.binary(max_size=40))
-def test_any_file_loads_or_is_told(content, tmp_path_factory):
+def test_any_file_loads_or_is_refused(content, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "any.yaml"
     path.write_bytes(content)
-    _loads_or_is_told(lambda: load_experiment(path))
+    _loads_or_is_refused(lambda: load_experiment(path))
 
 
 @settings(max_examples=100, deadline=None)
 @given(name=st.text(max_size=30))
-def test_any_name_of_an_experiment_loads_or_is_told(name):
-    _loads_or_is_told(lambda: load_experiment(name))
+def test_any_name_of_an_experiment_loads_or_is_refused(name):
+    _loads_or_is_refused(lambda: load_experiment(name))
 
 
 def test_a_number_is_never_changed_on_its_way():
@@ -593,8 +593,8 @@ def test_a_number_is_never_changed_on_its_way():
     [
         (
             [{"after": 9}, {"after": 3}],
-            "changes[1].after is 3; give a number of touches, at least 9: changes stand in their "
-            "order in time",
+            "changes[1].after is 3; give a number of touches, at least 9: changes are listed in "
+            "order of time",
         ),
         ([{"links": {"forearm": 2.0}}], "changes[0].links.forearm is 2.0; give a share from"),
         ([{"skins": {"bdy": {}}}], "changes[0].skins.bdy is 'bdy'; did you mean body?"),
@@ -610,7 +610,7 @@ def test_a_number_is_never_changed_on_its_way():
         ([{"whens": 3}], "unknown key changes[0].whens;"),
     ],
 )
-def test_changes_that_cannot_be(changes, text):
+def test_impossible_changes_are_refused(changes, text):
     with pytest.raises(ExperimentError) as error:
         load_experiment("torus", {"changes": changes})
     assert str(error.value).startswith(text)

@@ -1,4 +1,4 @@
-"""What goes wrong outside: killed processes, full disks, second writers, lost shards."""
+"""External faults: killed processes, full disks, concurrent writers, lost shards."""
 
 import ctypes
 import json
@@ -115,7 +115,7 @@ def test_a_second_writer_of_experience_is_refused(run):
     assert shards(run) == before
 
 
-def test_a_full_disk_is_told_and_leaves_no_half_shard(tmp_path):
+def test_a_full_disk_is_reported_and_leaves_no_half_shard(tmp_path):
     # The kernel refuses every file beyond this size, as it refuses all when the disk is full: the
     # skin's file fits, the only shard does not.
     run, limit = tmp_path / "run", 300_000
@@ -132,7 +132,7 @@ def test_a_full_disk_is_told_and_leaves_no_half_shard(tmp_path):
     assert shard.stat().st_size > limit
 
 
-def test_a_folder_that_cannot_be_written_is_told(tmp_path):
+def test_a_folder_that_cannot_be_written_is_reported(tmp_path):
     # Not even root may make a folder there.
     line = refused(babble(Path("/proc/selftouch")))
     assert "/proc/selftouch" in line
@@ -167,7 +167,7 @@ def test_a_lost_shard_of_the_truth_is_collected_again(run, whole_run):
 
 @pytest.fixture(scope="session")
 def learned_run(whole_run, tmp_path_factory):
-    """A run that has learned, planned and rehearsed, as small as it gets."""
+    """A very small run that has learned, planned and rehearsed."""
     path = tmp_path_factory.mktemp("learned") / "run"
     shutil.copytree(whole_run, path)
     run = RunDirectory.open(path)
@@ -204,8 +204,8 @@ READ = [
 ]
 
 
-def told(capsys, *arguments) -> str:
-    """The one line with which a command is refused."""
+def refusal(capsys, *arguments) -> str:
+    """The error line of a refused command."""
     status = exit_status(lambda: cli.main([str(a) for a in arguments], standalone_mode=False))
     written = capsys.readouterr().err
     assert status == 2, written
@@ -237,7 +237,7 @@ def test_a_damaged_or_foreign_file_is_named_and_left(
     }[damage]
     file.write_bytes(damaged)
     before = content(run)
-    line = told(capsys, verb, run, *options)
+    line = refusal(capsys, verb, run, *options)
     # Half an experiment may still be YAML: then it is the field that is named.
     assert str(file) in line or name == "experiment.yaml"
     assert content(run) == before
@@ -259,10 +259,9 @@ def test_a_whole_file_of_another_run_is_refused(name, command, learned_run, tmp_
         (stamp,) = {"made_for", "belongs_to"} & arrays.keys()
         save_arrays(file, arrays | {stamp: np.array("format 2, 0123456789abcdef")})
     before = content(run)
-    line = told(capsys, verb, run, *options)
-    assert line.startswith(f"{file} is of another experiment or version; ") or (
-        line == f"{file} remembers rehearsals with another representation; delete it, and rehearse "
-        "again"
+    line = refusal(capsys, verb, run, *options)
+    assert line.startswith(f"{file} belongs to another experiment or version; ") or (
+        line == f"{file} belongs to another representation; delete it and rehearse again"
     )
     assert content(run) == before
 
@@ -280,7 +279,7 @@ def test_a_plan_that_does_not_fit_together_is_refused(learned_run, tmp_path, cap
         ("waypoints_q", np.array(3.0)),
     ):
         save_arrays(file, plan | {name: wrong})
-        assert told(capsys, "execute", run, *PAIR).startswith(f"{file} is no plan: ")
+        assert refusal(capsys, "execute", run, *PAIR).startswith(f"{file} is not a plan: ")
 
 
 # Every verb that writes, and what it needs beside the run.
@@ -289,7 +288,7 @@ WRITING = [["learn"], ["plan", *PAIR], ["execute", *PAIR], ["evaluate"], ["repor
 
 @pytest.fixture
 def sweep(learned_run, tmp_path, monkeypatch):
-    """A sweep file of one run, the folder of its sweep, and workers that are threads of this."""
+    """A sweep file with one run, the folder of the sweep, and workers that are threads."""
     file = tmp_path / "small.yaml"
     file.write_text(f"{{experiments: [cube], set: {SMALL}}}")
     threads = lambda *arguments, **options: ThreadPoolExecutor(1)  # noqa: E731
@@ -298,7 +297,7 @@ def sweep(learned_run, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("command", WRITING)
-def test_a_full_disk_is_told_by_every_stage_and_nothing_is_lost(
+def test_a_full_disk_is_reported_by_every_stage_and_nothing_is_lost(
     command, learned_run, tmp_path, capsys, small_files
 ):
     run = tmp_path / "run"
@@ -306,7 +305,7 @@ def test_a_full_disk_is_told_by_every_stage_and_nothing_is_lost(
     verb, *options = command
     before = content(run)
     with small_files(4096):
-        line = told(capsys, verb, run, *options)
+        line = refusal(capsys, verb, run, *options)
     assert re.fullmatch(rf"{run}/[\w/.-]+ cannot be written: .*File too large.*", line)
     after = content(run)
     if verb == "evaluate":  # the scores against the truth are done, and fit on the disk
@@ -314,10 +313,10 @@ def test_a_full_disk_is_told_by_every_stage_and_nothing_is_lost(
     assert after == before
 
 
-def test_a_full_disk_is_told_by_a_sweep(sweep, capsys, small_files):
+def test_a_full_disk_is_reported_by_a_sweep(sweep, capsys, small_files):
     file, out = sweep
     with small_files(4096):
-        line = told(capsys, "sweep", file, "--out", out)
+        line = refusal(capsys, "sweep", file, "--out", out)
     assert re.fullmatch(rf"{out}/runs/[\w/.-]+ cannot be written: .*File too large.*", line)
     assert not list(out.rglob("*.npz"))
     assert not list(out.rglob("*.part"))
@@ -325,7 +324,7 @@ def test_a_full_disk_is_told_by_a_sweep(sweep, capsys, small_files):
 
 @pytest.fixture
 def small_files():
-    """The kernel refuses what is larger, as it refuses everything when the disk is full."""
+    """The operating system refuses larger files, as if the disk were full."""
 
     @contextmanager
     def limited(size):
@@ -341,7 +340,7 @@ def small_files():
 
 @pytest.fixture
 def mere_mortal():
-    """Takes from root, in this thread, its right to write where nobody may."""
+    """Removes root's right to write to read-only folders, in this thread."""
     if os.geteuid() != 0:
         yield
         return
@@ -358,7 +357,7 @@ def mere_mortal():
 
 
 @pytest.mark.parametrize("command", WRITING)
-def test_a_folder_that_may_not_be_written_is_told_before_any_work(
+def test_a_folder_that_may_not_be_written_is_reported_before_any_work(
     command, learned_run, tmp_path, capsys, mere_mortal
 ):
     run = tmp_path / "run"
@@ -366,19 +365,19 @@ def test_a_folder_that_may_not_be_written_is_told_before_any_work(
     before = content(run)
     run.chmod(0o555)
     try:
-        line = told(capsys, command[0], run, *command[1:])
+        line = refusal(capsys, command[0], run, *command[1:])
     finally:
         run.chmod(0o755)
     assert line == f"{run} cannot be written; make it writable, or work on a copy"
     assert content(run) == before
 
 
-def test_a_sweep_whose_folder_may_not_be_written_is_told(sweep, tmp_path, capsys, mere_mortal):
+def test_a_sweep_whose_folder_may_not_be_written_is_reported(sweep, tmp_path, capsys, mere_mortal):
     file, out = sweep
     out.mkdir()
     out.chmod(0o555)
     try:
-        assert str(out) in told(capsys, "sweep", file, "--out", out)
+        assert str(out) in refusal(capsys, "sweep", file, "--out", out)
     finally:
         out.chmod(0o755)
     assert list(out.iterdir()) == []
@@ -390,7 +389,7 @@ def test_every_stage_that_writes_waits_for_no_other(command, learned_run, tmp_pa
     shutil.copytree(learned_run, run)
     before = content(run)
     with FileLock(run / ".lock"):
-        line = told(capsys, command[0], run, *command[1:])
+        line = refusal(capsys, command[0], run, *command[1:])
     assert line == (
         f"{run} is being written by another process; wait for it, or choose another --out"
     )
@@ -406,7 +405,7 @@ def test_what_was_learned_for_another_experiment_is_refused(learned_run, tmp_pat
     for verb in (["plan", str(run), "--from", "0", "--to", "1"], ["evaluate", str(run)]):
         assert exit_status(lambda verb=verb: cli.main(verb, standalone_mode=False)) == 2
         assert capsys.readouterr().err.strip().splitlines()[-1] == (
-            f"selftouch: {run / 'representation.npz'} is of another experiment or version; "
+            f"selftouch: {run / 'representation.npz'} belongs to another experiment or version; "
             f"run `selftouch learn {run}`"
         )
 
@@ -424,7 +423,7 @@ def test_learning_that_is_killed_and_done_again_gives_the_same_bytes(learned_run
         assert (run / name).read_bytes() == (learned_run / name).read_bytes(), name
 
 
-def test_a_worker_that_is_killed_is_told(tmp_path):
+def test_a_killed_worker_is_reported(tmp_path):
     experiment = load_experiment("cube", parse_overrides(SMALL))
     run = RunDirectory.create(tmp_path / "run", experiment)
     with local_executor(1) as executor:
@@ -450,7 +449,8 @@ def test_a_shard_too_many_is_refused(run):
     )
     done = subprocess.run(command("learn", run), capture_output=True, text=True)
     assert refused(done) == (
-        f"{run / 'experience'} holds shards that are not of this run; remove them"
+        f"{run / 'experience'} holds more shards than the 3 of this run; remove "
+        "part-00003.parquet and those after it"
     )
 
 
@@ -477,9 +477,9 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(whole_run, tmp_
     assert shards(run.path) == shards(whole_run)
 
 
-def test_a_scheduler_that_is_not_there_is_told(tmp_path):
+def test_a_scheduler_that_does_not_exist_is_reported(tmp_path):
     line = refused(babble(tmp_path / "run", "--scheduler", "tcp://127.0.0.1:9"))
-    assert line.startswith("--scheduler tcp://127.0.0.1:9 does not answer: ")
+    assert line.startswith("--scheduler tcp://127.0.0.1:9 does not answer (")
 
 
 def test_pandas_polars_and_arrow_read_what_numpy_reads(whole_run):

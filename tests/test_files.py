@@ -95,12 +95,12 @@ def test_a_bare_array_is_no_archive(tmp_path):
         load_arrays(path)
 
 
-def test_damage_anywhere_is_told_or_harmless(tmp_path):
+def test_damage_anywhere_is_reported_or_harmless(tmp_path):
     path = tmp_path / "plan.npz"
     save_arrays(path, ARRAYS)
     whole = path.read_bytes()
 
-    def told(content) -> bool:
+    def is_refused(content) -> bool:
         path.write_bytes(content)
         try:
             loaded = load_arrays(path, ARRAYS)
@@ -110,9 +110,9 @@ def test_damage_anywhere_is_told_or_harmless(tmp_path):
             np.testing.assert_array_equal(loaded[name], array)
         return False
 
-    assert all(told(whole[:size]) for size in range(len(whole)))
+    assert all(is_refused(whole[:size]) for size in range(len(whole)))
     flipped = [
-        told(whole[:at] + bytes([whole[at] ^ bits]) + whole[at + 1 :])
+        is_refused(whole[:at] + bytes([whole[at] ^ bits]) + whole[at + 1 :])
         for at in range(len(whole))
         for bits in (0x01, 0xFF)
     ]
@@ -121,7 +121,7 @@ def test_damage_anywhere_is_told_or_harmless(tmp_path):
 
 @settings(max_examples=50, deadline=None)
 @given(content=st.binary(max_size=64))
-def test_a_foreign_file_is_told(content, tmp_path_factory):
+def test_a_foreign_file_is_reported(content, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "foreign.npz"
     path.write_bytes(content)
     with pytest.raises(ValueError, match="make it again"):

@@ -1,4 +1,4 @@
-"""Whatever is parsed: a clear error or a right result, in time, and no harm to anything else.
+"""Any input gives a clear error or a correct result, in time, and harms nothing else.
 
 A few dozen inputs each in the ordinary tests; `make fuzz` tries thousands and prints how many.
 """
@@ -95,8 +95,8 @@ def damaged(content: bytes, edits) -> bytes:
     return content
 
 
-def told(load, errors, *words) -> object:
-    """What `load` returns; None if it refuses in one clear line that has all of `words`."""
+def loaded_or_refused(load, errors, *words) -> object:
+    """What `load` returns; None if it raises one clear line that contains all of `words`."""
     TRIED[sys._getframe(1).f_code.co_name] += 1
     began = time.process_time()
     try:
@@ -121,7 +121,7 @@ def print_counts():
 
 
 class Made:
-    """A run with every kind of file in it, and what they hold."""
+    """A run with every kind of file, and their contents."""
 
     def __init__(self, directory, shard, representation):
         self.directory, self.shard, self.representation = directory, shard, representation
@@ -171,7 +171,8 @@ def run(tmp_path_factory):
     save_arrays(made.representation, representation.to_arrays() | made.stamp())
     topology = {"num_parts": np.array(1), "kernels": np.arange(50), "pieces": np.zeros((0, 3))}
     topology |= {"stress": np.array(0.1), "spectrum": np.linspace(1, 0, 50)}
-    topology |= {"betti": np.array([1, 0, 1]), "scales": np.array([3.0, 0.5, 0.2])}
+    topology |= {"doubt": np.array(""), "betti": np.array([1, 0, 1])}
+    topology |= {"scales": np.array([3.0, 0.5, 0.2])}
     topology |= {f"diagram_{dimension}": random.uniform(0, 1, (4, 2)) for dimension in range(3)}
     save_arrays(made.topology, topology | made.stamp())
     save_arrays(made.body_distances, {"distances": np.ones((50, 50), np.float32)} | made.stamp())
@@ -250,28 +251,30 @@ def again(experiment):
 @fuzz
 @given(text=texts)
 def test_any_override(text):
-    again(told(lambda: load_experiment("cube", parse_overrides(text)), ExperimentError))
+    again(
+        loaded_or_refused(lambda: load_experiment("cube", parse_overrides(text)), ExperimentError)
+    )
 
 
 @fuzz
 @given(edits=edits)
 def test_a_damaged_experiment(edits, tmp_path_factory):
     path = put(tmp_path_factory.getbasetemp() / "any.yaml", damaged(WHOLE, edits))
-    again(told(lambda: load_experiment(path), ExperimentError))
+    again(loaded_or_refused(lambda: load_experiment(path), ExperimentError))
 
 
 @fuzz
 @given(content=texts.map(lambda text: text.encode("utf-8", "surrogatepass")) | st.binary())
 def test_any_sweep(content, tmp_path_factory):
     path = put(tmp_path_factory.getbasetemp() / "any_sweep.yaml", content)
-    told(lambda: load_sweep(path), (SweepError, ExperimentError))
+    loaded_or_refused(lambda: load_sweep(path), (SweepError, ExperimentError))
 
 
 @fuzz
 @given(edits=edits)
 def test_a_damaged_sweep(edits, tmp_path_factory):
     path = put(tmp_path_factory.getbasetemp() / "any_sweep.yaml", damaged(SWEEP, edits))
-    sweep = told(lambda: load_sweep(path), (SweepError, ExperimentError))
+    sweep = loaded_or_refused(lambda: load_sweep(path), (SweepError, ExperimentError))
     if sweep is not None:
         assert len(set(map(dump_experiment, sweep.experiments))) == len(sweep.experiments)
 
@@ -298,7 +301,7 @@ def test_a_damaged_shard(edits, folder, run, tmp_path_factory):
     def vars_of(contacts):
         return {name: getattr(contacts, name) for name in ("offsets", "skin", "toucher", "p_LC")}
 
-    found = told(load, StoreError, path)
+    found = loaded_or_refused(load, StoreError, path)
     if found is not None:
         assert found[0] == WalkCounts(1000, 7)
         expected = {"q": run.shard.q, "sensation": run.shard.sensation}
@@ -336,7 +339,7 @@ def test_a_foreign_shard(kind, num_rows, null, tmp_path_factory):
         entry = [entry] * size
     values = [None if null and row == 1 else entry for row in range(num_rows)]
     pq.write_table(pa.table({"q": pa.array(values, kind)}), path)
-    q = told(lambda: ExperienceReader(there).read("q"), StoreError, path)
+    q = loaded_or_refused(lambda: ExperienceReader(there).read("q"), StoreError, path)
     if q is not None:
         assert q.dtype == np.float32
         assert q.shape == (num_rows, 6)
@@ -356,7 +359,7 @@ def copy(run, tmp_path_factory):
 @given(edits=edits)
 def test_a_damaged_representation(edits, run, copy):
     path = put(copy.representation, damaged(run.directory.representation.read_bytes(), edits))
-    found = told(lambda: load_representation(copy), ValueError, path)
+    found = loaded_or_refused(lambda: load_representation(copy), ValueError, path)
     if found is not None:
         for name in ("target_sensations", "kernel_q", "kernel_offsets", "edges", "part"):
             np.testing.assert_array_equal(getattr(found, name), getattr(run.representation, name))
@@ -379,7 +382,7 @@ arrays = st.sampled_from(
 
 
 def with_foreign(data, file):
-    """What a file holds, some of its arrays replaced."""
+    """The content of a file with some arrays replaced."""
     content = load_arrays(file)
     for name in data.draw(st.sets(st.sampled_from(sorted(content)), min_size=1, max_size=3)):
         content[name] = data.draw(arrays)
@@ -390,7 +393,7 @@ def with_foreign(data, file):
 @given(data=st.data())
 def test_a_foreign_representation(data, run, copy):
     save_arrays(copy.representation, with_foreign(data, run.directory.representation))
-    told(lambda: load_representation(copy), ValueError, copy.representation)
+    loaded_or_refused(lambda: load_representation(copy), ValueError, copy.representation)
 
 
 @fuzz
@@ -400,7 +403,7 @@ def test_a_damaged_body(edits, name, run, copy):
     for other, content in whole.items():
         put(getattr(copy, other), content)
     path = put(getattr(copy, name), damaged(whole[name], edits))
-    found = told(lambda: load_body(copy, run.representation), ValueError, path)
+    found = loaded_or_refused(lambda: load_body(copy, run.representation), ValueError, path)
     if found is not None:
         assert [len(part.kernels) for part in found.parts] == [50]
 
@@ -411,14 +414,14 @@ def test_a_foreign_body(data, name, run, copy):
     for other in ("topology", "body_distances"):
         put(getattr(copy, other), getattr(run.directory, other).read_bytes())
     save_arrays(getattr(copy, name), with_foreign(data, getattr(run.directory, name)))
-    told(lambda: load_body(copy, run.representation), ValueError, getattr(copy, name))
+    loaded_or_refused(lambda: load_body(copy, run.representation), ValueError, getattr(copy, name))
 
 
 @fuzz
 @given(edits=edits)
 def test_a_damaged_memory(edits, run, copy):
     path = put(copy.rehearsal, damaged(run.directory.rehearsal.read_bytes(), edits))
-    found = told(lambda: load_memory(copy, run.representation), ValueError, path)
+    found = loaded_or_refused(lambda: load_memory(copy, run.representation), ValueError, path)
     if found is not None:
         np.testing.assert_array_equal(found.link_penalty, 1.0)
         assert found.num_tries == 0
@@ -428,14 +431,14 @@ def test_a_damaged_memory(edits, run, copy):
 @given(data=st.data())
 def test_a_foreign_memory(data, run, copy):
     save_arrays(copy.rehearsal, with_foreign(data, run.directory.rehearsal))
-    told(lambda: load_memory(copy, run.representation), ValueError, copy.rehearsal)
+    loaded_or_refused(lambda: load_memory(copy, run.representation), ValueError, copy.rehearsal)
 
 
 @fuzz
 @given(edits=edits)
 def test_a_damaged_plan(edits, run, copy):
     path = put(copy.plan(3, 4), damaged(run.directory.plan(3, 4).read_bytes(), edits))
-    found = told(lambda: load_execution(copy, 3, 4), ValueError, path)
+    found = loaded_or_refused(lambda: load_execution(copy, 3, 4), ValueError, path)
     if found is not None:
         expected = load_execution(run.directory, 3, 4).to_arrays()
         for name, array in found.to_arrays().items():
@@ -446,14 +449,16 @@ def test_a_damaged_plan(edits, run, copy):
 @given(data=st.data())
 def test_a_foreign_plan(data, run, copy):
     save_arrays(copy.plan(3, 4), with_foreign(data, run.directory.plan(3, 4)))
-    told(lambda: load_execution(copy, 3, 4), ValueError, copy.plan(3, 4).name.split(".")[0])
+    loaded_or_refused(
+        lambda: load_execution(copy, 3, 4), ValueError, copy.plan(3, 4).name.split(".")[0]
+    )
 
 
 @fuzz
 @given(content=st.binary(max_size=60) | edits.map(lambda e: damaged(b"PK\x03\x04" * 9, e)))
 def test_any_arrays(content, tmp_path_factory):
     path = put(tmp_path_factory.getbasetemp() / "any_arrays.npz", content)
-    told(lambda: load_arrays(path), ValueError, path)
+    loaded_or_refused(lambda: load_arrays(path), ValueError, path)
 
 
 @fuzz
@@ -465,7 +470,7 @@ def test_any_figures(data, run, tmp_path_factory):
     path = put(there / "metrics.json", content)
     # Its models are known, and need not be read each time.
     put(there / "models.json", (run.directory.path / "models.json").read_bytes())
-    found = told(RunDirectory(there, run.directory.experiment).metrics, RunError, path)
+    found = loaded_or_refused(RunDirectory(there, run.directory.experiment).metrics, RunError, path)
     if found is not None:
         assert json.loads(json.dumps(found)) == found or "NaN" in json.dumps(found)
 
@@ -478,7 +483,7 @@ def test_a_damaged_table(edits, tmp_path_factory):
     table = pa.table(columns).replace_schema_metadata({"selftouch.fields": ""})
     pq.write_table(table, path, write_page_checksum=True)
     put(path, damaged(path.read_bytes(), edits))
-    told(lambda: read_table(path), ValueError, path)
+    loaded_or_refused(lambda: read_table(path), ValueError, path)
 
 
 # ---- meshes ----
@@ -493,7 +498,7 @@ MESHES = {k: v.encode() if isinstance(v, str) else v for k, v in MESHES.items()}
 def test_a_damaged_mesh(suffix, data, tmp_path_factory):
     content = data.draw(edits.map(lambda e: damaged(MESHES[suffix], e)) | st.binary(max_size=99))
     path = put(tmp_path_factory.getbasetemp() / f"any.{suffix}", content)
-    surface = told(lambda: mesh_file(path, resolution=0.2), ValueError, path)
+    surface = loaded_or_refused(lambda: mesh_file(path, resolution=0.2), ValueError, path)
     if surface is not None:
         assert surface.is_watertight
         assert surface.volume > 0
@@ -516,7 +521,7 @@ words = st.sampled_from(
 @fuzz
 @given(arguments=st.lists(words | st.text(max_size=5), max_size=6))
 def test_any_command(arguments, run, tmp_path_factory, capsys):
-    """Nothing is computed here: what would be is refused, or has no run to work on."""
+    """Nothing is computed here: commands are refused, or find no run."""
     there = tmp_path_factory.getbasetemp() / "nowhere"
     there.mkdir(exist_ok=True)
     here = Path.cwd()

@@ -1,4 +1,4 @@
-"""Imports point down only, and at packages that are declared."""
+"""Imports point down only, and only to declared packages."""
 
 import ast
 import re
@@ -40,7 +40,7 @@ def room_of(path: Path) -> str:
 
 
 def imports(path: Path, text: str) -> Iterator[tuple[int, str]]:
-    """Line and full name of every import, those for type checkers and inside functions too."""
+    """Line and full name of every import, including those in functions and for type checkers."""
     package = ("selftouch_drake", *path.relative_to(PACKAGE).parent.parts)
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Import):
@@ -53,7 +53,7 @@ def imports(path: Path, text: str) -> Iterator[tuple[int, str]]:
 
 
 def imported_rooms(path: Path, text: str) -> Iterator[tuple[int, str]]:
-    """Line and room of every import from this package."""
+    """Line and layer of every import from this package."""
     for line, name in imports(path, text):
         root, _, rest = name.partition(".")
         if root == "selftouch_drake" and rest and not rest.startswith("__"):
@@ -75,7 +75,7 @@ def test_imports_point_down(path):
     assert upward_imports(path, path.read_text(encoding="utf-8")) == []
 
 
-def test_every_room_has_its_place():
+def test_every_package_has_a_layer():
     assert {room_of(path) for path in modules()} == set(HEIGHT)
 
 

@@ -30,7 +30,7 @@ FORBIDDEN = (
 
 
 def imported(*modules: str) -> set[str]:
-    """All that is loaded in a fresh interpreter: the whole truth about imports, indirect too."""
+    """All modules loaded in a fresh interpreter, so that indirect imports count too."""
     program = f"import sys, {', '.join(modules)}; print(*sys.modules, sep='\\n')"
     listing = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
@@ -70,7 +70,7 @@ ALLOWED = {
 
 
 def outside(source: str) -> set[str]:
-    """What a module imports but the agent and its few libraries."""
+    """Imports of a module other than the agent and its few libraries."""
     names = set()
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):

@@ -1,16 +1,19 @@
 """Every notebook runs from its first cell to its last, at a small scale.
 
-After the first cell that assigns one of the names in `SMALL`, a cell is put that makes it small; a
-notebook that assigns none is small by itself. What a notebook asserts, it shows.
+A cell with small values follows the first cell that assigns one of the names in `SMALL`; a
+notebook that assigns none of them is small anyway.
 """
 
 import ast
+import base64
+import io
 import re
 from pathlib import Path
 
 import nbformat
 import pytest
 from nbclient import NotebookClient
+from PIL import Image
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.ipynb"))
 SMALL = {
@@ -19,6 +22,7 @@ SMALL = {
     "NUM_PAIRS": 1,
     "NUM_ACTIONS": 1500,
     "NUM_STEPS": 40_000,
+    "RATE_HZ": 1,
     "NUM_PLACES": 60,
     "NUM_RECEPTORS": (20, 50),
     "METRIC": "sensorimotor",
@@ -30,7 +34,7 @@ PATIENCE = 600
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
-    """Where notebooks leave their runs, for one another."""
+    """The folder in which notebooks share their runs."""
     return tmp_path_factory.mktemp("runs")
 
 
@@ -77,3 +81,11 @@ def test_what_is_stored_is_whole_and_small(path):
 def test_visitors_see_pictures():
     text = [path.read_text(encoding="utf-8") for path in NOTEBOOKS]
     assert sum("image/png" in one for one in text) > len(text) / 2
+
+
+def test_a_recording_is_embedded():
+    notebook = nbformat.read(NOTEBOOKS[0].with_name("sensation_to_sensation.ipynb"), as_version=4)
+    (cell,) = [cell for cell in notebook.cells if "display(recording" in cell.source]
+    image = base64.b64decode(cell.outputs[0].data["image/png"])
+    with Image.open(io.BytesIO(image)) as picture:
+        assert picture.n_frames > 10

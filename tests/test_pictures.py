@@ -1,4 +1,4 @@
-"""The check of the pictures' stamp: it is no error if a picture is old, but it must be said."""
+"""The check of the pictures' stamp: an old picture is not an error, but it is reported."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""What the README and the tutorial show works as it stands there."""
+"""The commands and files of the README and the tutorial work as printed."""
 
 import itertools
 import os
@@ -88,7 +88,7 @@ def my_arm(geometry: Callable[[str, float, float], str]) -> str:
 
 @pytest.fixture(params=["primitives", "stl"])
 def folder(request, tmp_path):
-    """A folder with the arm that the tutorial speaks of, and the files that it shows."""
+    """A folder with the tutorial's arm and files."""
     geometry = primitive if request.param == "primitives" else stl_in(tmp_path)
     (tmp_path / "my_arm.urdf").write_text(my_arm(geometry), encoding="utf-8")
     for text in blocks(own_robot(), "xml", "yaml"):

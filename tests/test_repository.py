@@ -1,4 +1,4 @@
-"""What describes the repository agrees with the package."""
+"""Files that describe the repository agree with the package."""
 
 import re
 import tomllib
@@ -19,7 +19,7 @@ def loaded(path: str) -> dict:
 
 
 def make_targets(text: str) -> list[str]:
-    """What a text asks `make` for."""
+    """The `make` targets that a text names."""
     return re.findall(r"\bmake ([a-z]+)\b(?! sure)|\"make\", \"([a-z]+)\"", text)
 
 

@@ -1,4 +1,4 @@
-"""The documentation site builds without a warning, needs no network, and names all there is."""
+"""The documentation site builds without a warning, needs no network, and is complete."""
 
 import dataclasses
 import html
@@ -12,7 +12,7 @@ import pytest
 
 from selftouch_drake.cli import cli
 from selftouch_drake.experiment import Babbling, Skin
-from selftouch_drake.run.figures import FIGURES as METRICS
+from selftouch_drake.run.metrics import METRICS
 
 ROOT = Path(__file__).parents[1]
 

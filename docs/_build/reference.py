@@ -15,9 +15,10 @@ import click
 from selftouch_drake import experiment
 from selftouch_drake.cli import cli
 from selftouch_drake.experiment import Experiment, shipped_experiments
+from selftouch_drake.resources import EXPERIMENTS, summary
 from selftouch_drake.resources import EXPERIMENTS, SWEEPS
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.figures import FIGURES as METRICS
+from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.sweep import shipped_sweeps
 
 #: Packages of the API reference with their titles: what a program outside of this one may use.
@@ -87,7 +88,11 @@ def experiment_fields() -> str:
         "An experiment is one YAML file. Every field has a default, except the robot, the skins and "
         "what touches. `--set` lays a mapping over any of it; `selftouch experiments --show NAME` "
         "prints a shipped one. An unknown key or a wrong value is refused, with the reason.\n",
-        f"Shipped experiments: {', '.join(f'`{name}`' for name in shipped_experiments())}.\n",
+        "Shipped experiments:\n",
+        *_table(
+            ("name", "robot"),
+            [(f"`{n}`", summary(EXPERIMENTS / f"{n}.yaml")) for n in shipped_experiments()],
+        ),
     ]
     for prefix, schema in _schemas(Experiment, ""):
         text += [f"\n## {prefix[:-1] or 'Top level'}\n", f"{inspect.getdoc(schema)}\n"]

@@ -1,4 +1,4 @@
-"""Practice: the agent goes along a plan slowly, and mends it where it would fail (naive)."""
+"""Practice: the agent follows a plan slowly and repairs it where it would fail (naive)."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider, straight
 
-#: rad of path, between places at which the agent feels, and tries whether it can be there.
+#: rad of path between the places at which the agent feels, and checks that it can be there.
 _SAMPLED = 0.03
 
-#: Remembered configurations to go over, through the air: first those that make the way least
-#: longer; then any, as few ways lead out of some.
+#: Number of remembered configurations that a detour through the air may pass: first those that
+#: lengthen the path least; then any, because few paths lead out of some configurations.
 _NUM_SHORT, _NUM_ANY = 60, 300
 
-#: Remembered configurations that are tried to move aside to.
+#: Number of remembered configurations to try as a place to move aside.
 _NUM_ASIDE = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Passage:
-    """What became of a plan that the agent went along slowly.
+    """What the agent felt when it followed a plan slowly.
 
     n places, S receptors.
 
     Attributes:
-        s: `(n,)` rad, where on the path it felt.
-        felt: `(n, S)` N, what it felt there.
-        lost: steps on which touch was lost where it was expected.
-        impossible: steps on which the robot cannot be everywhere.
+        s: `(n,)` rad, path lengths of the places.
+        felt: `(n, S)` N, sensations there.
+        lost: steps on which expected contact was lost.
+        impossible: steps with configurations that the robot cannot take.
     """
 
     s: np.ndarray
@@ -43,11 +43,11 @@ class Passage:
 
 
 def go_along(plan: Plan, representation: QuotientRepresentation, slider: Slider) -> Passage:
-    """Goes along the smooth path of a plan slowly.
+    """Follows the smooth path of a plan slowly.
 
     Args:
         plan: the plan.
-        representation: the one that it was made with.
+        representation: the one used to make the plan.
         slider: feels in the agent's world.
     """
     length = plan.waypoint_s[-1]
@@ -57,7 +57,7 @@ def go_along(plan: Plan, representation: QuotientRepresentation, slider: Slider)
     step = steps(plan.waypoint_s, s)
     lost = touching(plan.waypoint_s, plan.in_air, s) & ~felt.any(axis=1)
     impossible = ~slider.possible(x)
-    if not len(plan.in_air):  # it stays
+    if not len(plan.in_air):  # a plan to stay
         lost[:] = impossible[:] = False
     return Passage(
         s=s, felt=felt, lost=np.unique(step[lost]), impossible=np.unique(step[impossible])
@@ -71,17 +71,17 @@ def practise(
     memory: RehearsalMemory,
     representation: QuotientRepresentation,
 ) -> tuple[RehearsalMemory, np.ndarray]:
-    """Finds other ways for steps of a plan: slides, and through the air detours.
+    """Searches other ways for steps of a plan: slides for touching steps, detours in the air.
 
     Args:
         plan: the plan.
-        doubtful: `(n,)` steps of it.
+        doubtful: `(n,)` steps of the plan.
         slider: slides in the agent's world.
-        memory: what is remembered.
-        representation: the one that the plan was made with.
+        memory: what the agent remembers so far.
+        representation: the one used to make the plan.
 
     Returns:
-        The memory with the ways that were found, and `(n,)` bool, where there were any.
+        The memory with the ways that were found, and `(n,)` bool, whether one was found per step.
     """
     slides, x = memory.slides, representation.scaled(plan.waypoints_q)
     found = np.zeros(len(doubtful), dtype=bool)
@@ -93,10 +93,10 @@ def practise(
                 continue
             passed, node = detour, np.repeat(plan.nodes[step + 1], len(detour))
         elif plan.links[step] < 0:
-            continue  # What moves is not what touches.
+            continue  # The joints that move are not those that touch.
         else:
             slid = slider.slide(x_from, x_to)
-            # What is as short as a part of a slide was slid along before.
+            # An empty slide means that the step is already as short as a part of a slide.
             if slid is None or not len(slid[0]):
                 continue
             passed = slid[0]
@@ -109,7 +109,7 @@ def practise(
 def _detour(
     representation: QuotientRepresentation, slider: Slider, x_from: np.ndarray, x_to: np.ndarray
 ) -> np.ndarray | None:
-    """`(n, J)` what a way through the air goes over; None if none was found."""
+    """`(n, J)` configurations that a detour through the air passes; None if none was found."""
     x = representation.scaled(representation.kernel_q[:: max(representation.num_rows // 2000, 1)])
     length = np.linalg.norm(x - x_from, axis=1) + np.linalg.norm(x - x_to, axis=1)
     shortest = x[np.argsort(length, kind="stable")]
@@ -122,15 +122,15 @@ def _detour(
 def out_of_the_way(
     plan: Plan, representation: QuotientRepresentation, slider: Slider
 ) -> np.ndarray | None:
-    """Where to move the joints that do not move on a plan, so that the robot can be on its way.
+    """Where to move joints that a plan does not use, so that they obstruct it less.
 
     Args:
-        plan: one on which the robot cannot be everywhere.
-        representation: the one that the plan was made with.
-        slider: asks where the robot can be.
+        plan: one with configurations that the robot cannot take.
+        representation: the one used to make the plan.
+        slider: knows which configurations the robot can take.
 
     Returns:
-        `(J,)` a scaled configuration of which these joints are taken; None if no other is better.
+        `(J,)` a scaled configuration with new positions of these joints; None if none is better.
     """
     x = representation.scaled(plan.waypoints_q)
     still = x.max(axis=0) == x.min(axis=0)

@@ -1,9 +1,9 @@
-"""Sliding: from one touch to another without letting go, by feel (naive).
+"""Sliding: from one touch to another without losing contact, by feel (naive).
 
-Between two configurations that touch, the straight way may leave the skin. The agent does not know
-how to bend it. But in any touch it can try which small movements make it feel more, and which less:
-along all others it slides. So it goes as straight as it can, and presses on or yields as it feels
-less or more than it wants.
+The straight way between two touching configurations may leave the skin. The agent does not know how
+to bend it. But at any touch it can try small movements and notice which of them change how strong
+the touch is; along all others it slides. So it moves as straight as it can, and presses more or
+less when the touch is weaker or stronger than wanted.
 """
 
 from __future__ import annotations
@@ -15,49 +15,49 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
-#: Tells what is felt, `(n, S)` N, in `(n, J)` scaled configurations.
+#: Maps `(n, J)` scaled configurations to the sensations there, `(n, S)` N.
 Feel = Callable[[np.ndarray], np.ndarray]
 
-#: Tells, `(n,)` bool, which of `(n, J)` scaled configurations the robot can take.
+#: Maps `(n, J)` scaled configurations to `(n,)` bool, whether the robot can take them.
 Possible = Callable[[np.ndarray], np.ndarray]
 
-#: rad, how far it goes at a time, and how far it tries to either side. Of 51 steps of 2 rad between
-#: touches of a forearm, nine joints of which matter, 86 % are slid along; of straight ones, 12 %.
+#: rad, length of a step, and of a trial to either side. Measured on 51 ways of 2 rad between
+#: touches of a forearm with nine joints that matter: 86 % succeed by sliding, 12 % if straight.
 _STEP = 0.06
 _TRIAL = 0.01
 
-#: Goes at a time of which it gives up, as a multiple of those of the straight way, and at least.
+#: It gives up after this multiple of the steps of the straight way, or after the second number.
 _MOST_DETOUR, _LEAST_GOES = 4, 30
 
-#: What is wanted is between what is felt at the ends, but no less than this share of the stronger;
-#: what is felt may be off by these factors.
+#: The wanted strength of the touch is interpolated between both ends, but at least this share of
+#: the stronger one. The real strength may differ from it by these factors.
 _FIRM = 0.6
 _LEAST_FELT, _MOST_FELT = 0.3, 3.0
 
-# If less than this share of the way is along the skin, it gives up.
+# It gives up if less than this share of the remaining way is along the skin.
 _ACROSS = 1e-3
 
-# rad, rounding error of stored float32 configurations.
+# rad, tolerance for stored float32 configurations.
 _SAME = 1e-5
 
-# Straight ways that are looked at for a detour, before it gives up.
+# Number of straight ways checked for a detour before it gives up.
 _MOST_CHECKS = 300
 
-# Halvings of a step that loses touch, and corrections of each, before it gives up.
+# Halvings of a step that loses contact, and corrections of each, before it gives up.
 _MOST_HALVINGS, _CORRECTIONS = 5, 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Slides:
-    """Ways from one touch to another that were slid along.
+    """Ways from one touch to another along which the agent slid.
 
     N slides through M configurations of J joints in all, scaled (rad).
 
     Attributes:
-        ends: `(N, 2, J)` from where and to where.
-        offsets: `(N + 1,)` slide n passes rows `offsets[n]:offsets[n + 1]`.
-        x: `(M, J)` the touching configurations that it passes.
-        node: `(M,)` the kernel that is felt in each.
+        ends: `(N, 2, J)` first and last configuration of each slide.
+        offsets: `(N + 1,)` slide n passes rows `offsets[n]:offsets[n + 1]` of `x`.
+        x: `(M, J)` touching configurations in between.
+        node: `(M,)` the kernel that is felt at each.
     """
 
     ends: np.ndarray
@@ -76,10 +76,10 @@ class Slides:
         )
 
     def check(self, num_joints: int, num_kernels: int) -> None:
-        """Refuses what are no slides of so many joints and kernels.
+        """Checks that these are slides of the given number of joints, between known kernels.
 
         Raises:
-            ValueError: the text names the array.
+            ValueError: an array does not fit; the text names it.
         """
         num, num_x = max(self.offsets.size - 1, 0), len(np.atleast_1d(self.x))
         shapes = {
@@ -92,7 +92,10 @@ class Slides:
             array = getattr(self, name)
             whole = name in ("offsets", "node")
             if array.shape != shape or array.dtype.kind not in ("iu" if whole else "f"):
-                raise ValueError(f"slide_{name} is not an array of slides")
+                raise ValueError(
+                    f"slide_{name} is {array.dtype} of shape {array.shape}, expected "
+                    f"{'whole' if whole else 'real'} numbers of shape {shape}"
+                )
             if not np.isfinite(array).all():
                 raise ValueError(f"slide_{name} must hold finite numbers")
         ends = self.offsets[[0, -1]].tolist()
@@ -104,7 +107,7 @@ class Slides:
     def and_also(
         self, x_from: np.ndarray, x_to: np.ndarray, x: np.ndarray, node: np.ndarray
     ) -> Slides:
-        """One slide more: from where, to where, and what it passes."""
+        """These slides and one more: its first and last configuration, and what it passes."""
         return Slides(
             ends=np.concatenate([self.ends, np.stack([x_from, x_to])[None]]),
             offsets=np.append(self.offsets, self.offsets[-1] + len(x)),
@@ -113,9 +116,9 @@ class Slides:
         )
 
     def between(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What is passed between two configurations: `(m, J)` rad and `(m,)` kernels.
+        """The known slide between two configurations: `(m, J)` rad and `(m,)` kernels.
 
-        Joints that do not move on a slide may be anywhere; m is 0 where no slide is known.
+        Joints that do not move on a slide may have any position; m is 0 if no slide is known.
         """
         ends = np.stack([x_from, x_to])
         moved = self.ends[:, 0] != self.ends[:, 1]
@@ -127,7 +130,7 @@ class Slides:
         return np.where(moved[known[-1]], self.x[rows], x_from), self.node[rows]
 
     def all_between(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `between`, with the slides that mend a part of a slide."""
+        """As `between`, with later slides that replaced parts of the slide."""
         passed, felt = self.between(x_from, x_to)
         if not len(passed):
             return passed, felt
@@ -138,7 +141,7 @@ class Slides:
         return np.array(x[:-1]), np.array(node[:-1])
 
     def within(self, lower: np.ndarray, upper: np.ndarray) -> Slides:
-        """Those that pass nothing below `lower` or above `upper` `(J,)`."""
+        """The slides that stay between `lower` and `upper`, `(J,)` each."""
         outside = np.any((self.x < lower) | (self.x > upper), axis=1)
         passed = pairwise(self.offsets.tolist())
         kept = np.array([not bool(outside[a:b].any()) for a, b in passed], dtype=bool)
@@ -157,10 +160,10 @@ class Slider:
     """Slides by feel.
 
     Attributes:
-        feel: what is felt in a configuration.
-        possible: whether the robot can take it.
-        lower: `(J,)` rad, scaled, of the joints.
-        upper: `(J,)` rad, likewise.
+        feel: returns the sensations at configurations.
+        possible: returns whether the robot can take configurations.
+        lower: `(J,)` rad, scaled lower limits of the joints.
+        upper: `(J,)` rad, scaled upper limits.
     """
 
     feel: Feel
@@ -169,15 +172,15 @@ class Slider:
     upper: np.ndarray
 
     def slide(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Goes from one touching configuration to another, by the joints that are not the same.
+        """Slides from one touching configuration to another; only joints that differ move.
 
         Args:
             x_from: `(J,)` rad, scaled.
             x_to: `(J,)` rad, scaled.
 
         Returns:
-            `(M, J)` rad, the touching configurations in between, some 0.06 rad apart, and `(M, S)`
-            N, what is felt there; None if the way is lost.
+            `(M, J)` rad, touching configurations in between, about 0.06 rad apart, and `(M, S)` N,
+            the sensations there; None if it did not arrive.
         """
         joints = np.flatnonzero(x_from != x_to)
         felt, at_end = self.feel(np.stack([x_from, x_to]))
@@ -200,23 +203,23 @@ class Slider:
         return None
 
     def detour(self, x_from: np.ndarray, x_to: np.ndarray, over: np.ndarray) -> np.ndarray | None:
-        """A way through the air, over some configurations, on which the robot can be everywhere.
+        """Finds a way through the air, via some configurations, that the robot can take everywhere.
 
-        The shortest one is looked at, what is impossible of it is struck out, and so on (lazy
+        It checks the shortest way, removes the parts that are impossible, and repeats (lazy
         probabilistic roadmap, Bohlin and Kavraki 2000).
 
         Args:
             x_from: `(J,)` rad, scaled.
             x_to: `(J,)` rad, scaled.
-            over: `(n, J)` rad, scaled, that it may go over.
+            over: `(n, J)` rad, scaled configurations that it may pass.
 
         Returns:
-            `(m, J)` those it goes over, at least one; None if no way was found.
+            `(m, J)` the configurations that it passes, at least one; None if no way was found.
         """
         x = np.concatenate([x_from[None], over, x_to[None]])
         length = np.linalg.norm(x[:, None] - x, axis=2)
         goal = len(x) - 1
-        length[0, goal] = length[goal, 0] = 0.0  # no edge: the straight way is no detour
+        length[0, goal] = length[goal, 0] = 0.0  # no edge: the straight way is not a detour
         checked = np.zeros(length.shape, dtype=bool)
         for _ in range(_MOST_CHECKS):
             total, before = dijkstra(length, indices=0, return_predecessors=True)
@@ -236,7 +239,10 @@ class Slider:
         return None
 
     def slope(self, x: np.ndarray, joints: np.ndarray | None = None) -> np.ndarray:
-        """`(J,)` N/rad, by how much more is felt along each joint at `(J,)` x, or along some."""
+        """`(J,)` N/rad, how fast the strength of the touch grows at `(J,)` x along each joint.
+
+        Joints that are not in `joints` get 0; by default all are tried.
+        """
         joints = np.arange(len(x)) if joints is None else joints
         trials = np.zeros((len(joints), len(x)))
         trials[np.arange(len(joints)), joints] = _TRIAL
@@ -248,13 +254,13 @@ class Slider:
         return slope
 
     def within(self, x: np.ndarray) -> np.ndarray:
-        """`(..., J)` the nearest that the joints can take."""
+        """`(..., J)` the nearest positions within the limits of the joints."""
         return x.clip(self.lower, self.upper)
 
     def _go(
         self, x: np.ndarray, x_to: np.ndarray, felt: np.ndarray, wanted: float, joints: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray] | None:
-        """The next configuration, and what is felt there."""
+        """The next configuration and the sensation there; None if it gives up."""
         slope = self.slope(x, joints)
         steepness = float(np.linalg.norm(slope))
         if not steepness > 0:
@@ -282,7 +288,7 @@ class Slider:
 
 
 def straight(x_from: np.ndarray, x_to: np.ndarray) -> np.ndarray:
-    """`(n, J)` rad, scaled, the straight way, some 0.06 rad apart."""
+    """`(n, J)` rad, scaled configurations on the straight way, about 0.06 rad apart."""
     count = 2 + int(np.linalg.norm(x_to - x_from) / _STEP)
     return x_from + np.linspace(0.0, 1.0, count)[:, None] * (x_to - x_from)
 

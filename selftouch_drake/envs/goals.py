@@ -79,8 +79,8 @@ class ReachEnv(SelfTouchEnv):
         known = super()._known(options)
         if "goal" in known and (np.any(known["goal"] < 0) or not known["goal"].any()):
             raise ValueError(
-                f"options['goal'] is {known['goal'].tolist()}: give a sensation, N, of which no "
-                "reading is negative and not all are 0"
+                f"options['goal'] is {known['goal'].tolist()}: give a sensation in N, without "
+                "negative readings, not all 0"
             )
         return known
 
@@ -125,7 +125,7 @@ class SlideEnv(ReachEnv):
             touches = self.world.probe.touches(q[None])
             if not touches.sensation.any():
                 raise ValueError(
-                    f"options['q'] is {q.tolist()}, where nothing is touched: start in touch"
+                    f"options['q'] is {q.tolist()}, where nothing touches: give a touching start"
                 )
             contacts = contacts_of(touches)
         else:

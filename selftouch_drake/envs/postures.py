@@ -76,8 +76,8 @@ def touching_posture(
             if wanted and world.probe.collision_depth(q[rows[k]][None])[0] == 0:
                 return Posture(q=q[rows[k]], sensation=touches.sensation[k], contacts=found)
     raise ExperimentError(
-        f"of {_BATCH * _MOST_BATCHES} random postures none touches as is wanted; see what can "
-        "reach what with `selftouch robot EXPERIMENT --show`"
+        f"none of {_BATCH * _MOST_BATCHES} random postures makes the wanted touch; see what can "
+        "touch what with `selftouch robot EXPERIMENT --show`"
     )
 
 

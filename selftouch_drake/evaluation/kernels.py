@@ -58,7 +58,9 @@ def kernel_truth(representation: QuotientRepresentation, contacts: Contacts) -> 
         rows = representation.members(kernel)
         here = slice(*contacts.offsets[[rows.start, rows.stop]])
         if here.start == here.stop:
-            raise ValueError(f"kernel {kernel} has no contact; the truth is of another experience")
+            raise ValueError(
+                f"kernel {kernel} has no contact; the truth belongs to another experience"
+            )
         pressed = int(np.bincount(contacts.skin[here]).argmax())
         p_LC = contacts.p_LC[here][contacts.skin[here] == pressed].astype(float)
         skin.append(pressed)

@@ -1,4 +1,4 @@
-"""Random walks in motor space, and the experience they give, on disk."""
+"""Random walks in motor space, and the experience that they collect, on disk."""
 
 from selftouch_drake.experience.collect import (
     NeverTouchesError,

@@ -1,4 +1,4 @@
-"""Collecting experience: random walks, kept where they touch."""
+"""Collects experience: random walks, of which the touching configurations are kept."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from selftouch_drake.experiment import Experiment, dump_experiment, experiment_f
 from selftouch_drake.robot import Robot, Touches, World
 from selftouch_drake.robot.joints import remembered
 
-# A walk that has touched nothing in so many steps is lost.
+# A walk without a touch in this many steps is given up.
 PATIENCE = 2_000_000
 # Executors may run jobs in threads, as Dask's do, but a world serves one at a time.
 WORLD_LOCK = Lock()
-# The world that this process has already, by the text of its experiment.
+# The world that this process has already built, by the text of its experiment.
 _KNOWN: dict[str, World] = {}
 
-#: Touches in the first rounds of an active strategy, and share of those before in later ones.
+#: Number of touches in a first round of the active strategy; later, as a share of all so far.
 _FIRST_ROUND, _ROUND_GROWS = 250, 0.1
 
-#: Makes and stores the walk of a number, of so many rows: text of the experiment, folder of the
-#: run, number, rows and fingerprint.
+#: Makes and stores one walk. Arguments: text of the experiment, folder of the run, number of the
+#: walk, number of rows, fingerprint.
 MakeWalk = Callable[[str, str, int, int, str], WalkCounts]
 
 
@@ -46,10 +46,10 @@ class NeverTouchesError(ValueError):
 
 
 def walk_sizes(experiment: Experiment) -> list[int]:
-    """Kept configurations of each walk; they sum to `babbling.num_samples`.
+    """Number of touches to keep of each walk; they sum to `babbling.num_samples`.
 
-    A walk ends where the body changes. With an active strategy a walk is a round, in which what the
-    agent knows stays the same: rounds grow with the experience.
+    A walk ends where the body changes. With the active strategy a walk is one round, during which
+    the agent learns nothing new; rounds grow with the experience.
     """
     size, total = experiment.babbling.walk_size, experiment.babbling.num_samples
     active = experiment.babbling.strategy == "active"
@@ -64,7 +64,7 @@ def walk_sizes(experiment: Experiment) -> list[int]:
 
 
 def random_walk(experiment: Experiment, robot: Robot, walk: int) -> RandomWalk:
-    """Walk number `walk` of an experiment, through the range that its robot babbles in."""
+    """Walk number `walk` of an experiment, in the range in which its robot babbles."""
     babbling, (lower, upper) = experiment.babbling, robot.babbled_range
     return RandomWalk(
         lower=lower,
@@ -78,16 +78,16 @@ def random_walk(experiment: Experiment, robot: Robot, walk: int) -> RandomWalk:
 def step_sizes(experiment: Experiment, robot: Robot) -> np.ndarray:
     """`(J,)` rad or m, `babbling.step_size` of each joint of the robot."""
     lower, upper = robot.babbled_range
-    # A joint that slides crosses its range as fast as one that turns goes round.
+    # A sliding joint crosses its range in the time in which a revolute joint turns once.
     share = np.where(robot.turns, 1.0, (upper - lower) / (2 * np.pi))
     return experiment.babbling.step_size * share
 
 
 def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: int) -> Shard:
-    """Walks until `num_rows` configurations touched that the robot can take.
+    """Walks until `num_rows` touching configurations that the robot can take are found.
 
     Raises:
-        NeverTouchesError: there was no touch in very many steps.
+        NeverTouchesError: there was no touch in `PATIENCE` steps.
     """
     source.begin(random_walk(experiment, source.robot, walk))
     return keep_touches(source.next_steps, source.possible, experiment, walk, num_rows)
@@ -100,17 +100,17 @@ def keep_touches(
     walk: int,
     num_rows: int,
 ) -> Shard:
-    """Goes on until `num_rows` configurations touched that the robot can take.
+    """Keeps touching configurations that the robot can take, until there are `num_rows`.
 
     Args:
-        next_steps: as of `Source`.
-        can_take: `possible` of it.
-        experiment: what is kept for.
-        walk: its number.
-        num_rows: to keep.
+        next_steps: as `Source.next_steps`.
+        can_take: as `Source.possible`.
+        experiment: the experiment.
+        walk: number of the walk.
+        num_rows: number of touches to keep.
 
     Raises:
-        NeverTouchesError: there was no touch in very many steps.
+        NeverTouchesError: there was no touch in `PATIENCE` steps.
     """
     kept_step, kept_q, kept_sensation, kept_contacts = [], [], [], []
     num_kept = num_steps = last_touch = num_impossible = 0
@@ -133,7 +133,7 @@ def keep_touches(
         num_steps += len(q)
         if num_kept < num_rows and num_steps - last_touch >= PATIENCE:
             raise NeverTouchesError(
-                f"babbling touched nothing in {num_steps - last_touch} steps; see what can reach "
+                f"babbling touched nothing in {num_steps - last_touch} steps; see what can touch "
                 "what with `selftouch robot EXPERIMENT --show`, or make babbling.step_size larger"
             )
     step = np.concatenate(kept_step)
@@ -159,24 +159,24 @@ def collect(
     make: MakeWalk | None = None,
     in_turn: bool = False,
 ) -> WalkCounts:
-    """Collects what is missing of a run's experience and returns the steps of all walks.
+    """Collects the missing experience of a run and returns the number of steps of all walks.
 
-    Walks that are already stored are kept. Any executor gives the same bytes, in any order.
+    Walks that are already stored are kept. Every executor gives the same bytes, in any order.
 
     Args:
-        experiment: what is collected for.
-        folder: of the run; its shards are written by the workers.
-        fingerprint: of the experience, which every shard carries.
-        executor: where the walks run; its workers must see the folder.
-        progress: called with the number of new rows whenever a walk is stored.
-        world: of the experiment as it begins, for walks that run in this process.
-        make: makes a walk, in a worker; by default a random one.
-        in_turn: whether a walk needs those before it.
+        experiment: the experiment.
+        folder: of the run; the workers write shards into it.
+        fingerprint: of the experience; every shard carries it.
+        executor: where the walks run; its workers must have access to the folder.
+        progress: called with the number of new rows each time a walk is stored.
+        world: world of the experiment at its beginning, for walks that run in this process.
+        make: makes one walk, in a worker; by default a random one.
+        in_turn: whether each walk needs the previous ones.
 
     Raises:
         ChildProcessError: a process of the executor was killed.
         NeverTouchesError: a walk touches nothing.
-        StoreError: a stored shard is damaged, or of another experiment.
+        StoreError: a stored shard is damaged, or belongs to another experiment.
     """
     make = make or _collect_and_store
     counts, missing = WalkCounts(0, 0), list[tuple[int, int]]()
@@ -204,8 +204,8 @@ def collect(
                 progress(futures[job])
     except BrokenExecutor:
         raise ChildProcessError(
-            "a process that babbles was killed, perhaps for want of memory; go on from what is "
-            "stored with the same command and fewer --workers"
+            "a babbling process was killed, perhaps because memory ran out; repeat the command "
+            "with fewer --workers: it continues from the stored walks"
         ) from None
     finally:
         for job in futures:
@@ -214,7 +214,7 @@ def collect(
 
 
 def _bodies(experiment: Experiment, sizes: list[int]) -> list[str]:
-    """For each walk, as YAML text, the experiment with the body as it then is."""
+    """For each walk, the experiment with the body at that time, as YAML text."""
     moments = sorted({0, *(change.after for change in experiment.changes)})
     texts = [dump_experiment(experiment.after(moment)) for moment in moments]
     first_rows = np.cumsum([0, *sizes[:-1]])
@@ -222,7 +222,7 @@ def _bodies(experiment: Experiment, sizes: list[int]) -> list[str]:
 
 
 def how_to_collect(experiment: Experiment, folder: Path) -> str:
-    """The command that makes what is missing of the experience in a run's folder."""
+    """The command that collects the missing experience of a run."""
     if experiment.imported is not None:
         return f"selftouch import {experiment.imported.source} --out {folder}"
     return f"selftouch babble {folder / 'experiment.yaml'} --out {folder}"
@@ -231,10 +231,10 @@ def how_to_collect(experiment: Experiment, folder: Path) -> str:
 def require_complete(
     experiment: Experiment, folder: Path, *, fingerprint: str, truth: bool = False
 ) -> None:
-    """Refuses experience, or its truth, of which a shard is missing, damaged or foreign.
+    """Checks that all shards of the experience, or of its truth, are present.
 
     Raises:
-        StoreError: naming the shard.
+        StoreError: a shard is missing, damaged, or belongs to another experiment.
     """
     sizes = walk_sizes(experiment)
     shards = folder / ("truth" if truth else "experience")
@@ -248,7 +248,10 @@ def require_complete(
                 f"`{how_to_collect(experiment, folder)}`"
             )
     if len(list(shards.glob("part-*.parquet"))) > len(sizes):
-        raise StoreError(f"{shards} holds shards that are not of this run; remove them")
+        raise StoreError(
+            f"{shards} holds more shards than the {len(sizes)} of this run; remove "
+            f"{shard_name(len(sizes))} and those after it"
+        )
 
 
 def _collect_and_store(
@@ -263,7 +266,7 @@ def _collect_and_store(
 
 @lru_cache(maxsize=1)
 def _world(text: str) -> tuple[Experiment, Source]:
-    """The world of an experiment, built once a process: Drake's diagrams cannot be pickled."""
+    """The world of an experiment, built once per process: Drake's diagrams cannot be pickled."""
     experiment = experiment_from_fields(yaml.safe_load(text))
     sources: dict[str, Callable[[World], Source]] = {
         "kinematic": KinematicSource,
@@ -273,5 +276,5 @@ def _world(text: str) -> tuple[Experiment, Source]:
 
 
 def known_world(text: str, experiment: Experiment) -> World:
-    """The world of an experiment with this text: the one that `collect` was given, or a new one."""
+    """The world of the experiment with this text: the one passed to `collect`, or a new one."""
     return _KNOWN.get(text) or World(experiment)

@@ -1,7 +1,7 @@
-"""Recordings of other robots: tables with named columns, as a robot's own tools write them.
+"""Reads recordings of other robots: tables with named columns, as the robot's own tools write them.
 
-Parquet, CSV and NPZ files, or a folder of files of one kind, each of them one recording. A folder
-in the layout of LeRobot (`meta/info.json`, `data/`) is known.
+A recording is a Parquet, CSV or NPZ file, or a folder of files of one kind. Folders in the layout
+of LeRobot (`meta/info.json`, `data/`) are understood.
 """
 
 from __future__ import annotations
@@ -50,11 +50,11 @@ class Recording:
         q: `(n, J)` motor configurations, in the robot's units.
         readings: `(n, S)` raw readings, of the type of the file.
         time_s: `(n,)` s, or None if it was not recorded.
-        piece: `(n,)` number of the piece of motion, as of a file or an episode, of each row.
+        piece: `(n,)` number of the piece of motion (a file or an episode) of each row.
         joints: J names.
         receptors: S names.
         num_rows: rows in the files.
-        num_incomplete: those left out because a number was missing, NaN or infinite.
+        num_incomplete: number of rows left out because a number was missing, NaN or infinite.
     """
 
     q: np.ndarray
@@ -83,17 +83,17 @@ def read_recording(
     """Reads a file, or a folder of files of one kind.
 
     Args:
-        source: Parquet, CSV or NPZ; of a folder in LeRobot's layout the files under `data` are
-            read.
-        q: the column of motor configurations, an array in each row; or columns with one number
-            each, as names with commas between them, or as a pattern (`joint_*`), which are taken
-            in the order of their numbers. By default the first of `Q_NAMES` that is there.
-        sensation: of raw readings, likewise; by default the first of `SENSATION_NAMES`.
-        time: the column of seconds; by default the first of `TIME_NAMES` that is there, if any.
+        source: a Parquet, CSV or NPZ file, or a folder; in LeRobot's layout the files under `data`
+            are read.
+        q: the column of motor configurations, with an array in each row; or several columns with
+            one number each, as names separated by commas or as a pattern (`joint_*`), in the order
+            of their numbers. By default the first of `Q_NAMES` that exists.
+        sensation: the columns of raw readings, likewise; by default the first of `SENSATION_NAMES`.
+        time: the column of seconds; by default the first of `TIME_NAMES` that exists, if any.
 
     Raises:
         FileNotFoundError: the source does not exist.
-        RecordingError: there is no such column, shapes disagree, or no row is complete.
+        RecordingError: a column does not exist, shapes disagree, or no row is complete.
         ValueError: a file is damaged.
     """
     files = _files(source)
@@ -104,8 +104,9 @@ def read_recording(
         for what in ("joints", "receptors"):
             if getattr(part, what) != getattr(first, what):
                 raise RecordingError(
-                    f"{path} has {len(getattr(part, what))} {what} of other names than {files[0]}; "
-                    f"it has {len(getattr(first, what))}: import what one robot recorded"
+                    f"{path} has {len(getattr(part, what))} {what}, but {files[0]} has "
+                    f"{len(getattr(first, what))}, or their names differ; import recordings of one "
+                    "robot at a time"
                 )
     times = [part.time_s for part in parts if part.time_s is not None]
     joined = Recording(
@@ -129,10 +130,10 @@ def read_recording(
 def _files(source: Path) -> list[Path]:
     if source.is_file():
         if source.suffix.lower() not in _KINDS:
-            raise RecordingError(f"{source} is no {_words(_KINDS)} file; convert it to one")
+            raise RecordingError(f"{source} is not a {_words(_KINDS)} file; convert it to one")
         return [source]
     if not source.is_dir():
-        raise FileNotFoundError(f"{source} is not there; give a file or a folder")
+        raise FileNotFoundError(f"{source} does not exist; give a file or a folder")
     folder = source / "data" if (source / "meta" / "info.json").is_file() else source
     found = [path for path in sorted(folder.rglob("*")) if path.suffix.lower() in _KINDS]
     kinds = sorted({path.suffix.lower() for path in found})
@@ -191,7 +192,7 @@ def _columns(path: Path) -> Columns:
 
 
 def _lerobot_names(source: Path) -> dict[str, list[str]]:
-    """What LeRobot calls the numbers of each column, as far as it says so."""
+    """LeRobot's names for the numbers of each column, where it has any."""
     file = source / "meta" / "info.json"
     if not file.is_file():
         return {}
@@ -247,8 +248,8 @@ def _chosen(
             if found := [column for column in columns if re.fullmatch(numbered, column)]:
                 return sorted(found, key=_in_order_of_numbers)
         raise RecordingError(
-            f"{path} has no column that is known to be what {option} names; it has {there}: "
-            f"name it, as in {option} '{defaults[0]}' or {option} '{defaults[-1][:-1]}*'"
+            f"{path} has no column with a usual name for {option}; it has {there}: "
+            f"name the column, as in {option} '{defaults[0]}' or {option} '{defaults[-1][:-1]}*'"
         )
     chosen: list[str] = []
     for entry in asked.split(","):
@@ -268,7 +269,7 @@ def _in_order_of_numbers(name: str) -> list[tuple[int, str]]:
 def _single(
     columns: Columns, option: str, asked: str | None, defaults: Sequence[str], path: Path
 ) -> np.ndarray | None:
-    """`(n,)` a column of one number in each row, or None if none is asked for and none is there."""
+    """`(n,)` a column with one number in each row; None if none is named and none is found."""
     if asked is None:
         asked = next((name for name in defaults if name in columns), None)
     if asked is None:
@@ -288,7 +289,7 @@ def _numbers(column: pa.ChunkedArray | np.ndarray, what: str) -> np.ndarray:
             column = pa.concat_arrays(column.chunks)
         column = _of_arrow(column, what)
     if column.dtype.kind not in "fiub":
-        raise RecordingError(f"{what} holds {column.dtype}; name one that holds numbers")
+        raise RecordingError(f"{what} holds {column.dtype}; name a column that holds numbers")
     if column.ndim == 0:
         raise RecordingError(f"{what} is one number; give one row for each instant")
     return _narrow(column)
@@ -304,14 +305,14 @@ def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
         try:
             return column.to_numpy(zero_copy_only=False)
         except pa.ArrowException:
-            raise RecordingError(f"{what} holds {kind}; name one that holds numbers") from None
+            raise RecordingError(f"{what} holds {kind}; name a column that holds numbers") from None
     there = np.asarray(column.is_valid())
     lengths = np.asarray(pa.compute.list_value_length(column.filter(pa.array(there))))
     if len(lengths) and (lengths != lengths[0]).any():
         row = int(np.flatnonzero(there)[np.flatnonzero(lengths != lengths[0])[0]])
         raise RecordingError(
-            f"{what} has arrays of different lengths, {lengths[0]} and, in row {row}, others; "
-            "record as many numbers in each row"
+            f"{what} has arrays of length {lengths[0]}, but another length in row {row}; "
+            "record the same number of values in each row"
         )
     values = _of_arrow(column.flatten(), what)
     width = int(lengths[0]) if len(lengths) else 0
@@ -324,7 +325,7 @@ def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
 
 
 def _narrow(numbers: np.ndarray) -> np.ndarray:
-    """The same in the least bytes: CSV files and lists make eight bytes of each."""
+    """The same numbers in a smaller type: CSV files and lists use eight bytes for each."""
     if numbers.dtype.kind == "b":
         return numbers.astype(np.uint8)
     if numbers.dtype.itemsize < 8 or not numbers.size or numbers.dtype.kind == "f":

@@ -1,4 +1,4 @@
-"""Two ways to babble: at given configurations, or under dynamics."""
+"""Ways to babble: at given configurations, or under dynamics."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from selftouch_drake.robot import ContactProbe, Robot, Simulation, Touches, Worl
 
 # Steps in one batch: large enough for numpy, small in memory.
 BATCH = 4096
-# s, between two samples of a dynamic walk: a fingertip moves by a few millimetres.
+# s between two samples of a dynamic walk, in which a fingertip moves by a few millimetres.
 SAMPLE_PERIOD = 0.02
 # Samples in one batch of a dynamic walk.
 DYNAMIC_BATCH = 500
 
 
 class Source(Protocol):
-    """A way to walk: gives configurations and what is felt in them."""
+    """Follows a walk and returns configurations with their sensations."""
 
     robot: Robot
 
@@ -27,14 +27,14 @@ class Source(Protocol):
         """Starts at the beginning of `walk`."""
 
     def next_steps(self) -> tuple[np.ndarray, Touches]:
-        """The next `(N, J)` float32 configurations and what is felt in them, null or not."""
+        """The next `(N, J)` float32 configurations and their sensations, null or not."""
 
     def possible(self, q: np.ndarray) -> np.ndarray:
-        """`(N,)` bool, whether a robot can take the posture: its rigid parts stay apart."""
+        """`(N,)` bool, whether the robot can take a configuration: rigid parts do not collide."""
 
 
 class KinematicSource:
-    """Sets each step of the walk and evaluates contact there: the paper's S = phi(f(M))."""
+    """Evaluates contact at each step of the walk: the paper's S = phi(f(M))."""
 
     def __init__(self, world: World):
         self._probe = world.probe
@@ -45,25 +45,25 @@ class KinematicSource:
         self._walk = walk
 
     def next_steps(self) -> tuple[np.ndarray, Touches]:
-        """The next steps of the walk, and what is felt there."""
+        """The next steps of the walk, and their sensations."""
         return self.go(self._walk.steps(BATCH))
 
     def rest_at(self, q: np.ndarray) -> None:
-        """Without time nothing has to come to rest."""
+        """Does nothing: without time, nothing has to come to rest."""
 
     def go(self, path: np.ndarray) -> tuple[np.ndarray, Touches]:
-        """The configurations `(N, J)` of a path, and what is felt there."""
-        # What is stored is what was felt: float32 configurations are the ones that are probed.
+        """The configurations `(N, J)` of a path, and their sensations."""
+        # Contact is evaluated at the stored, that is the rounded, configurations.
         q = path.astype(np.float32)
         return q, self._probe.touches(q)
 
     def possible(self, q: np.ndarray) -> np.ndarray:
-        """`(N,)` bool, whether a robot can take the posture: its rigid parts stay apart."""
+        """`(N,)` bool, whether the robot can take a configuration: rigid parts do not collide."""
         return self._probe.collision_depth(q) == 0
 
 
 class DynamicSource:
-    """Lets joint controllers follow the walk in a simulation, and samples state and sensation.
+    """Joint controllers follow the walk in a simulation; state and sensation are sampled.
 
     Babbler -> joint controllers -> plant -> contact results -> TactileSkin -> log, in one diagram.
     """
@@ -76,7 +76,7 @@ class DynamicSource:
         self.robot = self._simulation.robot
 
     def begin(self, walk: RandomWalk) -> None:
-        """Puts the robot at rest where the walk begins."""
+        """Puts the robot at rest at the beginning of the walk."""
         self._simulation.babble(walk)
 
     def next_steps(self) -> tuple[np.ndarray, Touches]:
@@ -85,12 +85,12 @@ class DynamicSource:
         return logged(self._simulation, self._probe)
 
     def possible(self, q: np.ndarray) -> np.ndarray:
-        """`(N,)` bool, whether a robot can take the posture: its rigid parts stay apart."""
+        """`(N,)` bool, whether the robot can take a configuration: rigid parts do not collide."""
         return self._probe.collision_depth(q) == 0
 
 
 class LedSource:
-    """Lets joint controllers follow paths that are given bit by bit, as `DynamicSource` a walk."""
+    """As `DynamicSource`, but the path is given piece by piece."""
 
     def __init__(self, world: World):
         self._probe = world.probe
@@ -107,19 +107,19 @@ class LedSource:
         self._simulation.take_log()
 
     def go(self, path: np.ndarray) -> tuple[np.ndarray, Touches]:
-        """Passes `(N, J)` configurations, one each step duration: the samples on the way."""
+        """Passes `(N, J)` configurations, one per step duration; returns the samples on the way."""
         for q in path:
             self._simulation.lead_to(q, self._simulation.time_s + self._period)
         return logged(self._simulation, self._probe)
 
     def possible(self, q: np.ndarray) -> np.ndarray:
-        """`(N,)` bool, whether a robot can take the posture: its rigid parts stay apart."""
+        """`(N,)` bool, whether the robot can take a configuration: rigid parts do not collide."""
         return self._probe.collision_depth(q) == 0
 
 
 def logged(simulation: Simulation, probe: ContactProbe) -> tuple[np.ndarray, Touches]:
-    """The samples since the last call: measured configurations `(N, J)` and what was felt."""
+    """The samples since the last call: measured configurations `(N, J)` and sensations."""
     log = simulation.take_log()
     q = log.q.astype(np.float32)
-    # The contacts, which are the experimenter's, are those of a robot put there.
+    # Contacts (the truth) are recomputed at the measured configurations.
     return q, dataclasses.replace(probe.touches(q), sensation=log.felt)

@@ -216,7 +216,7 @@ class ExperienceReader:
         for path in self._paths:
             parquet = _open(path)
             if not _holds_vectors(parquet.schema_arrow, column):
-                raise StoreError(f"{path} has no column {column}; it is not such a shard")
+                raise StoreError(f"{path} has no column {column}; give a folder of such shards")
             try:
                 vectors = parquet.read([column]).column(column).combine_chunks()
             except UNREADABLE as error:
@@ -226,8 +226,8 @@ class ExperienceReader:
             found = vectors.type.list_size
             if width not in (None, found):
                 raise StoreError(
-                    f"{path} has {found} numbers a row in {column}, the shards before {width}; "
-                    "it is of another experiment, remove it"
+                    f"{path} has {found} numbers per row in {column}, earlier shards {width}; "
+                    "remove it: it belongs to another experiment"
                 )
             width = found
             numbers = vectors.flatten()
@@ -245,7 +245,7 @@ class ExperienceReader:
         for path in self._paths:
             parquet = _open(path)
             if not _holds_contacts(parquet.schema_arrow):
-                raise StoreError(f"{path} has no contacts; it is no shard of the truth")
+                raise StoreError(f"{path} has no contacts; give a folder of shards of the truth")
             try:
                 table = parquet.read(["skin", "toucher", "p_LC"]).combine_chunks()
             except UNREADABLE as error:
@@ -277,8 +277,8 @@ class ExperienceReader:
             taken, first = end, first + contacts.num_rows
         if taken < len(rows):
             raise StoreError(
-                f"{self._paths[0].parent} has {first} rows, none of number {max(rows)}; it is of "
-                "another experiment"
+                f"{self._paths[0].parent} has {first} rows, but row {max(rows)} is needed; it "
+                "belongs to another experiment: babble again"
             )
         return Contacts.joined(parts).take(np.argsort(order, kind="stable"))
 
@@ -304,8 +304,8 @@ class ExperienceReader:
             taken, first = end, first + len(batch)
         if taken < len(rows):
             raise StoreError(
-                f"{self._paths[0].parent} has {first} rows, none of number {max(rows)}; it is of "
-                "another experiment"
+                f"{self._paths[0].parent} has {first} rows, but row {max(rows)} is needed; it "
+                "belongs to another experiment: babble again"
             )
         found = np.concatenate(parts)
         return found[np.argsort(order, kind="stable")]

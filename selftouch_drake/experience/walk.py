@@ -8,13 +8,13 @@ import numpy as np
 class RandomWalk:
     """A smooth random walk between joint limits.
 
-    The velocity is an autoregressive process of first order, so neighbouring configurations are
-    close and the walk still wanders everywhere. Limits reflect: the walk is an unbounded one,
-    folded into the range of each joint, which is the same thing because its noise is symmetric.
+    The velocity is a first-order autoregressive process, so successive configurations are close
+    and the walk still reaches the whole range. It reflects at the limits: an unbounded walk is
+    folded into the range of each joint, which is equivalent because its noise is symmetric.
 
     Args:
-        lower: `(J,)` rad or m, the lower end of each joint's range.
-        upper: `(J,)` rad or m, its upper end.
+        lower: `(J,)` rad or m, lower limit of each joint.
+        upper: `(J,)` rad or m, upper limit of each joint.
         step_size: rad or m per step, standard deviation of the joints' velocity; one for all or
             `(J,)`.
         persistence: share of the velocity that is kept from step to step, 0 to below 1.
@@ -39,7 +39,7 @@ class RandomWalk:
         self._velocity = step_size * self._random.standard_normal(len(self._lower))
 
     def steps(self, num_steps: int) -> np.ndarray:
-        """`(num_steps, J)` the next configurations; the same however the walk is cut up."""
+        """`(num_steps, J)` the next configurations; the walk does not depend on the chunk size."""
         from scipy.signal import lfilter  # seconds of import that few commands need
 
         noise = self._innovation * self._random.standard_normal((num_steps, len(self._lower)))

@@ -268,7 +268,9 @@ def _read(path: Path, scale: float) -> trimesh.Trimesh:
     try:
         return _clean(surface)
     except (ValueError, ArithmeticError, LookupError) as error:
-        raise ValueError(f"surface.mesh {path} is no surface ({error}); export it again") from error
+        raise ValueError(
+            f"surface.mesh {path} is not a surface ({error}); export it again"
+        ) from error
 
 
 def _clean(surface: trimesh.Trimesh) -> trimesh.Trimesh:

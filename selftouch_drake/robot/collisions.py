@@ -96,7 +96,7 @@ def _bound(inspector: SceneGraphInspector, geometry: GeometryId, link: RigidBody
         (piece,) = pieces_in_link(inspector, [geometry])
     except ValueError as error:
         raise ExperimentError(
-            f"link {link.name()!r} cannot be kept from collisions: {error}"
+            f"link {link.name()!r} cannot be checked for collisions: {error}"
         ) from error
     low, high = piece.bounds
     centre = (low + high) / 2

@@ -1,4 +1,4 @@
-"""From hydroelastic contact surfaces to what each skin feels: the one sensor model, phi."""
+"""From hydroelastic contact surfaces to receptor readings: the sensor model, phi."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from selftouch_drake.robot.compiled import compiled
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Touches:
-    """What is felt at N instants, and the contacts behind it, C in all.
+    """Sensations at N instants, and the C contacts that cause them.
 
     Attributes:
-        sensation: `(N, S)` N, the skins' readings one after another; exactly zero without contact.
-        row: `(C,)` the instant of each contact, rising.
-        skin: `(C,)` number of the skin that is pressed.
-        toucher: `(C,)` number of what presses it: of the touchers, and after them of the skins.
+        sensation: `(N, S)` N, the readings of all skins in order; exactly zero without contact.
+        row: `(C,)` the instant of each contact, ascending.
+        skin: `(C,)` number of the pressed skin.
+        toucher: `(C,)` number of what presses it: touchers are counted first, then skins.
         p_LC: `(C, 3)` m, centre of pressure in the frame of the pressed skin's link.
     """
 
@@ -39,15 +39,15 @@ class Touches:
         toucher: np.ndarray,
         total: np.ndarray,
     ) -> Touches:
-        """Puts contacts in order; those of one toucher with one skin at one instant become one.
+        """Sorts contacts and merges those of one toucher with one skin at one instant.
 
         Args:
             sensation: `(N, S)` N.
             row: `(C,)` the instant of each contact.
-            skin: `(C,)` number of the skin that is pressed.
+            skin: `(C,)` number of the pressed skin.
             toucher: `(C,)` number of what presses it.
-            total: `(C, 4)` N and N m: force, and the sum of force times place in the frame of the
-                pressed skin's link. Contacts without force are left out.
+            total: `(C, 4)` N and N m: force, and the sum of force times position in the frame of
+                the pressed skin's link. Contacts without force are left out.
         """
         order = np.lexsort([toucher, skin, row])
         key = np.stack([row, skin, toucher], axis=1)[order]
@@ -60,7 +60,7 @@ class Touches:
         return Touches(sensation=sensation, row=row, skin=skin, toucher=toucher, p_LC=p_LC)
 
     def of_rows(self, rows: np.ndarray) -> Touches:
-        """What is felt at some of the instants, given in rising order."""
+        """The touches at some of the instants, given in ascending order."""
         number = np.full(len(self.sensation), -1)
         number[rows] = np.arange(len(rows))
         kept = number[self.row] >= 0
@@ -73,7 +73,7 @@ class Touches:
         )
 
     def and_also(self, other: Touches) -> Touches:
-        """What is felt at the same instants with other contacts besides, of other touchers."""
+        """The touches at the same instants with the contacts of other touchers added."""
         order = np.lexsort(
             [
                 np.concatenate([getattr(self, name), getattr(other, name)])
@@ -91,18 +91,18 @@ class Touches:
 
 @dataclass(slots=True)
 class PressedFaces:
-    """Faces of contact surfaces, gathered over many instants for one look at all of them.
+    """Faces of contact surfaces, gathered over many instants to be processed together.
 
-    Lists, because this is the inner loop of babbling and is filled a few faces at a time. Pressure
-    is linear on a face, so its value at the centroid times the area is the exact integral.
+    These are lists because the inner loop of babbling adds a few faces at a time. Pressure is
+    linear on a face, so its value at the centroid times the area is the exact integral.
 
     Attributes:
-        p_WQ: for each face its centroid `(3,)` m in the world.
-        force: for each face the pressure integrated over it, N.
-        num_faces: for each contact its number of faces.
-        row: for each contact its instant.
-        skin: for each contact the skin that is pressed.
-        toucher: for each contact what presses.
+        p_WQ: centroid `(3,)` of each face, m, in the world.
+        force: pressure integrated over each face, N.
+        num_faces: number of faces of each contact.
+        row: instant of each contact.
+        skin: number of the pressed skin of each contact.
+        toucher: number of what presses it, for each contact.
     """
 
     p_WQ: list[np.ndarray] = field(default_factory=list)
@@ -113,7 +113,7 @@ class PressedFaces:
     toucher: list[int] = field(default_factory=list)
 
     def add(self, row: int, skin: int, toucher: int, surface: ContactSurface) -> None:
-        """Adds all faces of one contact surface, as they press on one skin."""
+        """Adds all faces of a contact surface that presses on a skin."""
         pressure = (
             surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
         ).EvaluateCartesian
@@ -131,16 +131,16 @@ class PressedFaces:
 
 
 class SensorModel:
-    """What the skins of one robot feel where contact surfaces press on them.
+    """Computes the readings of all skins of a robot from contact surfaces.
 
     A receptor integrates the pressure on its skin, weighted by its receptive field. The fields of a
-    skin sum to one, so that its readings sum to the total normal force on it. Two soft skins that
-    press each other both feel.
+    skin sum to one, so its readings sum to the total normal force on it. If two soft skins press
+    each other, both feel the contact.
 
     Args:
-        fields: of each skin, in the frame of its link.
-        skin_ids: each skin's geometry.
-        toucher_ids: the geometries of each toucher.
+        fields: receptive fields of each skin, in the frame of its link.
+        skin_ids: geometry of each skin.
+        toucher_ids: geometries of each toucher.
     """
 
     def __init__(
@@ -162,16 +162,16 @@ class SensorModel:
 
     @property
     def num_receptors(self) -> int:
-        """S, of all skins."""
+        """S, number of receptors of all skins together."""
         return int(self._ends[-1])
 
     @property
     def readings(self) -> list[slice]:
-        """Where the readings of each skin are in a sensation."""
+        """The slice of a sensation that holds the readings of each skin."""
         return [slice(a, b) for a, b in itertools.pairwise(self._ends.tolist())]
 
     def gather(self, into: PressedFaces, row: int, surfaces: Iterable[ContactSurface]) -> None:
-        """Adds what presses on the skins at one instant."""
+        """Adds all contact surfaces that press on skins at one instant to `into`."""
         for surface in surfaces:
             ends = surface.id_M(), surface.id_N()
             for pressed, pressing in (ends, ends[::-1]):
@@ -181,14 +181,14 @@ class SensorModel:
     def _presser(self, geometry_id: GeometryId) -> int:
         if (skin := self._skin_of.get(geometry_id)) is not None:
             return self._num_touchers + skin
-        # What no experiment names, as the floor of a diagram of one's own.
+        # Not named in the experiment, for instance the floor of a user's own diagram.
         return self._toucher_of.get(geometry_id, -1)
 
     def touches(self, faces: PressedFaces, X_WL: np.ndarray) -> Touches:
-        """What is felt where the gathered faces press.
+        """The touches that the gathered faces cause.
 
         Args:
-            faces: of N instants.
+            faces: faces at N instants.
             X_WL: `(N, skins, 3, 4)` poses of the links that wear the skins.
         """
         sensation = np.zeros((len(X_WL), self.num_receptors))
@@ -217,7 +217,7 @@ class SensorModel:
         force: np.ndarray,
         p_LQ: np.ndarray,
     ) -> np.ndarray:
-        """`(contacts, receptors)` N, of some contacts with one skin."""
+        """`(contacts, receptors)` N, readings for some contacts with one skin."""
         mine = np.zeros(len(num_faces), dtype=bool)
         mine[contacts] = True
         faces = np.repeat(mine, num_faces)
@@ -233,9 +233,9 @@ class SensorModel:
 
 @compiled
 def _feel(force, corner, part, ends, weight_ends, receptor, weight, load, loaded, felt):
-    """Adds to each row of `felt` what receptors feel of the faces of one contact.
+    """Adds to each row of `felt` the readings caused by the faces of one contact.
 
-    The forces on the corners of the surface are summed first: there are fewer corners.
+    Forces are summed at the corners of the surface first, because there are fewer corners.
     """
     for contact in range(len(ends) - 1):
         num_loaded = np.int64(0)
@@ -253,5 +253,5 @@ def _feel(force, corner, part, ends, weight_ends, receptor, weight, load, loaded
 
 
 def _in_frames(p_WQ: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
-    """`(N, 3)` points of the world, each in a frame of its own `(N, 3, 4)`."""
+    """`(N, 3)` points given in the world, each expressed in its own frame `(N, 3, 4)`."""
     return np.einsum("ni,nij->nj", p_WQ.reshape(-1, 3) - X_WL[:, :, 3], X_WL[:, :, :3])

@@ -38,7 +38,7 @@ def fastest_progress(
         acceleration_limit: `(J,)` rad/s^2 or m/s^2.
 
     Returns:
-        Length over time; None where the path cannot be gone along, as where it stands still.
+        Length over time; None if the solver finds no progress, for instance on a constant path.
     """
     slope, bend = path(grid, 1), path(grid, 2)
     with np.errstate(divide="ignore"):

@@ -1,12 +1,12 @@
-"""Contact of rigid triangles with soft skins as pure geometry: what Drake computes, in less time.
+"""Contact of rigid triangles with soft skins as pure geometry: Drake's result in less time.
 
-For given positions Drake's hydroelastic contact of a rigid mesh with a compliant one is geometry.
-Each triangle is cut by the tetrahedra of the skin. Pressure is linear in a tetrahedron: zero on the
-skin's boundary, at an inner vertex the hydroelastic modulus times its distance to the boundary over
-the largest such distance. A piece counts if its triangle's normal and the pressure's gradient are
-less than 5/8 of half a turn apart. The tests hold this to Drake's own answer.
+For given positions, Drake's hydroelastic contact of a rigid mesh with a compliant one is geometry.
+Each triangle is cut by the tetrahedra of the skin. Pressure is linear in a tetrahedron: it is zero
+on the boundary of the skin; at an inner vertex it is the hydroelastic modulus times the distance to
+the boundary over the largest such distance. A piece counts if the angle between the normal of its
+triangle and the gradient of the pressure is less than 5/8 pi. Tests compare this with Drake.
 
-Drake alone knows dynamics, and a skin that presses a skin: there both sides are soft.
+Drake itself computes dynamics, and contact between two skins, where both sides are soft.
 """
 
 from __future__ import annotations
@@ -24,12 +24,13 @@ _LEAST_COSINE = np.cos(5 * np.pi / 8)
 
 
 class RigidTouchers:
-    """The rigid touchers of a robot, pressed on its skins at given poses.
-
-    A toucher that is itself a skin is none of them: see `is_rigid`.
+    """Contact of the rigid touchers of a robot with its skins, at given poses.
 
     Args:
         robot: the robot.
+
+    Attributes:
+        is_rigid: `(P,)` bool, for each touching pair, whether the toucher is rigid (not a skin).
     """
 
     def __init__(self, robot: Robot):
@@ -49,11 +50,11 @@ class RigidTouchers:
         self._num_receptors = int(ends[-1])
 
     def touches(self, X_WL: np.ndarray, near: np.ndarray) -> Touches:
-        """What the skins feel of rigid touchers.
+        """The touches that rigid touchers cause.
 
         Args:
             X_WL: `(N, L, 3, 4)` poses of all frames of the robot's kinematics, m.
-            near: `(N, P)` bool, which touching pairs may touch.
+            near: `(N, P)` bool, pairs that are near enough to touch.
         """
         sensation = np.zeros((len(X_WL), self._num_receptors))
         number, row = np.nonzero(near.T & self.is_rigid[:, None])
@@ -75,7 +76,7 @@ def _is_rigid(robot: Robot, toucher: int) -> bool:
 
 
 def _mesh(robot: Robot, number: int) -> RigidMesh:
-    """A toucher's triangles in its frame."""
+    """The triangles of a toucher, in its frame."""
     toucher, inspector = robot.touchers[number], robot.scene_graph.model_inspector()
     X_FL = toucher.frame.GetFixedPoseInBodyFrame().inverse()
     vertices, faces, count = [], [], 0
@@ -98,22 +99,22 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
         mesh: a `RigidMesh`.
         X_WL: `(N, L, 3, 4)` poses of frames in the world, m.
         skin_frame: the number of the frame of the skin's link.
-        mesh_frame: that of the mesh.
-        rows: `(R,)` which of N.
-        sensation: `(N, receptors)` N, to which is added what they feel.
-        total: `(R, 4)` N and N m, is set to the force of each contact, and to the sum of force
-            times place in the frame of the skin's link.
+        mesh_frame: the number of the frame of the mesh.
+        rows: `(R,)` rows of `X_WL`.
+        sensation: `(N, receptors)` N; the readings are added to it.
+        total: `(R, 4)` N and N m; set to the force of each contact, and the sum of force times
+            position in the frame of the skin's link.
     """
     g, X = skin.pressure, np.empty((3, 4))
     p, planes = np.empty((3 * PATCH, 3)), np.empty((PATCH, 4))
     above, polygons, piece = np.empty((4, 3 * PATCH)), np.empty((2, 8, 2)), np.empty(3)
     box, place, parts = np.empty(6), np.empty(3), np.empty(3)
-    # `seen` holds the last look at each tetrahedron, so that each is listed once.
+    # `seen` holds the number of the last search that found each tetrahedron: each is listed once.
     tets, seen, look = np.empty(len(g), dtype=np.int64), np.zeros(len(g), dtype=np.int64), 0
     load = np.zeros(len(shares.weight_ends) - 1)
     loaded = np.empty(len(load), dtype=np.int64)
     for r in range(len(rows)):
-        # Literals would make numba compile what they are passed to twice; so in `cut`.
+        # With literals, numba would compile the called functions twice; the same in `cut`.
         row, num_loaded = rows[r], np.int64(0)
         relative_pose(X_WL, row, skin_frame, mesh_frame, X)
         for i in range(4):
@@ -155,7 +156,7 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
 
 @inner
 def relative_pose(X_WL, row, a, b, X_AB):
-    """Writes the pose of one frame in another at one row of `(N, L, 3, 4)` into `(3, 4)`."""
+    """Writes the pose of frame b in frame a, at one row of `(N, L, 3, 4)`, into `(3, 4)`."""
     for i in range(3):
         for j in range(4):
             X_AB[i, j] = 0.0
@@ -166,7 +167,7 @@ def relative_pose(X_WL, row, a, b, X_AB):
 
 @inner
 def _place(mesh, patch, X, p, box):
-    """Places the corners of a patch, with their bounding box; returns how many there are."""
+    """Writes the corners of a patch and their bounding box; returns the number of corners."""
     start = mesh.point_ends[patch]
     num = mesh.point_ends[patch + 1] - start
     for i in range(3):
@@ -183,7 +184,7 @@ def _place(mesh, patch, X, p, box):
 
 @inner
 def _turn(mesh, first, last, X, p, planes):
-    """Places the planes of a patch's faces: unit normals, and how far behind the origin is."""
+    """Writes the planes of a patch's faces: unit normals, and heights of the origin over them."""
     for f in range(last - first):
         corner, planes[f, 3] = mesh.faces[first + f, 0], 0.0
         for i in range(3):
@@ -195,7 +196,7 @@ def _turn(mesh, first, last, X, p, planes):
 
 @inner
 def _meets_plane(corners, g, tet, planes, f):
-    """Whether a tetrahedron is on both sides of a face's plane, and its pressure counts there."""
+    """Whether a face's plane cuts a tetrahedron, and the pressure of that piece counts."""
     x, y, z, d = planes[f, 0], planes[f, 1], planes[f, 2], planes[f, 3]
     if not x * g[tet, 0] + y * g[tet, 1] + z * g[tet, 2] > _LEAST_COSINE * g[tet, 4]:
         return False
@@ -209,7 +210,7 @@ def _meets_plane(corners, g, tet, planes, f):
 
 @inner
 def _reach_into(planes, tet, p, num_points, above):
-    """Whether no side of a tetrahedron has all points outside; heights over them go to `above`."""
+    """Whether no side of a tetrahedron has all points outside; writes heights to `above`."""
     for k in range(4):
         a, b, c, d = planes[tet, k, 0], planes[tet, k, 1], planes[tet, k, 2], planes[tet, k, 3]
         inside = False
@@ -225,18 +226,19 @@ def _reach_into(planes, tet, p, num_points, above):
 def cut(above, a, b, c, polygons, piece):
     """Cuts a triangle by the four planes of a tetrahedron.
 
-    A point of the triangle is its corner a, and shares u and v of its edges to b and c.
+    A point of the triangle has coordinates u and v: corner a plus u times the edge to b plus v
+    times the edge to c.
 
     Args:
         above: `(4, V)` heights of points over the four planes, positive inside.
-        a: the points that are its corners.
-        b: the second.
-        c: the third.
-        polygons: `(2, 8, 2)` scratch.
-        piece: `(3,)` takes the area in (u, v), 1/2 if all is inside, and the centroid's u and v.
+        a: column of the first corner in `above`.
+        b: column of the second corner.
+        c: column of the third corner.
+        polygons: `(2, 8, 2)` scratch space.
+        piece: `(3,)` set to the area in (u, v), 1/2 if all is inside, and the centroid (u, v).
 
     Returns:
-        Whether anything is left.
+        Whether anything is left of the triangle.
     """
     for k in range(4):
         if above[k, a] <= 0 and above[k, b] <= 0 and above[k, c] <= 0:
@@ -266,7 +268,7 @@ def cut(above, a, b, c, polygons, piece):
 
 @inner
 def _clip(polygons, side, num, height, along_u, along_v):
-    """Keeps, on the other side of `polygons`, what of a polygon is not below a plane."""
+    """Writes the part of a polygon above a plane to the other side of `polygons`."""
     kept = 0
     u0, v0 = polygons[side, num - 1, 0], polygons[side, num - 1, 1]
     h0 = height + along_u * u0 + along_v * v0

@@ -70,7 +70,7 @@ def _named(plant: MultibodyPlant, elements: Iterable, name: str, field: str, kin
     if found:
         scoped = " or ".join(scoped_name(plant, e) for e in found)
         raise ExperimentError(
-            f"{field} is {name!r}; {len(found)} models have such a {kind}: write {scoped}"
+            f"{field} is {name!r}; {len(found)} models have a {kind} of this name: write {scoped}"
         )
     names = {e.name() for e in known} | {scoped_name(plant, e) for e in known}
     hint = (

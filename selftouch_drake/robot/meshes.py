@@ -38,7 +38,9 @@ def as_obj(path: Path) -> tuple[Path, bool]:
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise MeshError(f"mesh {path} cannot be read: {error.strerror}") from None
+        raise MeshError(
+            f"mesh {path} cannot be read ({error.strerror}); give the path of a mesh file"
+        ) from None
     digest = hashlib.sha256(path.suffix.lower().encode() + content).hexdigest()
     converted = cache_folder() / "meshes" / digest / f"{path.stem}.obj"
     if converted.is_file():

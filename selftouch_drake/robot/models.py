@@ -119,12 +119,12 @@ def _package_roots(packages: Mapping[str, str]) -> dict[str, Path]:
     for name, given in packages.items():
         field = f"robot.packages.{name}"
         if name in roots or own.Contains(name):
-            raise ModelError(f"{field} has the name of a package that is always there; rename it")
+            raise ModelError(f"{field} is a package that always exists; give it another name")
         root = Path(given.replace("{prefix}", sys.prefix)).expanduser().resolve()
         if not root.is_dir():
             raise ModelError(
-                f"{field} is {given!r}, and {root} is no folder; give the root of the package, or "
-                "install what it comes with"
+                f"{field} is {given!r}, and {root} is not a folder; give the folder of the "
+                "package, or install the package"
             )
         roots[name] = root
     return roots
@@ -155,7 +155,7 @@ class _Finder:
         else:
             raise ModelError(f"{what} is {uri!r}; give a path, or package://NAME/PATH")
         if not path.exists():
-            raise ModelError(f"{what} is {uri!r}, and there is no file {path}")
+            raise ModelError(f"{what} is {uri!r}, and {path} does not exist; correct the path")
         return path.resolve()
 
     def _root(self, name: str, uri: str, what: str) -> Path:
@@ -272,7 +272,7 @@ class _Reader:
     @contextlib.contextmanager
     def _reading(self, path: Path) -> Iterator[None]:
         if path in self._open:
-            raise ModelError(f"{path} includes itself; leave that out")
+            raise ModelError(f"{path} includes itself; remove that include")
         self.files[path] = None
         self._open.append(path)
         yield
@@ -284,7 +284,7 @@ def _read_xml(path: Path) -> xml.dom.minidom.Document:
         # Without namespaces, because models use prefixes that they do not declare.
         return xml.dom.expatbuilder.parse(str(path), namespaces=False)
     except (ExpatError, ValueError, OSError) as error:
-        raise ModelError(f"model {path} is no XML that can be read: {error}") from None
+        raise ModelError(f"model {path} is not readable XML ({error}); correct it") from None
 
 
 def _urdf_references(document: xml.dom.minidom.Document, folder: Path) -> Iterator[_Reference]:
@@ -341,7 +341,7 @@ def _buffers(path: Path) -> list[Path]:
         buffers = json.loads(path.read_bytes()).get("buffers", [])
         names = [buffer.get("uri", "data:") for buffer in buffers]
     except (ValueError, AttributeError) as error:
-        raise ModelError(f"mesh {path} is no glTF that can be read: {error}") from None
+        raise ModelError(f"mesh {path} is not readable glTF ({error}); export it again") from None
     files = [path.parent / unquote(name) for name in names if not name.startswith("data:")]
     return [file.resolve() for file in files if file.is_file()]
 

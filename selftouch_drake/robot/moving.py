@@ -96,8 +96,8 @@ def _require_range(joint: Joint) -> None:
         )
     if lower >= upper:
         raise ExperimentError(
-            f"joint {joint.name()!r} has the limits {lower:g} and {upper:g}, no range to move in; "
-            "mend its model, or name the other joints in robot.joints"
+            f"joint {joint.name()!r} has the limits {lower:g} and {upper:g}, so it cannot move; "
+            "correct its model, or name the other joints in robot.joints"
         )
     joint.set_position_limits([lower], [upper])
 

@@ -194,15 +194,15 @@ def _require_partners(
     for s, skin in enumerate(worn):
         if s not in feeling:
             raise ExperimentError(
-                f"skins.{skin.model.name} can never feel: all that touches is on its own link or "
-                "on one next to it; add something to touching"
+                f"skins.{skin.model.name} can never be touched: all touchers are on its own link "
+                "or next to it; add another one to touching"
             )
     touching = {t for t, _ in pairs}
     for t, toucher in enumerate(touchers):
         if t not in touching:
             raise ExperimentError(
-                f"touching.{toucher.name} can never touch: every skin is on its own link or on one "
-                "next to it; leave it out, or add a skin"
+                f"touching.{toucher.name} can never touch: all skins are on its own link or next "
+                "to it; leave it out, or add a skin"
             )
 
 

@@ -187,8 +187,8 @@ def _add_toucher(
     if not ids:
         if link.index() not in own:
             raise ExperimentError(
-                f"{field}.link is {described.link!r}, which has no collision geometry; give it "
-                "some in its model, or give a ball by frame and radius"
+                f"{field}.link is {described.link!r}, a link without collision geometry; add some "
+                "in its model, or give a ball by frame and radius"
             )
         try:
             ids = register_shapes(

@@ -176,8 +176,8 @@ def _outer_surface(
         geometries = link_geometries(plant, inspector, link, _ROLES[wanted.shape])
         if not geometries:
             raise ValueError(
-                f"surface is {wanted.shape!r}, but link {link.name()!r} has no such geometry; give "
-                "it some in its model, or give a shape or a mesh"
+                f"surface is {wanted.shape!r}, but link {link.name()!r} has no such geometry; add "
+                "some in its model, or give a shape or a mesh"
             )
         with warnings.catch_warnings(record=True) as simplified:
             warnings.simplefilter("always", SimplifiedWarning)

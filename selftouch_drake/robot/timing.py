@@ -17,17 +17,17 @@ from scipy.interpolate import BSpline, CubicSpline, PPoly
 from selftouch_drake.robot.fastest import fastest_progress
 from selftouch_drake.robot.limits import CHECK_RATE_HZ, speed_shares
 
-#: Limits are kept at the points of a grid only, and exceeded by up to 25 % between them.
+#: The solver respects limits only at grid points; between them they are exceeded by up to 25 %.
 LIMIT_SHARE = 0.8
-# rad of scaled path length between these points. Twice as fine saves 0.5 % of the duration.
+# rad of scaled path length between grid points. A grid twice as fine saves 0.5 % of the duration.
 _GRID_SPACING = 0.07
-#: s, a motion that would last longer is refused: its limits are a mistake.
+#: s; a longer motion is refused, because its limits are probably a mistake.
 LONGEST_S = 600.0
-# What exceeds the limits is slowed down by this much more than it exceeds them, for what lies
-# between two instants of the check.
+# A motion that exceeds limits is slowed down by this factor more than needed, because the check
+# looks at samples only.
 _CHECK_MARGIN = 1.01
-# s over which the progress is averaged. The fastest jumps from one acceleration to another, and so
-# does the error of the robot that follows; on average it ramps.
+# s over which the progress is averaged. The acceleration of the fastest progress jumps, and with it
+# the tracking error of the robot; after averaging it ramps.
 _EASING_S = 0.06
 # s between the knots of the averaged progress, and how many values are averaged.
 _EASING_STEP_S = 0.01
@@ -35,7 +35,7 @@ _EASING_SAMPLES = 12
 # The largest first and second derivative of the quintic 10 u^3 - 15 u^4 + 6 u^5 over [0, 1].
 _QUINTIC_SPEED = 15.0 / 8.0
 _QUINTIC_ACCELERATION = 10.0 / np.sqrt(3.0)
-# What a path that goes nowhere lasts, so that the trajectory is one.
+# s, duration of a path of length 0, so that the trajectory is valid.
 _REST_S = 0.01
 
 
@@ -44,12 +44,12 @@ class TimedPath:
     """A motion along a path, at rest at both ends.
 
     Attributes:
-        time_s: `(T,)` s, from 0, evenly spaced but for the last, which is the end.
+        time_s: `(T,)` s, from 0, evenly spaced except for the last interval.
         s: `(T,)` rad, scaled length along the path.
         q: `(T, J)` rad or m.
         v: `(T, J)` rad/s or m/s.
-        path: q over path length.
-        s_of_t: path length over time.
+        path: q as a function of path length.
+        s_of_t: path length as a function of time.
     """
 
     time_s: np.ndarray
@@ -76,24 +76,24 @@ def time_path(
 ) -> TimedPath:
     """Follows a path as fast as the joints' limits allow, from rest to rest.
 
-    Time-optimal path parameterization; a quintic time scaling if that fails. Accelerations are
-    then eased in and out, and what still exceeds a limit anywhere, on the path or on the cubic
-    pieces between the samples that the joints follow, is slowed down as a whole.
+    Uses time-optimal path parameterization, or a quintic time scaling if that fails. Then the
+    acceleration is smoothed in time. If a limit is still exceeded anywhere, on the path or on the
+    cubic pieces between the samples that the joints follow, the whole motion is slowed down.
 
     Args:
         path: clamped B-spline of `(J,)` rad or m over scaled path length in rad.
         velocity_limit: `(J,)` rad/s or m/s, the largest speed of each joint.
         acceleration_limit: `(J,)` rad/s^2 or m/s^2, the largest acceleration of each joint.
-        rate_hz: of the samples.
+        rate_hz: Hz, rate of the samples.
 
     Raises:
-        ValueError: if a limit or the rate is not positive, there is not one limit per joint, or the
+        ValueError: a limit or the rate is not positive, there is not one limit per joint, or the
             limits are so low that the motion would last longer than `LONGEST_S`.
     """
     velocity_limit = _checked_limit("velocity_limit", velocity_limit, path)
     acceleration_limit = _checked_limit("acceleration_limit", acceleration_limit, path)
     if not 0.0 < rate_hz < np.inf:
-        raise ValueError(f"rate_hz is {rate_hz}: choose a positive rate")
+        raise ValueError(f"rate_hz is {rate_hz}: give a positive number")
 
     _require_bearable(_least_duration(path, velocity_limit, acceleration_limit))
     fastest = _fastest(path, velocity_limit, acceleration_limit)
@@ -116,7 +116,7 @@ def time_path(
 
 
 def to_drake(path: BSpline) -> BsplineTrajectory:
-    """The same B-spline as a Drake trajectory of `(J, 1)`, over path length in place of time."""
+    """The same B-spline as a Drake trajectory of `(J, 1)`, over path length instead of time."""
     basis = BsplineBasis(path.k + 1, path.t.tolist())
     return BsplineTrajectory(basis, [point[:, None] for point in path.c])
 
@@ -126,8 +126,8 @@ def quintic_time_scaling(
 ) -> PPoly:
     """The progress s(t) of a quintic from rest to rest, slow enough for any path.
 
-    It respects the limits by construction: a B-spline, and so each derivative of the path, lies
-    within the hull of its control points.
+    It respects the limits by construction, because a B-spline and its derivatives lie within the
+    convex hulls of their control points.
 
     Args:
         path: clamped B-spline of `(J,)` rad or m over scaled path length in rad.
@@ -154,7 +154,7 @@ def quintic_time_scaling(
 def _least_duration(
     path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
 ) -> float:
-    """s, what any motion along the path takes at least, from rest."""
+    """s, a lower bound for the duration of any motion along the path, from rest."""
     q = path(np.linspace(path.t[0], path.t[-1], 100))
     travelled, farthest = np.abs(np.diff(q, axis=0)).sum(axis=0), np.abs(q - q[0]).max(axis=0)
     return float(
@@ -173,7 +173,7 @@ def _require_bearable(duration_s: float) -> None:
 def _fastest(
     path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
 ) -> PPoly | None:
-    """The progress s(t) at the limits, or None if the path goes nowhere or has no such progress."""
+    """The fastest progress s(t); None if the path has length 0 or the solver finds none."""
     if np.ptp(path.c, axis=0).max() < 1e-9:
         return None
     num_points = max(20, int(np.ceil((path.t[-1] - path.t[0]) / _GRID_SPACING)))
@@ -186,7 +186,7 @@ def _fastest(
 
 
 def _eased(s_of_t: PPoly) -> PPoly:
-    """The mean of the progress over a short while before: its acceleration has no jumps."""
+    """A moving average of the progress, so that its acceleration has no jumps."""
     end_s = s_of_t.x[-1]
     duration_s = end_s + _EASING_S
     time_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / _EASING_STEP_S)) + 1)
@@ -223,7 +223,7 @@ def _speed_shares(
     velocity_limit: np.ndarray,
     acceleration_limit: np.ndarray,
 ) -> tuple[float, float]:
-    """As `speed_shares`, of the path itself."""
+    """As `speed_shares`, for the path itself."""
     time_s = _times(s_of_t, CHECK_RATE_HZ)
     s = s_of_t(time_s).clip(path.t[0], path.t[-1])
     s_dot, s_ddot = s_of_t(time_s, 1)[:, None], s_of_t(time_s, 2)[:, None]
@@ -233,13 +233,13 @@ def _speed_shares(
 
 
 def _times(s_of_t: PPoly, rate_hz: float) -> np.ndarray:
-    """Evenly spaced from 0, but for the last, which is the end."""
+    """`(T,)` s, evenly spaced from 0 except for the last interval."""
     end_s = s_of_t.x[-1]
     return np.append(np.arange(0.0, end_s, 1.0 / rate_hz), end_s)
 
 
 def _hull(path: BSpline) -> np.ndarray:
-    """`(J,)` no coordinate of a B-spline exceeds this in size."""
+    """`(J,)` upper bound of the absolute value of each coordinate of a B-spline."""
     num_control = len(path.t) - path.k - 1
     return np.abs(path.c[:num_control]).max(axis=0)
 
@@ -248,7 +248,7 @@ def _checked_limit(name: str, limit: np.ndarray, path: BSpline) -> np.ndarray:
     limit, num_joints = np.asarray(limit, dtype=float), path.c.shape[1]
     if limit.shape != (num_joints,):
         raise ValueError(
-            f"{name} has shape {limit.shape}: the path needs ({num_joints},), one limit per joint"
+            f"{name} has shape {limit.shape}: give ({num_joints},), one limit per joint"
         )
     if not np.all((limit > 0.0) & np.isfinite(limit)):
         raise ValueError(f"{name} is {limit.tolist()}: give a positive limit for each joint")

@@ -67,7 +67,7 @@ def AddSkins(
     for name, skin in wanted.items():
         if skin.imperfections != Imperfections():
             raise ExperimentError(
-                f"skins.{name}.imperfections is given; leave it out, and put a SkinReadout behind "
+                f"skins.{name}.imperfections is given; leave it out, and connect a SkinReadout to "
                 "the TactileSkin"
             )
     seeds = Experiment(seed=seed)

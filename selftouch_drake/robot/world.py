@@ -69,4 +69,6 @@ def drakes_refusals() -> Iterator[None]:
     # Some of Drake's checks log what is wrong and then raise SystemExit.
     except (RuntimeError, SystemExit) as error:
         reason = " ".join(str(error).split())[:500]
-        raise ExperimentError(f"robot.directives gives what Drake refuses: {reason}") from error
+        raise ExperimentError(
+            f"robot.directives holds a robot that Drake refuses: {reason}"
+        ) from error

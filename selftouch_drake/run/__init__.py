@@ -1,1 +1,1 @@
-"""A run: its directory, its stages and its figures."""
+"""A run: its directory, its stages and its metrics."""

@@ -61,7 +61,7 @@ class RunDirectory:
         if path.exists() and not (
             path.is_dir() and all(_of_a_killed_start(found) for found in path.iterdir())
         ):
-            raise RunError(f"{path} is not a run and not empty; choose another --out")
+            raise RunError(f"{path} is neither a run nor empty; choose another --out")
         digests = model_digests(experiment)
         path.mkdir(parents=True, exist_ok=True)
         write_text_whole(path / _MODELS, json.dumps(digests, indent=2) + "\n")
@@ -84,7 +84,7 @@ class RunDirectory:
         with file.open(encoding="utf-8", errors="replace") as lines:
             header = lines.readline().strip()
         if not header.startswith(_HEADER):
-            raise RunError(f"{file} is not the experiment of a run; choose another directory")
+            raise RunError(f"{file} does not belong to a run; choose the directory of a run")
         if header != f"{_HEADER}{RUN_FORMAT}":
             raise RunError(
                 f"{path} was made by another version (format {header.removeprefix(_HEADER)}, this "
@@ -239,28 +239,28 @@ class RunDirectory:
         if not file.exists():
             return {}
         try:
-            figures = json.loads(file.read_text(encoding="utf-8"))
+            found = json.loads(file.read_text(encoding="utf-8"))
         except (ValueError, RecursionError):
-            figures = None
-        if not isinstance(figures, dict):
+            found = None
+        if not isinstance(found, dict):
             raise RunError(f"{file} is damaged; delete it and evaluate again")
-        if figures.pop("made_for", None) != self._experience_stamp():
+        if found.pop("made_for", None) != self._experience_stamp():
             raise RunError(
-                f"{file} is of another experiment or version; delete it, and babble and evaluate "
-                "again: what is stored is kept"
+                f"{file} belongs to another experiment or version; delete it, then babble and "
+                "evaluate again: stored walks are kept"
             )
-        return figures
+        return found
 
-    def add_metrics(self, figures: dict[str, Any]) -> None:
+    def add_metrics(self, metrics: dict[str, Any]) -> None:
         """Adds metrics to `metrics.json`; those of the same name are replaced."""
-        self._write_metrics(self.metrics() | figures)
+        self._write_metrics(self.metrics() | metrics)
 
     def drop_metrics(self, names: Collection[str]) -> None:
         """Removes metrics that are no longer true because an earlier stage ran again."""
         self._write_metrics({k: v for k, v in self.metrics().items() if k not in names})
 
-    def _write_metrics(self, figures: dict[str, Any]) -> None:
-        text = json.dumps({"made_for": self._experience_stamp()} | figures, indent=2)
+    def _write_metrics(self, metrics: dict[str, Any]) -> None:
+        text = json.dumps({"made_for": self._experience_stamp()} | metrics, indent=2)
         write_text_whole(self.path / "metrics.json", text + "\n")
 
     def fingerprint(self) -> str:
@@ -300,7 +300,7 @@ class RunDirectory:
         found = (load_arrays(file) if arrays is None else arrays).get("made_for")
         if found is None or str(found) != str(self.stamp()["made_for"]):
             remedy = remedy or f"run `selftouch learn {self.path}`"
-            raise RunError(f"{file} is of another experiment or version; {remedy}")
+            raise RunError(f"{file} belongs to another experiment or version; {remedy}")
 
 
 def _of_a_killed_start(path: Path) -> bool:

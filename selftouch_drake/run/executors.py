@@ -96,6 +96,8 @@ def dask_executor(address: str) -> Iterator[Executor]:
     try:
         client = Client(address, timeout="10s", set_as_default=False)
     except (OSError, ValueError) as error:
-        raise ValueError(f"--scheduler {address} does not answer: {error}") from None
+        raise ValueError(
+            f"--scheduler {address} does not answer ({error}); start it, or correct the address"
+        ) from None
     with client:
         yield client.get_executor(pure=False)

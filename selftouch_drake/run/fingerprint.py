@@ -48,8 +48,8 @@ def model_digests(
     for name, file in meshes.items():
         if not file.is_file():
             raise ExperimentError(
-                f"skins.{name}.surface.mesh is {shown(str(file))}; there is no such file: mend the "
-                "path"
+                f"skins.{name}.surface.mesh is {shown(str(file))}; there is no such file: correct "
+                "the path"
             )
     return {str(file): content_digest(file) for file in [*model.files, *meshes.values()]}
 

@@ -166,7 +166,7 @@ def store(run: RunDirectory, data: Data) -> None:
             contacts=None,
         )
         write_shard(run.path, shard, fingerprint=run.fingerprint())
-    run.add_metrics(_figures(data))
+    run.add_metrics(_metrics(data))
 
 
 def timed(agent: Agent, plan: Plan, imported: Imported) -> Motion:
@@ -210,7 +210,7 @@ def _content(felt: Felt) -> str:
     return digest.hexdigest()
 
 
-def _figures(data: Data) -> dict[str, Any]:
+def _metrics(data: Data) -> dict[str, Any]:
     felt, recording = data.felt, data.recording
     calibration = felt.calibration
     return {

@@ -60,7 +60,7 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     """The representation of a run that has learned.
 
     Raises:
-        RunError: there is none, or it is of another experiment.
+        RunError: there is none, or it belongs to another experiment.
         ValueError: the file is damaged.
     """
     file, remedy = run.representation, f"run `selftouch learn {run.path}`"
@@ -70,7 +70,7 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     try:
         representation = QuotientRepresentation.from_arrays(arrays)
     except ValueError as error:
-        raise RunError(f"{file} is no representation: {_reason(error)}; {remedy}") from None
+        raise RunError(f"{file} is not a representation: {_reason(error)}; {remedy}") from None
     found = representation.target_sensations.shape
     wanted = (run.experiment.representation.num_targets, run.experiment.num_receptors)
     if found != wanted:
@@ -120,7 +120,7 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
         try:
             read.append(load_arrays(file, names))
         except FileNotFoundError:
-            raise RunError(f"{file} is not there; {remedy}") from None
+            raise RunError(f"{file} is missing; {remedy}") from None
         run.require_stamp(file, read[-1])
     arrays, distances = read[0], read[1]["distances"]
     num_kernels = representation.num_targets
@@ -135,7 +135,7 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
             for number in range(int(arrays["num_parts"]))
         )
     except (KeyError, ValueError, IndexError, TypeError) as error:
-        raise RunError(f"{run.topology} is no topology: {_reason(error)}; {remedy}") from None
+        raise RunError(f"{run.topology} is not a topology: {_reason(error)}; {remedy}") from None
     metric = run.experiment.representation.metric
     return Body(metric=metric, parts=parts, num_kernels=num_kernels)
 
@@ -153,13 +153,14 @@ def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> Re
         return RehearsalMemory.from_arrays(load_arrays(file), representation)
     except ForeignMemoryError:
         raise RunError(
-            f"{file} remembers rehearsals with another representation; delete it, and rehearse "
-            "again"
+            f"{file} belongs to another representation; delete it and rehearse again"
         ) from None
     except ValueError as error:
         if str(file) in str(error):
             raise
-        raise RunError(f"{file} is no memory of rehearsals: {_reason(error)}; delete it") from None
+        raise RunError(
+            f"{file} is not a memory of rehearsals: {_reason(error)}; delete it"
+        ) from None
 
 
 def save_memory(run: RunDirectory, memory: RehearsalMemory) -> None:
@@ -235,10 +236,12 @@ def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
     try:
         plan = kind.from_arrays(arrays)
     except ValueError as error:
-        raise RunError(f"{file} is no plan: {_reason(error)}; make it again {remedy}") from None
+        raise RunError(f"{file} is not a plan: {_reason(error)}; make it again {remedy}") from None
     motion = plan.motion if kind is Execution else plan
     if motion.predicted.shape[1] != run.experiment.num_receptors:
-        raise RunError(f"{file} is no plan of this skin; make it again {remedy}")
+        raise RunError(
+            f"{file} belongs to a skin with another number of receptors; make it again {remedy}"
+        )
     return plan
 
 

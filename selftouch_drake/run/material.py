@@ -29,7 +29,6 @@ from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot import MakeRobot, Robot, Touches, World
 from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import Reading, Tile, headline, readings
 from selftouch_drake.run.knowledge import (
     load_body,
     load_execution,
@@ -40,9 +39,17 @@ from selftouch_drake.run.knowledge import (
     stored_pairs,
     was_executed,
 )
+from selftouch_drake.run.metrics import Reading, Tile, headline, readings
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import NoWorldError, require_robot
-from selftouch_drake.show import MissingError, RecoveredSkin, RobotShape, SkinSurface, TouchSample
+from selftouch_drake.show import (
+    MissingError,
+    NoSurfaceError,
+    RecoveredSkin,
+    RobotShape,
+    SkinSurface,
+    TouchSample,
+)
 from selftouch_drake.show.recovered import at_poses, laid_on_skins, skins_of
 
 
@@ -133,12 +140,12 @@ class Material:
         names = list(self.experiment.skins)
         kinds = ("vertices", "faces", "p_LS")
         if not self.run.skin.exists():
-            raise MissingError("the skins are not there; run `selftouch babble`")
+            raise MissingError("the skins are missing; run `selftouch babble`")
         wanted = [f"{name}_{kind}" for name in names for kind in kinds]
         arrays = load_arrays(self.run.skin, [*wanted, "made_for"])
         if str(arrays["made_for"]) != str(self.run.body_stamp()["made_for"]):
             raise RunError(
-                f"{self.run.skin} is of another experiment or version; run `selftouch babble "
+                f"{self.run.skin} belongs to another experiment or version; run `selftouch babble "
                 f"{self.run.path / 'experiment.yaml'} --out {self.run.path}`"
             )
         skins, first = [], 0
@@ -180,14 +187,14 @@ class Material:
     def representation(self) -> QuotientRepresentation:
         """What the agent has learned."""
         if not self.run.representation.exists():
-            raise MissingError("nothing was learned yet; run `selftouch learn`")
+            raise MissingError("nothing has been learned yet; run `selftouch learn`")
         return load_representation(self.run)
 
     @cached_property
     def body(self) -> Body:
         """The body that the agent recovered."""
         if not self.run.topology.exists():
-            raise MissingError("the recovered body is not there; run `selftouch learn`")
+            raise MissingError("the recovered body is missing; run `selftouch learn`")
         return load_body(self.run, self.representation)
 
     @cached_property
@@ -213,9 +220,9 @@ class Material:
         """The recovered parts, each on its skins at home."""
         truth = self.kernel_truth
         if not truth.is_surface:
-            raise MissingError(
-                f"{1 - truth.share_single:.0%} of the touches are at several places at once: what "
-                "they stand for is no surface (paper, section IV)"
+            raise NoSurfaceError(
+                f"{1 - truth.share_single:.0%} of the touches are at several places at once, so a "
+                "kernel is a pose of the hand and not a place on the skin (paper, section IV)"
             )
         parts = laid_on_skins(self.body, truth, self.skins, self.home)
         if not parts:
@@ -234,7 +241,9 @@ class Material:
     def life(self) -> LifeCurves:
         """The life of the agent."""
         if not self.run.life.exists():
-            raise MissingError(f"no agent has lived; run `selftouch live {self._source}`")
+            raise MissingError(
+                f"the life of the agent is missing; run `selftouch live {self._source}`"
+            )
         arrays = load_arrays(self.run.life)
         self.run.require_stamp(self.run.life, arrays, remedy=f"run `selftouch live {self._source}`")
         return LifeCurves.from_arrays(arrays)
@@ -256,7 +265,7 @@ class Material:
     def shown_pair(self) -> tuple[int, int]:
         """The plan that is shown: the longest of those executed, else the longest of all."""
         if not self.pairs:
-            raise MissingError("nothing was planned yet; run `selftouch plan`")
+            raise MissingError("nothing has been planned yet; run `selftouch plan`")
 
         def length(pair: tuple[int, int]) -> tuple[bool, int]:
             return was_executed(self.run, *pair), len(self.motion(*pair).nodes)
@@ -282,7 +291,7 @@ class Material:
         """The true places of the touches."""
         self._require_robot()
         if not any(self.run.truth.glob("part-*.parquet")):
-            raise MissingError("the truth is not there; run `selftouch babble`")
+            raise MissingError("the truth is missing; run `selftouch babble`")
         return ExperienceReader(self.run.truth)
 
     @cached_property

@@ -30,14 +30,14 @@ from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 
-Figures = dict[str, Any]
+Metrics = dict[str, Any]
 # Trustworthiness compares this many neighbours, and needs more than twice as many kernels.
 _LEAST_FOR_RANKS = 25
 
 
 def score_body(
     run: RunDirectory, world: World, representation: QuotientRepresentation, body: Body
-) -> Figures:
+) -> Metrics:
     """Scores what was learned against the truth.
 
     With several fingers on one hand, a kernel is a pose of the hand and not a place on a skin: all
@@ -51,7 +51,7 @@ def score_body(
     """
     fields = [skin.fields for skin in world.skins]
     counts = count_touches(fields, ExperienceReader(run.truth).contacts())
-    figures: Figures = coverage(
+    metrics: Metrics = coverage(
         [
             (skin.vertices, skin.faces, touch_density(skin.vertices, skin.faces, touches))
             for skin, touches in zip(fields, counts.counts, strict=True)
@@ -60,52 +60,52 @@ def score_body(
     contacts = ExperienceReader(run.truth).take_contacts(representation.kernel_row)
     truth = kernel_truth(representation, contacts)
     if not truth.is_surface:
-        return figures
+        return metrics
     bodies = {body.metric: body} | _by_other_metrics(run, representation, body.metric)
     parts = true_parts(fields, counts, truth)
     return {
-        **figures,
-        **confidence_figures(body),
-        **part_figures(body, parts, several=_several(run, body)),
+        **metrics,
+        **confidence_metrics(body),
+        **part_metrics(body, parts, several=_several(run, body)),
         "kernel_spread_median_m": float(np.median(truth.spread)),
         "kernel_spread_worst_m": float(truth.spread.max()),
-        **_shape_figures(world, representation, truth, bodies, body.metric),
-        **_distance_figures(fields, representation, truth, bodies, body.metric),
+        **_shape_metrics(world, representation, truth, bodies, body.metric),
+        **_distance_metrics(fields, representation, truth, bodies, body.metric),
     }
 
 
-def found_figures(run: RunDirectory, body: Body) -> Figures:
+def found_metrics(run: RunDirectory, body: Body) -> Metrics:
     """What the agent found out about its body: one number for one part, a list for several."""
     holes = [part.topology for part in body.parts]
     betti = [None if found is None else list(found.betti) for found in holes]
     margins = [found.margin for found in holes if found is not None]
     dimensions = [part.dimension for part in body.parts]
-    figures: Figures = {"parts_found": len(body.parts)}
+    metrics: Metrics = {"parts_found": len(body.parts)}
     if any(part.doubt for part in body.parts):
-        figures["shape_doubt_by_part"] = [part.doubt for part in body.parts]
+        metrics["shape_doubt_by_part"] = [part.doubt for part in body.parts]
     # Of other runs, the truth will say whether there is a shape to be sure of.
     if run.experiment.imported is not None:
-        figures |= confidence_figures(body)
+        metrics |= confidence_metrics(body)
     if margins:
-        figures["topology_margin"] = min(margins)
-    figures["embedding_fourth_eigenvalue"] = max(
+        metrics["topology_margin"] = min(margins)
+    metrics["embedding_fourth_eigenvalue"] = max(
         part.embedding.fourth_eigenvalue for part in body.parts
     )
     if _several(run, body):
-        figures |= {"topology_betti_by_part": betti, "intrinsic_dimension_by_part": dimensions}
+        metrics |= {"topology_betti_by_part": betti, "intrinsic_dimension_by_part": dimensions}
     else:
-        figures |= {"topology_betti": betti[0], "intrinsic_dimension": dimensions[0]}
-    return {key: value for key, value in figures.items() if value is not None}
+        metrics |= {"topology_betti": betti[0], "intrinsic_dimension": dimensions[0]}
+    return {key: value for key, value in metrics.items() if value is not None}
 
 
-def confidence_figures(body: Body) -> Figures:
+def confidence_metrics(body: Body) -> Metrics:
     """How sure the agent is of the shape; nothing if its metric is not calibrated."""
     if body.expected_error is None:
         return {}
     return {"shape_expected_error": body.expected_error, "shape_trusted": body.trusted}
 
 
-def part_figures(body: Body, parts: Sequence[TruePart], *, several: bool) -> Figures:
+def part_metrics(body: Body, parts: Sequence[TruePart], *, several: bool) -> Metrics:
     """The true parts, each beside the part of the agent's body that has most of its kernels.
 
     Args:
@@ -113,15 +113,15 @@ def part_figures(body: Body, parts: Sequence[TruePart], *, several: bool) -> Fig
         parts: of the truth.
         several: whether the body or the robot has several parts, so that lists make sense.
     """
-    figures: Figures = {"parts_true": len(parts)}
+    metrics: Metrics = {"parts_true": len(parts)}
     if several:
         betti = []
         for part in body.parts:
             shared = [np.isin(part.kernels, true.kernels).sum() for true in parts]
             true = parts[int(np.argmax(shared))] if any(shared) else None
             betti.append(None if true is None or true.betti is None else list(true.betti))
-        figures["topology_betti_true_by_part"] = betti
-    return figures
+        metrics["topology_betti_true_by_part"] = betti
+    return metrics
 
 
 def _several(run: RunDirectory, body: Body) -> bool:
@@ -142,13 +142,13 @@ def _by_other_metrics(
     }
 
 
-def _shape_figures(
+def _shape_metrics(
     world: World,
     representation: QuotientRepresentation,
     truth: KernelTruth,
     bodies: dict[str, Body],
     chosen: str,
-) -> Figures:
+) -> Metrics:
     part = representation.part
     errors = {name: shape_errors(body.positions, part, truth) for name, body in bodies.items()}
     sizes = {entry.skin: len(entry.kernels) for entry in parts_on_skins(part, truth)}
@@ -167,23 +167,23 @@ def _shape_figures(
         )
         for entry in parts_on_skins(part, truth)
     ]
-    figures: Figures = {"neighbour_agreement": _weighted(near)} if near else {}
+    metrics: Metrics = {"neighbour_agreement": _weighted(near)} if near else {}
     if chosen in mean:
-        figures["shape_rms_fraction"] = mean[chosen]
+        metrics["shape_rms_fraction"] = mean[chosen]
     if len(world.skins) > 1:
-        figures["shape_rms_fraction_by_skin"] = {
+        metrics["shape_rms_fraction_by_skin"] = {
             world.skins[skin].name: error for skin, error in errors[chosen].items()
         }
-    return figures | {"shape_rms_fraction_by_metric": mean}
+    return metrics | {"shape_rms_fraction_by_metric": mean}
 
 
-def _distance_figures(
+def _distance_metrics(
     fields: Sequence[ReceptiveFields],
     representation: QuotientRepresentation,
     truth: KernelTruth,
     bodies: dict[str, Body],
     chosen: str,
-) -> Figures:
+) -> Metrics:
     entries = [
         entry
         for entry in parts_on_skins(representation.part, truth)

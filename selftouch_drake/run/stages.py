@@ -29,7 +29,6 @@ from selftouch_drake.robot import World
 from selftouch_drake.run import acting
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import keys_of
 from selftouch_drake.run.imported import timed, write_trajectory
 from selftouch_drake.run.knowledge import (
     load_agent,
@@ -39,8 +38,9 @@ from selftouch_drake.run.knowledge import (
     save_memory,
     save_plan,
 )
+from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.run.naming import free_start
-from selftouch_drake.run.touches import force_figures, touch_counts, warn_of_untouched
+from selftouch_drake.run.touches import force_metrics, touch_counts, warn_of_untouched
 from selftouch_drake.run.worlds import build_world, make_world
 
 __all__ = [
@@ -107,7 +107,7 @@ def babble(
         world=world,
     )
     wall = time.perf_counter() - began
-    median, largest = force_figures(run)
+    median, largest = force_metrics(run)
     by_skin, by_toucher = touch_counts(run, world.robot)
     run.add_metrics(
         {
@@ -133,7 +133,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     """
     from selftouch_drake.agent.representation import QuotientLearner
     from selftouch_drake.agent.shape import recover
-    from selftouch_drake.run.scores import found_figures
+    from selftouch_drake.run.scores import found_metrics
 
     began = time.perf_counter()
     require_experience(run)
@@ -167,7 +167,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
             "kernel_size_max": int(sizes.max()),
             "graph_component_sizes": np.bincount(learner.component_).tolist(),
             **({"graph_bridges": bridges} if bridges else {}),
-            **found_figures(run, body),
+            **found_metrics(run, body),
             "learning_wall_s": time.perf_counter() - began,
         }
     )
@@ -273,7 +273,7 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
         StoreError: the truth is missing or incomplete.
     """
     from selftouch_drake.run.scores import score_body
-    from selftouch_drake.run.trial_figures import trial_figures, trial_table
+    from selftouch_drake.run.trial_metrics import trial_metrics, trial_table
     from selftouch_drake.run.trials import try_pairs
 
     agent = load_agent(run)
@@ -288,7 +288,7 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
     if trials:
         save_arrays(run.trials, trial_table(trials) | run.stamp())
     run.add_metrics(
-        {"planning_num_without_way": len(without_way)} | trial_figures(trials, world.robot.turns)
+        {"planning_num_without_way": len(without_way)} | trial_metrics(trials, world.robot.turns)
     )
     progress(1.0, "evaluated")
 

@@ -19,7 +19,7 @@ class NeverTouchedWarning(UserWarning):
     """A skin was never touched, or something that touches never touched."""
 
 
-def force_figures(run: RunDirectory) -> tuple[float, float]:
+def force_metrics(run: RunDirectory) -> tuple[float, float]:
     """Median (to a millinewton) and largest force of the touches, in constant memory."""
     counts, largest = np.zeros(_MOST_FORCE_MN + 1, dtype=np.int64), 0.0
     for felt in ExperienceReader(run.experience).batches("sensation"):
@@ -68,7 +68,7 @@ def warn_of_untouched(
     if never:
         warnings.warn(
             f"{', '.join(never)} in {run.experiment.babbling.num_samples:,} touches; see what can "
-            f"reach what with `selftouch robot {run.path / 'experiment.yaml'} --show`",
+            f"touch what with `selftouch robot {run.path / 'experiment.yaml'} --show`",
             NeverTouchedWarning,
             stacklevel=3,
         )

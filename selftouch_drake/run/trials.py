@@ -130,8 +130,8 @@ def try_pairs(
         save_plan(run, execution, start, goal)
         kept = best(tries)
         targets = representation.target_sensations
-        foretold = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
-        foretold &= motion.predicted_spread > 0
+        predicted = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
+        predicted &= motion.predicted_spread > 0
         trials.append(
             Trial(
                 start=start,
@@ -156,8 +156,8 @@ def try_pairs(
                     world.limits,
                 ),
                 force=float(execution.felt.sum(axis=1).max()),
-                error=cosine_distance(execution.felt[foretold], motion.predicted[foretold]),
-                spread=motion.predicted_spread[foretold],
+                error=cosine_distance(execution.felt[predicted], motion.predicted[predicted]),
+                spread=motion.predicted_spread[predicted],
                 impossible_planned=_impossible(world, motion.q),
                 impossible_executed=_impossible(world, log.q_steps),
                 tip_jerk_planned=_tip_jerk(world, motion, motion.s, motion.q),

@@ -20,7 +20,7 @@ def require_robot(experiment: Experiment) -> None:
     """
     if experiment.imported is not None:
         raise NoWorldError(
-            f"{experiment.name} was imported and has no robot that could be simulated: use learn, "
+            f"{experiment.name} was imported, without a robot to simulate: use learn, "
             "plan and report, and execute its plans on the robot that recorded it"
         )
 

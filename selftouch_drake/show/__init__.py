@@ -1,6 +1,6 @@
 """Everything for people: figures and the report (page), recordings and live play (meshcat)."""
 
-from selftouch_drake.show.material import Material, MissingError, TouchSample
+from selftouch_drake.show.material import Material, MissingError, NoSurfaceError, TouchSample
 from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
 from selftouch_drake.show.meshcat.life_page import LifePage, show_life
 from selftouch_drake.show.meshcat.live import LiveShow, play_live
@@ -22,6 +22,7 @@ __all__ = [
     "LiveShow",
     "Material",
     "MissingError",
+    "NoSurfaceError",
     "Picture",
     "PostureCamera",
     "Recording",

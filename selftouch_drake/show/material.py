@@ -26,6 +26,10 @@ class MissingError(ValueError):
     """Something to show is missing; the text says why, and what makes it."""
 
 
+class NoSurfaceError(MissingError):
+    """The recovered body is not a surface in space, so it has no picture."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TouchSample:
     """Where some touches truly were.

@@ -143,7 +143,7 @@ def _axes(key: str, axes: Any, path: Path) -> dict[str, list]:
     for field, values in axes.items():
         if not isinstance(field, str) or not all(field.split(".")):
             raise SweepError(
-                f"sweep {path}: {key} has {shown(field)}; name a field, as in "
+                f"sweep {path}: {key} has {shown(field)}; give the name of a field, as in "
                 "skins.body.num_receptors"
             )
         if not isinstance(values, list) or not values:

@@ -14,13 +14,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
-from selftouch_drake.run.figures import FIGURES
-from selftouch_drake.run.figures import Figure as Metric
+from selftouch_drake.run.metrics import METRICS, Metric
 from selftouch_drake.show.style import styled
 from selftouch_drake.sweep.table import figure_names, varied_fields
 
 _NUM_COLUMNS = 4
-_METRICS = {metric.key: metric for metric in FIGURES}
+_METRICS = {metric.key: metric for metric in METRICS}
 Row = dict[str, Any]
 
 

@@ -28,8 +28,8 @@ from selftouch_drake.experiment import Experiment, dump_experiment, experiment_f
 from selftouch_drake.files import require_writable, write_text_whole
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import keys_of
 from selftouch_drake.run.fingerprint import learning_fingerprint
+from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.sweep.design import Sweep
 
 _HEADER = "# A sweep of selftouch_drake, format 1\n"
@@ -56,9 +56,9 @@ class SweepDirectory:
         file = path / "sweep.yaml"
         if file.is_file():
             if not file.read_bytes().startswith(header.encode()):
-                raise RunError(f"{path} is not of sweep {sweep.name}; choose another --out")
+                raise RunError(f"{path} belongs to another sweep; choose another --out")
         elif path.exists() and (not path.is_dir() or any(path.iterdir())):
-            raise RunError(f"{path} is not a sweep and not empty; choose another --out")
+            raise RunError(f"{path} is neither a sweep nor empty; choose another --out")
         path.mkdir(parents=True, exist_ok=True)
         names = [run_name(experiment) for experiment in sweep.experiments]
         content = {"fields": list(sweep.fields), "runs": names}
@@ -167,8 +167,8 @@ def run_sweep(
                     del later[name]
     except BrokenExecutor:
         raise ChildProcessError(
-            "a process of the sweep was killed, perhaps for want of memory; go on with the same "
-            "command and fewer --workers"
+            "a process of the sweep was killed, perhaps because memory ran out; repeat the command "
+            "with fewer --workers: it continues from the finished stages"
         ) from None
     finally:
         for future in pending:

@@ -38,10 +38,10 @@ def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> p
         }
         row |= {field: fields.get(field) for field in sweep.fields if field != "seed"}
         try:
-            figures = run.metrics() if run.path.is_dir() else {}
+            metrics = run.metrics() if run.path.is_dir() else {}
         except RunError as error:  # the row says why it has none
-            row["error"], figures = row["error"] or str(error), {}
-        rows.append(row | flat(figures))
+            row["error"], metrics = row["error"] or str(error), {}
+        rows.append(row | flat(metrics))
     columns = dict.fromkeys(key for row in rows for key in row)
     table = pa.table({key: _column([row.get(key) for row in rows]) for key in columns})
     varied = [field for field in sweep.fields if field != "seed"]

@@ -29,7 +29,7 @@ def on_part(agent, part, count, seed=0):
 
 
 def felt_by(q):
-    """What `touch` would feel; nothing at more than 0.1 from both skins."""
+    """Sensations as in `touch`; null farther than 0.1 from both skins."""
     place, parts = q[:, :3].astype(float), []
     for number, shape in enumerate(SHAPES[name] for name in ("sphere", "tube")):
         at = place - 6.0 * number * np.array([1.0, 0.0, 0.0])
@@ -74,7 +74,7 @@ def test_an_agent_learns_recovers_plans_and_remembers(agent):
         agent.memory = None
 
 
-def test_planned_motions_stay_on_the_skin_and_feel_as_foretold(agent):
+def test_planned_motions_stay_on_the_skin_and_feel_as_predicted(agent):
     for seed in range(6):
         start, goal = on_part(agent, seed % 2, 2, seed)
         execution = carried_out(agent, agent.plan(start, goal))
@@ -174,7 +174,7 @@ def test_another_unit_of_a_joint_changes_nothing_but_the_unit(agent, experience)
     np.testing.assert_allclose(there.path(s) / unit, here.path(s), atol=1e-2)
 
 
-def test_two_hands_that_rarely_touch_at_once_are_told_apart():
+def test_two_hands_that_rarely_touch_at_once_are_separated():
     q, sensation, skin, _ = touch(["sphere", "tube", "cap"], 12_000, double=0.03, seed=1)
     agent = Agent.learn(q, sensation, num_targets=200)
     representation = agent.representation

@@ -77,7 +77,7 @@ def test_touch_is_expected_where_the_agent_is_not_in_the_air(motion, execution):
     assert motion.goal == execution.motion.goal == 2
 
 
-def test_a_motion_that_stays_touches():
+def test_a_motion_that_stays_is_in_contact():
     stays = Motion(
         nodes=np.array([3]),
         links=np.empty(0, int),
@@ -127,7 +127,7 @@ def test_what_is_missing_is_named(execution, name):
         Execution.from_arrays(arrays)
 
 
-def test_a_path_that_is_none_is_refused(plan):
+def test_an_invalid_path_is_refused(plan):
     arrays = plan.to_arrays() | {"path_knots": np.zeros(2)}
     with pytest.raises(ValueError, match=r"^path_control does not fit path_knots$"):
         Plan.from_arrays(arrays)

@@ -1,4 +1,4 @@
-"""A finger in the plane, on a wall that it may not go through, and a joint that moves nothing."""
+"""A finger in the plane, a wall that it must not pass, and a joint that moves nothing."""
 
 import dataclasses
 from itertools import pairwise
@@ -18,7 +18,7 @@ NUM = 40
 
 
 def representation():
-    """Kernels of one touch each, of which all feel alike."""
+    """Kernels of one touch each, all with the same sensation."""
     x = touches(NUM)
     felt = feel(x)
     return QuotientRepresentation(
@@ -46,7 +46,7 @@ BLANK = RehearsalMemory.blank(REPRESENTATION)
 
 
 def possible(x):
-    """The hand is not too deep in the ball, and the fourth joint not where it is in the way."""
+    """Whether the hand is not too deep in the ball, and the fourth joint not in the way."""
     return (deep(x) < 0.07) & (np.abs(x[:, 3] - 2.0) > 0.2)
 
 
@@ -68,7 +68,7 @@ def a_plan(waypoints, *, links=None, in_air=None):
 
 
 def a_pair():
-    """Two touches of which the straight way leads too deep, and can be slid along."""
+    """Two touches: the straight way between them leads too deep, but sliding works."""
     x = touches(NUM)
     x[:, 3] = 0.0
     for a in x:

@@ -1,4 +1,4 @@
-"""What the finger of `test_sliding` feels beside its way along a ball."""
+"""The sensations of the finger of `test_sliding` beside its way along a ball."""
 
 import numpy as np
 import pytest

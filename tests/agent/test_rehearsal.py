@@ -90,7 +90,7 @@ A, B, C, NOTHING = (1, 0, 0, 0), (0, 1, 0, 0), (0, 0, 1, 0), (0, 0, 0, 0)
         ([NOTHING] * 5, 0.0, False, [4, 7]),
     ],
 )
-def test_what_was_felt_tells_the_links_that_failed(felt, contact, reached, lost):
+def test_sensations_show_the_links_that_failed(felt, contact, reached, lost):
     one = judged(felt)
     assert (one.contact, one.reached, one.lost_links.tolist()) == (contact, reached, lost)
     assert one.perfect == (contact == 1.0 and reached)
@@ -199,10 +199,14 @@ def test_a_memory_of_another_representation_is_refused():
             "link_penalty must hold finite factors",
         ),
         ("link_penalty", np.array([1.0, np.nan, 1]), "link_penalty must hold finite factors"),
-        ("slide_ends", np.zeros((0, 2, 3)), "slide_ends is not an array of slides"),
+        (
+            "slide_ends",
+            np.zeros((0, 2, 3)),
+            r"slide_ends is float64 of shape \(0, 2, 3\), expected",
+        ),
         ("slide_x", np.full((1, 2), np.nan), "slide_x must hold finite numbers"),
         ("slide_offsets", np.array([3]), "slide_offsets must rise from 0 to 0"),
-        ("slide_node", np.array([0.5]), "slide_node is not an array of slides"),
+        ("slide_node", np.array([0.5]), "slide_node is float64 of .* expected whole numbers"),
     ],
 )
 def test_a_damaged_memory_is_refused(name, array, message):

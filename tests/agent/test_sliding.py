@@ -1,5 +1,6 @@
-"""A point at the end of three links in space, and a ball that feels how deep it is pressed."""
+"""A point at the end of three links in space, and a ball that feels how deep the point is."""
 
+import re
 from itertools import pairwise
 
 import numpy as np
@@ -44,7 +45,7 @@ SLIDER = Slider(feel, possible, -LIMIT, LIMIT)
 
 
 def held(x):
-    """Share of the straight lines between `(n, J)` configurations on which something is felt."""
+    """Share of the straight way through `(n, J)` configurations on which something is felt."""
     dense = np.concatenate([np.linspace(a, b, 20) for a, b in pairwise(x)])
     return np.mean(feel(dense).any(axis=1) & possible(dense))
 
@@ -110,16 +111,20 @@ def test_a_slide_is_known_by_its_ends():
 @pytest.mark.parametrize(
     ("name", "array", "message"),
     [
-        ("ends", np.zeros((1, 2, 2)), "slide_ends is not an array of slides"),
+        (
+            "ends",
+            np.zeros((1, 2, 2)),
+            "slide_ends is float64 of shape (1, 2, 2), expected real numbers of shape (1, 2, 3)",
+        ),
         ("node", np.array([-1]), "slide_node must name kernels 0 to 8"),
         ("node", np.array([9]), "slide_node must name kernels 0 to 8"),
         ("offsets", np.array([0, 2]), "slide_offsets must rise from 0 to 1"),
         ("x", np.full((1, 3), np.inf), "slide_x must hold finite numbers"),
     ],
 )
-def test_what_are_no_slides_is_refused(name, array, message):
+def test_invalid_slides_are_refused(name, array, message):
     slides = Slides.none(3).and_also(np.zeros(3), np.ones(3), np.full((1, 3), 0.5), np.array([8]))
     slides.check(3, 9)
     fields = {n: getattr(slides, n) for n in ("ends", "offsets", "x", "node")}
-    with pytest.raises(ValueError, match=f"^{message}$"):
+    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         Slides(**fields | {name: array}).check(3, 9)

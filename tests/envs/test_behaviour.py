@@ -1,4 +1,4 @@
-"""What an environment shows, rewards and ends."""
+"""Observations, rewards and ends of the environments."""
 
 import numpy as np
 import pytest
@@ -140,7 +140,7 @@ def test_sliding_ends_where_contact_is_lost(slide, posture):
         slide.reset(options={"q": posture.q})
         ended.append(any(slide.step(joint.astype(np.float32))[2] for _ in range(10)))
     assert any(ended)
-    with pytest.raises(ValueError, match=r"where nothing is touched: start in touch$"):
+    with pytest.raises(ValueError, match=r"where nothing touches: give a touching start$"):
         slide.reset(options={"q": np.zeros(6)})
 
 
@@ -150,15 +150,15 @@ def test_sliding_ends_where_contact_is_lost(slide, posture):
         ({"speed": 1}, r"^options has 'speed': known are goal, q$"),
         ({"q": [0.0]}, r"^options\['q'\] is \[0.0\]: give 6 finite numbers$"),
         ({"q": [9.0, 0, 0, 0, 0, 0]}, r"^options\['q'\] is \[9.0, .*: keep between "),
-        ({"goal": np.zeros(100)}, r"of which no reading is negative and not all are 0$"),
+        ({"goal": np.zeros(100)}, r"give a sensation in N, without negative readings, not all 0$"),
     ],
 )
-def test_an_option_that_cannot_be_is_refused(reach, options, message):
+def test_an_impossible_option_is_refused(reach, options, message):
     with pytest.raises(ValueError, match=message):
         reach.reset(options=options)
 
 
-def test_an_action_that_is_none_is_refused(env):
+def test_an_invalid_action_is_refused(env):
     env.reset(seed=0)
     with pytest.raises(ValueError, match=r"^action is \[nan.*: give \(6,\) numbers, -1 to 1$"):
         env.step(np.full(6, np.nan))

@@ -1,4 +1,4 @@
-"""The environments are what Gymnasium asks for, and the same every time."""
+"""The environments fulfil Gymnasium's contract and are deterministic."""
 
 import tomllib
 import warnings
@@ -52,7 +52,7 @@ def env():
 
 @pytest.fixture(scope="module")
 def first(env):
-    """What a thousand steps give, byte by byte."""
+    """The results of a thousand steps, as bytes."""
     return rollout(env, 7, NUM_STEPS)
 
 

@@ -31,5 +31,5 @@ def tube():
 
 @pytest.fixture
 def hand():
-    """Lays touches."""
+    """Places touches on skins."""
     return Hand()

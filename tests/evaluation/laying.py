@@ -1,4 +1,4 @@
-"""Touches, laid on skins by hand."""
+"""Touches that tests place on skins by hand."""
 
 import numpy as np
 
@@ -14,18 +14,18 @@ def skin_fields(surface, num_receptors=30):
 
 
 class Hand:
-    """Lays touches on skins, one contact or several each."""
+    """Places touches on skins, with one or more contacts each."""
 
     def __init__(self):
         self._rows = []
 
     def touch(self, *contacts):
-        """One touch: of each contact the skin, the toucher and the place, m."""
+        """Adds one touch: skin, toucher and position (m) of each contact."""
         self._rows.append(sorted(contacts, key=lambda contact: contact[:2]))
         return self
 
     def touch_all(self, places, skin=0, toucher=0):
-        """One touch for each of the places `(n, 3)` m."""
+        """Adds one touch for each position `(n, 3)` m."""
         for place in places:
             self.touch((skin, toucher, place))
         return self
@@ -43,7 +43,7 @@ class Hand:
 
 
 def places(fields, number, seed=0, *, where=lambda p: np.ones(len(p), dtype=bool)):
-    """`(number, 3)` m, places all over a surface, where `where` holds, just below it."""
+    """`(number, 3)` m, positions spread just below a surface, where `where` is true."""
     rng = np.random.default_rng(seed)
     a, b, c = fields.vertices[fields.faces].swapaxes(0, 1)
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)

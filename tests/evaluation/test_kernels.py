@@ -7,7 +7,7 @@ from selftouch_drake.evaluation import kernel_truth, parts_on_skins, shape_error
 
 
 def representation(sizes):
-    """Kernels of so many configurations each."""
+    """Kernels with the given numbers of configurations."""
     K, R = len(sizes), sum(sizes)
     return QuotientRepresentation(
         target_sensations=np.eye(K),
@@ -61,7 +61,7 @@ def test_truth_of_other_touches_is_refused(hand):
     ):
         kernel_truth(representation([3]), hand.contacts())
     with pytest.raises(
-        ValueError, match=r"^kernel 1 has no contact; the truth is of another experience$"
+        ValueError, match=r"^kernel 1 has no contact; the truth belongs to another experience$"
     ):
         kernel_truth(representation([1, 1]), hand.contacts())
 

@@ -21,7 +21,7 @@ TARGETS = np.eye(3)
 
 
 def motion(predicted, *, goal=2, in_air=(False, False, False)):
-    """Four instants on a way of three steps, from kernel 0 to `goal`."""
+    """Four instants of a plan of three steps, from kernel 0 to `goal`."""
     s = np.array([0.0, 1.0, 2.0, 3.0])
     return Motion(
         nodes=np.array([0, 1, 0, goal]),
@@ -79,7 +79,7 @@ def test_what_happens_in_the_air_does_not_count():
     assert score_motion(landed, FELT, TARGETS).contact == 1.0
 
 
-def test_the_summary_tells_the_mean_and_the_worst():
+def test_the_summary_reports_the_mean_and_the_worst():
     felt = np.array([[1.0, 0, 0], [0, 1.0, 0]] * 2)
     lost = felt * [[1.0], [0.0], [1.0], [0.0]]
     scores = [score_motion(motion(felt, goal=1), f, TARGETS) for f in (felt, lost)]
@@ -188,7 +188,7 @@ def test_an_arm_that_lags_behind_has_come_less_far():
     assert np.all(np.diff(progress_along(time_s, path(time_s), path(time_s[::-1]))) >= 0.0)
 
 
-def test_an_arm_that_stays_has_nowhere_to_come():
+def test_an_arm_that_stays_makes_no_progress():
     s, q = np.zeros(2), np.ones((2, 3))
     assert np.array_equal(progress_along(s, q, q + 0.001), s)
 

@@ -1,4 +1,4 @@
-"""True parts of hand-laid touches."""
+"""True parts of touches placed by hand."""
 
 import numpy as np
 import pytest

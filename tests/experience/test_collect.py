@@ -36,7 +36,7 @@ collect_module = sys.modules[collect.__module__]
 
 
 class Backwards(Executor):
-    """Runs its jobs, once all of them are there, in the opposite order."""
+    """Collects jobs, then runs them in the opposite order."""
 
     def __init__(self, num_jobs):
         self._num_jobs, self._jobs = num_jobs, []
@@ -90,7 +90,7 @@ def _collected(path, experiment, executor):
 
 
 def collect_into(run, executor, **options):
-    """The steps that it took."""
+    """Number of steps so far."""
     counts = collect(
         run.experiment, run.path, fingerprint=run.fingerprint(), executor=executor, **options
     )
@@ -252,7 +252,7 @@ def test_a_dynamic_walk_is_sampled_evenly_and_felt_where_it_is(experiment, probe
     np.testing.assert_array_equal(felt_again, sensation[: len(again)])
 
 
-def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeypatch):
+def test_a_body_that_is_never_touched_is_reported(experiment, source, probe, monkeypatch):
     monkeypatch.setattr(collect_module, "PATIENCE", 10_000)
     monkeypatch.setattr(experiment.babbling, "step_size", 1e-9)
     # The walk hardly moves, and this one starts away from the body.
@@ -260,14 +260,14 @@ def test_a_body_that_is_never_touched_is_told(experiment, source, probe, monkeyp
     with pytest.raises(NeverTouchesError) as error:
         collect_walk(source, experiment, away, 10)
     assert str(error.value) == (
-        "babbling touched nothing in 12288 steps; see what can reach what with `selftouch robot "
+        "babbling touched nothing in 12288 steps; see what can touch what with `selftouch robot "
         "EXPERIMENT --show`, or make babbling.step_size larger"
     )
 
 
-def test_a_walk_that_stops_touching_is_told(experiment, monkeypatch):
+def test_a_walk_that_stops_touching_is_reported(experiment, monkeypatch):
     class TouchesOnce:
-        """Touches in its first batch, and never again."""
+        """Touches in its first batch only."""
 
         robot = SimpleNamespace(
             babbled_range=(np.full(6, -1.0), np.full(6, 1.0)), turns=np.ones(6, bool)
@@ -294,7 +294,7 @@ def test_a_walk_that_stops_touching_is_told(experiment, monkeypatch):
 
 
 class Scripted:
-    """Touches in every step; each third posture is one that no robot can take."""
+    """Touches in every step; every third posture is impossible."""
 
     robot = SimpleNamespace(
         babbled_range=(np.full(6, -1.0), np.full(6, 1.0)), turns=np.ones(6, bool)
@@ -331,7 +331,7 @@ def test_postures_that_a_robot_cannot_take_are_counted_and_not_kept(
 
 
 def _first(probe, experiment, walk):
-    """`(1, 6)` the configuration at which a walk that hardly moves stays."""
+    """`(1, 6)` the configuration of a walk that hardly moves."""
     seed = experiment.random_stream("walk", walk)
     start = np.random.default_rng(seed).uniform(size=6)
     return (probe.robot.lower + start * (probe.robot.upper - probe.robot.lower))[None]

@@ -1,4 +1,4 @@
-"""Tables that other tools write are read, checked and, where they cannot serve, refused."""
+"""Tables of other tools are read and checked; unusable ones are refused."""
 
 import json
 
@@ -21,7 +21,7 @@ def arrays(rows):
 
 
 def columns():
-    """One column for each number, in no order."""
+    """One column per number, unordered."""
     named = {f"taxel_{n}": READINGS[:, n] for n in reversed(range(12))}
     return named | {f"joint_{n}": Q[:, n] for n in range(3)} | {"time_s": TIME_S}
 
@@ -129,8 +129,8 @@ def test_incomplete_rows_are_left_out_and_counted(tmp_path):
         (
             {"angles": Q, "touch": READINGS},
             {},
-            "a.npz has no column that is known to be what --q names; it has angles, touch: "
-            "name it, as in --q 'q' or --q 'joint*'",
+            "a.npz has no column with a usual name for --q; it has angles, touch: "
+            "name the column, as in --q 'q' or --q 'joint*'",
         ),
         (
             {"q": Q, "touch": READINGS},
@@ -150,7 +150,7 @@ def test_incomplete_rows_are_left_out_and_counted(tmp_path):
         (
             {"q": Q, "touch": np.full((4, 12), "a")},
             {},
-            "column touch of a.npz holds <U1; name one that holds numbers",
+            "column touch of a.npz holds <U1; name a column that holds numbers",
         ),
         (
             {"q": np.full((4, 3), np.nan), "touch": READINGS},
@@ -169,13 +169,13 @@ def test_what_cannot_be_used_is_refused(arrays, options, message, tmp_path, monk
 
 
 def test_folders_that_cannot_be_used_are_refused(tmp_path):
-    with pytest.raises(FileNotFoundError, match="nowhere is not there; give a file or a folder"):
+    with pytest.raises(FileNotFoundError, match="nowhere does not exist; give a file or a folder"):
         read_recording(tmp_path / "nowhere")
     with pytest.raises(RecordingError, match="holds no parquet, csv or npz file"):
         read_recording(tmp_path)
     np.savez(tmp_path / "a.npz", q=Q, touch=READINGS)
     np.savez(tmp_path / "b.npz", q=Q[:, :2], touch=READINGS)
-    with pytest.raises(RecordingError, match=r"b\.npz has 2 joints of other names than .*a.npz"):
+    with pytest.raises(RecordingError, match=r"b\.npz has 2 joints, but .*a.npz has"):
         read_recording(tmp_path)
     (tmp_path / "c.csv").write_text("q\n1\n")
     with pytest.raises(RecordingError, match=r"holds files of kinds \.csv, \.npz; give one kind"):
@@ -184,9 +184,9 @@ def test_folders_that_cannot_be_used_are_refused(tmp_path):
     with pytest.raises(RecordingError, match=r"d\.parquet is damaged"):
         read_recording(tmp_path / "d.parquet")
     (tmp_path / "notes.txt").write_text("q")
-    with pytest.raises(RecordingError, match=r"notes\.txt is no parquet, csv or npz file"):
+    with pytest.raises(RecordingError, match=r"notes\.txt is not a parquet, csv or npz file"):
         read_recording(tmp_path / "notes.txt")
     table = {"q": pa.array([[1.0], [1.0, 2.0]]), "touch": pa.array([[1], [1]])}
     pq.write_table(pa.table(table), tmp_path / "e.parquet")
-    with pytest.raises(RecordingError, match="arrays of different lengths"):
+    with pytest.raises(RecordingError, match="has arrays of length 1, but another length"):
         read_recording(tmp_path / "e.parquet")

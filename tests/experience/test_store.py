@@ -82,7 +82,9 @@ def test_contacts_are_taken_by_row_in_any_order(tmp_path):
             )
             np.testing.assert_array_equal(found.p_LC[mine], whole.p_LC[there])
             np.testing.assert_array_equal(found.skin[mine], whole.skin[there])
-    with pytest.raises(StoreError, match=r"truth has 12 rows, none of number 12; it is of another"):
+    with pytest.raises(
+        StoreError, match=r"truth has 12 rows, but row 12 is needed; it belongs to another"
+    ):
         reader.take_contacts(np.array([3, 12]))
 
 
@@ -94,7 +96,9 @@ def test_rows_are_taken_by_number_in_any_order(tmp_path):
     for rows in ([11, 0, 4, 4, 3, 2], [5], [], range(12)):
         wanted = np.array(rows, dtype=int)
         np.testing.assert_array_equal(reader.take("q", wanted), whole[wanted])
-    with pytest.raises(StoreError, match=r"experience has 12 rows, none of number 12; it is of an"):
+    with pytest.raises(
+        StoreError, match=r"experience has 12 rows, but row 12 is needed; it belongs"
+    ):
         reader.take("q", np.array([3, 12]))
 
 
@@ -185,7 +189,7 @@ def test_a_parquet_file_from_elsewhere_is_refused(tmp_path):
     for column in ("q", "sensation"):
         with pytest.raises(StoreError) as error:
             ExperienceReader(tmp_path / "experience").read(column)
-        assert str(error.value) == f"{path} has no column {column}; it is not such a shard"
+        assert str(error.value) == f"{path} has no column {column}; give a folder of such shards"
 
 
 def test_a_folder_without_shards_is_refused(tmp_path):
@@ -196,8 +200,8 @@ def test_a_folder_without_shards_is_refused(tmp_path):
     )
 
 
-def test_damage_anywhere_is_told_or_harmless(tmp_path):
-    """Of a shard cut or overwritten anywhere, nothing is read that was never written."""
+def test_damage_anywhere_is_reported_or_harmless(tmp_path):
+    """A shard that was cut or overwritten is never read as if it were intact."""
     write_shard(tmp_path, _shard(num_rows=200), fingerprint=PRINT)
     path = tmp_path / "experience" / shard_name(0)
     whole = path.read_bytes()

@@ -34,7 +34,7 @@ STANDARD_BODIES = {
 
 
 def _assert_sound(skin: geometry.HollowSkin) -> None:
-    """All tetrahedra are upright, and together they fill exactly what is between the surfaces."""
+    """All tetrahedra have positive volume; together they fill the wall between the surfaces."""
     outer = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
     inner = trimesh.Trimesh(skin.inner_vertices, skin.faces, process=False)
     volumes = geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra)

@@ -17,7 +17,7 @@ def world(request):
 
 @pytest.fixture(scope="session", params=[n for n in robots.SHIPPED if n != "infant"])
 def open_world(request):
-    """The world of each robot that has no rigid parts which may stop each other."""
+    """The world of each robot without rigid parts that may collide."""
     return robots.shipped(request.param)
 
 

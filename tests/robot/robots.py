@@ -19,7 +19,7 @@ def shipped(name):
 
 
 class KinematicStation:
-    """Asks Drake's diagram about every configuration: slow, without screen and batches."""
+    """Evaluates every configuration in Drake's diagram: slow, without screen and batches."""
 
     def __init__(self, world):
         made = MakeKinematicStation(world.experiment, world.skins)
@@ -49,7 +49,7 @@ def kinematic_station(world):
 
 
 def anywhere(robot, number, seed):
-    """`(number, J)` configurations all over the range in which a robot babbles."""
+    """`(number, J)` configurations, uniform over the range in which a robot babbles."""
     return np.random.default_rng(seed).uniform(*robot.babbled_range, (number, robot.num_joints))
 
 
@@ -62,14 +62,14 @@ def free(world, q):
 
 @functools.cache
 def configurations(world):
-    """Some all over the place, and some of a walk, which stays where it touches for a while."""
+    """Some uniform configurations, and some of a walk, in which touches last for several steps."""
     walk = random_walk(world.experiment, world.robot, 1)
     return np.concatenate([anywhere(world.robot, 2000, seed=1), walk.steps(4000)])
 
 
 @functools.cache
 def touches(world):
-    """`(N, J)` configurations that touch, and `(N, S)` what is felt there."""
+    """`(N, J)` configurations that touch, and their sensations `(N, S)`."""
     q = anywhere(world.robot, 8000, seed=3).astype(np.float32)
     felt = world.probe.sensations(q)
     rows = np.flatnonzero(felt.any(axis=1))
@@ -93,7 +93,7 @@ def link(name, *geometries, mass=1.0, pose=""):
 
 
 def joint(name, kind, parent, child, axis="0 0 1", limits=(-1, 1), pose="", **more):
-    """SDF of a joint; `more` are further limits, as `effort`; `pose` is on the child."""
+    """SDF of a joint; `more` holds further limits (`effort`); `pose` is relative to the child."""
     bounds = {} if limits is None else {"lower": limits[0], "upper": limits[1]}
     text = "".join(f"<{key}>{value}</{key}>" for key, value in {**bounds, **more}.items())
     return (
@@ -110,7 +110,7 @@ def shape(kind, pose="", **dimensions):
 
 
 def carried(name, *geometries, parent="base", reach=100.0):
-    """SDF of a link that six joints carry anywhere: rails along x, y, z, and turns about them."""
+    """SDF of a link on six joints that can move it anywhere: three rails and three turns."""
     steps = [f"{name}_{part}" for part in ("x", "y", "z", "roll", "pitch")]
     chain = [parent, *steps, name]
     axes = ("1 0 0", "0 1 0", "0 0 1")

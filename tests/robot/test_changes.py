@@ -1,4 +1,4 @@
-"""A body changes as its experiment says: links, joints and skins, by name, on any robot."""
+"""Changes of links, joints and skins of any robot, as the experiment describes them."""
 
 import numpy as np
 import pytest
@@ -66,7 +66,7 @@ def test_a_skin_slips_and_stretches_with_its_receptors(base):
 
 
 def felt(base, *changes):
-    """What a row of readings 1 to 12 becomes."""
+    """The readings 1 to 12 after the change."""
     experiment = load_experiment("sphere", {**SMALL, "changes": list(changes)})
     skins = ImperfectSkins.of(experiment, base.skins)
     return skins(np.arange(1.0, 13.0)[None], np.zeros((1, 6)))[0]

@@ -65,7 +65,7 @@ def dummy(tmp_path_factory):
 
 
 def brute_force(world, q):
-    """`(N, P)` m, how deep each two links are, beyond what is allowed: by Drake alone."""
+    """`(N, P)` m, depth of each two links beyond the allowed one, computed by Drake."""
     station = robots.kinematic_station(world)
     depth = np.zeros((len(q), len(station.robot.rigid_pairs)))
     for row, at in enumerate(q):
@@ -135,7 +135,7 @@ def test_a_robot_without_rigid_parts_takes_every_posture(cube_world):
     np.testing.assert_array_equal(cube_world.probe.collision_depth(q), np.zeros(10))
 
 
-def test_no_postures_have_no_depths(dummy):
+def test_no_postures_give_no_depths(dummy):
     assert dummy.probe.collision_depth(np.empty((0, 4))).shape == (0,)
 
 

@@ -25,7 +25,7 @@ def grid(path, spacing=0.03):
 
 
 def toppra_duration(path):
-    """s, by Drake's Toppra, of a chain of joints."""
+    """s, duration by Drake's Toppra for a chain of joints."""
     plant = MultibodyPlant(0.0)
     parent = plant.world_body()
     for joint in range(3):

@@ -1,4 +1,4 @@
-"""Contact as pure geometry, held to Drake's own."""
+"""Contact as pure geometry, compared with Drake."""
 
 import os
 
@@ -38,7 +38,7 @@ EXPERIMENTS = (
 
 
 def drake_touches(world, q):
-    """What Drake says: all contact surfaces at every configuration."""
+    """Drake's result: all contact surfaces at every configuration."""
     faces, sensor = PressedFaces(), sensor_model(world.robot)
     for row, at in enumerate(q):
         surfaces = world.probe.query(at).ComputeContactSurfaces(
@@ -78,7 +78,7 @@ def wall():
 
 
 def anywhere_inside(wall, num_points, seed=0):
-    """Points in a wall, and the tetrahedra that they are in."""
+    """Points in a wall, and the tetrahedra that contain them."""
     rng = np.random.default_rng(seed)
     tets = rng.integers(len(wall.tetrahedra), size=num_points)
     corners = wall.tet_vertices[wall.tetrahedra[tets]]

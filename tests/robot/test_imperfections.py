@@ -25,7 +25,7 @@ Q = np.random.default_rng(0).uniform(-3, 3, (400, 6)).astype(np.float32)
 
 
 def flawed(world, *, seed=0, **flaws):
-    """The same world with skins that are not perfect; each skin its own, or all the same."""
+    """The same world with imperfect skins; each skin with its own imperfections, or all alike."""
     each = {name: flaws.get(name, flaws) for name in world.experiment.skins}
     skins = {
         name: dataclasses.replace(skin, imperfections=Imperfections(**each[name]))
@@ -38,13 +38,13 @@ def flawed(world, *, seed=0, **flaws):
 
 
 def imperfect(world, **flaws):
-    """What the first skin reads, alone."""
+    """Readings of the first skin only."""
     made = flawed(world, **flaws)
     return ImperfectSkin.of(made.experiment, 0, made.skins[0])
 
 
 def touches(world, num_touches=50):
-    """`(n, J)` configurations that touch, and `(n, S)` what a perfect skin feels there."""
+    """`(n, J)` configurations that touch, and `(n, S)` sensations of a perfect skin."""
     q, felt = robots.touches(world)
     assert len(q) >= num_touches
     return q[:num_touches], felt[:num_touches]
@@ -220,7 +220,7 @@ def test_a_dynamic_walk_reads_what_the_probe_reads(name):
 
 
 def logged_at_every_step(world, q, duration):
-    """What is felt at every step of the plant on the way between two configurations."""
+    """Sensations at every step of the plant between two configurations."""
     period = world.experiment.execution.time_step
     simulation = Simulation(world.experiment, world.skins, log_period=period)
     v = np.tile(np.diff(q, axis=0) / duration, (2, 1))

@@ -99,7 +99,7 @@ def test_joints_that_are_not_named_stay_at_their_default(tmp_path):
         np.testing.assert_allclose(X_WL, expected, rtol=0, atol=1e-12)
 
 
-def test_no_configurations_have_no_poses(world):
+def test_no_configurations_give_no_poses(world):
     robot = world.robot
     none = np.empty((0, robot.num_joints))
     assert robot.skin_positions(none).shape == (0, len(robot.skins), 3, 4)

@@ -70,7 +70,7 @@ def plant_and_geometry(model):
 
 
 def extents(inspector, role):
-    """Of the meshes with a role, sorted."""
+    """File names of the meshes with a role, sorted."""
     shapes = [inspector.GetShape(g) for g in inspector.GetAllGeometryIds(role)]
     found = [trimesh.load_mesh(shape.source().path()).extents * shape.scale3() for shape in shapes]
     return np.array(sorted(found, key=tuple))
@@ -213,7 +213,11 @@ def test_digests_follow_content(mine):
 @pytest.mark.parametrize(
     ("file", "content", "error"),
     [
-        ("robot.dmd.yaml", None, "robot.directives is '{}/robot.dmd.yaml', and there is no file"),
+        (
+            "robot.dmd.yaml",
+            None,
+            "is '{0}/robot.dmd.yaml', and {0}/robot.dmd.yaml does not exist; correct the path",
+        ),
         ("robot.dmd.yaml", "directives: [", "yaml-cpp: error at line 1"),
         ("robot.dmd.yaml", "directives: [{add_weld: {}}]", "`parent` must be non-empty"),
         ("robot.dmd.yaml", "directives: [{add_modle: {}}]", "key 'add_modle' did not match"),
@@ -238,10 +242,10 @@ def test_digests_follow_content(mine):
             ADD_BOX + "- add_weld: {parent: world, child: 'box::lid'}\n",
             "robot.directives cannot be loaded: ",
         ),
-        ("box.urdf", None, "is 'package://mine/box.urdf', and there is no file"),
-        ("box.urdf", "<robot><link></robot>", "box.urdf is no XML that can be read: mismatched"),
+        ("box.urdf", None, "is 'package://mine/box.urdf', and {}/box.urdf does not exist"),
+        ("box.urdf", "<robot><link></robot>", "box.urdf is not readable XML (mismatched"),
         ("box.urdf", '<robot name="a"><link/></robot>', "link tag is missing name attribute"),
-        ("meshes/box.stl", None, "is 'meshes/box.stl', and there is no file"),
+        ("meshes/box.stl", None, "is 'meshes/box.stl', and {}/meshes/box.stl does not exist"),
         ("meshes/box.stl", "solid", "meshes/box.stl"),
     ],
 )
@@ -260,12 +264,18 @@ def test_mistakes_are_reported_in_one_line(mine, file, content, error):
 @pytest.mark.parametrize(
     ("packages", "error"),
     [
-        ({"mine": "/nowhere"}, "robot.packages.mine is '/nowhere', and /nowhere is no folder"),
-        ({"drake": "/"}, "robot.packages.drake has the name of a package that is always there"),
-        ({"selftouch_drake": "/"}, "robot.packages.selftouch_drake has the name"),
+        ({"mine": "/nowhere"}, "robot.packages.mine is '/nowhere', and /nowhere is not a folder"),
+        (
+            {"drake": "/"},
+            "robot.packages.drake is a package that always exists; give it another name",
+        ),
+        (
+            {"selftouch_drake": "/"},
+            "robot.packages.selftouch_drake is a package that always exists",
+        ),
     ],
 )
-def test_roots_that_are_none(packages, error):
+def test_invalid_package_roots_are_refused(packages, error):
     with pytest.raises(ModelError) as caught:
         load_model("package://selftouch_drake/one_finger.dmd.yaml", packages)
     assert error in str(caught.value)

@@ -1,4 +1,4 @@
-"""Physics that the tactile skin has to get right, each through Drake's own contact."""
+"""Physical checks of the tactile skin, with Drake's own contact."""
 
 import functools
 import itertools
@@ -99,7 +99,7 @@ class TouchRig:
         self._plant_context = plant.GetMyMutableContextFromRoot(self._context)
 
     def feel(self, X_BF, X_BF1=AWAY, X_WB=None):
-        """The sensation of fingertips at `X_BF` and `X_BF1`, of a body at `X_WB`."""
+        """The sensation for fingertips at `X_BF` and `X_BF1` on a body at `X_WB`."""
         X_WB = X_WB or RigidTransform()
         poses = X_WB, X_WB @ X_BF, X_WB @ X_BF1
         for body, X_WL in zip(self._bodies, poses, strict=True):
@@ -107,7 +107,7 @@ class TouchRig:
         return self._read(self._touch)
 
     def feel_kinematically(self):
-        """What the system feels that needs no plant, where `feel` put all."""
+        """Readings of the system without a plant, at the poses of the last `feel`."""
         return self._read(self._kinematic)
 
     def contacts(self):
@@ -140,7 +140,7 @@ def _random_rotation(rng) -> RotationMatrix:
 
 
 def _integral_over_polygons(surface) -> tuple[float, np.ndarray]:
-    """Pressure integrated over a contact surface, and the force it makes, triangle by triangle."""
+    """Integral of the pressure over a contact surface, and its force, triangle by triangle."""
     mesh, pressure = surface.poly_mesh_W(), surface.poly_e_MN()
     total, force = 0.0, np.zeros(3)
     for face in range(mesh.num_faces()):
@@ -262,7 +262,7 @@ def test_opposite_walls_do_not_talk():
 
 
 class Scale:
-    """A cube with a skin on a link that moves as it is told, and a block that rests on it."""
+    """A cube with a skin on a link that moves as commanded, and a block that rests on it."""
 
     MASS, SIZE = 0.2, (0.08, 0.08, 0.04)
 
@@ -305,11 +305,11 @@ class Scale:
         plant.SetFreeBodyPose(plant_context, self._block, RigidTransform([0.03, -0.02, 0.24]))
 
     def follow(self, path):
-        """Lets the link follow a path of its joint."""
+        """The link follows a path of its joint."""
         self._source.SetPath(self._source.GetMyMutableContextFromRoot(self.context), path)
 
     def advance_to(self, time_s):
-        """Goes on, and returns the sensation."""
+        """Simulates on and returns the sensation."""
         self._simulator.AdvanceTo(time_s)
         touch_context = self._touch.GetMyContextFromRoot(self.context)
         return self._touch.get_output_port().Eval(touch_context)
@@ -319,7 +319,7 @@ class Scale:
         return self._fields.p_LS[sensation > 0]
 
     def speed(self):
-        """Of what moves fastest, rad/s or m/s."""
+        """The largest speed of any joint, rad/s or m/s."""
         plant_context = self._plant.GetMyContextFromRoot(self.context)
         return np.abs(self._plant.GetVelocities(plant_context)).max()
 

@@ -1,4 +1,4 @@
-"""A robot is data: what is made of it, and what is said of mistakes in it."""
+"""A robot is data: how it is built, and how mistakes in it are reported."""
 
 import re
 
@@ -26,13 +26,13 @@ def build(folder, *parts, skins=SKINS, touching=TOUCHING, **fields):
 
 
 def message_of(folder, *parts, **fields):
-    """What is said of a mistake."""
+    """The error message for a mistake."""
     with pytest.raises(ExperimentError) as caught:
         _ = build(folder, *parts, **fields).probe
     return str(caught.value)
 
 
-def test_this_robot_is_one(tmp_path):
+def test_this_is_the_same_robot(tmp_path):
     robot = build(tmp_path, *ROBOT).robot
     assert robot.joint_names == ["shoulder", "wrist"]
     assert robot.touching_pairs == ((0, 0),)
@@ -70,7 +70,7 @@ def test_this_robot_is_one(tmp_path):
         (
             (*ROBOT[:4], robots.joint("wrist", "revolute", "arm", "hand", limits=(0.5, 0.5))),
             {},
-            "joint 'wrist' has the limits 0.5 and 0.5, no range to move in; mend its model, or "
+            "joint 'wrist' has the limits 0.5 and 0.5, so it cannot move; correct its model, or "
             "name the other joints in robot.joints",
         ),
         (
@@ -97,19 +97,19 @@ def test_this_robot_is_one(tmp_path):
         (
             ROBOT,
             {"skins": SKINS | {"sleeve": {"link": "arm", "surface": SKINS["torso"]["surface"]}}},
-            "skins.sleeve can never feel: all that touches is on its own link or on one next to "
-            "it; add something to touching",
+            "skins.sleeve can never be touched: all touchers are on its own link or next to it; "
+            "add another one to touching",
         ),
         (
             ROBOT,
             {"touching": TOUCHING | {"elbow": {"frame": "arm", "radius": 0.1}}},
-            "touching.elbow can never touch: every skin is on its own link or on one next to it; "
+            "touching.elbow can never touch: all skins are on its own link or next to it; "
             "leave it out, or add a skin",
         ),
         (
             ROBOT,
             {"touching": {"hand": {"link": "hand"}}},
-            "touching.hand.link is 'hand', which has no collision geometry; give it some in its "
+            "touching.hand.link is 'hand', a link without collision geometry; add some in its "
             "model, or give a ball by frame and radius",
         ),
         (
@@ -119,7 +119,7 @@ def test_this_robot_is_one(tmp_path):
                 robots.joint("fix", "fixed", "hand", "floor"),
             ),
             {"touching": {"floor": {"link": "floor"}}},
-            "touching.floor.link is 'floor', which has no collision geometry; give it some in its "
+            "touching.floor.link is 'floor', a link without collision geometry; add some in its "
             "model, or give a ball by frame and radius",
         ),
         (
@@ -141,13 +141,13 @@ def test_this_robot_is_one(tmp_path):
         (
             ROBOT,
             {"skins": {"hand": {"link": "hand", "surface": "collision"}}},
-            "skins.hand.surface is 'collision', but link 'hand' has no such geometry; give it "
-            "some in its model, or give a shape or a mesh",
+            "skins.hand.surface is 'collision', but link 'hand' has no such geometry; add some "
+            "in its model, or give a shape or a mesh",
         ),
         (
             ROBOT,
             {"skins": {"hand": {"link": "hand", "surface": "visual"}}},
-            "skins.hand.surface is 'visual', but link 'hand' has no such geometry; give it some "
+            "skins.hand.surface is 'visual', but link 'hand' has no such geometry; add some "
             "in its model, or give a shape or a mesh",
         ),
     ],
@@ -174,7 +174,8 @@ def test_a_name_that_two_models_have_must_be_scoped(tmp_path):
         return World(experiment_from_fields({"name": "a", **fields, "touching": touching}))
 
     message = (
-        "skins.torso.link is 'base'; 2 models have such a link: write one::base or other::base"
+        "skins.torso.link is 'base'; 2 models have a link of this name: write one::base or "
+        "other::base"
     )
     with pytest.raises(ExperimentError, match=f"^{re.escape(message)}$"):
         _ = world("base").skins

@@ -39,12 +39,12 @@ def screen_of(world):
 
 
 def may_touch(world, q):
-    """`(N,)` bool, whether the screen lets anything pass."""
+    """`(N,)` bool, whether the screen passes any pair."""
     return screen_of(world).near(q).any(axis=1)
 
 
 def on_rails(folder, surface):
-    """A ball on three rails at a skin that stands still: q is where the ball is."""
+    """A ball on three rails near a fixed skin: q is the position of the ball."""
     return robots.build(
         folder,
         robots.link("base"),
@@ -61,13 +61,13 @@ def on_rails(folder, surface):
 
 @pytest.fixture(scope="module", params=SURFACES)
 def ball(request, tmp_path_factory):
-    """The ball at each of the skins."""
+    """The ball near each of the skins."""
     return on_rails(tmp_path_factory.mktemp("ball"), SURFACES[request.param])
 
 
 @pytest.fixture(scope="module")
 def world_of_hands(tmp_path_factory):
-    """All of the touchers, each carried anywhere, at a skin that moves, too."""
+    """All touchers, each movable anywhere, near a skin that moves as well."""
     folder = tmp_path_factory.mktemp("hands")
     trimesh.Trimesh(CORNERS, FACES).export(folder / "pyramid.obj")
     small = {"shape": "capsule", "radius": 0.04, "length": 0.05, "translation": [0, 0.01, 0]}
@@ -216,7 +216,7 @@ def test_one_of_two_balls_in_touch_is_enough(tmp_path):
     np.testing.assert_array_equal(may_touch(world, q), [False, True, True])
 
 
-def test_no_configurations_are_none(world):
+def test_no_configurations_give_an_empty_result(world):
     none = np.empty((0, world.robot.num_joints))
     assert may_touch(world, none).shape == (0,)
     assert world.probe.sensations(none).shape == (0, world.experiment.num_receptors)

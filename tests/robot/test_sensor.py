@@ -7,7 +7,7 @@ from selftouch_drake.robot import MakeDynamicStation
 
 
 def swing_through(world, q, duration=0.3):
-    """What is logged while a robot swings past a configuration, at every step of the plant."""
+    """The log of a robot that swings past a configuration, at every step of the plant."""
     robot, simulation = world.robot, world.simulation
     reach = np.where(robot.turns, 0.15, 0.02) * (-1.0) ** np.arange(robot.num_joints)
     time_s = np.linspace(0.0, duration, 31)

@@ -1,4 +1,4 @@
-"""A servo on one joint that slides through a skin 6 cm wide, and one that moves nothing."""
+"""A servo on one joint that crosses a skin 6 cm wide, and one joint that moves nothing."""
 
 import numpy as np
 import pytest
@@ -21,13 +21,13 @@ TIME_S = 0.02 * np.arange(200)
 
 
 def strength(x, time_s=0.0, slipped=0.0):
-    """N, what is felt at x rad; the plan is now on one flank of the skin and now on the other."""
+    """N, reading at x rad; the plan alternates between the two flanks of the skin."""
     middle = 0.012 * np.cos(3.0 * time_s) + slipped
     return np.maximum(0.0, 4.0 - np.square((x - middle) / 0.015))
 
 
 def beside(expected=None):
-    """What was felt beside a plan that stays at 0."""
+    """Strengths beside a plan that stays at 0."""
     felt = strength(OFFSETS, TIME_S[:, None])
     return Beside(
         time_s=TIME_S,
@@ -51,8 +51,8 @@ class Skin(LeafSystem):
         output.SetFromVector([strength(x, context.get_time(), self._slipped)])
 
 
-def served(slipped, planned=0.0, duration=3.0, told=None):
-    """`(T,)` s, `(T, 2)` rad that is commanded."""
+def served(slipped, planned=0.0, duration=3.0, pressing=None):
+    """`(T,)` s and `(T, 2)` rad, commanded positions."""
     builder = DiagramBuilder()
     source = builder.AddSystem(ConstantVectorSource([planned, 0.0, 0.0, 0.0]))
     servo = builder.AddSystem(TouchServo(num_receptors=1, lower=-LIMIT, upper=LIMIT))
@@ -64,14 +64,14 @@ def served(slipped, planned=0.0, duration=3.0, told=None):
     simulator = Simulator(builder.Build())
     context = simulator.get_mutable_context()
     servo_context = servo.GetMyMutableContextFromRoot(context)
-    servo.Begin(servo_context, beside() if told is None else told, at_rest=True)
+    servo.Begin(servo_context, beside() if pressing is None else pressing, at_rest=True)
     simulator.AdvanceTo(duration)
     found = log.FindLog(context)
     return found.sample_times(), found.data().T[:, :2]
 
 
 def held(slipped):
-    """The least strength of touch after the first half second."""
+    """The smallest strength of the touch after the first half second."""
     time_s, q = served(slipped)
     later = time_s > 0.5
     assert not q[:, 1].any()
@@ -86,29 +86,29 @@ def test_it_holds_a_touch_that_the_plan_alone_would_lose(slipped):
 
 def test_it_stays_where_all_is_as_it_was_learned():
     _, q = served(0.0)
-    assert np.abs(q).max() < 0.01  # two of the places that it tells apart
+    assert np.abs(q).max() < 0.01  # two of the offsets that it distinguishes
 
 
 def test_it_follows_what_it_believes_with_its_bandwidth():
     # Only the far end of the scale explains that nothing is felt.
-    told = beside(np.where(OFFSETS[2] > OFFSETS, 0.0, 4.0))
-    time_s, q = served(10.0, told=told)
+    pressing = beside(np.where(OFFSETS[2] > OFFSETS, 0.0, 4.0))
+    time_s, q = served(10.0, pressing=pressing)
     rate = (q[1, 0] - q[0, 0]) / (time_s[1] - time_s[0])
     assert 0 < rate <= -1.01 * BANDWIDTH * OFFSETS[0]
 
 
 def test_the_offset_is_bounded_and_stays_within_the_limits():
-    told = beside(np.where(OFFSETS[2] > OFFSETS, 0.0, 4.0))
-    _, q = served(10.0, told=told, duration=5.0)
+    pressing = beside(np.where(OFFSETS[2] > OFFSETS, 0.0, 4.0))
+    _, q = served(10.0, pressing=pressing, duration=5.0)
     assert np.abs(q).max() == pytest.approx(MAX_OFFSET, rel=0.01)
-    _, q = served(10.0, planned=0.97, told=told, duration=5.0)
+    _, q = served(10.0, planned=0.97, pressing=pressing, duration=5.0)
     assert q.max() == pytest.approx(1.0)
 
 
-def commanded(servo, felt, told):
-    """A context after 0.2 s in which the same was felt."""
+def commanded(servo, felt, pressing):
+    """A context after 0.2 s of the same reading."""
     context = servo.CreateDefaultContext()
-    servo.Begin(context, told, at_rest=True)
+    servo.Begin(context, pressing, at_rest=True)
     servo.GetInputPort("desired_state").FixValue(context, [0.3, 0.0, 0.1, 0.0])
     servo.GetInputPort("sensation").FixValue(context, [felt])
     Simulator(servo, context).AdvanceTo(0.2)
@@ -124,9 +124,9 @@ def offset(servo, context):
     return servo.get_output_port().Eval(context)[0] - 0.3
 
 
-@pytest.mark.parametrize("told", [None, beside(np.zeros(len(OFFSETS)))])
-def test_it_rests_in_the_air_and_where_it_is_told_nothing(servo, told):
-    context = commanded(servo, 0.0, told)
+@pytest.mark.parametrize("pressing", [None, beside(np.zeros(len(OFFSETS)))])
+def test_it_rests_in_the_air_and_without_explored_strengths(servo, pressing):
+    context = commanded(servo, 0.0, pressing)
     assert servo.get_output_port().Eval(context).tolist() == [0.3, 0.0, 0.1, 0.0]
 
 

@@ -16,7 +16,7 @@ from selftouch_drake.robot.timing import time_path
 
 @pytest.fixture(scope="module", params=["in the air", "through the skin"])
 def motion(request, world):
-    """A motion that never touches, and one that presses and lets go again."""
+    """A motion that never touches, and one that touches for a while."""
     robot, limits = world.robot, world.limits
     rng = np.random.default_rng(4)
     wander = np.where(robot.turns, 0.15, 0.03)

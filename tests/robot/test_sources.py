@@ -25,7 +25,7 @@ def walk(robot, seed=4, step_size=0.15):
 
 
 def moving_to_the_end():
-    """From 2 s to 5 s, with velocity left at both ends."""
+    """From 2 s to 5 s, with non-zero velocity at both ends."""
     return PiecewisePolynomial.FirstOrderHold([2.0, 5.0], np.stack([START, END], axis=1))
 
 

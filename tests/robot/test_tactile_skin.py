@@ -1,4 +1,4 @@
-"""A tactile skin in a diagram of one's own."""
+"""A tactile skin in a user's own diagram."""
 
 import warnings
 

@@ -135,13 +135,13 @@ def test_the_same_path_is_timed_the_same():
     [
         (
             {"velocity_limit": np.ones(2)},
-            "velocity_limit has shape (2,): the path needs (3,), one limit per joint",
+            "velocity_limit has shape (2,): give (3,), one limit per joint",
         ),
         (
             {"acceleration_limit": np.array([1.0, 0.0, 1.0])},
             "acceleration_limit is [1.0, 0.0, 1.0]: give a positive limit for each joint",
         ),
-        ({"rate_hz": 0.0}, "rate_hz is 0.0: choose a positive rate"),
+        ({"rate_hz": 0.0}, "rate_hz is 0.0: give a positive number"),
     ],
 )
 def test_errors_say_what_to_do(options, message):

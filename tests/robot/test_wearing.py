@@ -1,4 +1,4 @@
-"""Several skins on a plant of one's own."""
+"""Several skins on a user's own plant."""
 
 import copy
 import re
@@ -210,7 +210,7 @@ def test_models_and_skins_come_from_one_file(tmp_path):
     ("text", "message"),
     [
         (None, "cannot be read as YAML: "),
-        ("[1]", "is no mapping; write `skins:` and skins by name"),
+        ("[1]", "is not a mapping; write `skins:` and skins by name"),
         ("skin: {}", "skins is {}; give at least one skin"),
         ("skins: {a: {}}\nplace: 3", "skins.a.link is ''; give the link that wears the skin"),
         (

@@ -49,7 +49,7 @@ def world(name):
 
 @pytest.fixture(scope="module")
 def touches(world):
-    """Of random postures, those that touch and that the robot can take."""
+    """Random postures that touch and that the robot can take."""
     robot = world.robot
     postures = np.random.default_rng(0).uniform(
         *robot.babbled_range, (NUM_POSTURES, robot.num_joints)

@@ -17,7 +17,6 @@ from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import NoWayError, Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import FIGURES
 from selftouch_drake.run.knowledge import (
     load_agent,
     load_execution,
@@ -28,8 +27,9 @@ from selftouch_drake.run.knowledge import (
     stored_pairs,
     was_executed,
 )
+from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.run.naming import free_start
-from selftouch_drake.run.trial_figures import trial_figures, trial_table
+from selftouch_drake.run.trial_metrics import trial_metrics, trial_table
 from selftouch_drake.run.trials import random_pairs, try_pairs
 
 SMALL = {
@@ -38,7 +38,7 @@ SMALL = {
     "execution": {"max_tries": 3},
     "evaluation": {"num_pairs": 2},
 }
-LIMITS = "q_start[1] is -1.5: give one within the limits of the joint, -1 to 2.6"
+LIMITS = "q_start[1] is -1.5: give a position within the limits of the joint, -1 to 2.6"
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +63,8 @@ def world(learned):
     return learned[1]
 
 
-def told(capsys, *arguments):
-    """Exit status, and what was said on stdout and stderr."""
+def output_of(capsys, *arguments):
+    """Exit status, stdout and stderr."""
     with pytest.raises(SystemExit) as end:
         main([str(a) for a in arguments])
     said = capsys.readouterr()
@@ -165,7 +165,7 @@ def test_later_plans_keep_off_what_rehearsals_lost(run, world):
     assert not np.array_equal(after.nodes, before.nodes)
 
 
-def test_to_learn_again_is_to_forget_rehearsals(run):
+def test_learning_again_forgets_rehearsals(run):
     save_memory(run, RehearsalMemory.blank(representation_of(run)))
     stages.learn(run)
     assert not run.rehearsal.exists()
@@ -178,11 +178,10 @@ def test_a_memory_that_does_not_belong_is_refused(run):
     with pytest.raises(RunError) as error:
         load_agent(run)
     assert str(error.value) == (
-        f"{run.rehearsal} remembers rehearsals with another representation; delete it, and "
-        "rehearse again"
+        f"{run.rehearsal} belongs to another representation; delete it and rehearse again"
     )
     save_arrays(run.rehearsal, arrays | {"num_tries": np.array(-1)})
-    with pytest.raises(RunError, match="is no memory of rehearsals: num_tries is -1"):
+    with pytest.raises(RunError, match="is not a memory of rehearsals: num_tries is -1"):
         load_agent(run)
 
 
@@ -204,12 +203,12 @@ def test_a_representation_without_the_stamp_of_its_experience_is_refused(run):
     with pytest.raises(RunError) as error:
         load_agent(run)
     assert str(error.value) == (
-        f"{run.representation} is of another experiment or version; "
+        f"{run.representation} belongs to another experiment or version; "
         f"run `selftouch learn {run.path}`"
     )
 
 
-def test_a_plan_to_where_one_is_stays_and_is_reached(run, world):
+def test_a_plan_to_the_current_sensation_stays_and_is_reached(run, world):
     motion = stages.plan(run, world, 7, 7)
     assert motion.nodes.tolist() == [7]
     assert np.allclose(motion.q, motion.q[0])
@@ -235,7 +234,7 @@ def test_stored_pairs_are_those_of_two_targets(run, world):
 
 
 def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
-    """As they always were: numbers of pairs, drawn from the seed."""
+    """Numbers of the pairs that the seed draws; they must not change."""
     run.experiment.evaluation.num_pairs = 30
     representation = representation_of(run)
     random = np.random.default_rng(run.experiment.random_stream("pairs"))
@@ -252,8 +251,8 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
     # What was rehearsed before does not count: the figures are the same every time.
     agent = agent.recalling(agent.memory.after(np.arange(20)))
     trials, _ = try_pairs(run, world, agent, stages.silent)
-    figures = trial_figures(trials, world.robot.turns)
-    assert set(figures) <= {figure.key for figure in FIGURES}
+    figures = trial_metrics(trials, world.robot.turns)
+    assert set(figures) <= {metric.key for metric in METRICS}
     assert figures["execution_num_pairs"] == 2
     assert figures["rehearsal_contact_mean"] >= figures["execution_contact_mean"]
     assert figures["rehearsal_contact_worst"] >= figures["execution_contact_worst"]
@@ -277,7 +276,7 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
     assert np.mean(shares) == pytest.approx(figures["execution_contact_mean"])
     # The sliding joints of another robot have a figure of their own.
     sliding = np.array([True] * 4 + [False] * 2)
-    mixed = trial_figures(trials, sliding)
+    mixed = trial_metrics(trials, sliding)
     parts = (
         4 * mixed["execution_tracking_rms_rad"] ** 2 + 2 * mixed["execution_tracking_rms_m"] ** 2
     )
@@ -296,7 +295,7 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
     monkeypatch.setattr(world.probe, "collision_depth", depth)
     run.experiment.evaluation.num_pairs = 1
     trials, _ = try_pairs(run, world, load_agent(run), stages.silent)
-    figures = trial_figures(trials, world.robot.turns)
+    figures = trial_metrics(trials, world.robot.turns)
     assert figures["planning_impossible_postures"] == 5
     assert figures["execution_impossible_postures"] == 5
     # Plans are sampled at 100 Hz, the plant steps at 200 Hz.
@@ -315,31 +314,33 @@ def test_a_plan_on_which_rigid_parts_run_into_each_other_is_refused(run, world, 
 
 
 def test_the_command_line_plans_tours_and_free_starts(run, capsys):
-    status, out, _ = told(capsys, "plan", run.path, "--through", "3,20,41")
+    status, out, _ = output_of(capsys, "plan", run.path, "--through", "3,20,41")
     assert status == 0
     assert out.splitlines()[-1] == f"plan: {run.path / 'plans' / '3-20-41.npz'}"
     free = ("--from-q", "0.1,-0.5,0.3,0,0,0", "--to", 20)
-    status, out, _ = told(capsys, "plan", run.path, *free)
+    status, out, _ = output_of(capsys, "plan", run.path, *free)
     assert status == 0
     assert out.startswith("route: off ")
     assert (run.path / "plans" / "q=0.1,-0.5,0.3,0,0,0-20.npz").is_file()
-    status, out, _ = told(capsys, "execute", run.path, *free)
+    status, out, _ = output_of(capsys, "execute", run.path, *free)
     assert status == 0
     assert out.startswith("tracking: ")
     assert out.splitlines()[2] in ("sensation 20: reached", "sensation 20: missed")
-    told(capsys, "execute", run.path, "--through", "3,20,41")
-    status, out, _ = told(capsys, "record", run.path, "--through", "3,20,41")
+    output_of(capsys, "execute", run.path, "--through", "3,20,41")
+    status, out, _ = output_of(capsys, "record", run.path, "--through", "3,20,41")
     page = run.path / "plans" / "3-20-41.html"
     assert (status, out) == (0, f"recording: {page}\n")
     assert f"{run.experiment.name}: sensation 3 to 20 to 41" in page.read_text(encoding="utf-8")
-    status, out, _ = told(capsys, "execute", run.path, "--from", 3, "--to", 20, "--rehearse", 2)
+    status, out, _ = output_of(
+        capsys, "execute", run.path, "--from", 3, "--to", 20, "--rehearse", 2
+    )
     assert status == 0
     assert out.startswith("tries: ")
 
 
 ENDS = (
-    "start or goal is missing, or given twice; give --from and --to, or --through alone, "
-    "or a free start (--from-q) and --to"
+    "start or goal is missing, or given twice; give --from and --to, or --from-q and --to, "
+    "or --through alone"
 )
 
 
@@ -361,7 +362,7 @@ ENDS = (
         ("plan --from-q 0,0,0,0,0,0 --to 60", "--to is 60; this run has target sensations 0 to 59"),
         (
             "plan --from-q 0,0 --to 1",
-            "q_start has shape (2,): this representation needs (6,), one number per joint",
+            "q_start has shape (2,): give (6,), one number per joint",
         ),
         ("plan --from-q 0,-1.5,0,0,0,0 --to 1", LIMITS),
         (
@@ -387,7 +388,7 @@ ENDS = (
         ),
         (
             "execute --through 1,2 --rehearse 2",
-            "--rehearse is given with --through; give --from and --to instead",
+            "--rehearse is given with --through; use --from and --to instead",
         ),
         (
             "execute --from 1 --to 2 --rehearse 0",
@@ -397,6 +398,6 @@ ENDS = (
 )
 def test_what_cannot_be_planned_is_refused_in_one_line(run, capsys, arguments, message):
     verb, *options = arguments.split()
-    status, out, err = told(capsys, verb, run.path, *options)
+    status, out, err = output_of(capsys, verb, run.path, *options)
     assert (status, out) == (2, "")
     assert err == f"selftouch: {message}\n".replace("RUN", str(run.path))

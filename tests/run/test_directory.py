@@ -111,7 +111,7 @@ def test_an_experiment_that_is_not_of_a_run_is_refused(tmp_path, content):
     file.write_bytes(content)
     with pytest.raises(RunError) as error:
         RunDirectory.create(tmp_path, load_experiment("cube"))
-    assert str(error.value) == f"{file} is not the experiment of a run; choose another directory"
+    assert str(error.value) == f"{file} does not belong to a run; choose the directory of a run"
     assert file.read_bytes() == content
 
 
@@ -132,7 +132,7 @@ def test_a_folder_that_is_not_a_run_is_refused_and_kept(tmp_path):
     )
     with pytest.raises(RunError) as error:
         RunDirectory.create(tmp_path, load_experiment("cube"))
-    assert str(error.value) == f"{tmp_path} is not a run and not empty; choose another --out"
+    assert str(error.value) == f"{tmp_path} is neither a run nor empty; choose another --out"
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
 
 
@@ -151,7 +151,7 @@ def test_a_file_is_not_a_run(tmp_path):
     file.write_text("something")
     with pytest.raises(RunError, match=r"is not a run: it has no experiment\.yaml"):
         RunDirectory.open(file)
-    with pytest.raises(RunError, match="is not a run and not empty; choose another --out"):
+    with pytest.raises(RunError, match="is neither a run nor empty; choose another --out"):
         RunDirectory.create(file, load_experiment("cube"))
     assert file.read_text() == "something"
 
@@ -175,7 +175,7 @@ def test_figures_are_added_replaced_and_dropped(run):
 
 
 @pytest.mark.parametrize("content", [b"", b'{"a": 1', b"[1, 2]", b"\xff\xfe", b"[" * 100_000])
-def test_damaged_figures_are_told_and_kept(run, content):
+def test_damaged_figures_are_reported_and_kept(run, content):
     file = run.path / "metrics.json"
     file.write_bytes(content)
     for attempt in (
@@ -261,7 +261,7 @@ def test_meshes_that_change_places_are_another_robot(tmp_path):
 
 @pytest.fixture
 def models(tmp_path):
-    """A copy of the shipped models, and an experiment of them."""
+    """A copy of the shipped models, and an experiment that uses it."""
     folder = tmp_path / "models"
     shutil.copytree(MODELS, folder)
     for file in folder.glob("*.dmd.yaml"):
@@ -318,7 +318,7 @@ def test_without_its_models_a_run_opens_and_keeps_its_fingerprint(models, tmp_pa
 
 
 def test_other_models_elsewhere_are_refused(models, tmp_path):
-    """A run that moved to a machine where the package is of another version."""
+    """A run on a machine with another version of the package."""
     folder, experiment = models
     run = RunDirectory.create(tmp_path / "run", experiment)
     file = run.path / "models.json"

@@ -1,4 +1,4 @@
-"""Where walks run: here first, and in other processes if there is much to do."""
+"""Walks run in this process first, and in others if there is much work."""
 
 import os
 import time

@@ -33,7 +33,7 @@ def recording():
 
 @pytest.fixture(scope="module")
 def data(recording, tmp_path_factory):
-    """Two files with 7 joints and 300 receptors of eight bits, as a real robot writes them."""
+    """Two files with 7 joints and 300 eight-bit receptors, as a real robot writes them."""
     folder = tmp_path_factory.mktemp("data") / "my_robot"
     folder.mkdir()
     raw = recording.raw.copy()
@@ -125,7 +125,7 @@ def test_the_report_says_what_there_is(run):
     assert selftouch("report", run.path) == 0
     page = run.report.read_text()
     text = " ".join(re.sub("<[^>]+>", " ", page).split())
-    assert "A robot that runs elsewhere recorded its 7 joints (joint_0, joint_1" in text
+    assert "Another robot recorded its 7 joints (joint_0, joint_1" in text
     assert "taxels[7]" in text
     assert page.count("was imported and has no robot") <= 1
     assert "selftouch evaluate" not in page
@@ -155,14 +155,14 @@ def test_what_needs_a_world_says_so(words, learned, capfd):
     words = [str(word).replace("RUN", str(learned.path)) for word in words]
     assert selftouch(*words) == 2
     assert capfd.readouterr().err.strip() == (
-        "selftouch: my_robot was imported and has no robot that could be simulated: use learn, "
+        "selftouch: my_robot was imported, without a robot to simulate: use learn, "
         "plan and report, and execute its plans on the robot that recorded it"
     )
 
 
 def test_a_free_start_needs_a_world(learned, capfd):
     assert selftouch("plan", learned.path, "--from-q", "0,0,0,0,0,0,0", "--to", 3) == 2
-    assert "--from-q needs a robot that could be simulated" in capfd.readouterr().err
+    assert "--from-q needs a simulated robot" in capfd.readouterr().err
 
 
 def test_the_same_data_resume_an_import(data, run, capfd):
@@ -240,7 +240,7 @@ def test_fields_that_cannot_be_set_are_refused(overrides, message, tmp_path):
 
 def test_mistakes_leave_no_run(data, tmp_path, capfd):
     for words, message in (
-        ((tmp_path / "nowhere",), "nowhere is not there; give a file or a folder"),
+        ((tmp_path / "nowhere",), "nowhere does not exist; give a file or a folder"),
         ((data, "--q", "angle_*"), "--q is 'angle_*'; "),
         ((data, "--threshold", "300"), "nothing is felt in 29999 rows: "),
         ((data, "--set", "{skins: 3}"), "skins is 3; give a mapping by name"),

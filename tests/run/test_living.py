@@ -39,7 +39,7 @@ def run(tmp_path_factory):
 
 
 class Page(LifePage):
-    """A page that notes what it shows, and may be ended."""
+    """A page that records what it shows, and can be ended."""
 
     def __init__(self, ends_after=np.inf):
         super().__init__(open_meshcat(), frame_s=0.0)

@@ -47,7 +47,7 @@ EXPERIMENT = {
 
 @pytest.fixture
 def babble(tmp_path, capfd):
-    """Babbles with an experiment in a folder of its own; returns what is said on stderr."""
+    """Babbles with an experiment in a new folder; returns stderr."""
 
     def babble(overrides="{}", model=MODEL, directives=DIRECTIVES, *, status=2):
         (tmp_path / "small.sdf").write_text(model)
@@ -93,7 +93,7 @@ def test_the_small_robot_is_right(babble, tmp_path):
         ),
         (
             "{touching: {tip: {frame: null, radius: null, link: forearm}}}",
-            "touching.tip.link is 'forearm', which has no collision geometry; give it some in its "
+            "touching.tip.link is 'forearm', a link without collision geometry; add some in its "
             "model, or give a ball by frame and radius",
         ),
         (
@@ -120,27 +120,26 @@ def test_the_small_robot_is_right(babble, tmp_path):
         ),
         (
             "{robot: {directives: package://mine/smal.dmd.yaml}}",
-            "robot.directives is 'package://mine/smal.dmd.yaml', and there is no file "
-            "HERE/smal.dmd.yaml",
+            "robot.directives is 'package://mine/smal.dmd.yaml', and HERE/smal.dmd.yaml does not "
+            "exist; correct the path",
         ),
         (
             "{robot: {packages: {mine: nowhere}}}",
-            "robot.packages.mine is 'HERE/nowhere', and HERE/nowhere is no folder; give the root "
-            "of the package, or install what it comes with",
+            "robot.packages.mine is 'HERE/nowhere', and HERE/nowhere is not a folder; give the "
+            "folder of the package, or install the package",
         ),
         (
             "{robot: {packages: {selftouch_drake: .}}}",
-            "robot.packages.selftouch_drake has the name of a package that is always there; rename "
-            "it",
+            "robot.packages.selftouch_drake is a package that always exists; give it another name",
         ),
         (
             "{skins: {torso: {link: forearm, surface: collision}}}",
-            "skins.torso.surface is 'collision', but link 'forearm' has no such geometry; give it "
+            "skins.torso.surface is 'collision', but link 'forearm' has no such geometry; add "
             "some in its model, or give a shape or a mesh",
         ),
         (
             "{skins: {torso: {surface: visual}}}",
-            "skins.torso.surface is 'visual', but link 'torso' has no such geometry; give it some "
+            "skins.torso.surface is 'visual', but link 'torso' has no such geometry; add some "
             "in its model, or give a shape or a mesh",
         ),
         (
@@ -150,7 +149,8 @@ def test_the_small_robot_is_right(babble, tmp_path):
         ),
         (
             "{skins: {torso: {surface: {mesh: nothing.obj}}}}",
-            "skins.torso.surface.mesh is 'HERE/nothing.obj'; there is no such file: mend the path",
+            "skins.torso.surface.mesh is 'HERE/nothing.obj'; there is no such file: correct the "
+            "path",
         ),
         (
             "{skins: {torso: {thickness: 0.2}}}",
@@ -158,12 +158,12 @@ def test_the_small_robot_is_right(babble, tmp_path):
         ),
         (
             "{skins: {torso: {link: forearm}}}",
-            "skins.torso can never feel: all that touches is on its own link or on one next to it; "
-            "add something to touching",
+            "skins.torso can never be touched: all touchers are on its own link or next to it; "
+            "add another one to touching",
         ),
         (
             "{touching: {knob: {frame: torso, radius: 0.02}}}",
-            "touching.knob can never touch: every skin is on its own link or on one next to it; "
+            "touching.knob can never touch: all skins are on its own link or next to it; "
             "leave it out, or add a skin",
         ),
     ],
@@ -179,8 +179,8 @@ def test_a_mistake_in_the_experiment(babble, tmp_path, overrides, message):
 # What stands in the model, what instead, and how the line begins: where the reason is Drake's own,
 # its words are Drake's.
 BROKEN = [
-    ("<sdf", "<sdg", "model HERE/small.sdf is no XML that can be read: mismatched tag: line "),
-    ("</model>", "", "model HERE/small.sdf is no XML that can be read: mismatched tag: line "),
+    ("<sdf", "<sdg", "model HERE/small.sdf is not readable XML (mismatched tag: line "),
+    ("</model>", "", "model HERE/small.sdf is not readable XML (mismatched tag: line "),
     (
         'type="revolute"',
         'type="fixed"',
@@ -194,8 +194,8 @@ BROKEN = [
     (
         "<lower>-1</lower><upper>1</upper>",
         "<lower>0.5</lower><upper>0.5</upper>",
-        "joint 'shoulder' has the limits 0.5 and 0.5, no range to move in; mend its model, or name "
-        "the other joints in robot.joints",
+        "joint 'shoulder' has the limits 0.5 and 0.5, so it cannot move; correct its model, or "
+        "name the other joints in robot.joints",
     ),
     (
         "<parent>upper_arm</parent>",
@@ -233,7 +233,8 @@ UNREADABLE = "directives HERE/small.dmd.yaml cannot be read: "
         ),
         (
             "directives:\n- add_model: {name: small, file: small.stp}\n",
-            "file in HERE/small.dmd.yaml is 'small.stp', and there is no file HERE/small.stp",
+            "file in HERE/small.dmd.yaml is 'small.stp', and HERE/small.stp does not exist; "
+            "correct the path",
         ),
     ],
 )
@@ -247,7 +248,7 @@ def test_what_never_reaches_ends_after_a_bounded_number_of_steps(babble, tmp_pat
     # The elbow turns about the shoulder, 10 cm wide, and stays 10 cm away from the torso.
     *_, line = babble("{touching: {tip: {frame: forearm}}}").splitlines()
     assert line == (
-        "selftouch: babbling touched nothing in 2002944 steps; see what can reach what with "
+        "selftouch: babbling touched nothing in 2002944 steps; see what can touch what with "
         "`selftouch robot EXPERIMENT --show`, or make babbling.step_size larger"
     )
     assert not list((tmp_path / "run").rglob("*.parquet"))
@@ -259,7 +260,7 @@ def test_what_drake_itself_refuses_is_one_line(monkeypatch, babble, tmp_path):
 
     monkeypatch.setattr("selftouch_drake.robot.World.robot", property(refuse))
     assert babble() == (
-        "selftouch: robot.directives gives what Drake refuses: MultibodyPlant::Finalize(): the "
-        "tree is upside down.\n"
+        "selftouch: robot.directives holds a robot that Drake refuses: MultibodyPlant::Finalize(): "
+        "the tree is upside down.\n"
     )
     assert not (tmp_path / "run").exists()

@@ -12,8 +12,8 @@ from selftouch_drake.files import load_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run import scores, stages
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.figures import FIGURES, headline, readings
 from selftouch_drake.run.knowledge import load_body, load_representation
+from selftouch_drake.run.metrics import METRICS, headline, readings
 from selftouch_drake.run.trials import random_pairs
 
 PER_SKIN = (1500, 600, 600)
@@ -37,7 +37,7 @@ def world():
 
 @pytest.fixture(scope="module")
 def run(world, tmp_path_factory):
-    """A run that felt each place of each skin, one after another: no robot moved."""
+    """A run with a touch at each place of each skin; no robot moved."""
     rng = np.random.default_rng(0)
     run = RunDirectory.create(tmp_path_factory.mktemp("parts") / "run", world.experiment)
     sensation = np.zeros((sum(PER_SKIN), 90))
@@ -109,7 +109,7 @@ def test_each_skin_is_scored(run, world):
     assert list(by_skin) == list(SKINS)
     assert max(by_skin.values()) < 0.2
     assert min(by_skin.values()) <= figures["shape_rms_fraction"] <= max(by_skin.values())
-    assert set(figures) <= {figure.key for figure in FIGURES}
+    assert set(figures) <= {metric.key for metric in METRICS}
     # As a file holds them.
     json.dumps(figures, allow_nan=False)
     assert readings(figures)
@@ -122,7 +122,7 @@ def test_true_parts_stand_beside_the_parts_that_show_them(run):
         for number, part in enumerate(body.parts)
     ]
     # The truth may come in another order, lack a part, or not know its holes.
-    found = scores.part_figures(body, [true[2], true[0]], several=True)
+    found = scores.part_metrics(body, [true[2], true[0]], several=True)
     assert found == {
         "parts_true": 2,
         "topology_betti_true_by_part": [[1, 0, 0], None, [1, 2, 0]],

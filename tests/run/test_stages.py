@@ -1,4 +1,4 @@
-"""What learning leaves when it comes to its end, and when it does not."""
+"""Files after learning, finished or interrupted."""
 
 import shutil
 import warnings
@@ -14,8 +14,8 @@ from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run import knowledge, scores, stages
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.figures import FIGURES
 from selftouch_drake.run.knowledge import load_body, load_representation
+from selftouch_drake.run.metrics import METRICS
 
 NUM_ROWS, WALK_SIZE = 1500, 500
 
@@ -80,7 +80,7 @@ def content(run):
     return {p.relative_to(run.path): p.read_bytes() for p in run.path.rglob("*") if p.is_file()}
 
 
-def test_what_was_learned_and_what_it_came_from_are_told(learned):
+def test_what_was_learned_and_what_it_came_from_are_reported(learned):
     figures = learned.metrics()
     assert figures["representation_num_targets"] == 50
     assert figures["graph_component_sizes"] == [50]
@@ -93,7 +93,7 @@ def test_what_was_learned_and_what_it_came_from_are_told(learned):
     assert len(figures["topology_betti"]) == 3
     assert "topology_betti_by_part" not in figures
     # Every figure is in the table, so that the next learning drops it.
-    assert set(figures) <= {figure.key for figure in FIGURES}
+    assert set(figures) <= {metric.key for metric in METRICS}
 
 
 def test_what_was_recovered_is_read_back_as_it_was(learned):
@@ -135,7 +135,7 @@ def test_learning_again_drops_what_was_made_from_the_old(run):
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt(), ValueError("cannot be learned from")])
 @pytest.mark.parametrize("moment", ["target sensations", "quotient graph", "shape and holes"])
-def test_learning_that_does_not_end_changes_nothing(run, error, moment):
+def test_interrupted_learning_changes_nothing(run, error, moment):
     before = content(run)
 
     def stop(fraction, doing):
@@ -191,7 +191,7 @@ def test_scores_against_the_truth(run):
     assert set(distortion) == {"motor", "sensorimotor"}
     assert 0.0 < figures["distance_distortion_median_fraction"] < 0.3
     assert figures["parts_true"] == 1
-    assert set(figures) <= {figure.key for figure in FIGURES}
+    assert set(figures) <= {metric.key for metric in METRICS}
     # What means nothing for one skin is absent.
     assert "shape_rms_fraction_by_skin" not in figures
     assert "topology_betti_true_by_part" not in figures
@@ -201,12 +201,12 @@ def test_the_recovered_body_has_to_be_there(run):
     representation = load_representation(run)
     run.body_distances.unlink()
     assert not stages.has_learned(run)
-    with pytest.raises(RunError, match="is not there; run `selftouch learn"):
+    with pytest.raises(RunError, match="is missing; run `selftouch learn"):
         load_body(run, representation)
 
 
 def test_touches_at_two_places_have_no_shape(run, babbled):
-    """Every touch is of two fingers: a kernel is a pose of the hand, and no place."""
+    """Every touch has two fingers: a kernel is a pose of the hand, not a place."""
     for walk, contacts in enumerate(ExperienceReader(babbled.truth).contacts()):
         felt = list(ExperienceReader(babbled.experience).touches())[walk]
         two = Contacts(
@@ -242,10 +242,10 @@ def test_a_graph_in_parts_is_in_the_figures(run, monkeypatch):
         return np.stack([i, j], axis=1)[(i < 10) == (j < 10)]
 
     monkeypatch.setattr("selftouch_drake.agent.representation.graphs.neighbour_edges", apart)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         stages.learn(run)
-    assert {warning.category for warning in told} == {DisconnectedWarning}
+    assert {warning.category for warning in caught} == {DisconnectedWarning}
     assert run.metrics()["graph_component_sizes"] == [40, 10]
     ((i, j),) = run.metrics()["graph_bridges"]
     assert i < 10 <= j

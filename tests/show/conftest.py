@@ -20,13 +20,13 @@ MALICIOUS = '<script>alert("&")</script>'
 
 @pytest.fixture
 def make_run(tmp_path):
-    """Makes a run that has come as far as a stage."""
+    """Makes a run up to a given stage."""
     return lambda stage, kind="ball": lay_out(tmp_path / "run", kind=kind, stage=stage)
 
 
 @pytest.fixture
 def unrendered(monkeypatch):
-    """Figures are made but not turned into pixels, where only their being there matters."""
+    """Figures are made but not rendered, where only their existence matters."""
 
     def savefig(figure, path, **options):
         path.write_bytes(b"pixels")

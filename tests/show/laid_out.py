@@ -1,4 +1,4 @@
-"""Small runs, laid out by hand: no babbling, no learning.
+"""Small runs made by hand: no babbling, no learning.
 
 `ball` is one finger on a ball that stands still. `two_skins` is two arms, a ball and a skin on the
 left forearm, which moves: the plan slides over the forearm while both arms move, and then lands on
@@ -99,7 +99,7 @@ def places_of(kind: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lay_out(path, *, kind: str = "ball", stage: str = "executed", name: str = "") -> RunDirectory:
-    """A run that has come as far as `stage`."""
+    """A run up to `stage`."""
     run = RunDirectory.create(path, experiment_from_fields(fields_of(kind, name or kind)))
     reached = STAGES.index(stage)
     laid = _Laid.of(kind)
@@ -122,7 +122,7 @@ def motion_of(kind: str) -> Motion:
 
 @cache
 def execution_of(kind: str) -> Execution:
-    """What became of it: it lags behind by a milliradian."""
+    """Its execution, a milliradian behind."""
     motion = motion_of(kind)
     if kind == "ball":
         targets = _Laid.of(kind).targets
@@ -297,7 +297,7 @@ ON_FOREARM, IN_AIR, ON_BALL = slice(0, 50), slice(50, 100), slice(100, 121)
 
 @cache
 def sliding_places() -> np.ndarray:
-    """`(50, 3)` m, where the right fingertip's centre is along the forearm, in its frame."""
+    """`(50, 3)` m, positions of the right fingertip's centre along the forearm, in its frame."""
     along = np.linspace(0.10, 0.18, 50)
     return np.stack([along, np.zeros(50), np.full(50, 0.062)], axis=1)
 
@@ -345,7 +345,7 @@ def _two_skins_motion() -> Motion:
 
 
 def _reaching(robot: Robot, q: np.ndarray, right: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """`(6,)` joints of the right arm that put its fingertip at a place, near those of before."""
+    """`(6,)` joints of the right arm that put its fingertip at a place, near the previous ones."""
 
     def missed(joints: np.ndarray) -> np.ndarray:
         tip = robot.toucher_positions(np.concatenate([q[:6], joints])[None])[0, 1]

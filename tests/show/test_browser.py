@@ -1,4 +1,4 @@
-"""What a browser shows, in headless Chromium: recording, report and the live agent.
+"""Recording, report and live agent in a browser (headless Chromium).
 
 Screenshots stay in pytest's temporary directory, to be looked at.
 """
@@ -37,7 +37,7 @@ def chromium():
 
 @contextmanager
 def visited(browser, url):
-    """A page, and what went wrong on it."""
+    """A page and its errors."""
     page, errors = browser.new_page(viewport={"width": 800, "height": 500}), []
     page.set_default_timeout(PATIENCE)
     page.on("console", lambda m: errors.append(m.text) if m.type in ("error", "warning") else None)
@@ -48,7 +48,7 @@ def visited(browser, url):
 
 
 def picture(page, path) -> np.ndarray:
-    """`(height, width, 3)` what the page's canvas shows, from 0 to 1."""
+    """`(height, width, 3)` pixels of the page's canvas, 0 to 1."""
     page.locator("canvas").first.screenshot(path=path)
     return imread(path)[..., :3]
 
@@ -93,7 +93,7 @@ def test_the_recording_moves_and_colours_the_skin(chromium, reported, tmp_path):
 
 
 def position_at(page, time_s: float, *path: str) -> list[float]:
-    """Where an object is at a time of the recording, in its parent."""
+    """Position of an object in its parent, at a time of the recording."""
     return page.evaluate(
         """async ([time, path]) => {
              viewer.animator.pause();
@@ -198,14 +198,14 @@ def playing(run):
         process.communicate()
 
 
-def told(lines, pattern: str) -> re.Match:
-    """The first line to come that matches."""
-    heard = []
+def first_line(lines, pattern: str) -> re.Match:
+    """The next line that matches."""
+    printed = []
     for line in lines:
-        heard.append(line)
+        printed.append(line)
         if match := re.search(pattern, line):
             return match
-    pytest.fail(f"never told {pattern!r}, but {heard}")
+    pytest.fail(f"never printed {pattern!r}, only {printed}")
 
 
 def set_slider(page, name: str, value: float) -> None:
@@ -216,14 +216,14 @@ def set_slider(page, name: str, value: float) -> None:
 
 def test_the_live_agent_answers_and_a_browser_may_come_back(chromium, reported, tmp_path):
     with playing(reported) as (process, lines):
-        url = told(lines, r"live at (http://\S+)")[1]
+        url = first_line(lines, r"live at (http://\S+)")[1]
         with visited(chromium, url) as (page, errors):
             page.get_by_text("Open Controls").click()
             # Before it asks: a slow browser may need longer for a picture than the agent to move.
             before = picture(page, tmp_path / "before.png")
             set_slider(page, "target sensation", 40)
-            told(lines, r"^to sensation 40(, through the air)?$")
-            told(lines, r"^sensation 40: .*in contact")
+            first_line(lines, r"^to sensation 40(, through the air)?$")
+            first_line(lines, r"^sensation 40: .*in contact")
             after = picture(page, tmp_path / "after.png")
             assert errors == []
         assert num_colors(after) > 50
@@ -235,14 +235,14 @@ def test_the_live_agent_answers_and_a_browser_may_come_back(chromium, reported, 
             assert slider.input_value() == "40"
             assert num_colors(picture(page, tmp_path / "again.png")) > 50
             page.locator("li.cr", has_text=re.compile("^end$")).click()
-            told(lines, "^ended$")
+            first_line(lines, "^ended$")
             assert process.wait(60) == 0
 
 
 def test_ctrl_c_ends_the_live_agent(reported):
     with playing(reported) as (process, lines):
-        told(lines, "to sensation")
+        first_line(lines, "to sensation")
         process.send_signal(signal.SIGINT)
-        told(lines, "^ended$")
+        first_line(lines, "^ended$")
         assert process.wait(60) == 0
         assert process.stderr.read() == ""

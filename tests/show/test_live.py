@@ -23,7 +23,7 @@ def material_of(path) -> Material:
 
 
 def live(run, motion_from=None):
-    """A live agent that is as fast as it can, and what it says."""
+    """A live agent at full speed, and the lines that it prints."""
     material, said = material_of(run.path), []
     if motion_from is None:
         pilot = Pilot(load_agent(run), material.world)
@@ -51,7 +51,7 @@ def step_until(show, condition, *, most=3000):
 
 
 def going_to(target: int, line: str) -> bool:
-    """Whether a line announces a motion; these postures touch nothing, so that it may fly."""
+    """Whether a line announces a motion; it may lift off, because these postures do not touch."""
     return line.removesuffix(", through the air") == f"to sensation {target}"
 
 
@@ -125,7 +125,7 @@ def test_a_braked_motion_stays_on_its_path_and_stands_still():
     assert q[-1] == pytest.approx(motion.q[-1])
 
 
-def test_what_cannot_be_planned_is_said(reported):
+def test_an_impossible_plan_is_reported(reported):
     def refuse(*args):
         raise ValueError("target 7 cannot be reached from target 0")
 
@@ -155,7 +155,7 @@ def test_skins_move_with_the_robot_and_the_air_is_announced(two_skins):
 
 
 def transform_of(show, path) -> np.ndarray:
-    """`(16,)` the matrix as the browser gets it: sixteen doubles in MessagePack."""
+    """`(16,)` the matrix as sent to the browser: sixteen doubles in MessagePack."""
     packed = show._meshcat._GetPackedTransform(path)[-144:]
     return np.array([struct.unpack(">d", packed[k + 1 : k + 9])[0] for k in range(0, 144, 9)])
 
@@ -172,7 +172,7 @@ def test_a_taken_port_is_a_users_mistake(reported):
         taken.bind(("localhost", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        with pytest.raises(ValueError, match=f"--port {port} is taken; choose another"):
+        with pytest.raises(ValueError, match=f"--port {port} is in use; give another"):
             play(reported, port=port)
 
 

@@ -4,7 +4,8 @@ import trimesh
 from laid_out import places_of
 
 from selftouch_drake.run.material import Material
-from selftouch_drake.show import MissingError
+from selftouch_drake.show import FIGURES, MissingError
+from selftouch_drake.show.page.report import Picture, Recording, report_page
 from selftouch_drake.show.skins import all_moved
 
 
@@ -67,6 +68,9 @@ def test_several_touches_at_once_are_no_surface(reported, monkeypatch):
     )
     with pytest.raises(MissingError, match="30% of the touches are at several places at once"):
         _ = material.recovered
+    page = report_page(material, {name: Picture(missing="-") for name in FIGURES}, Recording())
+    assert "No picture of the recovered body:</strong> 30% of the touches" in page
+    assert "<strong>The body, the recovered body" not in page
 
 
 def test_the_longest_executed_plan_is_shown(reported):
@@ -77,5 +81,7 @@ def test_the_stored_skins_are_those_of_this_experiment(make_run):
     run = make_run("babbled")
     arrays = dict(np.load(run.skin))
     np.savez(run.skin, **arrays | {"made_for": np.array("format 0, other")})
-    with pytest.raises(ValueError, match=r"skin\.npz is of another experiment or version; run"):
+    with pytest.raises(
+        ValueError, match=r"skin\.npz belongs to another experiment or version; run"
+    ):
         _ = Material(run).skins

@@ -43,7 +43,7 @@ def test_the_recording_moves_the_robot_and_colours_the_receptors(page):
 
 
 class Recorder:
-    """Keeps what is recorded of poses: the translation of each path, by frame."""
+    """Keeps the recorded translation of each path, by frame."""
 
     def __init__(self):
         self.places = {}

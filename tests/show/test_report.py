@@ -83,7 +83,11 @@ def test_the_recovered_body_can_be_turned(page, reported):
 
 def test_a_recording_stands_beside_its_plan(page):
     link = page.index("Watch the motion from sensation 0 to 40")
-    assert page.index('alt="A plan round the body"') < link < page.index("Felt against predicted")
+    assert (
+        page.index('alt="A plan round the body"')
+        < link
+        < page.index("Predicted and felt sensations")
+    )
 
 
 def test_every_picture_has_a_text_and_headings_have_an_order(page):

@@ -1,4 +1,4 @@
-"""What skins of any plant feel, in Meshcat."""
+"""Sensations of skins of any plant, shown in Meshcat."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ FALL_S, END_S = 0.15, 0.6
 
 
 class Falling:
-    """A ball in skin that falls on a floor, and reaches it after 0.15 s."""
+    """A ball with a skin that falls on a floor and reaches it after 0.15 s."""
 
     def __init__(self):
         builder = DiagramBuilder()

@@ -24,6 +24,6 @@ def test_lines_are_centred_below_one_another():
     assert area("one line\nand another") > area("one line")
 
 
-def test_no_words_are_no_letters():
+def test_empty_text_has_no_letters():
     vertices, faces = letters(" ")
     assert len(vertices) == len(faces) == 0

@@ -49,7 +49,7 @@ def test_fields_that_vary_each_alone_meet_in_the_middle(sweep):
     assert points == [(50, 0.0), (100, 0.0), (100, 0.1)]
 
 
-def test_cases_are_laid_over_what_is_set(sweep):
+def test_cases_override_the_set_fields(sweep):
     found = sweep(
         "set: {babbling: {num_samples: 999}, skins: {body: {num_receptors: 30}}}\n"
         "cases: [{}, {skins: {body: {num_receptors: 40, unevenness: 0.5}}}]"
@@ -83,14 +83,17 @@ def test_an_experiment_beside_the_sweep_is_found(sweep, tmp_path, monkeypatch):
         ("experiments: cube", "experiments is 'cube'; give a list of texts"),
         ("set: 1", "set is 1; give a mapping of fields"),
         ("grid: [1]", "grid is [1]; give a mapping of fields"),
-        ("grid: {1: [1]}", "grid has 1; name a field, as in skins.body.num_receptors"),
-        ("each: {a..b: [1]}", "each has 'a..b'; name a field, as in skins.body.num_receptors"),
+        ("grid: {1: [1]}", "grid has 1; give the name of a field, as in skins.body.num_receptors"),
+        (
+            "each: {a..b: [1]}",
+            "each has 'a..b'; give the name of a field, as in skins.body.num_receptors",
+        ),
         ("each: {seed: 1}", "each.seed is 1; give a list of values"),
         ("cases: {}", "cases is {}; give a list of mappings"),
         ("cases: [1]", "cases[0] is 1; give a mapping of fields"),
     ],
 )
-def test_a_mistake_is_told(sweep, text, message, tmp_path):
+def test_a_mistake_is_reported(sweep, text, message, tmp_path):
     with pytest.raises(SweepError) as error:
         sweep(text)
     assert str(error.value) == f"sweep {tmp_path / 'mine.yaml'}: {message}"
@@ -103,7 +106,7 @@ def test_too_many_runs_are_refused(sweep, tmp_path):
         sweep(text)
 
 
-def test_a_wrong_experiment_is_told_before_anything_runs(sweep):
+def test_a_wrong_experiment_is_reported_before_anything_runs(sweep):
     with pytest.raises(ExperimentError, match=r"^skins\.body\.num_receptors is 3; give 4 to 1000$"):
         sweep("each: {skins.body.num_receptors: [50, 3]}")
     with pytest.raises(ExperimentError, match=r"^experiment 'cubes' is neither shipped nor a"):

@@ -30,7 +30,7 @@ cases:
 
 
 class Here(Executor):
-    """Does each job at once, in this thread, and remembers which stages were asked for."""
+    """Runs each job at once in this thread, and records the stages."""
 
     def __init__(self):
         self.stages = []
@@ -54,7 +54,7 @@ def sweep(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def finished(sweep, tmp_path_factory):
-    """The directory of a finished sweep, how often each stage truly ran, and who failed."""
+    """The directory of a finished sweep, the number of runs of each stage, and failed runs."""
     directory = SweepDirectory.create(tmp_path_factory.mktemp("out") / "sweep", sweep)
     did = []
     with pytest.MonkeyPatch.context() as patch:
@@ -66,10 +66,10 @@ def finished(sweep, tmp_path_factory):
                 return original(*args)
 
             patch.setattr(stages, name, counted)
-        told = []
-        failed = run_sweep(sweep, directory, Here(), lambda fraction, _: told.append(fraction))
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+        fractions = []
+        failed = run_sweep(sweep, directory, Here(), lambda fraction, _: fractions.append(fraction))
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
     return directory, did, failed
 
 
@@ -96,7 +96,7 @@ def test_every_run_is_a_run_like_any_other(finished, sweep):
         assert load_representation(run).num_targets == experiment.representation.num_targets
 
 
-def test_a_run_that_cannot_be_is_told_and_the_others_go_on(finished, sweep):
+def test_an_impossible_run_is_reported_and_the_others_go_on(finished, sweep):
     _, _, failed = finished
     assert list(failed) == [run_name(sweep.experiments[3])]
     assert failed[run_name(sweep.experiments[3])].startswith("skins.body.thickness is 0.4 m")
@@ -134,7 +134,7 @@ def test_the_table_holds_what_varied_and_every_figure(finished, sweep):
     assert "shape_rms_fraction_by_metric.motor" in figure_names(table)
 
 
-def test_a_run_with_damaged_figures_is_told_in_the_table(finished, sweep, tmp_path):
+def test_a_run_with_damaged_figures_is_reported_in_the_table(finished, sweep, tmp_path):
     directory = SweepDirectory(shutil.copytree(finished[0].path, tmp_path / "sweep"))
     damaged = directory.run(sweep.experiments[0]).path / "metrics.json"
     damaged.write_text("{")
@@ -195,10 +195,10 @@ def test_a_warning_carries_the_name_of_its_run(sweep, tmp_path, monkeypatch):
 
 def test_another_folder_is_refused_and_kept(sweep, tmp_path):
     (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(RunError, match="is not a sweep and not empty; choose another --out"):
+    with pytest.raises(RunError, match="is neither a sweep nor empty; choose another --out"):
         SweepDirectory.create(tmp_path, sweep)
     (tmp_path / "sweep.yaml").write_text("name: another\n")
-    with pytest.raises(RunError, match="is not of sweep small; choose another --out"):
+    with pytest.raises(RunError, match="belongs to another sweep; choose another --out"):
         SweepDirectory.create(tmp_path, sweep)
     assert (tmp_path / "thesis.tex").read_text() == "years of work"
 
@@ -214,14 +214,14 @@ def test_one_writer_at_a_time(sweep, tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"PAR1", b"PAR1" * 9, b"{}"])
-def test_a_damaged_table_is_told(content, tmp_path):
+def test_a_damaged_table_is_reported(content, tmp_path):
     path = tmp_path / "table.parquet"
     path.write_bytes(content)
     with pytest.raises(ValueError, match=r"is damaged .*; run the sweep again"):
         read_table(path)
 
 
-def test_a_foreign_table_is_told(tmp_path):
+def test_a_foreign_table_is_reported(tmp_path):
     path = tmp_path / "table.parquet"
     pa.parquet.write_table(pa.table({"q": np.arange(3)}), path)
     with pytest.raises(ValueError, match="is not the table of a sweep"):

@@ -1,4 +1,4 @@
-"""What the agent knows while it lives: it learns from touches, explores, notices and mends."""
+"""Learning that never stops: the agent explores, learns, notices changes and adapts to them."""
 
 from selftouch_drake.agent.living.explorer import Explorer, Joints, Manner
 from selftouch_drake.agent.living.learner import LivingLearner

@@ -1,4 +1,4 @@
-"""Set distances measured again where kernels changed, and only there (naive)."""
+"""Recomputes set distances of changed kernels only (naive)."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ def remeasured(
     *,
     max_queries: int = MAX_QUERIES,
 ) -> np.ndarray:
-    """Set distances of which some kernels are no longer what they were.
+    """Updates set distances after some kernels changed.
 
-    A distance is between two kernels and no others, so that what did not change need not be looked
-    at: c changed kernels of K cost c / K of what all cost.
+    A distance depends on two kernels only, so the cost for c changed kernels of K is c / K of the
+    cost for all.
 
     Args:
-        distance: `(K, K)` rad, measured before.
+        distance: `(K, K)` rad, as computed before.
         kernel_x: `(R, J)` rad, scaled configurations grouped by kernel, as they are now.
         kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
-        changed: `(K,)` bool.
-        name: of the set distance, in `SET_DISTANCES`.
-        max_queries: configurations of a set that ask for their nearest.
+        changed: `(K,)` bool, the kernels that changed.
+        name: key of the set distance in `SET_DISTANCES`.
+        max_queries: most configurations per kernel whose nearest neighbours are searched.
 
     Returns:
-        `(K, K)` rad, float32, as `set_distances` gives it where a kernel changed.
+        `(K, K)` rad, float32; rows and columns of changed kernels as `set_distances` returns them.
     """
     if changed.all():
         return set_distances(kernel_x, kernel_offsets, name, max_queries=max_queries)[0]
@@ -69,7 +69,7 @@ def remeasured(
 
 
 def _queries(kernel_offsets: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Evenly strided rows of each kernel, `most` of it at most, and where those of each begin."""
+    """At most `most` evenly spaced rows of each kernel, and `(K + 1,)` their offsets."""
     sizes = np.diff(kernel_offsets)
     counts = np.minimum(sizes, most)
     offsets = np.concatenate([[0], np.cumsum(counts)])
@@ -81,5 +81,5 @@ def _queries(kernel_offsets: np.ndarray, most: int) -> tuple[np.ndarray, np.ndar
 def _reduced(
     near: np.ndarray, offsets: np.ndarray, reduce: Callable[[np.ndarray], np.ndarray]
 ) -> np.ndarray:
-    """`(n, m)` of `(N, m)` nearest distances: those of each of n sets are reduced to one."""
+    """`(n, m)` from `(N, m)` nearest distances: each of the n sets is reduced to one row."""
     return np.stack([reduce(near[a:b]) for a, b in pairwise(offsets)])

@@ -1,13 +1,13 @@
-"""Learning that goes on: from touches as they come to the quotient representation (naive).
+"""Online learning: from a stream of touches to the quotient representation (naive).
 
-The agent remembers at most `max_kernel_size` touches of each kernel. A new touch falls into the
-kernel that it feels most like, where it takes the place of an old one once that kernel is full.
-Distances are measured again for kernels of which enough is new.
+The agent remembers at most `max_kernel_size` touches of each kernel. A new touch goes to the kernel
+with the most similar target sensation; once that kernel is full, it replaces an old touch.
+Distances are recomputed for kernels with enough new touches.
 
-When a quarter of all that is remembered is new, or many touches feel like no target, targets are
-laid out anew among the remembered touches, as the offline learner does: farthest points, and each
-becomes the middle of its cell. They keep their numbers: each goes on as the one that it is most
-like. What is remembered is bounded, and so is the work on it: a touch costs the same at any age.
+When a fifth of the memory is new, or when many touches are unlike every target, the targets are
+chosen again from the remembered touches, as in the offline learner: farthest points, each moved to
+the centre of its cell. Targets keep their numbers: a new target takes the number of the most
+similar old one. Memory and work are bounded: a touch costs the same at any age.
 """
 
 from __future__ import annotations
@@ -46,19 +46,19 @@ from selftouch_drake.agent.representation.touches import (
     set_aside,
 )
 
-#: Touches before the first targets are laid out, and touches for each target until there are all.
+#: Touches before the first targets are chosen, and touches per target until all K are chosen.
 _FIRST = 200
 _TOUCHES_A_TARGET = 8
 
-#: Targets are laid out anew when this share of what is remembered is new; modes, when more is.
+#: Targets are chosen again when this share of the memory is new, and modes when this share is.
 _NEW, _NEW_FOR_MODES = 0.2, 0.5
 
-#: They are besides when this share more of the new touches is farther from every target than any
-#: touch of one place was when they were laid out: those of a skin never felt before may look as if
-#: they were of several places.
+#: Targets are also chosen again when the share of new touches that are unlike every target exceeds
+#: the former share by this: touches of a skin never felt before may look like touches of several
+#: places. Unlike means farther than any touch of one place when targets were last chosen.
 _UNLIKE = 0.1
 
-#: A kernel is measured again when this share of it is new.
+#: Distances of a kernel are recomputed when this share of it is new.
 _CHANGED = 0.1
 
 _SET_DISTANCE = "quantile"
@@ -66,19 +66,19 @@ _SET_DISTANCE = "quantile"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Layout:
-    """What is found out anew about all that is remembered, now and then.
+    """Results that are recomputed now and then from all remembered touches.
 
     Attributes:
         targets: `(K, S)` unit L2 norm.
-        overlap: `(S, S)` bool, of `touches.nearby`.
+        overlap: `(S, S)` bool, from `touches.nearby`.
         chance: whether touches of two places of a part come together by chance.
         part: `(K,)` the part of the body of each kernel.
-        joint_scale: `(J,)`.
-        reach: cosine distance of the touch of one place that is farthest from its target.
-        unlike: share of all touches that were farther then: of several places at once.
-        mode_joints: `(M, J)` bool.
+        joint_scale: `(J,)` factors.
+        reach: greatest cosine distance between a touch of one place and its target.
+        unlike: share of touches farther than that at the time: touches of several places at once.
+        mode_joints: `(M, J)` bool, joints that matter in each mode.
         num_touches: rows of the experience at that time.
-        num_held_for_modes: touches that modes were found from.
+        num_held_for_modes: number of remembered touches when modes were last found.
     """
 
     targets: np.ndarray
@@ -94,16 +94,16 @@ class _Layout:
 
 
 class LivingLearner:
-    """Learns motor kernel sets and the quotient graph while touches come.
+    """Learns motor kernel sets and the quotient graph from a stream of touches.
 
     The same touches in the same chunks give the same bytes.
 
     Args:
         num_targets: K, number of target sensations once there are enough touches for them.
-        max_kernel_size: most touches remembered of a kernel.
-        memory: touches after which an old one is remembered e times less likely than a new one;
-            None remembers all alike, as in a life in which nothing changes.
-        seed: of all that is random.
+        max_kernel_size: most touches remembered per kernel.
+        memory: number of touches after which an old touch is e times less likely to be remembered
+            than a new one; None remembers all equally, for a body that never changes.
+        seed: from which all randomness comes.
     """
 
     def __init__(
@@ -117,13 +117,13 @@ class LivingLearner:
         self.num_targets = num_targets
         self._max_kernel_size = max_kernel_size
         self._seed = seed
-        # The last kernel is none: touches of several places, from which nothing is learned.
+        # The last one is not a kernel: it holds touches of several places, which are set aside.
         self._memory = KernelReservoir(
             num_targets + 1, max_kernel_size, seed=seed, fading=np.inf if memory is None else memory
         )
         self._num_set_aside = 0
         self._layout: _Layout | None = None
-        #: Touches remembered of each kernel, and those of them since it was measured.
+        #: Remembered touches per kernel, and the new ones since its distances were computed.
         self._size = np.zeros(num_targets + 1, dtype=int)
         self._changed = np.zeros(num_targets + 1, dtype=int)
         self._num_new = self._num_unlike = 0
@@ -132,7 +132,7 @@ class LivingLearner:
 
     @property
     def num_touches(self) -> int:
-        """Touches that it took."""
+        """Number of touches taken so far."""
         return self._memory.num_rows
 
     @property
@@ -146,7 +146,7 @@ class LivingLearner:
 
         Args:
             q: `(n, J)` motor configurations, in the robot's units.
-            sensation: `(n, S)` N, what was felt there; no row null.
+            sensation: `(n, S)` N, sensations at these configurations; no row null.
         """
         if not len(q):
             return
@@ -171,7 +171,7 @@ class LivingLearner:
             self._lay_out()
 
     def forget(self, rows: np.ndarray) -> None:
-        """Forgets touches, as those that no longer hold, and lays out targets among the others.
+        """Forgets touches, for instance outdated ones, and chooses targets among the others.
 
         Args:
             rows: numbers of rows of the experience; those not remembered are ignored.
@@ -181,15 +181,15 @@ class LivingLearner:
         self._lay_out()
 
     def remembered(self) -> KernelSample:
-        """All touches that are remembered, by kernel: columns q, sensation, strength, error, mode.
+        """All remembered touches, by kernel: columns q, sensation, strength, error, mode.
 
-        Those of kernel `num_targets` are of several places at once.
+        Rows of kernel `num_targets` are touches of several places at once.
         """
         return self._memory.sample()
 
     @property
     def representation(self) -> QuotientRepresentation:
-        """What it knows by now, not embedded; the same as the offline learner's in kind.
+        """The representation learned so far, of the offline learner's type, without embedding.
 
         Raises:
             ValueError: there were too few touches.
@@ -198,7 +198,7 @@ class LivingLearner:
 
     @property
     def kernel_sensation(self) -> csr_array:
-        """`(R, S)` unit L2 norm, what was felt at each configuration of `representation`."""
+        """`(R, S)` unit L2 norm, the sensation at each configuration of `representation`."""
         return self._learned[1]
 
     @property
@@ -212,14 +212,14 @@ class LivingLearner:
 
     @property
     def _mode_of_new(self) -> int:
-        """If there is one mode, all touches are of it; else that of new touches is unknown yet."""
+        """Mode of new touches: the only one, or `NO_MODE` as long as it is unknown."""
         one = self._layout is None or len(self._layout.mode_joints) == 1
         return 0 if one else NO_MODE
 
     def _labels(self, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`(n,)` the kernel of each touch, `num_targets` if it is of several places, and error."""
+        """`(n,)` the kernel of each touch (`num_targets` if of several places), and its error."""
         if self._layout is None:
-            # Anywhere, so that none is full before the first targets are laid out.
+            # Spread evenly, so that no kernel is full before the first targets are chosen.
             row = self._memory.num_rows + np.arange(len(sensation))
             return row % self.num_targets, np.zeros(len(sensation), np.float32)
         label, error = assign(sensation, self._layout.targets)
@@ -228,7 +228,7 @@ class LivingLearner:
 
     @threadpool_limits.wrap(limits=1, user_api="blas")
     def _lay_out(self) -> None:
-        """Lays out targets anew, and gives each remembered touch to the one it feels most like."""
+        """Chooses targets again and assigns each remembered touch to the most similar one."""
         held = self._memory.sample()
         q, sensation = held.columns["q"], held.columns["sensation"]
         some = np.arange(len(q))
@@ -274,7 +274,7 @@ class LivingLearner:
         self._known = None
 
     def _with_modes(self, layout: _Layout) -> _Layout:
-        """Finds out which joints matter to which remembered touch."""
+        """Finds the joints that matter to each remembered touch."""
         held = self._memory.sample()
         offsets = held.offsets(self.num_targets + 1)[: len(layout.targets) + 1]
         mode = np.full(len(held.row), NO_MODE, dtype=np.int8)
@@ -300,12 +300,12 @@ class LivingLearner:
     def _checked_layout(self) -> _Layout:
         if self._layout is None:
             raise ValueError(
-                f"{self._memory.num_rows} touches are too few to know anything: babble longer."
+                f"{self._memory.num_rows} touches are too few to learn from: take at least {_FIRST}"
             )
         return self._layout
 
     def _learn(self, layout: _Layout) -> tuple[QuotientRepresentation, csr_array]:
-        """The representation of what is remembered now."""
+        """The representation of the touches remembered now."""
         held, num = self._memory.sample(), len(layout.targets)
         offsets = held.offsets(self.num_targets + 1)[: num + 1]
         rows = slice(int(offsets[-1]))
@@ -343,7 +343,7 @@ class LivingLearner:
 
 
 def _numbered_as(targets: np.ndarray, old: np.ndarray) -> np.ndarray:
-    """`(K, S)` targets, each with the number of the old one that it is most like; others last."""
+    """`(K, S)` targets, each with the number of the most similar old one; further ones last."""
     before, now = linear_sum_assignment(-(old @ targets.T))
     now = now[np.argsort(before)]
     return targets[np.concatenate([now, np.setdiff1d(np.arange(len(targets)), now)])]

@@ -1,9 +1,9 @@
-"""A life: the agent learns from touches as they come, notices that its body changed, and mends.
+"""A life: the agent learns touch by touch, notices that its body changed, and adapts.
 
-It learns what to expect when it has 5000 touches, and again whenever it has twice as many. When the
-alarm is raised, it learns no more for a while and only collects touches of the body that it has
-now. Then it finds out what changed, makes what it remembers into touches of that body, and lives
-on. It is told nothing.
+After 5000 touches it learns what to expect, and again each time the number has doubled. When an
+alarm is raised, it stops learning and collects touches of the changed body. Then it finds out what
+changed, converts its remembered touches to the changed body, and continues. Nobody reports the
+change to it.
 """
 
 from __future__ import annotations
@@ -18,17 +18,17 @@ from selftouch_drake.agent.living.learner import LivingLearner
 from selftouch_drake.agent.living.mending import Mending, understand
 from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation, surprise
 
-#: Touches after which the agent learns what to expect, and the share by which they have grown when
-#: it does again.
+#: Number of touches after which the agent first learns what to expect, and the factor by which the
+#: number grows until it does so again.
 _FIRST, _AGAIN = 5000, 2.0
 
-#: The last touches, from which the expectation does not learn, say what surprise is usual.
+#: The expectation does not learn from this many last touches: they show how much surprise is usual.
 _USUAL = 1000
 
-#: Touches of the changed body from which the agent finds out what changed.
+#: Number of touches of the changed body from which the agent finds out what changed.
 _TO_UNDERSTAND = 2000
 
-#: Touches are taken so many at a time, so that a life does not depend on how it is cut.
+#: Touches are processed in blocks of this size, so that results do not depend on the calls.
 _BLOCK = 500
 
 
@@ -37,10 +37,10 @@ class Noticed:
     """A change that the agent noticed.
 
     Attributes:
-        row: number of the touch at which it did.
-        since: number of the first touch that it takes for one of the changed body.
-        mended_at: touches of the life when it had found out what changed.
-        mending: what it found.
+        row: number of the touch at which it noticed.
+        since: number of the first touch that it attributes to the changed body.
+        mended_at: number of touches in its life when it had found out what changed.
+        mending: the change that it found.
     """
 
     row: int
@@ -50,14 +50,14 @@ class Noticed:
 
 
 class Life:
-    """An agent that learns, expects, notices and mends, touch by touch.
+    """An agent that learns, expects, notices changes and adapts, touch by touch.
 
     Args:
-        make_learner: makes a learner that knows nothing; a mended agent begins with a new one, and
-            what it remembers.
-        seed: of all that is random.
-        false_alarms: chance of a false alarm in 100,000 touches.
-        num_steps: of learning what to expect; with fewer it notices less.
+        make_learner: makes a blank learner; after a change the agent starts with a new one and its
+            converted memory.
+        seed: from which all randomness comes.
+        false_alarms: probability of a false alarm in 100,000 touches.
+        num_steps: training steps for the expectation; with fewer the agent notices less.
     """
 
     def __init__(
@@ -73,14 +73,14 @@ class Life:
         self.learner = make_learner()
         #: The changes that it noticed, in order.
         self.noticed: list[Noticed] = []
-        #: Surprise of each touch, `(n,)` arrays in order; NaN before anything is expected.
+        #: Surprise of each touch, `(n,)` arrays in order; NaN while nothing is expected yet.
         self.surprise: list[np.ndarray] = []
         self.num_touches = 0
         self._expectation: Expectation | None = None
         self._alarm: Alarm | None = None
         self._usual = 0.0
         self._expects_again_at: float = _FIRST
-        # Touches that wait for a full block; the last ones learned; those of a changed body.
+        # Touches that wait for a full block; the last ones learned; those of the changed body.
         self._waiting = self._last = self._strange = _Touches.none()
         self._raised: tuple[int, int] | None = None
 
@@ -94,7 +94,7 @@ class Life:
 
         Args:
             q: `(n, J)` motor configurations, in the robot's units.
-            sensation: `(n, S)` N, what was felt there; no row null.
+            sensation: `(n, S)` N, sensations at these configurations; no row null.
         """
         touches = self._waiting.and_then(_Touches(np.asarray(q), np.asarray(sensation)))
         while len(touches) >= _BLOCK:
@@ -118,7 +118,7 @@ class Life:
             self._expect()
 
     def _watched(self, block: _Touches, first: int) -> tuple[_Touches, _Touches]:
-        """Cuts a block where the body changed; all is of the body of before if it did not."""
+        """Splits a block at the touch at which the body changed, if it did."""
         surprised = self._surprised(block)
         self.surprise.append(surprised)
         row = None if self._alarm is None else self._alarm.watch(surprised)
@@ -162,7 +162,7 @@ class Life:
         self._expect()
 
     def _expect(self) -> None:
-        """Learns what to expect from all that is remembered, but for the last touches."""
+        """Learns what to expect from all remembered touches except the last ones."""
         held = self.learner.remembered()
         early = held.row < self.learner.num_touches - len(self._last)
         self._expectation = Expectation.learn(
@@ -178,7 +178,7 @@ class Life:
 
 
 class _Touches:
-    """Motor configurations `(n, J)` and what was felt there, `(n, S)`, in order."""
+    """Motor configurations `(n, J)` and the sensations there, `(n, S)`, in order."""
 
     def __init__(self, q: np.ndarray, sensation: np.ndarray) -> None:
         self.q, self.sensation = q, sensation

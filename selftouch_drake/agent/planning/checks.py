@@ -1,4 +1,4 @@
-"""What a planner is asked, checked."""
+"""Checks of the arguments of a planner."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ Limits = tuple[np.ndarray, np.ndarray]
 
 
 def checked_target(target: int | None, representation: QuotientRepresentation) -> int:
-    """The same as an int.
+    """Returns `target` as an int.
 
     Raises:
-        ValueError: there is no such target sensation.
+        ValueError: `target` is not the number of a target sensation.
     """
     num_targets = representation.num_targets
     try:
@@ -25,8 +25,8 @@ def checked_target(target: int | None, representation: QuotientRepresentation) -
         raise ValueError(f"target {target!r} is not an index: give a whole number") from None
     if not 0 <= index < num_targets:
         raise ValueError(
-            f"target {target} is out of range: "
-            f"this representation has targets 0 to {num_targets - 1}"
+            f"target {target} is out of range: give one of 0 to {num_targets - 1}, "
+            "the targets of this representation"
         )
     return index
 
@@ -34,17 +34,16 @@ def checked_target(target: int | None, representation: QuotientRepresentation) -
 def checked_configuration(
     q_start: np.ndarray, representation: QuotientRepresentation, limits: Limits | None = None
 ) -> np.ndarray:
-    """The same as floats, if a plan may start there.
+    """Returns `q_start` as floats, if a plan may start there.
 
     Raises:
-        ValueError: it has not one finite number per joint, or is outside the limits.
+        ValueError: `q_start` does not hold one finite number per joint, or is outside the limits.
     """
     q_start = np.asarray(q_start, dtype=float)
     num_joints = representation.kernel_q.shape[1]
     if q_start.shape != (num_joints,):
         raise ValueError(
-            f"q_start has shape {q_start.shape}: "
-            f"this representation needs ({num_joints},), one number per joint"
+            f"q_start has shape {q_start.shape}: give ({num_joints},), one number per joint"
         )
     if not np.all(np.isfinite(q_start)):
         raise ValueError(f"q_start is {q_start.tolist()}: give finite numbers")
@@ -55,29 +54,29 @@ def checked_configuration(
         if outside.size:
             joint = outside[0]
             raise ValueError(
-                f"q_start[{joint}] is {q_start[joint]:g}: give one within the limits of the "
-                f"joint, {lower[joint]:g} to {upper[joint]:g}"
+                f"q_start[{joint}] is {q_start[joint]:g}: give a position within the limits of "
+                f"the joint, {lower[joint]:g} to {upper[joint]:g}"
             )
     return q_start
 
 
 def checked_penalty(link_penalty: np.ndarray | None, num_links: int) -> np.ndarray:
-    """`(L,)` the same as floats; 1 for each link where there is none.
+    """`(L,)` factors as floats; all 1 if `link_penalty` is None.
 
     Raises:
-        ValueError: it has not one positive factor per link.
+        ValueError: `link_penalty` does not hold one positive factor per link.
     """
     if link_penalty is None:
         return np.ones(num_links)
     link_penalty = np.asarray(link_penalty, dtype=float)
     if link_penalty.shape != (num_links,):
         raise ValueError(
-            f"link_penalty has shape {link_penalty.shape}: "
-            f"this representation needs ({num_links},), one factor per link"
+            f"link_penalty has shape {link_penalty.shape}: give ({num_links},), one factor per link"
         )
-    if not np.all(np.isfinite(link_penalty) & (link_penalty > 0.0)):
+    bad = np.flatnonzero(~(np.isfinite(link_penalty) & (link_penalty > 0.0)))
+    if bad.size:
         raise ValueError(
-            "link_penalty holds a factor that is not finite and positive: use 1 "
-            "for links without penalty"
+            f"link_penalty[{bad[0]}] is {link_penalty[bad[0]]:g}: give finite positive factors, "
+            "1 for links without penalty"
         )
     return link_penalty

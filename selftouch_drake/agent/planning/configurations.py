@@ -1,4 +1,4 @@
-"""Which motor configuration to take in each kernel set of a route."""
+"""Chooses one motor configuration in each kernel of a route."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from selftouch_drake.agent.planning.steps import square_steps
 
 
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
-    """One configuration a layer, with the least sum of cubed steps.
+    """Chooses one configuration per layer, with the least sum of cubed steps.
 
-    Layered dynamic programming: exact but for float32, and quadratic in the size of a layer.
-    Squares would let one long step pass here and there, and lose contact on it.
+    Layered dynamic programming: exact up to float32 rounding, and quadratic in the size of a layer.
+    With squares instead of cubes, a long step would remain now and then, and lose contact.
 
     Args:
         layers: W arrays `(n_w, J)` rad, the scaled candidates of each kernel along the route; a
@@ -38,7 +38,7 @@ def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
 
 @njit(cache=True)
 def _step(before, cost_before, here):
-    """`(n,)` the least cost of each of the `(J, n)` configurations here, and its parent."""
+    """`(n,)` the least cost to reach each of the `(J, n)` configurations here, and its parent."""
     count = here.shape[1]
     cost, parent = np.empty(count, dtype=np.float32), np.empty(count, dtype=np.int64)
     through = np.empty(len(cost_before), dtype=np.float32)
@@ -52,7 +52,7 @@ def _step(before, cost_before, here):
 
 
 def closest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
-    """One configuration a layer, each the closest to the one before: the paper's literal method.
+    """Chooses in each layer the configuration closest to the previous one: the paper's method.
 
     Args:
         layers: W arrays `(n_w, J)` rad, scaled, the first of one configuration.

@@ -1,4 +1,4 @@
-"""Which stored configurations of a kernel plans go through."""
+"""Which stored configurations of a kernel a plan may use."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
-# A configuration is alone if the nearest firm one of its kernel is this far away, in rad. Of 150
-# plans on a torus with two fingers, 1.1 % of the length is out of contact with the strongest half
-# and no others, 0.7 % with the strongest third and those alone; with one finger, of the worst of
-# 200 plans, 18 % and 3 %.
-_ALONE = 1.0
+# A configuration is isolated if it is farther than this from all strong ones of its kernel, in rad.
+# Measured on a torus with two fingers (150 plans): out of contact on 1.1 % of the length if plans
+# use the strongest half, on 0.7 % if they use the strongest third and the isolated ones. The worst
+# of 200 plans with one finger: 18 % and 3 %.
+_ISOLATED = 1.0
 
 
 def of_mode(representation: QuotientRepresentation, kernel: int, mode: int | None) -> np.ndarray:
-    """Rows of `kernel_q` that belong to `kernel` and are of `mode`; of any if that is None."""
+    """Rows of `kernel_q` that belong to `kernel` and `mode`; None stands for all modes."""
     members = representation.members(kernel)
     if mode is None:
         return np.arange(members.start, members.stop)
@@ -23,11 +23,11 @@ def of_mode(representation: QuotientRepresentation, kernel: int, mode: int | Non
 
 
 def firm_members(representation: QuotientRepresentation, kernel: int, mode: int) -> np.ndarray:
-    """Rows of `kernel_q` that plans pass through: the third of a kernel that is felt most strongly.
+    """Rows of `kernel_q` that plans pass through: the strongest third of the touches of a kernel.
 
-    Firm touches hold contact. But some postures of the arm were tried so seldom that none of the
-    third is near; a plan that starts there would have to leap. So those that are far from all of
-    the third count as well, if they are not among the lightest quarter. All of `mode`.
+    Firm touches keep contact. But some postures of the arm were tried so rarely that no touch of
+    the strongest third is near; a plan that starts there would have to leap. So isolated touches
+    count as well, unless they are among the lightest quarter. All rows are of `mode`.
     """
     rows = of_mode(representation, kernel, mode)
     if not len(rows):
@@ -36,9 +36,9 @@ def firm_members(representation: QuotientRepresentation, kernel: int, mode: int)
     x = representation.scaled(representation.kernel_q[rows])
     x = x[:, representation.mode_joints[mode]]
     strong = strength >= np.quantile(strength, 2 / 3)
-    apart, _ = cKDTree(x[strong]).query(x)
-    alone = (apart > _ALONE) & (strength >= np.quantile(strength, 0.25))
-    return rows[strong | alone]
+    distance, _ = cKDTree(x[strong]).query(x)
+    isolated = (distance > _ISOLATED) & (strength >= np.quantile(strength, 0.25))
+    return rows[strong | isolated]
 
 
 def goal_members(
@@ -46,9 +46,9 @@ def goal_members(
 ) -> np.ndarray:
     """Rows of `kernel_q`: the half of a kernel nearest its target sensation, without light touches.
 
-    To end anywhere in a kernel would be to end near its border, from where a small error of the
-    motion leads into another kernel. To ask for the firm half as well leaves so few
-    configurations that the last step grows long. All of `mode`, if one is given.
+    A plan that ended near the border of a kernel could miss it by a small error of the motion.
+    If only the firm half counted as well, so few configurations would remain that the last step
+    would become long. All rows are of `mode`, if one is given.
     """
     rows = of_mode(representation, kernel, mode)
     if not len(rows):

@@ -1,4 +1,4 @@
-"""The planner: from the motor configuration the agent is in to the sensation it wants."""
+"""The planner: from the current motor configuration to a target sensation."""
 
 from __future__ import annotations
 
@@ -40,17 +40,17 @@ RouteMethod = Literal["carried", "literal"]
 
 
 class Planner:
-    """Plans over one quotient representation; built once, asked often.
+    """Plans over one quotient representation; build it once and use it for many plans.
 
     Args:
-        representation: what the agent has learnt.
+        representation: what the agent has learned.
         route: `carried` for Dijkstra on the quotient graph that carries a firm configuration
             along, then the smoothest configurations; `literal` for the paper's shortest path on
             the complete graph of `set_distance`, then the closest configurations.
         knot_spacing: rad of path length between knots of the smooth path; larger is smoother.
 
     Raises:
-        ValueError: if `route` is no such method or `knot_spacing` is not positive.
+        ValueError: `route` is not one of these, or `knot_spacing` is not positive.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Planner:
                 f"route is {route!r}: choose one of {', '.join(get_args(RouteMethod))}"
             )
         if not knot_spacing > 0.0:
-            raise ValueError(f"knot_spacing is {knot_spacing} rad: choose a positive spacing")
+            raise ValueError(f"knot_spacing is {knot_spacing} rad: give a positive number")
         self.representation = representation
         self.route = route
         self.knot_spacing = knot_spacing
@@ -97,33 +97,34 @@ class Planner:
     ) -> Plan:
         """Plans one continuous motion through a list of target sensations.
 
-        Joints that do not matter to a touch stay where they are. Where no links lead to a goal, as
-        between parts of the body and where nothing is felt, the agent goes through the air:
-        straight to the nearest firm touch it knows that links join to the goal, and along them from
-        there. If that is on the same part, by joints that did not matter before, these land while
-        the others hold still, and then the others leave.
+        Joints that do not matter to a touch stay where they are. If no links lead to a goal (it is
+        on another part of the body, or nothing is felt at the start), the agent moves through the
+        air: straight to the nearest known firm touch that links join to the goal, and along the
+        links from there. If that touch is on the same part but uses other joints, these joints
+        land first while the current ones hold still; then the current ones leave.
 
         Args:
-            q_start: `(J,)` where the joints are, in the robot's units.
-            targets: the target sensation felt there, or None if nothing is, then one or more to
-                feel, in order. A goal that is felt already is a plan to stay.
+            q_start: `(J,)` positions of the joints at the start, in the robot's units.
+            targets: the target sensation felt at the start, None if nothing is felt; then one or
+                more to feel, in order. If a goal is felt already, the plan is to stay.
             link_penalty: `(L,)` factors on the cost of the links, above 1 where contact was lost
                 before; a literal route has no links and ignores it.
-            slides: ways between touches that are known; others are straight.
-            aside: `(J,)` scaled; before it sets out, the agent moves the joints that do not matter
-                to there, out of the way.
-            lift_off: go to each goal through the air, though links may lead there.
-            limits: no path leaves them, nor may it start outside. By default no path leaves the
-                range of experience, unless it starts outside or takes a slide that does.
+            slides: known slides between touches; all other steps are straight.
+            aside: `(J,)` scaled; at the start, the joints that do not matter move there, out of the
+                way.
+            lift_off: move to each goal through the air, even if links lead there.
+            limits: the path starts and stays within them. By default the path stays within the
+                range of experience, unless the start or a slide lies outside.
 
         Raises:
-            ValueError: if a target is out of range, there is none to feel, or `q_start` or
-                `link_penalty` does not fit the representation.
+            ValueError: a target is out of range, no goal is given, or `q_start` or `link_penalty`
+                does not fit the representation.
         """
         q_start = checked_configuration(q_start, self.representation, limits)
         if len(targets) < 2:
             raise ValueError(
-                f"targets is {list(targets)}: give the sensation felt now, or None, and one to feel"
+                f"targets is {list(targets)}: give the target sensation felt now (or None), then "
+                "at least one goal"
             )
         here = None if targets[0] is None else checked_target(targets[0], self.representation)
         goals = [checked_target(goal, self.representation) for goal in targets[1:]]
@@ -138,7 +139,7 @@ class Planner:
             out_of_the_way[joints] = x[joints]
             way.move(way.nodes[0], out_of_the_way, joints, in_air=False)
         for goal in goals:
-            # The configuration that the legs before would end in decides where this one goes.
+            # Where the previous leg ends decides the route of this one.
             if lift_off and here != goal:
                 here, mode = self._fly(way, goal)
             elif here is None or self._lifts_off(here, goal, mode):
@@ -152,15 +153,15 @@ class Planner:
         return self.route == "literal"
 
     def _joints(self, mode: int) -> np.ndarray:
-        """Those that move in a mode; the literal route knows no modes."""
+        """The joints that move in a mode; the literal route knows no modes."""
         if mode == NO_MODE or self._is_literal:
             return np.arange(len(self.representation.joint_scale))
         return self._graphs[mode].joints
 
     def _mode_at(self, x: np.ndarray, kernel: int) -> int:
-        """The mode of the configuration of `kernel` that the scaled `x` is like, or `NO_MODE`.
+        """The mode of the configuration of `kernel` most similar to the scaled `x`, or `NO_MODE`.
 
-        Like is what the joints that matter there agree with.
+        Only the joints that matter in a mode are compared.
         """
         members = self.representation.members(kernel)
         modes = self.representation.kernel_mode[members]
@@ -172,16 +173,16 @@ class Planner:
         return int(known[np.argmin(nearest)])
 
     def _fly(self, way: Way, goal: int) -> tuple[int, int]:
-        """Goes through the air to the nearest touch of `goal`; where, and the mode."""
+        """Moves through the air to the nearest touch of `goal`; returns its kernel and mode."""
         row = self._nearest(way.end, goal_members(self.representation, goal))
         mode = int(self.representation.kernel_mode[row])
         way.move(goal, self._rows_x[row].astype(float), self._joints(mode), in_air=True)
         return goal, mode
 
     def _land(self, way: Way, goal: int, mode: int) -> tuple[int, int]:
-        """Goes to another touch, from which links lead to `goal`; where, and the mode.
+        """Moves to another touch, from which links lead to `goal`; returns its kernel and mode.
 
-        If other joints can touch there, those that touch now hold still until they do.
+        If other joints make that touch, the current ones hold still until it is made.
         """
         kernel, after, to = self._landing(way.end, goal)
         joints = self._joints(after)
@@ -200,7 +201,7 @@ class Planner:
     def _through(
         self, q_start: np.ndarray, way: Way, slides: Slides | None, limits: Limits | None
     ) -> Plan:
-        """The smooth plan along a way."""
+        """The smooth plan through the waypoints of a way."""
         representation = self.representation
         links = [
             self._link_row.get((min(a, b), max(a, b)), -1) if along_link else -1
@@ -227,7 +228,7 @@ class Planner:
         )
 
     def _lifts_off(self, here: int, goal: int, mode: int) -> bool:
-        """Whether no links lead to `goal` by the joints that matter here.
+        """Whether no links of the current mode lead to `goal`, so that the agent must lift off.
 
         The literal route knows neither parts nor modes.
         """
@@ -246,8 +247,8 @@ class Planner:
             nodes = shortest_route(representation.set_distance, start, goal)
             if nodes is None:
                 raise ValueError(
-                    f"target {goal} cannot be reached from target {start}: no distance is known "
-                    "between them; learn again"
+                    f"target {goal} cannot be reached from target {start}: `set_distance` joins "
+                    "them by no path; learn again"
                 )
             after = nodes[1:].tolist()
             layers = [self._rows_x[of_mode(representation, k, None)] for k in after[:-1]]
@@ -263,8 +264,8 @@ class Planner:
     def _landing(self, x: np.ndarray, goal: int) -> tuple[int, int, np.ndarray]:
         """The firm touch nearest to the scaled `x` from which links of its mode lead to `goal`.
 
-        Its kernel, its mode and its scaled configuration. If the modes of the goal's touches are
-        unknown, the nearest of those touches.
+        Returns its kernel, its mode and its scaled configuration. If the modes of the goal's
+        touches are unknown, it is the nearest of these touches.
         """
         found = []
         for mode, graph in enumerate(self._graphs):
@@ -281,5 +282,5 @@ class Planner:
         return kernel, mode, self._rows_x[row].astype(float)
 
     def _nearest(self, x: np.ndarray, rows: np.ndarray) -> int:
-        """The one of `rows` whose scaled configuration is nearest to `x`."""
+        """The row of `rows` whose scaled configuration is nearest to `x`."""
         return int(rows[np.square(self._rows_x[rows] - x).sum(axis=1).argmin()])

@@ -1,4 +1,4 @@
-"""What the agent expects to feel along a plan, and how sure it is."""
+"""The sensations that the agent expects along a plan, and how sure it is."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps, touching
 from selftouch_drake.agent.planning.smoothing import DEGREE, smooth_curve
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, row_joints
 
-# Sensations that are averaged to one: fewer are noisier, more blur. 8 and 24 do as well.
+# Number of sensations averaged into one: fewer are noisier, more blur. 8 and 24 work as well.
 _NUM_ALIKE = 16
-# At a waypoint, where the arc between sensations vanishes, as a share of the mean step.
+# Spread at a waypoint, as a share of the mean distance between the sensations of two waypoints.
 _SPREAD_AT_WAYPOINT = 0.1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Prediction:
-    """What is expected along a plan.
+    """The sensations expected along a plan.
 
     Attributes:
         sensation: `(T, S)` unit L2 norm; null in the air.
-        spread: `(T,)` scale of the expected error, a cosine distance: small at waypoints, large
-            halfway between sensations far apart. Executions show how large the factor is.
+        spread: `(T,)` proportional to the expected error, a cosine distance: small at waypoints,
+            large halfway between two very different sensations. Executions give the factor.
     """
 
     sensation: np.ndarray
@@ -38,22 +38,22 @@ def predict_sensation(
     s: np.ndarray,
     kernel_sensation: csr_array | np.ndarray | None = None,
 ) -> Prediction:
-    """The sensation expected along a plan.
+    """The sensation expected along a plan, from stored touches.
 
-    From target sensations alone the expectation is linear from one to the next, and as near to
-    what is felt as a target sensation is to its own cell. With the sensations of the stored
-    configurations it is five times nearer, in three steps: linear from what was felt at one
-    waypoint to what was felt at the next; then, for each blend of two, the sensations most like it
-    that were truly felt, as two half touches are not one touch halfway; then smoothed as the path
-    is. On 60 plans on the torus (300 targets) the mean error falls from 0.036 by these steps to
-    0.017, 0.009 and 0.006. Averages over stored configurations that are near in motor space are
-    worse (0.03 to 0.26), as neighbours in motor space lie far apart on the skin.
+    With target sensations alone, the prediction is interpolated from one to the next; its error is
+    about the size of a cell. With the sensations of the stored configurations the error is five
+    times smaller, in three steps. First, the sensations felt at the waypoints are interpolated.
+    Then each interpolated sensation is replaced by the mean of the most similar sensations that
+    were really felt, because two half touches are not one touch halfway. Then the result is
+    smoothed like the path. On 60 plans on the torus (300 targets) these steps reduce the mean error
+    from 0.036 to 0.017, 0.009 and 0.006. Averages over stored configurations that are near in motor
+    space are worse (0.03 to 0.26), because neighbours in motor space can be far apart on the skin.
 
     Args:
-        representation: the one that the plan was made with.
+        representation: the one used to make the plan.
         plan: the plan.
         s: `(T,)` rad, path lengths in `[0, plan.waypoint_s[-1]]`.
-        kernel_sensation: `(R, S)` unit L2 norm, dense or sparse, what was felt at each row of
+        kernel_sensation: `(R, S)` unit L2 norm, dense or sparse, the sensation at each row of
             `kernel_q`.
     """
     at_waypoints = _at_waypoints(representation, plan, kernel_sensation)
@@ -66,7 +66,7 @@ def predict_sensation(
             blend = _unit(_blend(plan, at_waypoints, u))
             return _most_alike(representation, kernel_sensation, plan, u, blend)
 
-        # The path's own smoothing, done to the sensation.
+        # The sensation is smoothed in the same way as the path.
         num_intervals = len(plan.path.t) - 2 * DEGREE - 1
         smooth = smooth_curve(truly_felt, at_waypoints[[0, -1]], length, num_intervals)
         expected = np.clip(smooth(s), 0.0, None)
@@ -77,13 +77,13 @@ def predict_sensation(
 
 
 def recall_sensation(plan: Plan, s: np.ndarray, places: np.ndarray, felt: np.ndarray) -> Prediction:
-    """The sensation expected along a plan that the agent went along before.
+    """The sensation expected along a plan that the agent followed before.
 
     Args:
         plan: the plan.
         s: `(T,)` rad, path lengths in `[0, plan.waypoint_s[-1]]`.
-        places: `(n,)` rad, rising, where on the path it felt, from the start to the end.
-        felt: `(n, S)` N, what.
+        places: `(n,)` rad, ascending path lengths at which it felt, from the start to the end.
+        felt: `(n, S)` N, the sensations there.
     """
     at_places = _unit(felt)
     expected = _mixed(at_places, *_share(places, s))
@@ -96,9 +96,9 @@ def _at_waypoints(
     plan: Plan,
     kernel_sensation: csr_array | np.ndarray | None,
 ) -> np.ndarray:
-    """`(W, S)` what was felt at each waypoint; the target sensation where nothing is stored.
+    """`(W, S)` the sensation at each waypoint; the target sensation where none is stored.
 
-    Before the first touch it is that of the touch.
+    Before the first touch it is the sensation of that touch.
     """
     nodes = plan.nodes.copy()
     if nodes[0] == NO_KERNEL:
@@ -110,7 +110,7 @@ def _at_waypoints(
         members = representation.members(node)
         off = np.abs(representation.scaled(representation.kernel_q[members] - q))
         mode = representation.kernel_mode[members]
-        # Joints that do not matter may be anywhere.
+        # Joints that do not matter may have any position.
         off = np.where(row_joints(mode, representation.mode_joints), off, 0.0).max(axis=1)
         # Stored configurations are float32.
         if off.min() < 1e-5:
@@ -128,10 +128,10 @@ def _most_alike(
     s: np.ndarray,
     blend: np.ndarray,
 ) -> np.ndarray:
-    """`(T, S)` mean of the sensations most like each of `blend`, in the kernels near that step.
+    """`(T, S)` mean of the sensations most similar to each of `blend`, in kernels near that step.
 
-    Near are the two kernels of the step and those that the graph joins to both; on a step through
-    the air, both kernels.
+    These are the two kernels of the step, and those that the graph joins to both; on a step through
+    the air, only the two.
     """
     joined = np.zeros((representation.num_targets,) * 2, dtype=bool)
     i, j = representation.edges.T
@@ -169,10 +169,10 @@ def _largest(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _spread(waypoint_s: np.ndarray, at_waypoints: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """`(T,)` parabolas from waypoint to waypoint, as high as their sensations are apart.
+    """`(T,)` a parabola between each two waypoints, as high as the distance of their sensations.
 
-    Rank correlation with the error 0.6 (300 targets) and 0.35 (1000). How far the path was smoothed
-    away from its polyline, and how long the step is, tell nothing.
+    Its rank correlation with the error is 0.6 (300 targets) and 0.35 (1000). The distance of the
+    path from its polyline and the length of the step do not correlate with the error.
     """
     if len(waypoint_s) == 1:
         return np.zeros(len(s))
@@ -182,7 +182,7 @@ def _spread(waypoint_s: np.ndarray, at_waypoints: np.ndarray, s: np.ndarray) -> 
 
 
 def _share(waypoint_s: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`(T,)` of which step each `s` is part, and `(T,)` the share of it that is done."""
+    """`(T,)` the step that each `s` is part of, and `(T,)` the share of it that is done."""
     before = steps(waypoint_s, s)
     after = np.minimum(before + 1, len(waypoint_s) - 1)
     length = waypoint_s[after] - waypoint_s[before]
@@ -191,9 +191,9 @@ def _share(waypoint_s: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _blend(plan: Plan, sensation: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """`(T, S)` linear from the `(W, S)` sensation at one waypoint to that at the next.
+    """`(T, S)` linear interpolation between the `(W, S)` sensations at the waypoints.
 
-    In the air it changes at once, halfway, so that smoothing mixes no touch with the next one.
+    In the air it jumps halfway, so that smoothing does not mix one touch with the next.
     """
     before, share = _share(plan.waypoint_s, s)
     if plan.in_air.any():
@@ -202,7 +202,7 @@ def _blend(plan: Plan, sensation: np.ndarray, s: np.ndarray) -> np.ndarray:
 
 
 def _mixed(sensation: np.ndarray, before: np.ndarray, share: np.ndarray) -> np.ndarray:
-    """`(T, S)` so much of the `(W, S)` sensation after as is the share of the way to it."""
+    """`(T, S)` linear interpolation in `(W, S)`, at a share of the way from row `before` on."""
     after = np.minimum(before + 1, len(sensation) - 1)
     return (1.0 - share[:, None]) * sensation[before] + share[:, None] * sensation[after]
 

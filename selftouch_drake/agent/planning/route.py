@@ -1,4 +1,4 @@
-"""Which motor kernel sets to pass through (paper, section III)."""
+"""Chooses the motor kernel sets to pass through (paper, section III)."""
 
 from __future__ import annotations
 
@@ -17,34 +17,35 @@ from selftouch_drake.agent.representation.neighbours import component_labels
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import LinkedNearest, linked_nearest
 
-#: Links between targets further apart than this many spacings are leaps: they cut through the body.
+#: Links between targets farther apart than this many spacings are leaps: they cut through the body.
 LEAP_SPACINGS = 1.25
-#: The cost of a leap grows with this power of how far it exceeds that. Of the time of some 200
-#: plans each on cube and torus, 300 targets, 2.8 % is out of contact without it, 0.7 % with the 8th
-#: power, and 0.6 % with the 16th, on paths 4 % longer; with 1000 targets all do equally well.
+#: The cost of a leap grows with this power of its length beyond that. Measured on about 200 plans
+#: each on cube and torus (300 targets): out of contact 2.8 % of the time without it, 0.7 % with the
+#: 8th power, 0.6 % with the 16th, on paths 4 % longer. With 1000 targets all work equally well.
 LEAP_POWER = 16.0
-# How many configurations of one kernel a search may pass through, and how far apart they are (rad).
-# The first to arrive is not always the best to go on with: with 1, 4 and 8 of them the cubed steps
-# sum up to 1.3, 1.1 and 1.08.
+# How many configurations of one kernel a search may visit, and their least distance (rad). The
+# first visit is not always the best to continue from: with 1, 4 and 8 visits the sum of cubed steps
+# is 1.3, 1.1 and 1.08 times the optimum.
 _MAX_VISITS = 4
 _APART = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RouteGraph:
-    """Linked kernels and their firm configurations of one mode, laid out for search.
+    """Linked kernels and their firm configurations of one mode, arranged for search.
 
     Only the J joints that matter in the mode count.
 
     Attributes:
-        joints: `(J,)` which they are.
-        firm_row: `(F,)` rows in the representation of firm configurations, by kernel.
-        firm_x: `(J, F)` float32 rad, the same, scaled, one row per joint.
+        joints: `(J,)` indices of these joints.
+        firm_row: `(F,)` rows of the firm configurations in `kernel_q`, grouped by kernel.
+        firm_x: `(J, F)` float32 rad, these configurations, scaled, one row per joint.
         firm_offsets: `(K + 1,)` kernel k owns columns `firm_offsets[k]:firm_offsets[k + 1]`.
-        component: `(K,)` links join kernels of one component; -1 for those without configurations.
-        link_offsets: `(K + 1,)` ways `link_offsets[k]:link_offsets[k + 1]` leave kernel k.
-        link_kernel: `(2L,)` the kernel each way leads to.
-        link_row: `(2L,)` the link it belongs to.
+        component: `(K,)` links join kernels of one component; -1 without firm configurations.
+        link_offsets: `(K + 1,)` ways `link_offsets[k]:link_offsets[k + 1]` leave kernel k. A way is
+            a link in one direction.
+        link_kernel: `(2L,)` the kernel that each way leads to.
+        link_row: `(2L,)` the link of each way.
         nearest: for each way, the nearest firm configuration to each one of the kernel it leaves.
     """
 
@@ -62,7 +63,7 @@ class RouteGraph:
     def of(
         cls, representation: QuotientRepresentation, links: np.ndarray, mode: int = 0
     ) -> RouteGraph:
-        """Lays out a mode of `representation` and the `(L, 2)` links; for any number of routes."""
+        """Arranges one mode of `representation` and the `(L, 2)` links for search."""
         num_kernels = representation.num_targets
         joints = np.flatnonzero(representation.mode_joints[mode])
         by_kernel = [firm_members(representation, k, mode) for k in range(num_kernels)]
@@ -104,18 +105,18 @@ def leap_penalty(
     spacings: float = LEAP_SPACINGS,
     power: float = LEAP_POWER,
 ) -> np.ndarray:
-    """Factors on the cost of links that join far-off sensations.
+    """Factors on the cost of links that join very different sensations.
 
-    Configurations of two kernels may be close although the places they touch are not: the finger
-    then leaps through the inside of the body. The distance of the target sensations tells these
-    links from others (area under the curve, on edges of the graph, 0.94 to 0.98; the motor step
-    alone 0.60 to 0.63).
+    Configurations of two kernels can be close although the places that they touch are not: the
+    finger would leap through the inside of the body. The distance of the target sensations
+    separates these links from the others (area under the ROC curve, on edges of the graph, 0.94 to
+    0.98; the motor step alone 0.60 to 0.63).
 
     Args:
-        representation: what the agent has learnt.
+        representation: what the agent has learned.
         links: `(L, 2)` pairs of kernels.
-        spacings: how many spacings of the target sensations are not yet a leap.
-        power: how fast the factor grows beyond; 0 for no penalty.
+        spacings: greatest distance that is not a leap, in spacings of the target sensations.
+        power: how fast the factor grows beyond that; 0 for no penalty.
 
     Returns:
         `(L,)` factors, 1 or more.
@@ -136,18 +137,18 @@ def carried_route(
 ) -> np.ndarray | None:
     """Dijkstra that carries motor configurations to every kernel it reaches.
 
-    A kernel is entered by its firm configuration nearest to the one carried by its parent, and
-    the step costs that distance cubed: what the agent would truly move, given where it is. Cubes
-    prefer many short steps to one long one, which would leave the skin; higher powers hold contact
-    no better, and only lengthen the path. A kernel may be entered more than once, by configurations
-    that are far from each other.
+    The search enters a kernel at its firm configuration nearest to the one carried by its parent.
+    The step costs the cube of that distance, which is the distance that the agent would really
+    move. Cubes prefer many short steps to a long one, which would leave the skin; higher powers
+    keep contact no better and only lengthen the path. The search may enter a kernel several times,
+    at configurations far from each other.
 
     Args:
         graph: the linked kernels.
         x_start: `(J,)` rad, a scaled configuration of kernel `start`.
         start: the kernel to leave.
         goal: the kernel to reach.
-        goal_x: `(n, J)` rad, the configurations by which the goal may be entered.
+        goal_x: `(n, J)` rad, the configurations at which the goal may be entered.
         penalty: `(L,)` positive factors on the cost of each link.
 
     Returns:
@@ -212,7 +213,7 @@ def _carry(
     goal,
     goal_x,
 ):
-    """`(N,)` kernels on the cheapest way from `start` to `goal`; empty where there is none."""
+    """`(N,)` kernels on the cheapest route from `start` to `goal`; empty if there is none."""
     num_firm, num_kernels = firm_x.shape[1], len(firm_offsets) - 1
     # Places are firm configurations, then the start and the goal.
     at_start, at_goal = num_firm, num_firm + 1

@@ -18,8 +18,8 @@ KNOT_SPACING = 0.135
 # Midpoints of each knot interval at which distance and jerk are summed.
 _SAMPLES_PER_INTERVAL = 8
 
-# Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline has no
-# limit as samples get denser, so that the figure means something only for a stated spacing.
+# Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline grows
+# without bound as samples get denser, so the ratio has a meaning only for a stated spacing.
 _JERK_SPACING = 0.02
 
 
@@ -51,7 +51,7 @@ def smooth_path(
 
     The length l is the interval between knots. The path starts and ends at the first and the last
     waypoint, its outer control points. A spline lies in the convex hull of its control points, so
-    that clipping these keeps it within the limits and as smooth as it was.
+    clipping these keeps it within the limits and equally smooth.
 
     Args:
         waypoints_x: `(W, J)` rad, scaled.
@@ -60,8 +60,8 @@ def smooth_path(
         upper: `(J,)` rad, scaled; no joint goes above this, unless a waypoint does.
 
     Returns:
-        A clamped quintic B-spline over `[0, length]`, length of the polyline in rad; over
-        `[0, 1]` and constant if there is nowhere to go.
+        A clamped quintic B-spline over `[0, length]`, the length of the polyline in rad; constant
+        over `[0, 1]` if all waypoints are the same.
     """
     waypoints_x = np.asarray(waypoints_x, dtype=float)
     ends = waypoints_x[[0, -1]]
@@ -92,7 +92,7 @@ def smooth_curve(
         curve: from `(N,)` rad in `[0, length]` to `(N, D)`.
         ends: `(2, D)` where the spline starts and ends, its outer control points.
         length: rad, positive.
-        num_intervals: of knots.
+        num_intervals: number of intervals between knots.
     """
     knots, value, bands = _normal_equations(num_intervals)
     interval = length / num_intervals
@@ -103,7 +103,7 @@ def smooth_curve(
     for point in range(DEGREE + 1):
         right[point : point + num_intervals] += local[:, point]
     for off in range(DEGREE + 1):
-        # What the two outer control points, which are given, contribute to the others.
+        # The two outer control points are given: their terms go to the right-hand side.
         right[off] -= bands[DEGREE - off, off] * ends[0]
         right[-1 - off] -= bands[DEGREE - off, -1] * ends[1]
     inner = solveh_banded(bands[:, 1:-1], right[1:-1])
@@ -112,17 +112,17 @@ def smooth_curve(
     return BSpline(knots, np.concatenate([ends[:1], inner, ends[1:]]), DEGREE)
 
 
-# A path is smoothed, and what is expected on it, over the same knots.
+# A path and the sensations expected along it use the same knots.
 @lru_cache(maxsize=16)
 def _normal_equations(num_intervals: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """What a spline of least squares is made of, but for the curve that it is to follow.
+    """The part of the least-squares problem that does not depend on the curve.
 
-    Solved over knots one apart, so that the shortest path is as well conditioned as any.
+    The knots are at distance 1, so that a short path is as well conditioned as a long one.
 
     Returns:
-        The knots; `(M, samples, DEGREE + 1)` the values of the control points' basis functions at
-        the samples of each interval; `(DEGREE + 1, n)` the upper bands of the normal equations, the
-        main one last.
+        The knots; `(M, samples, DEGREE + 1)` values of the basis functions of the control points at
+        the samples of each interval; `(DEGREE + 1, n)` upper bands of the normal equations, the
+        main diagonal last.
     """
     knots = np.pad(np.arange(num_intervals + 1.0), DEGREE, mode="edge")
     u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
@@ -138,13 +138,13 @@ def _normal_equations(num_intervals: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 def _basis(u: np.ndarray, knots: np.ndarray, degree: int) -> np.ndarray:
-    """`(M, samples, degree + 1)` the basis functions that are not 0 at the samples."""
+    """`(M, samples, degree + 1)` values of the basis functions that are not 0 at the samples."""
     values = BSpline.design_matrix(u, knots, degree).data
     return values.reshape(-1, _SAMPLES_PER_INTERVAL, degree + 1)
 
 
 def _third_differences(knots: np.ndarray, num_intervals: int) -> np.ndarray:
-    """`(M, DEGREE - 2, DEGREE + 1)` from an interval's control points to those of its jerk."""
+    """`(M, DEGREE - 2, DEGREE + 1)` maps control points of an interval to those of its jerk."""
     differences = np.eye(DEGREE + 1)
     for degree in range(DEGREE, DEGREE - 3, -1):
         first = np.arange(num_intervals)[:, None] + np.arange(degree) + DEGREE - degree
@@ -161,7 +161,7 @@ def jerk_reduction(plan: Plan, joint_scale: np.ndarray) -> float:
 
     Args:
         plan: the plan.
-        joint_scale: `(J,)` of the representation that the plan was made with.
+        joint_scale: `(J,)` factors of the representation used to make the plan.
     """
     if len(np.unique(plan.waypoint_s)) < 3:
         return 1.0

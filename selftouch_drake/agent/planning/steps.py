@@ -1,4 +1,4 @@
-"""How long steps in motor space are, compiled for the searches over them."""
+"""Lengths of steps in motor space, compiled for use in searches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a plan passes through: stretches along links, each with the joints that matter there."""
+"""The waypoints of a plan, in stretches along links, each with the joints that matter there."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Choose = Callable[[Sequence[np.ndarray]], np.ndarray]
 
 
 class Way:
-    """Waypoints of a plan while it is made: candidates first, of which some are chosen.
+    """Waypoints of a plan in the making: first candidates, then one of them for each kernel.
 
-    On a stretch only the joints that matter move; all others stay where they are when it begins.
+    On a stretch only the joints that matter move; all others stay as they were at its beginning.
 
     Args:
         node: the kernel that is felt at the start.
         x: `(J,)` the scaled configuration there.
-        joints: those that move from there on.
-        choose: which candidates to take, of those of one stretch.
+        joints: the joints that move from there on.
+        choose: chooses one candidate for each kernel of a stretch.
     """
 
     def __init__(self, node: int, x: np.ndarray, joints: np.ndarray, choose: Choose):
@@ -33,29 +33,29 @@ class Way:
 
     @property
     def end(self) -> np.ndarray:
-        """`(J,)` the configuration that the way would end in, if it went no farther."""
+        """`(J,)` the last configuration so far."""
         return self._chosen(*self._stretches[-1])[-1]
 
     def follow(self, nodes: list[int], layers: list[np.ndarray]) -> None:
-        """Goes along links, through one of the `(n, joints that move)` candidates in each node."""
+        """Adds steps along links, through one of `(n, joints that move)` candidates per node."""
         self.nodes += nodes
         self.in_air += [False] * len(nodes)
         self.along_link += [True] * len(nodes)
         self._stretches[-1][2].extend(layers)
 
     def move(self, node: int, x: np.ndarray, joints: np.ndarray, *, in_air: bool) -> None:
-        """Goes straight to `x`, by all joints, and on from there by `joints`."""
+        """Adds a straight step of all joints to `x`; from there on, `joints` move."""
         self.nodes.append(node)
         self.in_air.append(in_air)
         self.along_link.append(False)
         self._stretches.append((x, joints, []))
 
     def passed(self, slides: Slides | None) -> tuple[list[int], np.ndarray, np.ndarray]:
-        """The nodes and waypoints of the plan, with those of the slides that it can take.
+        """The nodes and waypoints of the plan; known slides replace straight steps.
 
         Returns:
-            W kernels, `(W - 1,)` the step of this way that each step is part of, and `(W, J)`
-            scaled configurations.
+            W kernels; `(W - 1,)` the step of this way that each step of the plan belongs to;
+            `(W, J)` scaled configurations.
         """
         x = np.concatenate([self._chosen(*stretch) for stretch in self._stretches])
         slides = slides or Slides.none(x.shape[1])

@@ -154,7 +154,7 @@ class QuotientLearner(BaseEstimator):
         if some.num_rows < self.num_targets:
             raise ValueError(
                 f"num_targets is {self.num_targets}, but there are only {some.num_rows} "
-                "sensations: babble longer, or ask for fewer targets"
+                "sensations: give a smaller number, or babble longer"
             )
         sample = some.sample().columns
         overlap = overlapping(sample["sensation"])
@@ -163,8 +163,8 @@ class QuotientLearner(BaseEstimator):
         kept = ~set_aside(sample["sensation"], overlap, chance)
         if not kept.any():
             raise ValueError(
-                "sensation touches several parts of the body in every row: babble until each is "
-                "touched alone"
+                "sensation has touches on several parts of the body in every row: babble until "
+                "each part is touched alone"
             )
         sensation, q = sample["sensation"][kept], sample["q"][kept]
         scale = joint_scale(q, sensation)
@@ -314,7 +314,7 @@ class QuotientLearner(BaseEstimator):
             ):
                 if found != width:
                     raise ValueError(
-                        f"{name} row {row} has {found} {parts}, rows before {width}: give "
+                        f"{name} row {row} has {found} {parts}, earlier rows have {width}: give "
                         "experience of one robot"
                     )
             row += len(sensation)
@@ -459,8 +459,8 @@ def _check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
         )
     if (lowest := sensation.min(initial=0)) < 0:
         raise ValueError(
-            f"sensation holds {lowest:g}, below 0: subtract the receptors' offset, to give "
-            "pressures"
+            f"sensation holds {lowest:g}, a negative reading: give pressures, without the "
+            "receptors' offset"
         )
     if (null := np.flatnonzero(felt == 0)).size:
         raise ValueError(

@@ -94,13 +94,11 @@ def target_sensations(
         lambda row: 2.0 - 2.0 * (points @ points[row]), num_targets, least=_SAME
     )
     if len(start) == 1:
-        raise ValueError(
-            "sensation is the same in every row: babble until the finger touches more places"
-        )
+        raise ValueError("sensation is the same in every row: record touches at more places")
     if len(start) < num_targets and not or_fewer:
         raise ValueError(
             f"num_targets is {num_targets}, but the experience holds only {len(start)} distinct "
-            f"sensations: ask for at most {len(start)} targets, or babble longer"
+            f"sensations: give at most {len(start)}, or babble longer"
         )
     progress(0.5)
     centres = points[start]

@@ -123,7 +123,7 @@ class QuotientRepresentation:
         if num_rows and not NO_MODE <= self.kernel_mode.min() <= self.kernel_mode.max() < num_modes:
             raise ValueError(f"kernel_mode must hold modes 0 to {num_modes - 1}, or {NO_MODE}")
         if not self.mode_joints.any(axis=1).all():
-            raise ValueError("mode_joints has a mode in which no joint matters")
+            raise ValueError("mode_joints has a mode without joints, expected one or more")
         _check_parts(self.part, self.edges)
 
     @property

@@ -35,7 +35,7 @@ def intrinsic_dimension(distances: np.ndarray) -> float:
     num_kernels = len(distances)
     if num_kernels < LEAST_KERNELS:
         raise ValueError(
-            f"num_targets is {num_kernels}: the dimension needs at least {LEAST_KERNELS} kernels"
+            f"num_targets is {num_kernels}: give at least {LEAST_KERNELS}, to estimate a dimension"
         )
     pairs = np.sort(distances[~np.eye(num_kernels, dtype=bool)])
     smallest, largest = _SHARES

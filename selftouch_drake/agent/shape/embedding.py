@@ -90,7 +90,7 @@ def stress_embedding(
     """
     if len(distances) < 4:
         raise ValueError(
-            f"num_targets is {len(distances)}: a body in space needs 4 kernels or more"
+            f"num_targets is {len(distances)}: give at least 4, to lay out a body in space"
         )
     if not np.isfinite(distances).all():
         raise ValueError("distances are infinite where no path exists: connect the graph first")

@@ -37,7 +37,7 @@ def revolute_coordinates(
     """
     if 3 ** kernel_q.shape[1] > _MAX_PRODUCTS:
         raise ValueError(
-            f"q has {kernel_q.shape[1]} joints: the revolute reference takes 7 at most; choose "
+            f"q has {kernel_q.shape[1]} joints, more than the 7 of the revolute reference: choose "
             "the learned metric"
         )
     sizes = np.minimum(np.diff(kernel_offsets), _MAX_ROWS)

@@ -22,7 +22,7 @@ def open_meshcat(port: int | None = None) -> Meshcat:
         try:
             return Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
         except RuntimeError:
-            raise ValueError(f"--port {port} is taken; choose another, or none") from None
+            raise ValueError(f"--port {port} is in use; give another, or leave it out") from None
 
 
 @contextlib.contextmanager

@@ -112,7 +112,7 @@ def plan_path(material: Material) -> Figure:
         for q in (motion.q, motion.waypoints_q)
     )
     if not paths:
-        raise MissingError("the plan that is shown touches nothing; plan and evaluate again")
+        raise MissingError("the plan of this figure touches nothing; evaluate again")
     return path_figure.plan_path(_skins(material), paths, known, len(motion.q))
 
 

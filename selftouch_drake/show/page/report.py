@@ -12,7 +12,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from selftouch_drake.experiment import dump_experiment
-from selftouch_drake.show.material import Material, MissingError
+from selftouch_drake.show.material import Material, MissingError, NoSurfaceError
 from selftouch_drake.show.page.tables import (
     joint_rows,
     part_rows,
@@ -65,10 +65,13 @@ def report_page(material: Material, pictures: Mapping[str, Picture], recording: 
         recording: of the plan that is shown.
     """
     plans = list(plan_rows(material))
+    body = no_surface = ""
     try:
         body = turnable_body(material)
+    except NoSurfaceError as reason:
+        no_surface = str(reason)
     except MissingError:
-        body = ""
+        pass
     return _template().render(
         experiment=material.experiment,
         settings=dump_experiment(material.experiment),
@@ -77,6 +80,7 @@ def report_page(material: Material, pictures: Mapping[str, Picture], recording: 
         readings=material.readings,
         parts=_parts(material),
         body=body,
+        no_surface=no_surface,
         viewer=(files(__package__) / "turnable.js").read_text(encoding="utf-8"),
         plans=plans,
         flights=any(plan.num_flights for plan in plans),

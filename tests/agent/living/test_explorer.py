@@ -58,7 +58,7 @@ def test_it_stays_in_touch_before_it_knows_anything():
     assert np.mean(felt.any(axis=1)) > 0.45
 
 
-def test_it_goes_where_it_seldom_was():
+def test_it_goes_where_it_was_rarely():
     """It knows one half well; the other it has met a few times."""
     rng = np.random.default_rng(0)
     points = rng.normal(size=(4000, 3))

@@ -1,4 +1,4 @@
-"""A learner that goes on learning knows what one knows that learns from all at once."""
+"""The online learner ends up with the same knowledge as the offline learner."""
 
 import numpy as np
 import pytest
@@ -91,7 +91,7 @@ def test_new_places_get_targets_and_old_targets_keep_their_numbers():
 
 
 def test_the_work_for_a_touch_does_not_grow(monkeypatch):
-    """Touches that targets are looked for, and kernels that are measured, in a long life."""
+    """Number of touches used to choose targets, and of measured kernels, in a long life."""
     q, sensation, *_ = touch(["sphere"], 9_000, num_receptors=20)
     work = []
     counts = {"assign": lambda rows, _: len(rows), "remeasured": lambda *given: given[3].sum()}
@@ -131,7 +131,7 @@ def test_it_forgets_what_no_longer_holds():
 
 def test_too_few_touches_are_refused():
     q, sensation, *_ = touch(["sphere"], 50)
-    with pytest.raises(ValueError, match="50 touches are too few to know anything"):
+    with pytest.raises(ValueError, match="50 touches are too few to learn from"):
         _ = lived(q, sensation).representation
 
 

@@ -36,7 +36,7 @@ def test_by_default_no_plan_leaves_the_range_of_experience(ring, planner):
         assert np.all(q <= ring.kernel_q.max(axis=0) + 1e-9)
 
 
-def test_a_plan_to_where_one_is_stays_there(ring, planner):
+def test_a_plan_to_the_current_sensation_stays_there(ring, planner):
     plan = planner.plan(ring.kernel_q[0], 0, 0)
     assert plan.nodes.tolist() == [0]
     assert plan.links.shape == (0,)
@@ -92,16 +92,16 @@ def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planne
     [
         (
             {"goal": 412},
-            "target 412 is out of range: this representation has targets 0 to 23",
+            "target 412 is out of range: give one of 0 to 23, the targets of this representation",
         ),
         (
             {"start": -1},
-            "target -1 is out of range: this representation has targets 0 to 23",
+            "target -1 is out of range: give one of 0 to 23, the targets of this representation",
         ),
         ({"goal": 1.5}, "target 1.5 is not an index: give a whole number"),
         (
             {"q_start": np.zeros(2)},
-            "q_start has shape (2,): this representation needs (3,), one number per joint",
+            "q_start has shape (2,): give (3,), one number per joint",
         ),
         (
             {"q_start": np.array([0.0, np.nan, 0.0])},
@@ -109,12 +109,11 @@ def test_the_prediction_passes_through_the_targets_at_the_waypoints(ring, planne
         ),
         (
             {"link_penalty": np.ones(3)},
-            "link_penalty has shape (3,): this representation needs (96,), one factor per link",
+            "link_penalty has shape (3,): give (96,), one factor per link",
         ),
         (
             {"link_penalty": np.zeros(96)},
-            "link_penalty holds a factor that is not finite and positive: "
-            "use 1 for links without penalty",
+            "link_penalty[0] is 0: give finite positive factors, 1 for links without penalty",
         ),
     ],
 )
@@ -158,7 +157,7 @@ def test_a_plan_goes_along_the_slides_it_knows(ring, planner):
 def test_a_planner_refuses_what_it_cannot_do(ring):
     with pytest.raises(ValueError, match=r"^route is 'magic': choose one of carried, literal$"):
         Planner(ring, route="magic")
-    with pytest.raises(ValueError, match=r"^knot_spacing is 0.0 rad: choose a positive spacing$"):
+    with pytest.raises(ValueError, match=r"^knot_spacing is 0.0 rad: give a positive number$"):
         Planner(ring, knot_spacing=0.0)
 
 

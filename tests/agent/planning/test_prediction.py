@@ -59,7 +59,7 @@ def test_predictions_have_unit_length_and_no_negative_reading(dense):
     assert np.allclose(np.linalg.norm(predicted, axis=1), 1.0)
 
 
-def test_to_stay_is_to_feel_the_same(dense):
+def test_staying_feels_the_same(dense):
     plan = Planner(dense).plan(dense.kernel_q[5], 0, 0)
     remembered = felt_at(dense.kernel_q.astype(float))
     predicted = predict_sensation(dense, plan, np.zeros(3), remembered).sensation
@@ -67,7 +67,7 @@ def test_to_stay_is_to_feel_the_same(dense):
 
 
 @pytest.mark.parametrize("remembers", [False, True])
-def test_nothing_is_foretold_before_the_first_touch(dense, remembers):
+def test_nothing_is_predicted_before_the_first_touch(dense, remembers):
     remembered = felt_at(dense.kernel_q.astype(float)) if remembers else None
     plan = Planner(dense).plan(np.array([1.5, 0.0, 0.4]), None, 2)
     assert plan.nodes[0] == NO_KERNEL

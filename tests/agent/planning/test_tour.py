@@ -61,9 +61,15 @@ def test_an_arm_in_the_air_may_want_only_the_nearest_touch(ring, planner):
 @pytest.mark.parametrize(
     ("targets", "message"),
     [
-        ([0], "targets is [0]: give the sensation felt now, or None, and one to feel"),
-        ([], "targets is []: give the sensation felt now, or None, and one to feel"),
-        ([0, 24, 3], "target 24 is out of range: this representation has targets 0 to 23"),
+        (
+            [0],
+            "targets is [0]: give the target sensation felt now (or None), then at least one goal",
+        ),
+        ([], "targets is []: give the target sensation felt now (or None), then at least one goal"),
+        (
+            [0, 24, 3],
+            "target 24 is out of range: give one of 0 to 23, the targets of this representation",
+        ),
         ([0, None], "target None is not an index: give a whole number"),
     ],
 )
@@ -74,6 +80,6 @@ def test_a_tour_without_way_is_refused(ring, planner, targets, message):
 
 def test_a_start_outside_the_joint_limits_is_refused(ring):
     limits = np.full(3, -1.2), np.full(3, 1.2)
-    message = "q_start[1] is 1.3: give one within the limits of the joint, -1.2 to 1.2"
+    message = "q_start[1] is 1.3: give a position within the limits of the joint, -1.2 to 1.2"
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         Planner(ring).plan(np.array([0.0, 1.3, 0.0]), None, 0, limits=limits)

@@ -89,7 +89,7 @@ def test_geodesics_by_hand():
 
 @settings(max_examples=25, deadline=None)
 @given(st.integers(2, 12), st.integers(0, 99))
-def test_the_quotient_pseudo_metric_is_one(num_kernels, seed):
+def test_the_quotient_distance_is_a_pseudo_metric(num_kernels, seed):
     minimum = np.random.default_rng(seed).uniform(0.1, 1.0, (num_kernels, num_kernels))
     minimum = np.minimum(minimum, minimum.T)
     np.fill_diagonal(minimum, 0.0)

@@ -85,14 +85,14 @@ def test_double_precision_learns_the_same(experience, learner):
 
 
 def test_progress_rises_to_one(experience):
-    told = []
+    reports = []
     QuotientLearner(20).fit(
-        *experience, progress=lambda fraction, stage: told.append((fraction, stage))
+        *experience, progress=lambda fraction, stage: reports.append((fraction, stage))
     )
-    fractions = [fraction for fraction, _ in told]
+    fractions = [fraction for fraction, _ in reports]
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
-    assert list(dict.fromkeys(stage for _, stage in told)) == [
+    assert list(dict.fromkeys(stage for _, stage in reports)) == [
         "target sensations",
         "motor kernels",
         "joints that matter",
@@ -155,12 +155,13 @@ def test_experience_that_changes_between_readings_is_refused(experience):
         (
             "sensation",
             lambda s: s[:, :29],
-            "sensation row 4000 has 29 receptors, rows before 30: give experience of one robot",
+            "sensation row 4000 has 29 receptors, earlier rows have 30: give experience of one "
+            "robot",
         ),
         (
             "q",
             lambda q: q[:, :4],
-            "q row 4000 has 4 joints, rows before 5: give experience of one robot",
+            "q row 4000 has 4 joints, earlier rows have 5: give experience of one robot",
         ),
         (
             "sensation",
@@ -187,7 +188,7 @@ def line_of_skin(along):
     return np.exp(-np.square(along[:, None] - np.linspace(0, 1, 12)) / 0.01)
 
 
-def test_components_of_one_part_and_what_joined_them_are_told():
+def test_components_of_one_part_and_what_joined_them_are_reported():
     # One skin, touched at both ends from distant configurations, and not in between.
     rng = np.random.default_rng(0)
     there = rng.integers(0, 2, 4000)
@@ -239,7 +240,7 @@ def test_random_state_may_be_a_generator(experience):
     assert rows[0] == rows[1] != rows[2]
 
 
-def test_scikit_learn_manners(learner, experience):
+def test_scikit_learn_conventions(learner, experience):
     assert clone(learner).get_params() == learner.get_params()
     fresh = QuotientLearner()
     assert not [name for name in vars(fresh) if name.endswith("_")]
@@ -309,7 +310,8 @@ def changed(array, index, value):
         (
             {},
             {"sensation": lambda s: changed(s, (4, 2), -0.5)},
-            "sensation holds -0.5, below 0: subtract the receptors' offset, to give pressures",
+            "sensation holds -0.5, a negative reading: give pressures, without the receptors' "
+            "offset",
         ),
         (
             {},
@@ -319,13 +321,13 @@ def changed(array, index, value):
         (
             {},
             {"sensation": lambda s: np.ones_like(s)},
-            "sensation is the same in every row: babble until the finger touches more places",
+            "sensation is the same in every row: record touches at more places",
         ),
         (
             {},
             {"sensation": lambda s: np.repeat(s[:20], 25, axis=0)},
-            "num_targets is 50, but the experience holds only 20 distinct sensations: ask for at "
-            "most 20 targets, or babble longer",
+            "num_targets is 50, but the experience holds only 20 distinct sensations: give at "
+            "most 20, or babble longer",
         ),
         (
             {},
@@ -350,8 +352,8 @@ def changed(array, index, value):
         (
             {"num_targets": 501},
             {},
-            "num_targets is 501, but there are only 500 sensations: babble longer, or ask for "
-            "fewer targets",
+            "num_targets is 501, but there are only 500 sensations: give a smaller number, or "
+            "babble longer",
         ),
     ],
 )

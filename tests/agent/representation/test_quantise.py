@@ -47,10 +47,10 @@ def test_targets_are_spread_more_evenly_than_the_touches():
 
 
 def test_progress_rises_to_one():
-    told = []
-    target_sensations(np.eye(5), 3, progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    fractions = []
+    target_sensations(np.eye(5), 3, progress=fractions.append)
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
 
 
 def test_too_few_distinct_sensations():
@@ -58,5 +58,5 @@ def test_too_few_distinct_sensations():
         target_sensations(np.repeat(np.eye(3), 4, axis=0), 5)
     assert str(error.value) == (
         "num_targets is 5, but the experience holds only 3 distinct sensations: "
-        "ask for at most 3 targets, or babble longer"
+        "give at most 3, or babble longer"
     )

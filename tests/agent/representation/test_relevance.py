@@ -15,7 +15,7 @@ NUM_ROWS = 40_000
 
 
 def two_hands(seed=0):
-    """Joints of the left hand, of the right hand, and one without effect; which hand touches."""
+    """Joints of the left and the right hand, one without effect; and the hand that touches."""
     rng = np.random.default_rng(seed)
     points = on_sphere(rng, NUM_ROWS)
     is_left = rng.random(NUM_ROWS) < 0.5

@@ -70,10 +70,10 @@ def test_any_number_of_threads_gives_the_same_bytes(num_threads, monkeypatch):
 
 
 def test_progress_rises_to_one():
-    told = []
+    fractions = []
     _, q, offsets = random_sets([3, 4], 2, 0)
-    set_distances(q, offsets, "minimum", progress=told.append)
-    assert told == [0.5, 1.0]
+    set_distances(q, offsets, "minimum", progress=fractions.append)
+    assert fractions == [0.5, 1.0]
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,6 @@ def test_a_ring_has_one_and_a_solid_three():
 
 
 def test_too_few_kernels():
-    with pytest.raises(ValueError, match="kernels") as error:
+    with pytest.raises(ValueError, match="num_targets") as error:
         intrinsic_dimension(np.ones((49, 49)))
-    assert str(error.value) == "num_targets is 49: the dimension needs at least 50 kernels"
+    assert str(error.value) == "num_targets is 49: give at least 50, to estimate a dimension"

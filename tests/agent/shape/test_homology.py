@@ -104,7 +104,7 @@ def test_h0_is_the_minimum_spanning_tree(num_points, seed):
 
 @settings(max_examples=15, deadline=None)
 @given(st.integers(6, 30), st.integers(0, 99))
-def test_the_filtration_is_one(num_points, seed):
+def test_the_filtration_is_valid(num_points, seed):
     points = np.random.default_rng(seed).normal(size=(num_points, 3))
     simplices, radius2 = alpha_filtration(points)
     appears = dict(zip(simplices, radius2, strict=True))

@@ -57,7 +57,7 @@ def test_every_metric_recovers_a_touched_sphere(touched, bodies, metric, most):
 
 
 @pytest.mark.parametrize("metric", ["motor", "learned", "sensorimotor", "revolute_reference"])
-def test_every_pruned_metric_tells_topology_and_dimension(bodies, metric):
+def test_every_pruned_metric_finds_topology_and_dimension(bodies, metric):
     found = topology(bodies[metric].embedding.positions)
     assert found.betti == (1, 0, 1)
     assert found.margin > 3
@@ -136,10 +136,10 @@ def test_sensations_keep_edges_on_the_surface(touched):
 
 
 def test_progress_rises_to_one(touched):
-    told = []
-    recover(touched[0], "learned", progress=told.append)
-    assert told == sorted(told)
-    assert told[-1] == 1.0
+    fractions = []
+    recover(touched[0], "learned", progress=fractions.append)
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
 
 
 def test_who_knows_that_joints_turn_finds_the_place():
@@ -183,5 +183,5 @@ def test_errors(touched):
     with pytest.raises(ValueError, match="8 joints") as error:
         recover(wide, "revolute_reference")
     assert str(error.value) == (
-        "q has 8 joints: the revolute reference takes 7 at most; choose the learned metric"
+        "q has 8 joints, more than the 7 of the revolute reference: choose the learned metric"
     )

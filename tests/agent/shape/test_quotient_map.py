@@ -60,7 +60,7 @@ def test_training_fits_a_smooth_function():
     assert np.sqrt(np.mean((network(x) - wanted) ** 2)) < 0.05
 
 
-def test_discriminants_find_what_tells_kernels_apart():
+def test_discriminants_separate_kernels():
     rng = np.random.default_rng(4)
     sizes = rng.integers(5, 40, 60)
     kernel = np.repeat(np.arange(60), sizes)

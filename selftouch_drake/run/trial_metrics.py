@@ -11,7 +11,7 @@ from selftouch_drake.evaluation import calibration, summarise
 from selftouch_drake.run.trials import Trial
 
 
-def trial_figures(trials: Sequence[Trial], turns: np.ndarray) -> dict[str, Any]:
+def trial_metrics(trials: Sequence[Trial], turns: np.ndarray) -> dict[str, Any]:
     """Metrics of trials.
 
     Args:
@@ -24,7 +24,7 @@ def trial_figures(trials: Sequence[Trial], turns: np.ndarray) -> dict[str, Any]:
     kept = [trial.kept[0] for trial in trials]
     tracking = np.mean([trial.tracking for trial in trials], axis=0)
     within = calibration([trial.error for trial in trials], [trial.spread for trial in trials])
-    figures: dict[str, Any] = {
+    metrics: dict[str, Any] = {
         **summarise([trial.planned for trial in trials], "planning"),
         "planning_contact_straight_mean": float(np.mean([t.contact_straight for t in trials])),
         "planning_num_slides": sum(trial.num_slides for trial in trials),
@@ -52,7 +52,7 @@ def trial_figures(trials: Sequence[Trial], turns: np.ndarray) -> dict[str, Any]:
         "rehearsal_tries_mean": float(np.mean([trial.num_tries for trial in trials])),
         "rehearsal_time_off_skin_s": _sum(trial.off_skin_kept_s for trial in trials),
     }
-    return {key: value for key, value in figures.items() if value is not None}
+    return {key: value for key, value in metrics.items() if value is not None}
 
 
 def trial_table(trials: Sequence[Trial]) -> dict[str, np.ndarray]:

@@ -1,29 +1,29 @@
-"""The table of figures, and how it is read."""
+"""The table of metrics, and how it is read."""
 
 import re
 
-from selftouch_drake.run.figures import FIGURES, headline, keys_of, readings
+from selftouch_drake.run.metrics import METRICS, headline, keys_of, readings
 
 
-def test_every_figure_is_described_once():
-    keys = [figure.key for figure in FIGURES]
+def test_every_metric_is_described_once():
+    keys = [metric.key for metric in METRICS]
     assert len(set(keys)) == len(keys)
-    for figure in FIGURES:
-        assert re.fullmatch(r"[a-z]\w+", figure.key)
-        assert figure.meaning
-        assert figure.stage in ("babble", "learn", "evaluate")
+    for metric in METRICS:
+        assert re.fullmatch(r"[a-z]\w+", metric.key)
+        assert metric.meaning
+        assert metric.stage in ("babble", "learn", "evaluate")
 
 
 def test_a_unit_in_a_key_is_that_of_the_table():
-    for figure in FIGURES:
-        ending = figure.key.rsplit("_", 1)[-1]
+    for metric in METRICS:
+        ending = metric.key.rsplit("_", 1)[-1]
         if ending in ("N", "s", "m", "rad"):
-            assert figure.unit == ending
+            assert metric.unit == ending
 
 
-def test_stages_share_out_all_figures():
+def test_stages_share_out_all_metrics():
     stages = [keys_of(stage) for stage in ("babble", "learn", "evaluate")]
-    assert sum(map(len, stages)) == len(FIGURES)
+    assert sum(map(len, stages)) == len(METRICS)
     assert keys_of("learn", "evaluate") == stages[1] | stages[2]
     assert "topology_betti" in keys_of("learn")
     assert "coverage_evenness" in keys_of("evaluate")

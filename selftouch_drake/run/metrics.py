@@ -13,7 +13,7 @@ from typing import Any
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Figure:
+class Metric:
     """One metric of `metrics.json`.
 
     Attributes:
@@ -87,15 +87,15 @@ _IMPORT = (
     ("import_num_rows", "", "rows of the recording", ""),
     ("import_num_incomplete", "", "rows left out because a number was missing", "0"),
     ("import_num_null", "", "rows left out because nothing was felt", ""),
-    ("import_offset_median", "", "what a typical receptor reads at rest, in raw units", ""),
-    ("import_drift_max", "", "how far the resting level of a receptor went, in raw units", ""),
+    ("import_offset_median", "", "reading of a typical receptor at rest, in raw units", ""),
+    ("import_drift_max", "", "largest change of the resting level of a receptor, in raw units", ""),
     ("import_noise_median", "", "standard deviation of a typical receptor at rest", ""),
-    ("import_threshold_median", "", "above rest, from where on a reading counts", ""),
+    ("import_threshold_median", "", "smallest reading above rest that counts as a touch", ""),
     ("import_num_lone", "", "readings left out because no other receptor shared them", ""),
     (
         "import_num_fading",
         "",
-        "rows left out because pressure fell, and readings come back slowly",
+        "rows left out because pressure fell, if readings decay slowly",
         "",
     ),
     ("import_silent_receptors", "", "receptors that never read anything", "none"),
@@ -248,7 +248,7 @@ _PLANNING = (
     (
         "planning_num_without_way",
         "",
-        "further pairs without a plan, as rigid parts would run into each other",
+        "further pairs without a plan, because rigid parts would run into each other",
         "0",
     ),
     ("planning_reach_rate", "%", "share of the plans that end in the goal sensation", "100 %"),
@@ -257,7 +257,7 @@ _PLANNING = (
     (
         "planning_contact_straight_mean",
         "%",
-        "the same before the agent mended its plans by sliding",
+        "mean share in contact before the agent improved its plans by sliding",
         "",
     ),
     ("planning_num_slides", "", "steps that the agent replaced by slides, in all plans", ""),
@@ -379,7 +379,7 @@ _REHEARSAL = (
     (
         "rehearsal_first_try_contact_mean",
         "%",
-        "the same for first tries, with memory of earlier pairs",
+        "mean share in contact at first tries, with memory of earlier pairs",
         "",
     ),
     ("rehearsal_tries_mean", "", "tries until contact was never lost, mean", ""),
@@ -399,7 +399,7 @@ _SECTIONS = (
     ("Against the truth", "evaluate", _TRUTH),
     ("Plans, checked without dynamics", "evaluate", _PLANNING),
     ("Plans, executed under dynamics", "evaluate", _EXECUTION),
-    ("The same after rehearsal", "evaluate", _REHEARSAL),
+    ("Plans, after rehearsal", "evaluate", _REHEARSAL),
 )
 # The metrics that sum a run up, each with its name and what a newcomer should know about it.
 _HEADLINE = {
@@ -414,7 +414,8 @@ _HEADLINE = {
     ),
     "shape_trusted": (
         "trusted",
-        "whether the agent trusts shape and holes; no wrong shape should be",
+        "whether the agent trusts its shape and holes: expected error below 4 %, holes with a "
+        "margin of 4 or more",
     ),
     "parts_found": ("parts", "pieces of the body that no touch joins; one skin is one part"),
     "topology_betti": (
@@ -432,11 +433,11 @@ _HEADLINE = {
     "execution_contact_mean": (
         "contact held",
         "share of the time in which motions touch the skin; at 99 % or more, a finger hardly ever "
-        "lifts off",
+        "loses contact",
     ),
     "execution_reach_rate": (
         "goals reached",
-        "share of the motions that end in the sensation that was asked for; 100 % is best",
+        "share of the motions that end in the goal sensation; 100 % is best",
     ),
     "execution_prediction_error_mean": (
         "prediction error",
@@ -445,8 +446,8 @@ _HEADLINE = {
     ),
 }
 #: Every metric, in the order of the report.
-FIGURES = tuple(
-    Figure(
+METRICS = tuple(
+    Metric(
         key=key,
         meaning=meaning,
         unit=unit,
@@ -462,7 +463,7 @@ FIGURES = tuple(
 
 def keys_of(*stages: str) -> frozenset[str]:
     """The keys of the metrics that some stages make."""
-    return frozenset(figure.key for figure in FIGURES if figure.stage in stages)
+    return frozenset(metric.key for metric in METRICS if metric.stage in stages)
 
 
 def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
@@ -472,16 +473,16 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
         metrics: as `RunDirectory.metrics` returns them. Unknown ones come last.
     """
     found: dict[str, list[Reading]] = {}
-    for figure in FIGURES:
-        if figure.key in metrics:
+    for metric in METRICS:
+        if metric.key in metrics:
             reading = Reading(
-                key=figure.key,
-                value=_text(metrics[figure.key], figure.unit),
-                meaning=figure.meaning,
-                target=figure.target,
+                key=metric.key,
+                value=_text(metrics[metric.key], metric.unit),
+                meaning=metric.meaning,
+                target=metric.target,
             )
-            found.setdefault(figure.section, []).append(reading)
-    known = {figure.key for figure in FIGURES}
+            found.setdefault(metric.section, []).append(reading)
+    known = {metric.key for metric in METRICS}
     others = [
         Reading(key=key, value=_text(value, ""), meaning="")
         for key, value in metrics.items()
@@ -492,7 +493,7 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
 
 def headline(metrics: Mapping[str, Any]) -> list[Tile]:
     """The few metrics that sum a run up, as far as they are known."""
-    units = {figure.key: figure.unit for figure in FIGURES}
+    units = {metric.key: metric.unit for metric in METRICS}
     return [
         Tile(name=name, value=_text(metrics[key], units[key]), explanation=explanation)
         for key, (name, explanation) in _HEADLINE.items()
