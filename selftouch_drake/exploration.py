@@ -6,6 +6,7 @@ stopped run takes the stored rounds in again and goes on, to the same bytes.
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Executor
@@ -27,7 +28,7 @@ from selftouch_drake.experience import (
     write_shard,
 )
 from selftouch_drake.experience.collect import WORLD_LOCK, keep_touches, known_world, step_sizes
-from selftouch_drake.experience.sources import KinematicSource, LedSource
+from selftouch_drake.experience.sources import SAMPLE_PERIOD, KinematicSource, LedSource
 from selftouch_drake.experiment import Experiment, experiment_from_fields
 from selftouch_drake.robot import Touches, World
 
@@ -43,7 +44,7 @@ _AT_RANDOM = 500
 #: up: with 2000 touches of a torus the shape is off by 4.5 % with 4 moves and no goals, by 5.4 %
 #: with 3 and a goal for each tenth place, by 4.1 % at random. Under dynamics it stays in touch.
 KINEMATIC = Manner(pace=1.0, dwell=0, air=0.95, walked=20, hops=2)
-DYNAMIC = Manner(pace=1.0, dwell=24, air=0.1, walked=1, hops=0)
+DYNAMIC = Manner(pace=0.2, dwell=750, air=0.1, walked=1, hops=0)
 
 
 class Exploration:
@@ -66,7 +67,11 @@ class Exploration:
         dynamic = experiment.babbling.mode == "dynamic"
         self.experiment = experiment
         self.source = LedSource(world) if dynamic else KinematicSource(world)
-        self.manner = DYNAMIC if dynamic else KINEMATIC
+        self.manner = KINEMATIC
+        if dynamic:
+            # It feels its way: each sample decides on the next, as fast as random babbling goes.
+            pace = SAMPLE_PERIOD / experiment.babbling.step_duration
+            self.manner = dataclasses.replace(DYNAMIC, pace=pace)
         lower, upper = world.robot.babbled_range
         self._joints = Joints(lower=lower, upper=upper, stride=step_sizes(experiment, world.robot))
         (seed,) = experiment.random_stream("explorer").generate_state(1)

@@ -107,6 +107,15 @@ def test_it_explores_under_dynamics(tmp_path):
     assert counts.num_steps > 100
 
 
+def test_under_dynamics_it_feels_at_every_step():
+    source = exploration.Exploration(active(100, mode="dynamic")).source
+    q = np.zeros(6)
+    source.rest_at(q)
+    for step in range(1, 60):
+        felt_at, _ = source.go(q[None] + 0.01 * step)
+        assert felt_at.shape == (1, 6)
+
+
 def test_a_strategy_has_a_name():
     with pytest.raises(ExperimentError, match=r"babbling.strategy is 'busy'"):
         load_experiment("sphere", {"babbling": {"strategy": "busy"}})

@@ -97,7 +97,6 @@ class LedSource:
         # While babbling no joint has slipped.
         joints = dataclasses.replace(world.experiment.joints, offset=0.0)
         experiment = dataclasses.replace(world.experiment, joints=joints)
-        self._period = experiment.babbling.step_duration
         self._simulation = Simulation(experiment, world.skins, log_period=SAMPLE_PERIOD)
         self.robot = self._simulation.robot
 
@@ -105,11 +104,14 @@ class LedSource:
         """Puts the robot at rest at `(J,)` q, and starts its time there."""
         self._simulation.rest_at(q)
         self._simulation.take_log()
+        self._num_samples = 0
 
     def go(self, path: np.ndarray) -> tuple[np.ndarray, Touches]:
-        """Passes `(N, J)` configurations, one per step duration; returns the samples on the way."""
+        """Passes `(N, J)` configurations, one per sample; returns the samples on the way."""
         for q in path:
-            self._simulation.lead_to(q, self._simulation.time_s + self._period)
+            # Counted, so that sums of periods do not drift off the times of the log.
+            self._num_samples += 1
+            self._simulation.lead_to(q, self._num_samples * SAMPLE_PERIOD)
         return logged(self._simulation, self._probe)
 
     def possible(self, q: np.ndarray) -> np.ndarray:

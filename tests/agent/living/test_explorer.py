@@ -8,8 +8,8 @@ from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
-JOINTS = Joints(lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.05))
-MANNER = Manner(pace=1.0, dwell=24, air=0.1, walked=1, hops=0)
+JOINTS = Joints(lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.15))
+MANNER = Manner(pace=0.2, dwell=300, air=0.1, walked=1, hops=0)
 DEPTH = 0.15
 
 
@@ -55,7 +55,14 @@ def who_knows(q, sensation):
 def test_it_stays_in_touch_before_it_knows_anything():
     _, felt = explored(None, 3000)
     # Of random configurations 16 % touch.
-    assert np.mean(felt.any(axis=1)) > 0.45
+    assert np.mean(felt.any(axis=1)) > 0.6
+
+
+def test_it_slides_to_every_place_on_the_skin():
+    q, felt = explored(None, 6000)
+    on_ball = q[felt.any(axis=1)]
+    near = np.linalg.norm(SENSORS[:, None] - on_ball, axis=2).min(axis=1)
+    assert (near < 0.3).all()
 
 
 def test_it_goes_where_it_was_rarely():
