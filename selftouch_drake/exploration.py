@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner
+from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner, Searcher
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.experience import (
     ExperienceReader,
@@ -52,19 +52,19 @@ class Exploration:
 
     Args:
         experiment: what it lives in.
-        explorer: how it goes where.
+        explorer: how it goes where; by default as suits its world.
         world: of the experiment; by default it is built.
     """
 
     def __init__(
         self,
         experiment: Experiment,
-        explorer: type[Explorer] = Explorer,
+        explorer: type[Explorer] | None = None,
         world: World | None = None,
     ):
-        self._explorer = explorer
         world = world or World(experiment)
         dynamic = experiment.babbling.mode == "dynamic"
+        self._explorer = explorer or (Explorer if dynamic else Searcher)
         self.experiment = experiment
         self.source = LedSource(world) if dynamic else KinematicSource(world)
         self.manner = KINEMATIC

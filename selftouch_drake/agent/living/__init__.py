@@ -4,6 +4,7 @@ from selftouch_drake.agent.living.explorer import Explorer, Joints, Manner
 from selftouch_drake.agent.living.learner import LivingLearner
 from selftouch_drake.agent.living.life import Life, Noticed
 from selftouch_drake.agent.living.mending import Mending, understand
+from selftouch_drake.agent.living.searcher import Searcher
 from selftouch_drake.agent.living.surprise import Alarm, Expectation
 
 __all__ = [
@@ -16,5 +17,6 @@ __all__ = [
     "Manner",
     "Mending",
     "Noticed",
+    "Searcher",
     "understand",
 ]
