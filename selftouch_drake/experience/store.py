@@ -8,6 +8,7 @@ first: if the experience of a walk exists, it is complete, and so is its truth.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -213,28 +214,19 @@ class ExperienceReader:
     def batches(self, column: str) -> Iterator[np.ndarray]:
         """The rows `(N, width)` of a vector column, one array per shard."""
         width = None
-        for path in self._paths:
-            parquet = _open(path)
-            if not _holds_vectors(parquet.schema_arrow, column):
-                raise StoreError(f"{path} has no column {column}; give a folder of such shards")
-            try:
-                vectors = parquet.read([column]).column(column).combine_chunks()
-            except UNREADABLE as error:
-                raise _damaged(path, error) from None
-            if isinstance(vectors, pa.ChunkedArray):
-                vectors = vectors.chunk(0)
-            found = vectors.type.list_size
-            if width not in (None, found):
-                raise StoreError(
-                    f"{path} has {found} numbers per row in {column}, earlier shards {width}; "
-                    "remove it: it belongs to another experiment"
-                )
-            width = found
-            numbers = vectors.flatten()
-            num_rows = parquet.metadata.num_rows
-            if len(vectors) != num_rows or vectors.null_count or numbers.null_count:
-                raise StoreError(f"{path} lacks values of {column}; delete it and babble again")
-            yield numbers.to_numpy().reshape(num_rows, width)
+        with ThreadPoolExecutor(1) as pool:  # reads one shard ahead
+            ahead = [pool.submit(_vector_rows, path, column) for path in self._paths[:1]]
+            for path, after in zip(self._paths, [*self._paths[1:], None], strict=True):
+                rows = ahead.pop().result()
+                if after:
+                    ahead.append(pool.submit(_vector_rows, after, column))
+                if width not in (None, rows.shape[1]):
+                    raise StoreError(
+                        f"{path} has {rows.shape[1]} numbers per row in {column}, earlier shards "
+                        f"{width}; remove it: it belongs to another experiment"
+                    )
+                width = rows.shape[1]
+                yield rows
 
     def contacts(self) -> Iterator[Contacts]:
         """The contacts of the truth, one object per shard.
@@ -357,6 +349,24 @@ def _open(path: Path) -> pq.ParquetFile:
         return pq.ParquetFile(path, page_checksum_verification=True)
     except UNREADABLE as error:
         raise _damaged(path, error) from None
+
+
+def _vector_rows(path: Path, column: str) -> np.ndarray:
+    """The rows `(N, width)` of a vector column of one shard."""
+    parquet = _open(path)
+    if not _holds_vectors(parquet.schema_arrow, column):
+        raise StoreError(f"{path} has no column {column}; give a folder of such shards")
+    try:
+        vectors = parquet.read([column]).column(column).combine_chunks()
+    except UNREADABLE as error:
+        raise _damaged(path, error) from None
+    if isinstance(vectors, pa.ChunkedArray):
+        vectors = vectors.chunk(0)
+    numbers = vectors.flatten()
+    num_rows = parquet.metadata.num_rows
+    if len(vectors) != num_rows or vectors.null_count or numbers.null_count:
+        raise StoreError(f"{path} lacks values of {column}; delete it and babble again")
+    return numbers.to_numpy().reshape(num_rows, vectors.type.list_size)
 
 
 def _damaged(path: Path, error: Exception) -> StoreError:

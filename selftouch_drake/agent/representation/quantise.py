@@ -11,10 +11,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import csr_array
 
+from selftouch_drake.agent.threads import mapped
 from selftouch_drake.geometry.farthest import farthest_points
 
 #: Rows assigned at a time: bounds the (rows, K) table of similarities to some tens of MB.
 BLOCK = 16_384
+# Rows that one thread compares at once; a block is many of them.
+_ROWS = 2048
 
 #: Cells with less than this share of the touches of a typical one are chance. On a sphere that two
 #: arms touch, 30 of 182 cells held one touch in 100,000 each, and no other less than 349.
@@ -54,11 +57,15 @@ def assign(sensation: np.ndarray, target_sensations: np.ndarray) -> tuple[np.nda
     label = np.empty(len(sensation), dtype=np.int32)
     error = np.empty(len(sensation), dtype=np.float32)
     targets = np.ascontiguousarray(target_sensations.T)
-    for start in range(0, len(sensation), BLOCK):
-        chunk = slice(start, start + BLOCK)
+
+    def compare(start: int) -> None:
+        chunk = slice(start, start + _ROWS)
         similarity = unit(sensation[chunk]) @ targets
         label[chunk] = similarity.argmax(axis=1)
         error[chunk] = 1.0 - similarity[np.arange(len(similarity)), label[chunk]]
+
+    for _ in mapped(compare, range(0, len(sensation), _ROWS)):
+        pass
     return label, np.maximum(error, 0.0)
 
 

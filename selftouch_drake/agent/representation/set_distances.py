@@ -8,12 +8,13 @@ line in `SET_DISTANCES`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numba
 import numpy as np
+
+from selftouch_drake.agent.threads import mapped
 
 #: Configurations of a set that ask for their nearest. More changes distances by less than 2 %.
 MAX_QUERIES = 120
@@ -105,11 +106,9 @@ def set_distances(
         return found
 
     there = np.empty((len(kinds), num_kernels, num_kernels), dtype=np.float32)
-    # Threads of our own, as the kernel frees the GIL: numba's OpenMP layer breaks after a fork.
-    with ThreadPoolExecutor(_num_cores()) as pool:
-        for kernel, rows in enumerate(pool.map(directed, range(num_kernels))):
-            there[:, kernel] = rows
-            progress((kernel + 1) / num_kernels)
+    for kernel, rows in enumerate(mapped(directed, range(num_kernels))):
+        there[:, kernel] = rows
+        progress((kernel + 1) / num_kernels)
     distances = [kind.symmetrise(t, t.T) for kind, t in zip(kinds, there, strict=True)]
     for distance in distances:
         np.fill_diagonal(distance, 0.0)
@@ -166,15 +165,9 @@ def linked_nearest(
         exact = np.square(members[candidates] - queries[:, None]).sum(axis=2)
         row[entries] = np.take_along_axis(candidates, exact.argmin(axis=1)[:, None], 1)[:, 0]
 
-    with ThreadPoolExecutor(_num_cores()) as pool:
-        list(pool.map(along, range(len(links))))
+    for _ in mapped(along, range(len(links))):
+        pass
     return LinkedNearest(offsets=offsets, row=row, squared=squared)
-
-
-def _num_cores() -> int:
-    from joblib import cpu_count  # as many as this process may use
-
-    return cpu_count()
 
 
 def _strided(start: int, stop: int, max_count: int) -> np.ndarray:
