@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living import LivingLearner
 from selftouch_drake.agent.shape import Body
 from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
 from selftouch_drake.evaluation.shape import shape_errors
 from selftouch_drake.experience import Contacts
 from selftouch_drake.robot import World
+
+if TYPE_CHECKING:  # imports scikit-learn, which takes a second
+    from selftouch_drake.agent.living import LivingLearner
 
 # No luck of a network's start is in this metric, and it takes a few seconds.
 _METRIC = "sensorimotor"

@@ -13,7 +13,6 @@ from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.knowledge import load_agent
-from selftouch_drake.run.living import live
 from selftouch_drake.run.material import Material
 from selftouch_drake.run.worlds import require_robot
 from selftouch_drake.show import (
@@ -142,6 +141,8 @@ def show_live(
     Raises:
         ValueError: the run has not babbled, or the port is taken.
     """
+    from selftouch_drake.run.living import live  # imports scikit-learn, which takes a second
+
     show_life(lambda page: live(run, page), port=port, announce=announce)
 
 

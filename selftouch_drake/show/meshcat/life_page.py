@@ -5,12 +5,12 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform
 
-from selftouch_drake.agent.living import Life
 from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
 from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
@@ -21,6 +21,9 @@ from selftouch_drake.show.meshcat.text_meshes import put_text
 from selftouch_drake.show.recovered import laid_on_skins
 from selftouch_drake.show.skins import surfaces_of
 from selftouch_drake.show.style import INK, RECOVERED
+
+if TYPE_CHECKING:  # imports scikit-learn, which takes a second
+    from selftouch_drake.agent.living import Life
 
 END = "end"
 #: s, from frame to frame, and frames of each block of touches.

@@ -10,6 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize, to_rgba_array
 from matplotlib.figure import Figure
+from scipy.linalg import eigh
 
 from selftouch_drake.show.page.scene import add_scene, fit_height, share_scale
 from selftouch_drake.show.style import AMOUNT, INK, styled
@@ -110,8 +111,11 @@ def spectral_order(distance: np.ndarray) -> np.ndarray:
     width = max(float(np.median(tenth)), 1e-12)
     similarity = np.exp(-np.square(distance / width))
     degree = 1 / np.sqrt(similarity.sum(axis=1))
-    _, vectors = np.linalg.eigh(degree[:, None] * similarity * degree)
-    return np.argsort(vectors[:, -2] * degree) if len(distance) > 1 else np.array([0])
+    num = len(distance)
+    if num == 1:
+        return np.array([0])
+    _, vector = eigh(degree[:, None] * similarity * degree, subset_by_index=[num - 2, num - 2])
+    return np.argsort(vector[:, 0] * degree)
 
 
 def _draw_graph(
