@@ -97,7 +97,8 @@ def test_a_hand_that_does_not_get_there_hands_over_to_the_other(learned):
     # The left hand never touched the kernels on one side.
     kernel = np.repeat(np.arange(60), np.diff(representation.kernel_offsets))
     right_only = representation.target_sensations.argmax(axis=1)[kernel] % 2 == 0
-    mode = np.where(right_only & (representation.kernel_mode == 1), 0, representation.kernel_mode)
+    left = representation.kernel_mode == 1
+    mode = np.where(right_only & left, NO_MODE, representation.kernel_mode)
     goal = int(kernel[right_only][0])
     kernels = np.unique(kernel[~right_only])
     narrow = dataclasses.replace(representation, kernel_mode=mode)
