@@ -80,7 +80,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 20}  # noqa: RUF012 - Gymnasium's
     observation_space: Dict
-    # s, between two looks at what is felt; by default one per step.
+    # s between two evaluations of contact; by default one per step.
     _log_period: float | None = None
 
     def __init__(
