@@ -1,6 +1,6 @@
 """The paper's agent as a system with ports, in a diagram with its robot and a source of goals.
 
-The agent knows only a few thousand touches of a sphere. Goals arrive on a port; the agent feels where
+The agent knows a few thousand touches of a sphere. Goals arrive on a port; the agent feels where
 it is, plans to the wanted sensation, and commands the joints.
 """
 
