@@ -25,8 +25,8 @@ from selftouch_drake.show import PostureCamera
 PERIOD_S = 0.05
 # N, an upper bound of the readings of a skin that does not saturate.
 _LARGEST_READING = 1000.0
-# Contact can push joints beyond their limits, and throw them back. Observations are clipped at these
-# shares of the range and of the velocity limit.
+# Contact can push joints beyond their limits, and throw them back. Observations are clipped at
+# these shares of the range and of the velocity limit.
 _BEYOND_RANGE, _BEYOND_VELOCITY = 0.1, 10.0
 
 Observation = dict[str, np.ndarray]
