@@ -1,4 +1,4 @@
-# `make demo` and `make test` are all that one needs on a fresh machine with python3 and make.
+# On a fresh machine with python3 and make, start with `make demo` or `make test`.
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -8,51 +8,51 @@ BEFORE ?= build/before
 
 .PHONY: help demo test fuzz kills lint docs wheel bench million memory pictures notebooks install clean
 
-help:  ## what one can ask for
+help:  ## list all commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
 
-demo: $(VENV)/.installed  ## an agent finds the shape of its body and moves from sensation to sensation
+demo: $(VENV)/.installed  ## an agent recovers its body and plans motions: two minutes on two cores
 	$(BIN)/selftouch run cube --out $(DEMO)
 
-test: $(VENV)/.installed-test  ## install what the tests need, and pass them: half an hour on two cores
+test: $(VENV)/.installed-test  ## run all tests: half an hour on two cores
 	$(BIN)/python -m pytest -n auto
 
-fuzz: $(VENV)/.installed-test  ## thousands of broken inputs to everything that is parsed
+fuzz: $(VENV)/.installed-test  ## give thousands of broken inputs to all parsers
 	SELFTOUCH_FUZZ=1000 $(BIN)/python -m pytest tests/test_fuzz.py -n 0 -s
 
-kills: $(VENV)/.installed  ## fifty kills at random moments of every stage, each resumed and compared
+kills: $(VENV)/.installed  ## kill every stage at random moments, fifty times, and compare resumed runs
 	$(BIN)/python benchmarks/kills.py
 
-lint: $(VENV)/.installed-dev  ## style and types
+lint: $(VENV)/.installed-dev  ## check style and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-docs: $(VENV)/.installed-docs  ## the documentation, with a reference from the code, into site/index.html
+docs: $(VENV)/.installed-docs  ## build the documentation, with a reference from the code: site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-wheel: $(VENV)/bin/python  ## the package as one file, into dist
+wheel: $(VENV)/bin/python  ## build the package into dist
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
-bench: $(VENV)/.installed-bench $(BEFORE)/Makefile  ## what everything costs, beside what one would have instead
+bench: $(VENV)/.installed-bench $(BEFORE)/Makefile  ## measure speed and memory, compared with alternatives: ten minutes
 	$(BIN)/python benchmarks/table.py --before $(BEFORE)
 
 $(BEFORE)/Makefile:  # the version that `bench` compares with
 	git worktree add --detach $(BEFORE) 3128edc
 
-pictures: $(VENV)/.installed-test  ## draw all pictures of README and documentation anew: half an hour
+pictures: $(VENV)/.installed-test  ## redraw all pictures of README and documentation: half an hour
 	$(BIN)/python benchmarks/pictures.py
 
-notebooks: $(VENV)/.installed-test  ## run all notebooks, and store what they show: an hour
+notebooks: $(VENV)/.installed-test  ## run all notebooks and store their outputs: an hour
 	$(BIN)/python benchmarks/notebooks.py
 
 million: $(VENV)/.installed  ## collect a million touches of sphere, cube and torus
 	$(BIN)/python benchmarks/million.py
 
-memory: $(VENV)/.installed  ## peak memory of every stage at RUN's touches and at ten times as many
+memory: $(VENV)/.installed  ## measure peak memory of every stage, with RUN and with ten times its touches
 	$(BIN)/python benchmarks/memory.py $(RUN)
 
-install: $(VENV)/.installed  ## the package and what it needs, into .venv
+install: $(VENV)/.installed  ## install the package into .venv
 
 $(VENV)/bin/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(not (3, 11) <= v <= (3, 14))' || \

@@ -1,7 +1,7 @@
 """The paper's agent as a system with ports, in a diagram with its robot and a source of goals.
 
-It has touched a sphere a few thousand times, and knows no more than that. Goals come on a port; the
-agent feels where it is, plans to the sensation that is wanted, and commands the joints.
+The agent knows a few thousand touches of a sphere. Goals arrive on a port; the agent feels where
+it is, plans to the wanted sensation, and commands the joints.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from selftouch_drake.robot import MakeDynamicStation, World
 from selftouch_drake.robot.timing import time_path
 
 NUM_TOUCHES, NUM_TARGETS = 8000, 60
-# s, at which goals come; which they are is for `main` to say.
+# s, times at which goals arrive; `main` chooses them.
 TIMES, END = [0.0, 0.5, 5.0], 12.0
 # rad/s and rad/s².
 SPEED, ACCELERATION = 1.0, 5.0
-# s, from one look at the goal to the next.
+# s between two readings of the goal.
 PERIOD_S = 0.1
 
 
 class NaiveAgent(LeafSystem):
-    """An agent that goes to the sensation that is wanted of it.
+    """An agent that moves to a wanted sensation.
 
     .. pydrake_system::
 
@@ -44,7 +44,7 @@ class NaiveAgent(LeafSystem):
 
     - q: `(J,)` rad or m.
     - sensation: `(S,)` N.
-    - goal: `(1,)` number of a target sensation. A new one is heeded when the last is reached.
+    - goal: `(1,)` number of a target sensation. A new one counts when the last is reached.
     - desired_state: `(2J,)` rad or m and their rates.
 
     The motion that it follows is state, so that two contexts follow two motions.
@@ -62,7 +62,7 @@ class NaiveAgent(LeafSystem):
         self._motion = self.DeclareAbstractState(Value[object]())
         self.DeclareInitializationUnrestrictedUpdateEvent(self._rest)
         self.DeclarePeriodicUnrestrictedUpdateEvent(PERIOD_S, PERIOD_S, self._decide)
-        # It answers in its events only: else the diagram would have an algebraic loop.
+        # It acts in its events only; otherwise the diagram would have an algebraic loop.
         self.DeclareVectorOutputPort(
             "desired_state",
             2 * num_joints,
@@ -105,7 +105,7 @@ def learned(world: World) -> Agent:
 
 
 def main() -> tuple[list[int], list[int | None]]:
-    """Goes to two sensations; returns those wanted and those felt at last."""
+    """Moves to two sensations; returns the wanted and the felt ones."""
     world = World(load_experiment("sphere"))
     agent = learned(world)
     start, goals = 3, [3, 40, 20]

@@ -1,6 +1,6 @@
 """A head falls on the floor and feels its own weight.
 
-One skin, in the shape of its choice, on a link without geometry; its readings go to a log.
+One spherical skin on a link without geometry; its readings go to a log.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ MASS = 1.0
 
 
 def main() -> tuple[np.ndarray, np.ndarray]:
-    """Lets it fall; returns `(T,)` s and `(T, S)` N, what it felt."""
+    """Lets it fall; returns `(T,)` s and `(T, S)` N, its sensations."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.002)
     head = plant.AddRigidBody("head", SpatialInertia.SolidSphereWithMass(MASS, 0.15))

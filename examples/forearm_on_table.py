@@ -1,7 +1,7 @@
-"""An arm lays its skinned forearm on a table, and presses.
+"""An arm lays its forearm, which wears skin, on a table and presses.
 
 Models and skin come from one file, `forearm_on_table.yaml`; the skin is made of the forearm's own
-collision geometry. With `--page FILE` it also writes what it felt as a page that plays it back.
+collision geometry. With `--page FILE` it also writes a page that plays back the sensations.
 """
 
 import argparse
@@ -25,7 +25,7 @@ ABOVE, ON, PRESSED = [0.55, -0.55], [0.737, -0.737], [0.75, -0.75]
 
 
 def main(page: Path | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Presses; returns `(T,)` s and `(T, S)` N, what the forearm felt."""
+    """Presses; returns `(T,)` s and `(T, S)` N, the sensations of the forearm."""
     builder = RobotDiagramBuilder(time_step=0.004)
     plant, diagram_builder = builder.plant(), builder.builder()
     worn = AddModelsAndSkins(

@@ -1,7 +1,7 @@
-"""A gripper with skin on both fingers closes on a box, and lifts it.
+"""A gripper with skin on both fingers closes on a box and lifts it.
 
-Two skins in one system, each with a port of its own. A skin feels what presses on it, not what
-rubs: the box's weight hangs on friction, and the fingers feel how hard they hold.
+Two skins in one system, each with its own port. A skin feels pressure, not friction: friction holds
+the weight of the box, and the fingers feel how hard they hold it.
 """
 
 from pathlib import Path
@@ -38,7 +38,7 @@ PAD = {
 
 
 def main() -> dict[str, float]:
-    """Grasps and lifts; returns N felt by each finger, and m by which the box has risen."""
+    """Grasps and lifts; returns the force felt by each finger, N, and the height of the box, m."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.004)
     Parser(plant).AddModels(str(HERE / "gripper.sdf"))

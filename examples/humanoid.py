@@ -1,7 +1,7 @@
-"""A stranger's humanoid, in MuJoCo's format, falls limp on the floor, in skin from head to toe.
+"""A published MuJoCo humanoid falls limp on the floor, with skin from head to toe.
 
-Every link that has collision geometry gets a skin of it; nothing in the model file is changed. By
-default it is the humanoid of the package gymnasium: `python examples/humanoid.py [MODEL.xml]`.
+Every link with collision geometry gets a skin made of it; the model file is not changed. By default
+it is the humanoid of the package gymnasium: `python examples/humanoid.py [MODEL.xml]`.
 """
 
 import logging
@@ -32,7 +32,7 @@ def humanoid_file() -> Path:
 
 
 def main(model: Path | None = None) -> tuple[dict[str, float], float]:
-    """Lets it fall; returns the N that each link feels, and the N that it weighs."""
+    """Lets it fall; returns the force that each link feels, and its weight, N."""
     builder = RobotDiagramBuilder(time_step=0.005)
     plant, scene_graph = builder.plant(), builder.scene_graph()
     # Strangers' models say nothing of hydroelastic contact: what does not is rigid.

@@ -377,6 +377,6 @@ def test_a_graph_in_parts_is_named_in_one_line(capfd):
     with pytest.warns(UserWarning, match="of another package"):
         assert exit_status(learn_two_parts) == 0
     assert capfd.readouterr().err == (
-        "selftouch: warning: the quotient graph fell into 2 parts (2 with kernel 0, 1 with "
-        "kernel 2) and was joined by a bridge (1-2): babble longer, or use more neighbours.\n"
+        "selftouch: warning: the quotient graph fell into 2 components (2 with kernel 0, 1 with "
+        "kernel 2), joined by a bridge (1-2): babble longer, or give fewer targets\n"
     )

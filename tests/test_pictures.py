@@ -32,6 +32,10 @@ def test_other_code_makes_a_picture_outdated_and_other_words_do_not(pictures, tm
     assert pictures.content(file) == before
     file.write_text('color = "blue"\n')
     assert pictures.content(file) != before
+    file.write_text('raise ValueError("no colour")\n')
+    before = pictures.content(file)
+    file.write_text('raise ValueError("the colour is missing")\n')
+    assert pictures.content(file) == before
 
 
 def test_the_check_names_outdated_pictures_and_passes(pictures, monkeypatch, tmp_path, capsys):

@@ -41,6 +41,17 @@ def test_the_workflow_tests_every_python_that_is_allowed():
     assert tested["python-version"] == [f"3.{n}" for n in range(int(least), int(below))]
 
 
+def test_the_badges_are_true():
+    least, below = re.findall(r"3\.(\d+)", PROJECT["requires-python"])
+    pythons = f"Python: 3.{least} to 3.{int(below) - 1}"
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    for name, text in (("python", pythons), ("licence", f"licence: {PROJECT['license']}")):
+        assert f"[![{text}](docs/badges/{name}.svg)]" in readme
+        badge = (ROOT / "docs" / "badges" / f"{name}.svg").read_text(encoding="utf-8")
+        assert f"<title>{text}</title>" in badge
+        assert all(f">{word}</text>" in badge for word in text.split(": "))
+
+
 def test_make_has_what_others_ask_it_for():
     others = [
         ".github/workflows/ci.yml",

@@ -21,12 +21,12 @@ from selftouch_drake.robot.limits import JointLimits
 from selftouch_drake.robot.world import drakes_refusals
 from selftouch_drake.show import PostureCamera
 
-# s, between actions: four times as often as a person corrects a movement.
+# s between actions: four times as often as a person corrects a movement.
 PERIOD_S = 0.05
-# N, above all readings of a skin that does not saturate.
+# N, an upper bound of the readings of a skin that does not saturate.
 _LARGEST_READING = 1000.0
-# Joints give way beyond their limits, and are thrown back, by so much: of their range, and of their
-# greatest velocity. What is beyond that reads as that.
+# Contact can push joints beyond their limits, and throw them back. Observations are clipped at
+# these shares of the range and of the velocity limit.
 _BEYOND_RANGE, _BEYOND_VELOCITY = 0.1, 10.0
 
 Observation = dict[str, np.ndarray]
@@ -37,11 +37,11 @@ class Truth:
     """The truth, which the agent never sees, for scoring.
 
     Attributes:
-        q: `(J,)` rad or m, where the joints truly are.
-        v: `(J,)` rad/s or m/s.
-        touches: of one instant: which skin is pressed by which toucher, and where, in the frame of
-            the skin's link. The sensation is that of a robot at rest at `q`.
-        skin_poses: `(skins, 3, 4)` of the links that wear skins, in the world.
+        q: `(J,)` rad or m, true joint positions.
+        v: `(J,)` rad/s or m/s, true velocities.
+        touches: contacts at this instant: skins, touchers and positions in the frame of the skin's
+            link. The sensation is that of a robot at rest at `q`.
+        skin_poses: `(skins, 3, 4)` poses of the links that wear skins, in the world.
     """
 
     q: np.ndarray
@@ -51,36 +51,35 @@ class Truth:
 
 
 class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
-    """A robot under dynamics with soft skins, free to do anything: the reward is always 0.
+    """A robot under dynamics with soft skins and without a task: the reward is always 0.
 
     An observation is a dictionary of float32:
 
-    - `observation` `(2J,)`: where the joints read that they are, rad or m, and their velocities,
-      rad/s or m/s.
-    - `touch` `(S,)` N: the readings of all skins, one after another.
+    - `observation` `(2J,)`: measured joint positions, rad or m, and velocities, rad/s or m/s.
+    - `touch` `(S,)` N: the readings of all skins, in order.
 
-    An action `(J,)`, from -1 to 1, is a share of each joint's greatest velocity, at which it is
-    led until the next action. Joint controllers follow, within their effort limits and against
-    whatever the robot runs into. Commands stay within the limits of the joints.
+    An action `(J,)`, from -1 to 1, is the velocity of each joint until the next action, as a share
+    of its limit. Joint controllers follow it, within their effort limits and against contact
+    forces. Commands stay within the limits of the joints.
 
-    An episode starts at rest in a random posture that the robot can take, or in
-    `options={"q": posture}`, and never terminates; registered environments are truncated. `info`
-    has `steps`, and `touches`: in how many of them each skin was touched.
+    An episode starts at rest in a random possible posture, or in `options={"q": posture}`, and
+    never terminates; registered environments are truncated. `info` has `steps`, and `touches`, the
+    number of steps in which each skin was touched.
 
     Args:
         experiment: the name of a shipped experiment, or the path of a YAML file.
-        overrides: a nested mapping laid over it, as `{"seed": 1}`.
-        period_s: s, from one action to the next; whole steps of the simulation.
+        overrides: a nested mapping of fields to change, as `{"seed": 1}`.
+        period_s: s between two actions; a multiple of the simulation's time step.
         render_mode: `human` for Meshcat, in a browser and in real time, `rgb_array` for pictures.
 
     Raises:
-        ExperimentError: naming the field of the experiment, its value and the remedy.
-        ValueError: `period_s` is no time; `render_mode` is not known.
+        ExperimentError: a field of the experiment is wrong; the text names field, value and remedy.
+        ValueError: `period_s` is too small, or `render_mode` is unknown.
     """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 20}  # noqa: RUF012 - Gymnasium's
     observation_space: Dict
-    # s, between two looks at what is felt; by default one per step.
+    # s between two evaluations of contact; by default one per step.
     _log_period: float | None = None
 
     def __init__(
@@ -117,14 +116,14 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Puts the robot at rest, and begins an episode.
+        """Puts the robot at rest and begins an episode.
 
         Args:
-            seed: of all episodes from now on; by default they go on as they were.
-            options: `q` `(J,)` rad or m: where it starts.
+            seed: seed of all episodes from now on; by default the random stream continues.
+            options: `q` `(J,)` rad or m, the start.
 
         Raises:
-            ValueError: an option is not known, or is no posture of this robot.
+            ValueError: an option is unknown, or not a posture of this robot.
         """
         super().reset(seed=seed)
         options = self._known(options)
@@ -137,13 +136,13 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         return self._observation(), self._info()
 
     def step(self, action: np.ndarray) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Leads the joints for one period.
+        """Moves the joints for one period.
 
         Args:
-            action: `(J,)` shares of the joints' greatest velocities, from -1 to 1.
+            action: `(J,)` shares of the joints' velocity limits, from -1 to 1.
 
         Raises:
-            ValueError: it has another shape, or is not finite.
+            ValueError: the action has another shape, or is not finite.
         """
         action = np.asarray(action, dtype=float)
         if action.shape != self.action_space.shape or not np.isfinite(action).all():
@@ -152,13 +151,13 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
             )
         self._num_steps += 1
         moved = self._simulation.q_commanded + self._step_size * action.clip(-1.0, 1.0)
-        # As Drake counts its steps, so that each period has equally many.
+        # Computed as Drake counts its steps, so that all periods have the same number of steps.
         time_step = self.experiment.execution.time_step
         until = self._num_steps * self._plant_steps * time_step
         began = self._simulation.time_s
         self._simulation.lead_to(moved.clip(*self._range), until)
         log = self._simulation.take_log()
-        # What is logged just when a period ends may come into the next log.
+        # An entry at the very end of a period may come into the next log.
         looks = [log.felt[log.time_s > began + time_step / 2], self._simulation.felt[None]]
         felt = np.concatenate(looks)
         touched = np.unique(self._receptor_skin[felt.any(axis=0)])
@@ -170,7 +169,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         return observation, reward, terminated, False, self._info()
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
-        """Shows the robot and what it feels; `(height, width, 3)` uint8 of an `rgb_array`."""
+        """Shows the robot and its sensation; `(height, width, 3)` uint8 for `rgb_array`."""
         q, felt = self._simulation.q, self._simulation.felt
         if self.render_mode == "rgb_array":
             return self._camera.picture(q, felt)
@@ -219,7 +218,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         }
 
     def _known(self, options: dict[str, Any] | None) -> dict[str, np.ndarray]:
-        """The options of a reset, each checked."""
+        """The checked options of a reset."""
         known = dict(options or {})
         if unknown := sorted(set(known) - {*self._options()}):
             raise ValueError(
@@ -240,14 +239,14 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         return known
 
     def _options(self) -> dict[str, int]:
-        """Names of what `reset` takes, and how many numbers each has."""
+        """Names of the options of `reset`, and their sizes."""
         return {"q": len(self._step_size)}
 
     def _starting_posture(self, options: dict[str, np.ndarray]) -> np.ndarray:
         return options["q"] if "q" in options else possible_posture(self.world, self.np_random)
 
     def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
-        """The reward of a step, and whether it ends the episode; `(T, S)` N was felt in it."""
+        """The reward of a step with sensations `(T, S)` N, and whether it ends the episode."""
         return 0.0, False
 
     def _observation(self) -> Observation:

@@ -1,4 +1,4 @@
-"""Environments with a goal: a sensation that is to be felt."""
+"""Environments with a goal: a wanted sensation."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from selftouch_drake.envs.environment import Observation, SelfTouchEnv
 from selftouch_drake.envs.postures import Contacts, contacts_of, touching_posture
 from selftouch_drake.robot import LOG_PERIOD
 
-#: Likeness from which on a sensation counts as the wanted one.
+#: Likeness at which a sensation counts as the wanted one.
 REACHED = 0.9
 
 
 def likeness(achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
-    """How alike sensations are: the cosine between them, 0 where nothing is felt.
+    """Likeness of sensations: the cosine between them, 0 if nothing is felt.
 
     Args:
         achieved: `(..., S)` unit L2 norm, or zero.
@@ -31,29 +31,29 @@ def likeness(achieved: np.ndarray, desired: np.ndarray) -> np.ndarray:
 class ReachEnv(SelfTouchEnv):
     """Like `SelfTouchEnv`, with a reward for feeling a wanted sensation.
 
-    An observation has two entries more, as Gymnasium's environments with goals have them:
-    `desired_goal` `(S,)`, the sensation that is wanted, and `achieved_goal` `(S,)`, the one that is
-    felt; of unit L2 norm, as how firmly it is felt does not count, and zero where nothing is felt.
+    An observation has two more entries, as in Gymnasium's environments with goals: `desired_goal`
+    `(S,)`, the wanted sensation, and `achieved_goal` `(S,)`, the felt one. They have unit L2 norm,
+    because the strength does not count, or are zero if nothing is felt.
 
-    The reward of a step is the likeness of the two: their cosine. It never terminates. `info` has
-    `likeness` and `is_success` besides: whether the likeness is 0.9 or more.
+    The reward of a step is the likeness of the two: their cosine. An episode never terminates.
+    `info` also has `likeness`, and `is_success`: whether the likeness is 0.9 or more.
 
-    The goal is what is felt in a random posture that touches firmly, or
+    The goal is the sensation of a random posture that touches firmly, or
     `options={"goal": sensation}` `(S,)`.
     """
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """As `SelfTouchEnv.reset`, towards a new goal.
+        """As `SelfTouchEnv.reset`, with a new goal.
 
         Args:
-            seed: of all episodes from now on.
-            options: `q` `(J,)` rad or m, where it starts; `goal` `(S,)`, the sensation that is
-                wanted, of any strength.
+            seed: seed of all episodes from now on.
+            options: `q` `(J,)` rad or m, the start; `goal` `(S,)`, the wanted sensation, of any
+                strength.
 
         Raises:
-            ValueError: an option is not known, or cannot be.
+            ValueError: an option is unknown or invalid.
         """
         self._goal = np.zeros(self.experiment.num_receptors, dtype=np.float32)
         return super().reset(seed=seed, options=options)
@@ -61,9 +61,9 @@ class ReachEnv(SelfTouchEnv):
     def compute_reward(
         self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any
     ) -> np.ndarray | float:
-        """The reward of having felt `(..., S)` where another `(..., S)` was wanted.
+        """The reward for a felt sensation `(..., S)` and a wanted one `(..., S)`.
 
-        It lets a learner pretend that it wanted what it felt (hindsight); `info` is not used.
+        Learners with hindsight experience replay need it; `info` is not used.
         """
         found = likeness(achieved_goal, desired_goal)
         return float(found) if found.ndim == 0 else found
@@ -91,7 +91,7 @@ class ReachEnv(SelfTouchEnv):
     def _wanted(
         self, options: dict[str, np.ndarray], contacts: Contacts | None = None
     ) -> np.ndarray:
-        """The goal of an episode; if it is left to chance, of some contacts."""
+        """The goal of an episode; a random one has the given contacts."""
         if "goal" in options:
             return _unit(options["goal"])
         return _unit(touching_posture(self.world, self.np_random, contacts).sensation)
@@ -110,7 +110,7 @@ class ReachEnv(SelfTouchEnv):
 
 
 class SlideEnv(ReachEnv):
-    """Like `ReachEnv`, but an episode fails as soon as nothing is felt.
+    """Like `ReachEnv`, but an episode ends as soon as nothing is felt.
 
     The robot starts in touch, and an episode terminates when nothing is felt at one of the looks
     that are taken every 0.01 s. If both start and goal are left to chance, the same skin is touched

@@ -1,4 +1,4 @@
-"""Random postures of a robot: any that it can take, or those in which it touches itself."""
+"""Random postures of a robot: any possible ones, or those in which it touches itself."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _BATCH = 512
 # Number of postures after which the search ends.
 _MOST_BATCHES = 400
 
-#: Which skins are touched by what: pairs of numbers of a skin and a toucher.
+#: Contacts as pairs of numbers: of a skin and of a toucher.
 Contacts = frozenset[tuple[int, int]]
 
 

@@ -1,4 +1,4 @@
-"""The names of the environments, as `gymnasium.make` takes them."""
+"""The names of the environments for `gymnasium.make`."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 import gymnasium
 
-# Names of robots, and their experiments; that of `Robot` is given to `gymnasium.make`.
+# Names of robots, and their experiments; for `Robot`, `gymnasium.make` takes the experiment.
 _ROBOTS: dict[str, dict[str, Any]] = {
     "Torus": {"experiment": "torus"},
     "Cube": {"experiment": "cube"},
@@ -15,7 +15,7 @@ _ROBOTS: dict[str, dict[str, Any]] = {
     "Infant": {"experiment": "infant"},
     "Robot": {},
 }
-# Tasks, where each is made, and the steps of an episode: 50 s, and 10 s to reach a sensation.
+# Tasks with their classes and steps per episode: 50 s, or 10 s to reach a sensation.
 _TASKS = {
     "": ("selftouch_drake.envs.environment:SelfTouchEnv", 1000),
     "Reach": ("selftouch_drake.envs.goals:ReachEnv", 200),
@@ -29,7 +29,7 @@ def environments() -> list[str]:
 
 
 def register() -> None:
-    """Registers the environments with Gymnasium; those that are known already stay."""
+    """Registers the environments with Gymnasium; known ones stay as they are."""
     for robot, kwargs in _ROBOTS.items():
         for task, (entry_point, max_episode_steps) in _TASKS.items():
             name = f"SelfTouch/{robot}{task}-v0"

@@ -1,4 +1,4 @@
-"""How an environment is shown in a browser."""
+"""Shows an environment in a browser."""
 
 from __future__ import annotations
 

@@ -15,11 +15,11 @@ from selftouch_drake.evaluation.kernels import KernelTruth
 from selftouch_drake.experience import Contacts
 from selftouch_drake.geometry import ReceptiveFields, betti_of_patch, submesh, touched_patch
 
-#: Two patches on different skins are one part if a receptor on one and a receptor on the other are
-#: pressed at once in at least this share of the touches of the rarer of the two, as neighbours on
-#: one skin are: finer, what is felt does not tell. Between the torso of an infant and its upper
-#: arms, which its fists press at once, it is 0.5 at most; where a fingertip is caught between two
-#: skins, a few in a hundred.
+#: Two patches on different skins are one part if a receptor on one and a receptor on the other feel
+#: at the same time in at least this share of the touches of the rarer one, like neighbours on one
+#: skin: sensations do not separate them. Between the torso of an infant and its upper arms, which
+#: its fists press together, the share is 0.5 at most; where a fingertip is caught between two skins
+#: it is a few percent.
 _LEAST_SHARED = 0.6
 # Touches that a receptor needs for its share to mean anything.
 _LEAST_TOUCHES = 20

@@ -232,7 +232,7 @@ class ExperienceReader:
         """The contacts of the truth, one object per shard.
 
         Raises:
-            StoreError: a shard is damaged, or is no truth.
+            StoreError: a shard is damaged, or does not hold the truth.
         """
         for path in self._paths:
             parquet = _open(path)

@@ -1,4 +1,4 @@
-"""A body that changed: links that grew, joints whose zeros moved, skins that slipped."""
+"""Changes of a body: grown links, shifted joint zeros, slipped skins."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from selftouch_drake.robot.links import find_joint, find_link
 
 
 def change_joints(plant: MultibodyPlant, experiment: Experiment) -> None:
-    """Puts the joints of a plant where they are after links grew and zeros moved.
+    """Moves the joints of a plant according to grown links and shifted zeros.
 
     What hangs on a grown link moves away from the joint that carries the link. The link's own
     geometry stays as its model has it.
@@ -57,7 +57,7 @@ def change_joints(plant: MultibodyPlant, experiment: Experiment) -> None:
 
 
 def frame_after(plant: MultibodyPlant, experiment: Experiment, frame: Frame) -> Frame:
-    """Where a frame of a plant is after its link grew: a new frame, or itself if nothing moved."""
+    """A frame of a plant after its link grew: a new frame, or the same if nothing moved."""
     scale, shift = _growth(plant, experiment, frame.body())
     X_LF = frame.GetFixedPoseInBodyFrame()
     p_LF = scale * X_LF.translation() + shift
@@ -71,7 +71,7 @@ def frame_after(plant: MultibodyPlant, experiment: Experiment, frame: Frame) -> 
 def skin_motion(
     plant: MultibodyPlant, experiment: Experiment, name: str, link: RigidBody
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Where a skin went since it was made: a point p of it, in its link's frame, is at A p + b.
+    """The displacement of a skin since it was made: a point p in its link's frame is at A p + b.
 
     Returns:
         A `(3, 3)` and b `(3,)` m; None if nothing changed.
@@ -100,7 +100,7 @@ def _growth(
 
 
 def _carried_at(plant: MultibodyPlant, link: RigidBody) -> np.ndarray:
-    """`(3,)` m, where the joint that carries a link is in its frame; its origin if none does."""
+    """`(3,)` m, position in its frame of the joint that carries a link; the origin if none does."""
     for joint in _joints(plant):
         if joint.child_body().index() == link.index():
             return joint.frame_on_child().GetFixedPoseInBodyFrame().translation()
@@ -112,7 +112,7 @@ def _joints(plant: MultibodyPlant) -> Iterator[Joint]:
 
 
 def _replace(plant: MultibodyPlant, joint: Joint, on_parent: Frame, zero: float) -> None:
-    """Puts a joint on another frame of its parent, and moves its zero; all else stays."""
+    """Moves a joint to another frame of its parent and shifts its zero."""
     name, on_child = joint.name(), joint.frame_on_child()
     if isinstance(joint, WeldJoint):
         X_FM = joint.X_FM()

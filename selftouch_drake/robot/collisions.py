@@ -1,4 +1,4 @@
-"""Postures that a robot cannot take: those in which its rigid parts run into each other."""
+"""Impossible postures: those in which rigid parts of the robot run into each other."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class CollisionCheck:
             for a, b in itertools.product(*pair.geometry_ids)
         ]
         self._ends = np.array([[number[a], number[b]] for a, b, _ in self._pairs]).reshape(-1, 2)
-        # Nearer than this the two balls overlap by more than is allowed.
+        # At a smaller distance the two balls overlap by more than allowed.
         self._near = np.array(
             [bounds[a].radius + bounds[b].radius - allowed for a, b, allowed in self._pairs]
         )

@@ -1,4 +1,4 @@
-"""How inner loops are compiled: cached, without the interpreter's lock, and without fast maths.
+"""Compilation of inner loops: cached, without the interpreter's lock, and without fast maths.
 
 Numba compiles whole-array expressions for seconds, and a function again for each literal that it
 is passed: compiled code is plain loops, and what counts starts as an `np.int64`.
@@ -17,7 +17,7 @@ _OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "no_cfunc_wrapper": True,
 }
-# For what is called from Python.
+# For functions called from Python.
 compiled = numba.njit(**_OPTIONS)
-# For what compiled code alone calls: it compiles in less time.
+# For functions that only compiled code calls: they compile in less time.
 inner = numba.njit(**_OPTIONS | {"no_cpython_wrapper": True})

@@ -1,4 +1,4 @@
-"""A robot in words: what moves, what feels, what presses it, and what may run into what."""
+"""A description of a robot: joints, skins, touchers, and possible collisions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The fastest progress along a path, compiled: what Drake's Toppra finds, in a tenth of its time.
+"""The fastest progress along a path, compiled: the result of Drake's Toppra in a tenth of its time.
 
 Time-optimal path parameterization by reachability (Pham and Pham 2018). At each point of a grid
 along the path, the square of the speed along it and the acceleration along it are bounded by linear
@@ -13,9 +13,9 @@ from scipy.interpolate import BSpline, PPoly
 
 from selftouch_drake.robot.compiled import compiled, inner
 
-# A coefficient of the acceleration that is as small counts as none.
+# A smaller coefficient of the acceleration counts as zero.
 _NONE = 1e-12
-# Steps towards a largest speed; each leaves out at least one constraint, and mostly all but one.
+# Steps towards the largest speed; each excludes at least one constraint, and usually all but one.
 _MOST_STEPS = 100
 
 
@@ -26,7 +26,7 @@ def fastest_progress(
     velocity_limit: np.ndarray,
     acceleration_limit: np.ndarray,
 ) -> PPoly | None:
-    """The fastest way along a path from rest to rest.
+    """The fastest motion along a path from rest to rest.
 
     The limits of the acceleration hold on both sides of each point of the grid, those of the
     velocity at the points.
@@ -61,7 +61,7 @@ def _run(length, slope, bend, limit, top, square):
     # Constraints: factor * acceleration + share * square <= limit, and the same with `>= -limit`.
     factor, share = np.empty(2 * len(limit)), np.empty(2 * len(limit))
     bounds = np.empty(4)
-    # Backwards: the largest square from which the rest can be gone.
+    # Backwards: the largest square from which the rest of the path is feasible.
     square[num] = 0.0
     for back in range(num):
         i = num - 1 - back
@@ -71,13 +71,13 @@ def _run(length, slope, bend, limit, top, square):
             _bound(factor, share, limit, length[i], square[i + 1], x, bounds)
             if bounds[0] <= bounds[2]:
                 break
-            # The bounds are lines, and the room between them is concave.
+            # The gap between the bounds is a concave, piecewise linear function of x.
             x -= (bounds[0] - bounds[2]) / (bounds[1] - bounds[3])
         for k in range(len(factor)):
             if abs(factor[k]) < _NONE and abs(share[k]) * x > limit[k % len(limit)]:
                 x = limit[k % len(limit)] / abs(share[k])
         square[i] = max(x, 0.0)
-    # Forwards: as fast as that allows.
+    # Forwards: as fast as possible within these.
     x = square[0] = 0.0
     for i in range(num):
         _constrain(length[i], slope, bend, i, factor, share)

@@ -38,7 +38,7 @@ class ImperfectSkins:
         return ImperfectSkins(skins=tuple(found)) if found else None
 
     def __call__(self, sensation: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """`(N, S)` N, what is read where perfect skins feel `sensation` at `q` `(N, J)`."""
+        """`(N, S)` N, readings if perfect skins feel `sensation` at `q` `(N, J)`."""
         read = np.array(sensation, dtype=float)
         for columns, skin in self.skins:
             read[:, columns] = skin(sensation[:, columns], q)
@@ -78,7 +78,7 @@ class ImperfectSkin:
         ]
         if flaws == Imperfections() and not any(map(_rewires, changes)):
             return None
-        # The first skin's stream is the one of the time when there was one skin.
+        # The first skin keeps the stream of versions with one skin.
         which = (number,) if number else ()
         chance = np.random.default_rng(experiment.random_stream("skin", 0, *which))
         alive = np.ones(num_receptors, dtype=bool)
@@ -95,12 +95,12 @@ class ImperfectSkin:
 
     @property
     def threshold(self) -> float:
-        """N, below which a reading counts as none."""
+        """N, smaller readings count as zero."""
         given = self.flaws.threshold
         return _SILENCE * self.flaws.additive_noise if given is None else given
 
     def __call__(self, sensation: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """What is read where a perfect skin feels `sensation`.
+        """The readings if a perfect skin feels `sensation`.
 
         Args:
             sensation: `(N, S)` N.
@@ -133,7 +133,7 @@ class ImperfectSkin:
 
 
 def _rewires(change: SkinChange) -> bool:
-    """Whether a change is one of the readings, not only of where the skin is."""
+    """Whether a change affects the readings, not only the place of the skin."""
     fields = (change.dead, change.dead_share, change.new, change.swapped, change.swapped_share)
     return any(fields)
 

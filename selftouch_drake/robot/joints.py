@@ -1,4 +1,4 @@
-"""Joint errors: what the agent reads of its joints, where that differs from the truth."""
+"""Joint errors: readings of joints that differ from the truth."""
 
 from __future__ import annotations
 

@@ -211,7 +211,7 @@ def own_geometries(
 ) -> dict[BodyIndex, tuple[GeometryId, ...]]:
     """The collision geometries of each link that has any, before skins and touchers are added.
 
-    A half space, as the floor of a MuJoCo file, is no part of a robot and is left out.
+    A half space, as the floor of a MuJoCo file, is not a part of a robot and is left out.
     """
     inspector = scene_graph.model_inspector()
     found = {
@@ -232,7 +232,7 @@ def rigid_pairs(
     experiment: Experiment,
     worn: Sequence[WornSkin],
 ) -> Iterator[RigidPair]:
-    """Pairs of links with collision geometry of their own that are no neighbours.
+    """Pairs of links with collision geometry of their own that are not neighbours.
 
     A skin that lies on its link's own geometry makes the outer layer of that geometry soft.
 

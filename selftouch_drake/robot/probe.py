@@ -1,4 +1,4 @@
-"""Sensations at many configurations, without time: the paper's S = phi(f(M))."""
+"""Sensations at many configurations, without dynamics: the paper's S = phi(f(M))."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from selftouch_drake.robot.station import MakeKinematicStation, sensor_model
 
 
 class ContactProbe:
-    """Evaluates hydroelastic contact at given configurations, as the skins read it.
+    """Evaluates hydroelastic contact at given configurations, as sensations of the skins.
 
     `hydroelastic` computes contact with rigid touchers, in a tenth of Drake's time. Drake computes
     contact between skins.
@@ -45,11 +45,11 @@ class ContactProbe:
         self._imperfections = ImperfectSkins.of(experiment, skins)
 
     def sensations(self, q: np.ndarray) -> np.ndarray:
-        """`(N, S)` N, the sensations at `q` `(N, J)`; zero rows where nothing is touched."""
+        """`(N, S)` N, the sensations at `q` `(N, J)`; zero rows without a touch."""
         return self.touches(q).sensation
 
     def touches(self, q: np.ndarray) -> Touches:
-        """What is felt at `q` `(N, J)`, and the contacts behind it."""
+        """The sensations at `q` `(N, J)`, and the contacts that cause them."""
         rows, touches = self._of_perfect_skins(q)
         sensation = np.zeros((len(q), self._sensor.num_receptors))
         sensation[rows] = touches.sensation
@@ -58,7 +58,7 @@ class ContactProbe:
         return dataclasses.replace(touches, sensation=sensation, row=rows[touches.row])
 
     def felt(self, q: np.ndarray) -> tuple[np.ndarray, Touches]:
-        """The rows of `q` `(N, J)` in which anything is felt, and what is felt in those.
+        """The rows of `q` `(N, J)` with a touch, and their touches.
 
         Where touches are rare this takes a fraction of the time of `touches`, which has a row of
         readings for each configuration.
@@ -71,7 +71,7 @@ class ContactProbe:
         return rows[felt], touches.of_rows(felt)
 
     def _of_perfect_skins(self, q: np.ndarray) -> tuple[np.ndarray, Touches]:
-        """The rows of `q` in which something is near a skin, and what perfect skins feel there."""
+        """The rows of `q` with something near a skin, and the touches of perfect skins there."""
         near = self._screen.near(q)
         rows = np.flatnonzero(near.any(axis=1))
         near, q = near[rows], q[rows]
@@ -82,7 +82,7 @@ class ContactProbe:
         return rows, touches
 
     def _of_soft_touchers(self, q: np.ndarray, X_WL: np.ndarray, near: np.ndarray) -> Touches:
-        """What skins feel of each other: Drake's answer, where pairs of them are near."""
+        """Touches of skins by skins, computed by Drake for near pairs."""
         faces, skins = PressedFaces(), frozenset(s.geometry_id for s in self.robot.skins)
         for row in np.flatnonzero(near[:, ~self._rigid_touchers.is_rigid].any(axis=1)):
             surfaces = self.query(q[row]).ComputeContactSurfaces(
@@ -105,6 +105,6 @@ class ContactProbe:
 
     def query(self, q: np.ndarray) -> QueryObject:
         """Drake's query object at `(J,)` q; good until the next call."""
-        # Asking for mutable data marks the context as changed.
+        # Reading mutable data marks the context as changed.
         self._q.GetMutableData().get_mutable_value().SetFromVector(q)
         return self._query_port.Eval(self._context)

@@ -1,4 +1,4 @@
-"""Simple stand-ins for touchers and skins where only their distance counts: balls and grids."""
+"""Approximations of touchers and skins to bound their distance: balls and grids."""
 
 from __future__ import annotations
 

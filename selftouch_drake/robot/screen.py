@@ -22,7 +22,7 @@ from selftouch_drake.robot.robot import Robot
 
 # Configurations at a time.
 _LANES = 32
-# m, more than positions are off by for want of digits in `_move`.
+# m, upper bound of the rounding error of positions in `_move`.
 _ROUNDING = 1e-6
 
 

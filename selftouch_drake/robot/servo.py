@@ -1,8 +1,8 @@
-"""A touch servo: it moves a robot that follows a path to the skin, when it feels that it is off.
+"""A touch servo: it corrects a robot that follows a path beside the skin.
 
-How strong a touch is does not say on which side of the skin's middle a finger is: it is weaker on
-both. So the servo keeps a belief of how far the robot is off, and corrects it by what is felt as
-the motion goes on (a histogram filter, as of Thrun, Burgard, Fox: Probabilistic Robotics, 2005).
+The strength of a touch does not show on which side of the skin's middle a finger is: it is weaker
+on both sides. So the servo keeps a belief about the offset of the robot and updates it with the
+sensations along the motion (a histogram filter, Thrun, Burgard, Fox: Probabilistic Robotics, 2005).
 """
 
 from __future__ import annotations
@@ -15,44 +15,43 @@ from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
 from selftouch_drake.robot.sources import value_of
 
-#: rad, places across the skin that the servo tells apart: 4 mm at an arm's length.
+#: rad, offsets across the skin that the servo distinguishes: 4 mm at an arm's length.
 OFFSETS = 0.005 * np.arange(-12, 13)
 
-#: s, between two updates: five in the time constant of the servo, and more.
+#: s between two updates, a small part of the time constant of the servo.
 PERIOD = 0.01
 
-#: rad/s: the offset follows what is believed with a time constant of 83 ms. So the bandwidth is
-#: 1.9 Hz.
+#: rad/s: the offset follows the belief with a time constant of 83 ms, a bandwidth of 1.9 Hz.
 BANDWIDTH = 12.0
 
 #: rad, the longest offset: 6 cm at an arm's length.
 MAX_OFFSET = 0.08
 
-# rad: before anything is felt, the robot is believed to be off by so much (standard deviation).
+# rad, standard deviation of the offset before anything is felt.
 _PRIOR = 0.02
 
-# rad per root of a second: so fast what is believed gets uncertain, as the way across turns.
+# rad per root of a second: growth of the uncertainty, because the direction across turns.
 _DRIFT = 0.02
 
-# N, and a share of what is expected: so far what is felt may be off. Neighbouring readings err
-# alike, so that each counts as half of one.
+# Error of a reading, in N and as a share of the expected one. Errors of successive readings are
+# correlated, so each reading counts as half of one.
 _ERROR_N, _ERROR_SHARE, _WEIGHT = 0.3, 0.2, 0.5
 
-# Of a place that nothing speaks for: what is believed can still change.
+# Least probability of an offset, so that the belief can still change.
 _LEAST_BELIEF = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Beside:
-    """What a robot would feel beside its path.
+    """The sensations beside a path.
 
     K places along the path, J joints, G places across it (`OFFSETS`).
 
     Attributes:
-        time_s: `(K,)` s, when the robot is there.
-        across: `(K, J)` unit length, the way across, in scaled configurations.
-        joint_scale: `(J,)` rad per rad or m, what configurations are scaled by.
-        strength: `(K, G)` N, the strength of touch; null where the servo is to rest.
+        time_s: `(K,)` s, time of each place.
+        across: `(K, J)` unit length, direction across the skin, in scaled configurations.
+        joint_scale: `(J,)` rad per rad or m, factors of scaled configurations.
+        strength: `(K, G)` N, strength of the touch; null where the servo should rest.
     """
 
     time_s: np.ndarray
@@ -61,19 +60,19 @@ class Beside:
     strength: np.ndarray
 
     def at(self, time_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """`(J,)` the way across, and `(G,)` N the strength beside the path, at a time."""
+        """`(J,)` the direction across, and `(G,)` N the strength beside the path, at a time."""
         place = max(int(np.searchsorted(self.time_s, time_s, side="right")) - 1, 0)
         return self.across[place], self.strength[place]
 
 
 def corrected(belief: np.ndarray, felt: float, expected: np.ndarray, period_s: float) -> np.ndarray:
-    """What is believed after something was felt.
+    """The belief after a sensation.
 
     Args:
-        belief: `(G,)` how likely the robot is at each of `OFFSETS`.
-        felt: N, strength of touch.
-        expected: `(G,)` N, what would be felt there.
-        period_s: s, since the last time.
+        belief: `(G,)` probability of each of `OFFSETS`.
+        felt: N, strength of the touch.
+        expected: `(G,)` N, the strength expected at each offset.
+        period_s: s since the last update.
     """
     error = _ERROR_N + _ERROR_SHARE * expected
     likely = -0.5 * np.square((felt - expected) / error) - np.log(error)
@@ -85,14 +84,14 @@ def corrected(belief: np.ndarray, felt: float, expected: np.ndarray, period_s: f
 
 
 def shifted(belief: np.ndarray, by: float) -> np.ndarray:
-    """What is believed after the robot moved across by so many rad."""
+    """The belief after the robot moved across by `by` rad."""
     belief = np.interp(OFFSETS - by, OFFSETS, belief, left=0.0, right=0.0)
     belief = np.maximum(belief, _LEAST_BELIEF)
     return belief / belief.sum()
 
 
 class TouchServo(LeafSystem):
-    """Moves a commanded path towards the skin, as far as what is felt says that it is off.
+    """Shifts a commanded path towards the skin, by the offset that follows from sensations.
 
     .. pydrake_system::
 
@@ -104,9 +103,9 @@ class TouchServo(LeafSystem):
         output_ports:
         - desired_state
 
-    - desired_state: `(2J,)` rad or m, and their rates; in as planned, out with the offset.
+    - desired_state: `(2J,)` rad or m, and their rates; input as planned, output with the offset.
     - sensation: `(S,)` N.
-    - beside: a `Beside`, over the context's time; `()` where the offset is to stay.
+    - beside: a `Beside` over the context's time; `()` to keep the offset.
 
     The offset, its rate and the belief are discrete state. The offset never exceeds `MAX_OFFSET`,
     and never leads out of the limits of the joints.

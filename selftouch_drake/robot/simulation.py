@@ -19,7 +19,7 @@ from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.sources import Babbler, PathSource, Walk
 from selftouch_drake.robot.station import MakeDynamicStation
 
-# s, between two entries of the log: five tactile readings in the time of a human's reaction to one.
+# s between two entries of the log.
 LOG_PERIOD = 0.01
 
 
@@ -68,7 +68,7 @@ class Simulation:
         station = MakeDynamicStation(experiment, skins, meshcat)
         self.robot = station.robot
         num_joints = self.robot.num_joints
-        # Joints that have slipped read more than they are; while babbling none has.
+        # Slipped joints read more than their true position; while babbling no joint has slipped.
         self._slip = np.zeros(num_joints) if babbles else slip(experiment, num_joints)
         builder.AddNamedSystem("station", station.diagram)
         if babbles:
@@ -192,7 +192,7 @@ class Simulation:
         self._source.SetWalk(source_context, walk)
         self._put(self._source.GetOutputPort("q").Eval(source_context))
         self._restart()
-        # Where a walk begins was not walked to.
+        # The start of a walk is not a step of it.
         self._clear_logs()
 
     def advance(self, duration: float) -> None:
@@ -268,7 +268,7 @@ class Simulation:
         plant.SetVelocities(context, np.zeros(self.robot.num_joints))
 
     def _restart(self) -> None:
-        """Begins time anew: what the skins felt late before this moment is what they feel now."""
+        """Restarts time: delayed readings start with the present sensation."""
         self._clear_logs()
         self._simulator.Initialize()
 

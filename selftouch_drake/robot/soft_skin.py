@@ -1,4 +1,4 @@
-"""A soft skin as compiled code reads it: pressure in its tetrahedra, and a grid to find them by."""
+"""A soft skin for compiled code: pressure in its tetrahedra, and a grid to find them."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ class Babbler(LeafSystem):
         self._period_s = period_s
         # The walk, and the step after the next one.
         self._walk = self.DeclareAbstractState(value_of(()))
-        # The step just taken, the next one, and when it was taken.
+        # The previous step, the next one, and the time of the previous one.
         self._steps = self.DeclareDiscreteState(2 * num_joints + 1)
         # Drake updates all discrete states of an instant at once: followers of the walk still see
         # the step arrive, because the next step is drawn before the update.

@@ -64,7 +64,7 @@ def sensor_model(robot: Robot) -> SensorModel:
 def MakeKinematicStation(
     experiment: Experiment, skins: Sequence[SkinModel], meshcat: Meshcat | None = None
 ) -> Station:
-    """A world without time: a robot put at `q` and what its skins feel there."""
+    """A world without dynamics: a robot at `q` and its sensation."""
     builder = DiagramBuilder()
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
     robot = MakeRobot(experiment, skins, scene_graph)
@@ -94,7 +94,7 @@ def MakeKinematicStation(
 def MakeDynamicStation(
     experiment: Experiment, skins: Sequence[SkinModel], meshcat: Meshcat | None = None
 ) -> Station:
-    """A world with time: gravity, effort limits and contact forces, followed by joint control.
+    """A world with dynamics: gravity, effort limits, contact forces and joint control.
 
     Each actuator is a PD controller inside the plant; gravity is compensated from a model of the
     robot, as the controllers of real robots do. Rigid parts of the robot push each other away,
@@ -162,7 +162,7 @@ def _add_readout(
 
 
 def _let_rigid_parts_meet(robot: Robot, scene_graph: SceneGraph) -> None:
-    """Lifts the filter between rigid parts, but where the outer layer of one is a soft skin."""
+    """Lifts the filter between rigid parts, unless the outer layer of one is a soft skin."""
     soft = {int(skin.link.index()) for skin in robot.skins if skin.model.is_own_geometry}
     filters = scene_graph.collision_filter_manager()
     for pair in robot.rigid_pairs:

@@ -38,7 +38,7 @@ _COLOR = Rgba(0.78, 0.79, 0.82, 1.0)
 
 
 class UnfeltContactWarning(UserWarning):
-    """Something presses a skin by a contact that it cannot feel."""
+    """Something presses a skin with a contact that the skin cannot feel."""
 
 
 def RegisterSkin(
@@ -242,7 +242,7 @@ def _free_name(builder: DiagramBuilder, name: str) -> str:
 
 
 class SkinReadout(LeafSystem):
-    """Reads skins that are not perfect: noisy, partly dead, late.
+    """Turns sensations into readings of imperfect skins: noisy, partly dead, delayed.
 
     Goes behind a `TactileSkin` or a `KinematicTactileSkin`.
 

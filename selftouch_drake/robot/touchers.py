@@ -1,4 +1,4 @@
-"""What presses skins: rigid balls at frames, and links' own shapes made rigid."""
+"""Touchers: rigid balls at frames, and the shapes of links, made rigid."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def register_shapes(
     geometries: Iterable[GeometryId],
     inspector: SceneGraphInspector,
 ) -> tuple[GeometryId, ...]:
-    """Gives a link rigid copies of collision geometries of its own, called `touching_NAME_0` etc.
+    """Gives a link rigid copies of its collision geometries, called `touching_NAME_0` etc.
 
     Args:
         plant: not yet finalized.
@@ -142,7 +142,7 @@ def _register(
 
 
 def _own_mesh(shape: Shape) -> Mesh:
-    """A shape as a mesh of its own, with triangles no finer than a skin can feel."""
+    """A shape as a mesh, with triangles no finer than a skin can feel."""
     if isinstance(shape, Sphere):
         surface = _ellipsoid([shape.radius()] * 3)
     elif isinstance(shape, Ellipsoid):

@@ -1,4 +1,4 @@
-"""Skins for a plant of one's own: several skins on several links, in two calls."""
+"""Skins for a user's own plant: several skins on several links, in two calls."""
 
 from __future__ import annotations
 
@@ -189,7 +189,7 @@ def _leave_out_neighbours(
     plant: MultibodyPlant, scene_graph: SceneGraph, worn: Sequence[WornSkin]
 ) -> None:
     neighbours, filters = Neighbours(plant, scene_graph, {}), scene_graph.collision_filter_manager()
-    # What floats or slides on the ground is next to it, and may still touch what stands on it.
+    # A body that floats or slides on the ground is next to it, and can still touch bodies on it.
     ground = neighbours.of(plant.world_body())
     for skin in worn:
         if neighbours.of(skin.link) == ground:

@@ -1,4 +1,4 @@
-"""The world of an experiment, each part built when first asked for."""
+"""The world of an experiment; each part is built at its first use."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from selftouch_drake.robot.skins import SkinModel, make_skins, receptor_skin
 
 
 class World:
-    """Skins, contact without time, and the simulation of one experiment.
+    """Skins, contact without dynamics, and the simulation of one experiment.
 
     Args:
         experiment: the experiment.
@@ -38,7 +38,7 @@ class World:
 
     @cached_property
     def probe(self) -> ContactProbe:
-        """Sensations at given configurations, without time."""
+        """Sensations at given configurations, without dynamics."""
         return ContactProbe(self.experiment, self.skins)
 
     @property
@@ -53,7 +53,7 @@ class World:
 
     @cached_property
     def simulation(self) -> Simulation:
-        """Where plans are executed."""
+        """The simulation in which plans are executed."""
         return Simulation(self.experiment, self.skins)
 
 

@@ -27,7 +27,7 @@ _MOST_PREPARATIONS = 8
 
 
 class NoWayError(ValueError):
-    """No way was found on which the rigid parts of the robot do not run into each other."""
+    """No motion was found that keeps the rigid parts of the robot apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -188,7 +188,7 @@ class Pilot:
 
     @cached_property
     def _slider(self) -> Slider:
-        """How the agent moves by feel: what it feels, and which configurations are possible."""
+        """The slider of the agent: it feels, and knows which configurations are possible."""
         scaled, unscaled = self.agent.representation.scaled, self.agent.representation.unscaled
         probe, robot = self.world.probe, self.world.robot
         return Slider(
@@ -235,14 +235,14 @@ class Pilot:
         )
 
     def _get_ready(self) -> None:
-        """Builds what every query needs, and loads what is compiled: the first takes no longer."""
+        """Prepares everything that queries need, so that the first one takes no longer."""
         for edge in self.agent.representation.edges[:1].tolist():
             plan = self.agent.tour(edge)
             self.agent.go_along(plan, self._slider)
             self._timed(plan)
 
     def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, Passage]:
-        """The agent and its plan after practice, and what became of it when it went along.
+        """The agent and its plan after practice, and what it felt along the plan.
 
         Parts of the robot that are in the way are moved aside.
         """

@@ -1,4 +1,4 @@
-"""The run directory: where every stage leaves what it made, and finds what came before."""
+"""The run directory, in which every stage stores its results and finds earlier ones."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ class RunDirectory:
                 raise self.changed(model)
 
     def changed(self, model: str) -> RunError:
-        """The error that says that a model file was edited."""
+        """The error for an edited model file."""
         return RunError(
             f"{model} has changed since {self.path} was begun; restore it, or run the experiment "
             "again with another --out"
@@ -223,7 +223,7 @@ class RunDirectory:
         return self.path / "report.html"
 
     def plan(self, *targets: int | str) -> Path:
-        """The file of the plan from one target sensation to the next and on, as in `3-50-120`.
+        """The file of the plan through target sensations, such as `3-50-120`.
 
         A free start is named by `free_start`.
         """

@@ -1,4 +1,4 @@
-"""Where walks run: processes of this machine, or a Dask cluster."""
+"""Executors for walks: processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ def local_executor(num_workers: int | None = None, *, ends_on_ctrl_c: bool = Fal
     )
 
 
-# s; what is done by then needs no other processes, which take as long to start.
+# s; shorter work needs no other processes, because they take as long to start.
 _HEAD_START_S = 2.0
 
 
 def _start() -> None:
-    """Imports what takes seconds."""
+    """Imports modules that take seconds to load."""
     import selftouch_drake.experience  # noqa: F401
 
 
 class HereAndInProcesses(ThreadPoolExecutor):
-    """This process, and others that join in if there is much to do.
+    """This process, and further ones that join in if there is much work.
 
     Args:
-        num_workers: number of processes, with this one; one a core by default.
+        num_workers: number of processes, including this one; one per core by default.
     """
 
     def __init__(self, num_workers: int | None = None):

@@ -204,13 +204,13 @@ def was_executed(run: RunDirectory, *targets: int | str) -> bool:
 
 
 def no_plan(run: RunDirectory, *targets: int | str) -> str:
-    """Says that a plan is not there, and what makes it."""
+    """The error text for a missing plan."""
     what, options = _described(*targets)
     return f"{run.path} has no {what}; make one with `selftouch plan {run.path} {options}`"
 
 
 def not_executed(run: RunDirectory, *targets: int | str) -> str:
-    """Says that a plan was not executed, and what executes it."""
+    """The error text for a plan that was not executed."""
     what, options = _described(*targets)
     return f"{run.path} has not executed its {what}; run `selftouch execute {run.path} {options}`"
 
@@ -246,7 +246,7 @@ def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
 
 
 def _reason(error: Exception) -> str:
-    """What is wrong with the content of a file, on one short line."""
+    """The reason of an error, on one short line."""
     text = " ".join(str(error).split()).rstrip(".")
     return text if len(text) <= 200 else f"{text[:200]}..."
 

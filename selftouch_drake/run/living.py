@@ -1,4 +1,4 @@
-"""The life of a run's agent: it takes the touches of its experience as they came."""
+"""The life of a run's agent: it learns from the touches of its experience one after another."""
 
 from __future__ import annotations
 
@@ -16,38 +16,39 @@ from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.stages import Progress, require_experience, silent
 from selftouch_drake.run.worlds import build_world, require_robot
 
-#: Touches that are taken at a time.
+#: Number of touches per block.
 BLOCK = 500
-#: It is scored at so many touches, then whenever there are half as many more, and at changes.
+#: The agent is scored at this number of touches, then each time it has grown by this factor, and
+#: at changes.
 _FIRST, _MORE = 500, 1.5
-#: Touches after a change by which it is scored again.
+#: Number of touches after a change until it is scored again.
 _AFTER = 2500
 
 
 class Watcher(Protocol):
-    """Who looks on."""
+    """Observes a life."""
 
     def enter(self, world: World) -> None:
-        """The body is that of `world` from now on."""
+        """Called when the body becomes that of `world`."""
 
     def lived(self, q: np.ndarray, sensation: np.ndarray, life: Life) -> None:
-        """The agent took touches `(n, J)` and `(n, S)` N."""
+        """Called after the agent learned from touches `(n, J)` and `(n, S)` N."""
 
     def scored(self, found: Quality, num_touches: int) -> None:
-        """The agent was scored."""
+        """Called after the agent was scored."""
 
 
 def live(
     run: RunDirectory, watcher: Watcher | None = None, progress: Progress = silent
 ) -> LifeCurves:
-    """Lets an agent live through the experience of a run, and keeps its life as curves.
+    """Lets an agent live through the experience of a run, and stores its life as curves.
 
-    If it is interrupted, the curves up to there are kept.
+    If it is interrupted, the curves so far are stored.
 
     Args:
         run: a run that has babbled.
-        watcher: called with all that happens.
-        progress: called with the fraction lived.
+        watcher: called at all events.
+        progress: called with the fraction done, 0 to 1.
 
     Raises:
         RunError: the experience is not complete.
@@ -72,7 +73,7 @@ def _blocks(run: RunDirectory) -> Iterator[tuple[np.ndarray, np.ndarray]]:
 
 
 class _Biography:
-    """A life, and what was noted of it."""
+    """A life and its records."""
 
     def __init__(self, run: RunDirectory, watcher: Watcher | None):
         self._experiment, self._watcher = run.experiment, watcher

@@ -1,4 +1,4 @@
-"""Everything that can be shown of a run; each part is read at its first use, or is missing."""
+"""All data of a run for pictures and pages; each part is loaded at its first use."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ class Material:
 
     @property
     def headline(self) -> list[Tile]:
-        """The few metrics that sum the run up."""
+        """The few metrics that summarise the run."""
         return headline(self.metrics)
 
     def _require_robot(self) -> None:
@@ -253,7 +253,7 @@ class Material:
         return f"{self.run.path / 'experiment.yaml'} --out {self.run.path}"
 
     def skins_of(self, kernels: np.ndarray) -> tuple[int, ...]:
-        """Numbers of the skins that some kernels truly are on, the one with the most first."""
+        """Numbers of the true skins of some kernels, the most frequent first."""
         return skins_of(kernels, self.kernel_truth)
 
     @property
@@ -263,7 +263,7 @@ class Material:
 
     @cached_property
     def shown_pair(self) -> tuple[int, int]:
-        """The plan that is shown: the longest of those executed, else the longest of all."""
+        """The plan to show: the longest executed one, or the longest of all."""
         if not self.pairs:
             raise MissingError("nothing has been planned yet; run `selftouch plan`")
 

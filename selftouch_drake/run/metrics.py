@@ -1,7 +1,7 @@
 """The one table of the metrics in `metrics.json`: meaning, unit, target, and stage.
 
-The report, the headline and the stages read it. A stage that runs again drops the metrics of the
-stages after it. A metric that means nothing for an experiment is absent, as the shape error with
+The report, the headline and the stages read it. A stage that runs again removes the metrics of
+later stages. A metric without a meaning for an experiment is absent, such as the shape error with
 two fingers on one hand.
 """
 
@@ -54,7 +54,7 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tile:
-    """One of the few metrics that sum a run up.
+    """One of the few metrics that summarise a run.
 
     Attributes:
         name: in a few words.
@@ -401,7 +401,7 @@ _SECTIONS = (
     ("Plans, executed under dynamics", "evaluate", _EXECUTION),
     ("Plans, after rehearsal", "evaluate", _REHEARSAL),
 )
-# The metrics that sum a run up, each with its name and what a newcomer should know about it.
+# The metrics that summarise a run, each with its name and an explanation for newcomers.
 _HEADLINE = {
     "shape_rms_fraction": (
         "shape error",
@@ -492,7 +492,7 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
 
 
 def headline(metrics: Mapping[str, Any]) -> list[Tile]:
-    """The few metrics that sum a run up, as far as they are known."""
+    """The few metrics that summarise a run, if known."""
     units = {metric.key: metric.unit for metric in METRICS}
     return [
         Tile(name=name, value=_text(metrics[key], units[key]), explanation=explanation)

@@ -1,4 +1,4 @@
-"""Names of runs and plans that say what is in them."""
+"""Descriptive names of runs and plans."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _LONGEST = 60
 
 
 def default_path(name: str, changes: Mapping[str, Any]) -> Path:
-    """The run directory of an experiment if nobody names one: `runs/NAME`, and what was changed.
+    """The default run directory of an experiment: `runs/NAME`, plus the changed fields.
 
     Args:
         name: of the experiment.
@@ -43,5 +43,5 @@ def leaves(fields: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def _short(text: str, content: str) -> str:
-    """The text, or a digest of the content where the text is long."""
+    """The text, or a digest of the content if the text is long."""
     return text if len(text) <= _LONGEST else hashlib.sha256(content.encode()).hexdigest()[:12]

@@ -188,7 +188,7 @@ def plan(run: RunDirectory, world: World, *targets: int) -> Motion:
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
-        ValueError: there is no way.
+        ValueError: no plan exists.
     """
     pilot = Pilot(load_agent(run), world)
     _require_targets(run, targets)
@@ -205,7 +205,7 @@ def plan_imported(run: RunDirectory, *targets: int) -> Motion:
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
-        ValueError: there is no way.
+        ValueError: no plan exists.
     """
     imported = run.experiment.imported
     assert imported is not None
@@ -222,7 +222,7 @@ def plan_from(run: RunDirectory, world: World, q_start: np.ndarray, goal: int) -
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
-        ValueError: `q_start` is no configuration within the limits, or there is no way.
+        ValueError: `q_start` is not a configuration within the limits, or no plan exists.
     """
     pilot = Pilot(load_agent(run), world)
     _require_targets(run, (0, goal))

@@ -200,14 +200,14 @@ def random_pairs(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Balls:
-    """Touching balls, and the walls on which they are to stay."""
+    """Touching balls, and the walls on which they should stay."""
 
     radius: np.ndarray
     walls: list[cKDTree]
 
     @staticmethod
     def of(world: World) -> _Balls | None:
-        """Those of a world; None if something else touches, too."""
+        """The balls of a world; None if something else touches as well."""
         radii = [toucher.radius for toucher in world.experiment.touching.values()]
         known = [radius for radius in radii if radius is not None]
         if len(known) < len(radii):
@@ -217,7 +217,7 @@ class _Balls:
         return _Balls(np.array(known), walls)
 
     def off_skin_s(self, world: World, execution: Execution) -> float:
-        """s, for how long an execution was off every skin although touch was expected."""
+        """s, time that an execution was off all skins although contact was expected."""
         motion, robot = execution.motion, world.robot
         p_LT = in_link_frames(
             robot.toucher_positions(execution.q_measured),
@@ -236,7 +236,7 @@ def _judgement(one: Try) -> tuple[float, bool]:
 
 
 def contact_along(world: World, plan: Plan) -> float:
-    """Share of the path on which touch is expected and felt."""
+    """Share of the path with expected contact on which something is felt."""
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, max(2, int(length / _SAMPLED)))
     expected = touching(plan.waypoint_s, plan.in_air, s)
@@ -248,7 +248,7 @@ def _impossible(world: World, q: np.ndarray) -> int:
 
 
 def _tip_jerk(world: World, motion: Motion, s: np.ndarray, q: np.ndarray) -> float | None:
-    """How many times less jerk the paths in space of what touches have than the polyline."""
+    """Jerk of the fingertips along the polyline, over their jerk along the plan."""
     if len(motion.links) < 2:
         return None
 

@@ -32,7 +32,7 @@ class NoSurfaceError(MissingError):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TouchSample:
-    """Where some touches truly were.
+    """True places of some touches.
 
     Attributes:
         places: `(n, 3)` m, with the skins at home.
@@ -66,7 +66,7 @@ class Reading(Protocol):
 
 
 class Tile(Protocol):
-    """One of the few metrics that sum a run up."""
+    """One of the few metrics that summarise a run."""
 
     @property
     def name(self) -> str:
@@ -98,7 +98,7 @@ class Material(Protocol):
 
     @property
     def headline(self) -> Sequence[Tile]:
-        """The few metrics that sum the run up."""
+        """The few metrics that summarise the run."""
 
     @property
     def world(self) -> World:
@@ -110,10 +110,10 @@ class Material(Protocol):
 
     @property
     def shape(self) -> RobotShape:
-        """What is drawn of the robot."""
+        """The shape of the robot."""
 
     def touches_at(self, q: np.ndarray) -> Touches:
-        """What touches what at configurations `(N, J)`."""
+        """The touches at configurations `(N, J)`."""
 
     @property
     def skins(self) -> Sequence[SkinSurface]:
@@ -155,7 +155,7 @@ class Material(Protocol):
         """The life of the agent."""
 
     def skins_of(self, kernels: np.ndarray) -> Sequence[int]:
-        """Numbers of the skins that some kernels truly are on, the one with the most first."""
+        """Numbers of the true skins of some kernels, the most frequent first."""
 
     @property
     def pairs(self) -> list[tuple[int, int]]:
@@ -163,7 +163,7 @@ class Material(Protocol):
 
     @property
     def shown_pair(self) -> tuple[int, int]:
-        """The plan that is shown: the longest of those executed, else the longest of all."""
+        """The plan to show: the longest executed one, or the longest of all."""
 
     def motion(self, *targets: int | str) -> Motion:
         """A plan, executed or not; the targets name it, in order."""

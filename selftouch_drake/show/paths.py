@@ -1,4 +1,4 @@
-"""Paths of touchers over the skins on which they slide."""
+"""Paths of touchers over the skins."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class SkinPath:
         return np.split(self.points, np.flatnonzero(np.diff(self.rows) > 1) + 1)
 
     def at(self, row: int) -> np.ndarray | None:
-        """`(3,)` m, where it is at an instant; None if it is on another skin."""
+        """`(3,)` m, position at an instant; None if it is on another skin."""
         found = np.flatnonzero(self.rows == row)
         return self.points[found[0]] if len(found) else None
 
@@ -51,7 +51,7 @@ class SkinPath:
 def touch_paths(
     shape: RobotShape, touches_at: Callable[[np.ndarray], Touches], q: np.ndarray
 ) -> list[SkinPath]:
-    """What touches, over the skins that it slides on, along a motion.
+    """Paths of all touchers over the skins, along a motion.
 
     Where balls touch one skin, all of their path is shown, in contact or not. Otherwise a path is
     where its toucher presses a skin: of a ball the path of its centre, of anything else that of the
@@ -96,12 +96,12 @@ def evenly_spaced(path: np.ndarray, spacing: float) -> np.ndarray:
 
 
 def _in_frames(p_W: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
-    """`(N, 3)` points of the world, each in a frame of its own `(N, 3, 4)`."""
+    """`(N, 3)` points given in the world, each expressed in its own frame `(N, 3, 4)`."""
     return np.einsum("ni,nij->nj", p_W - X_WL[:, :, 3], X_WL[:, :, :3])
 
 
 def _without_gaps(rows: np.ndarray) -> np.ndarray:
-    """Rising rows with those between that are missing for a short while."""
+    """Ascending rows, with short gaps filled."""
     every = np.arange(rows[0], rows[-1] + 1)
     before = rows[np.searchsorted(rows, every, side="right") - 1]
     after = rows[np.searchsorted(rows, every)]

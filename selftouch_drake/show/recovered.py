@@ -1,4 +1,4 @@
-"""The recovered body laid on the skins that it stands for, to be compared with them."""
+"""The recovered body laid on its skins, to compare them."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_surface
 from selftouch_drake.evaluation import KernelTruth, align
 from selftouch_drake.show.skins import SkinSurface, all_moved, as_one
 
-# Smallest share of a part's kernels that makes a skin its own.
+# Smallest share of a part's kernels with which a skin belongs to the part.
 _LEAST_SHARE = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecoveredSkin:
-    """A part of the body that the agent recovered, laid on the skins that it stands for.
+    """A part of the recovered body, laid on its skins.
 
     Attributes:
         part: its number among the parts.
@@ -43,7 +43,7 @@ class RecoveredSkin:
 
 
 def skins_of(kernels: np.ndarray, truth: KernelTruth) -> tuple[int, ...]:
-    """Numbers of the skins that some kernels truly are on, the one with the most first."""
+    """Numbers of the true skins of some kernels, the most frequent first."""
     counts = np.bincount(truth.skin[kernels])
     order = np.argsort(-counts, kind="stable")
     return tuple(order[counts[order] > _LEAST_SHARE * len(kernels)].tolist())
@@ -85,7 +85,7 @@ def laid_on_skins(
 
 
 def at_poses(p_L: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """`(N, 3)` points, each of a frame of its own, with these frames at poses `(N, 3, 4)`."""
+    """`(N, 3)` points, each in its own frame, with these frames at poses `(N, 3, 4)`."""
     return np.einsum("nij,nj->ni", poses[:, :, :3], p_L) + poses[:, :, 3]
 
 

@@ -1,4 +1,4 @@
-"""A robot as it is drawn: its links, joints and the balls that touch, in any posture."""
+"""The drawn robot: links, joints and touching balls, in any posture."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from selftouch_drake.robot.kinematics import Kinematics
 from selftouch_drake.robot.links import all_links, link_geometries, pieces_in_link
 from selftouch_drake.show.skins import moved
 
-# m, finer triangles are not seen in a picture; a link of very many has larger ones.
+# m; finer triangles are invisible in a picture. A link with very many triangles gets larger ones.
 _FINEST, _MOST_FACES = 0.0025, 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LinkShape:
-    """What a model draws of a link.
+    """The visual geometry of a link.
 
     Attributes:
         vertices: `(V, 3)` m, in the world.
@@ -57,7 +57,7 @@ class DrawnRobot:
 
 
 class RobotShape:
-    """What is drawn of a robot, ready for any posture.
+    """The drawing of a robot, for any posture.
 
     A link is drawn by its visual geometry, or by its collision geometry if it has no other. Links
     whose skin lies on their own geometry are left to their skin.
@@ -121,7 +121,7 @@ class RobotShape:
         }
 
     def _rods(self, joints: np.ndarray, balls: np.ndarray) -> np.ndarray:
-        """From joint to joint, and to balls, where nothing else is drawn in between."""
+        """Rods between joints, and to balls, where the model draws nothing."""
         owner = self._kinematics.owner
         drawn = {int(joint) for joint in owner[self._ends[1] :]}
         ends = [*joints, *balls]
@@ -136,7 +136,7 @@ class RobotShape:
 
 
 def _drawn_meshes(robot: Robot) -> list[tuple[RigidBody, trimesh.Trimesh]]:
-    """The links that are drawn as their model has them, each in its own frame."""
+    """Links with visual geometry, each in its own frame."""
     inspector = robot.scene_graph.model_inspector()
     added = {skin.geometry_id for skin in robot.skins}
     added |= {geometry for toucher in robot.touchers for geometry in toucher.geometry_ids}
@@ -168,7 +168,7 @@ def _joined(pieces: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 
 def _coarse(mesh: trimesh.Trimesh, cell: float = _FINEST) -> trimesh.Trimesh:
-    """The mesh with all vertices in one cell of a grid, in m, joined in one."""
+    """The mesh with all vertices in one cell of a grid, in m, merged."""
     _, number = np.unique((mesh.vertices / cell).round(), axis=0, return_inverse=True)
     number = number.ravel()
     share = 1.0 / np.bincount(number)

@@ -1,4 +1,4 @@
-"""Skins as they are drawn: closed surfaces with receptors, put where their links are."""
+"""Drawn skins: closed surfaces with receptors, at the poses of their links."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class SkinSurface:
 
     @property
     def readings(self) -> slice:
-        """Where its readings are in a sensation."""
+        """The slice of a sensation that holds its readings."""
         return slice(self.first, self.first + len(self.receptors))
 
     @property
@@ -40,7 +40,7 @@ class SkinSurface:
         return float(np.ptp(self.vertices, axis=0).max())
 
     def moved(self, pose: np.ndarray) -> SkinSurface:
-        """The same skin with the frame that it is in put at a pose `(3, 4)`."""
+        """The same skin with its frame at a pose `(3, 4)`."""
         return dataclasses.replace(
             self, vertices=moved(self.vertices, pose), receptors=moved(self.receptors, pose)
         )

@@ -1,4 +1,4 @@
-"""One look for all figures: colours that colour-blind readers tell apart, quiet axes, no pyplot."""
+"""One style for all figures: colours for colour-blind readers, quiet axes, no pyplot."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PRESSURE = LinearSegmentedColormap.from_list(
 )
 
 DPI = 160
-# N, the reading that is shown in the strongest colour where no experience says what is firm.
+# N, the reading with the strongest colour, if no experience shows how strong a firm touch is.
 FIRM = 2.0
 
 _STYLE: Any = {
@@ -55,7 +55,7 @@ _Arguments = ParamSpec("_Arguments")
 
 
 def styled(draw: Callable[_Arguments, Figure]) -> Callable[_Arguments, Figure]:
-    """Draws a figure in the project's style, and leaves matplotlib's own settings as they were."""
+    """Draws a figure in the project's style; matplotlib's settings stay unchanged."""
 
     @wraps(draw)
     def wrapper(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Figure:

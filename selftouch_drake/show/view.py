@@ -1,4 +1,4 @@
-"""The camera of all pictures: far away, and so without perspective."""
+"""The camera of all pictures: far away, so without perspective."""
 
 from __future__ import annotations
 

@@ -227,7 +227,7 @@ def test_models_and_skins_come_from_one_file(tmp_path):
         ),
         (
             "skins: {a: {link: l, surface: collision, imperfections: {dead: 0.1}}}",
-            "skins.a.imperfections is given; leave it out, and put a SkinReadout behind the "
+            "skins.a.imperfections is given; leave it out, and connect a SkinReadout to the "
             "TactileSkin",
         ),
     ],

@@ -347,11 +347,11 @@ def common_targets(
     or_fewer: bool = False,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> np.ndarray:
-    """`(K, S)` target sensations, those of chance left out.
+    """`(K, S)` target sensations, without those of touches at two places by chance.
 
-    If two places are touched at once by chance, some of these touches are so near each other that
-    they are not told apart. They are few, and feel like nothing else: the farthest points would be
-    theirs. So targets that hardly any touch belongs to are given up, and their touches with them.
+    If two places are touched at once by chance, some of these places are so close that the touches
+    cannot be recognised. They are rare and unlike all others, so farthest points would choose them.
+    So targets with hardly any touches are dropped, together with their touches.
 
     Args:
         sensation: `(n, S)` N, no row null.

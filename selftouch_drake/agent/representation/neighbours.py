@@ -94,9 +94,9 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
         return edges
     bridges = np.sort(bridge[tree.row, tree.col], axis=1)
     warnings.warn(
-        f"the quotient graph fell into {num_components} parts ({_describe(label)}) and was joined "
-        f"by {'a bridge' if len(bridges) == 1 else f'{len(bridges)} bridges'} ({_pairs(bridges)}): "
-        "babble longer, or use more neighbours.",
+        f"the quotient graph fell into {num_components} components ({_describe(label)}), joined by "
+        f"{'a bridge' if len(bridges) == 1 else f'{len(bridges)} bridges'} ({_pairs(bridges)}): "
+        "babble longer, or give fewer targets",
         DisconnectedWarning,
         stacklevel=2,
     )

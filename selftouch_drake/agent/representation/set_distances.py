@@ -16,9 +16,9 @@ import numpy as np
 
 from selftouch_drake.agent.threads import mapped
 
-#: Configurations of a set that ask for their nearest. More changes distances by less than 2 %.
+#: Most queries per set. More of them change distances by less than 2 %.
 MAX_QUERIES = 120
-#: The same where the distance needs only to be roughly right.
+#: Most queries where a rough distance is enough.
 _FEW_QUERIES = 16
 _NOT_TOLD = np.empty((0, 0), dtype=np.int32)
 
@@ -160,7 +160,7 @@ def linked_nearest(
             found[None],
             four[None],
         )
-        # The search tells the first of the four that it looked at together.
+        # The search returns the first of the four candidates that it compares together.
         candidates = np.minimum(four[:, None] + np.arange(4), kernel_offsets[head + 1] - 1)
         exact = np.square(members[candidates] - queries[:, None]).sum(axis=2)
         row[entries] = np.take_along_axis(candidates, exact.argmin(axis=1)[:, None], 1)[:, 0]

@@ -1,1 +1,1 @@
-"""Recordings and live play: what moves, in Meshcat."""
+"""Recordings and live play in Meshcat."""

@@ -1,4 +1,4 @@
-"""How a motion that is interrupted comes to rest."""
+"""Brings an interrupted motion to rest."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _STEP_S = 0.01
 
 
 def braked(motion: Motion, time_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The rest of a motion slowed down until it stands still: on its own path, so on the skin.
+    """The rest of a motion, slowed down to a stop on its own path and so on the skin.
 
     Args:
         motion: T instants.

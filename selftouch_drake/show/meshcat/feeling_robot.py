@@ -1,4 +1,4 @@
-"""A robot in Meshcat, in any posture, with what its skins feel."""
+"""A robot in Meshcat, in any posture, with its sensation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from selftouch_drake.show.style import FIRM
 
 
 class FeelingRobot:
-    """A robot that is put into postures and coloured by sensations.
+    """A robot that can be posed and coloured by sensations.
 
     Args:
         meshcat: where it is drawn.

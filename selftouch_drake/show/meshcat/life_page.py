@@ -1,4 +1,4 @@
-"""A life in a browser: the robot as it touches itself, and beside it the body as it knows it."""
+"""A life in a browser: the robot, and beside it the body that the agent knows."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _KNOWN = "/known"
 
 
 class LifePage:
-    """Shows an agent that lives.
+    """Shows the life of an agent.
 
     Args:
         meshcat: where it is shown.
@@ -50,13 +50,13 @@ class LifePage:
         meshcat.AddButton(END, "Escape")
 
     def enter(self, world: World) -> None:
-        """Draws the robot with the body that it has from now on."""
+        """Draws the robot with its current body."""
         self._meshcat.Delete("/drake")
         self._meshcat.Delete("/skins")
         self._world, self._robot = world, FeelingRobot(self._meshcat, world)
 
     def lived(self, q: np.ndarray, sensation: np.ndarray, life: Life) -> None:
-        """Shows some of the touches that the agent took.
+        """Shows some of the touches from which the agent learned.
 
         Raises:
             KeyboardInterrupt: the page's `end` was pressed.
@@ -69,7 +69,7 @@ class LifePage:
         self._say(f"{life.num_touches:,} touches: {_mood(life)}")
 
     def scored(self, found: Quality, num_touches: int) -> None:
-        """Draws the body that the agent knows by now."""
+        """Draws the body that the agent knows so far."""
         self._meshcat.Delete(_KNOWN)
         if found.truth is None:
             return
@@ -107,7 +107,7 @@ def show_life(
     port: int | None = None,
     announce: Callable[[str], None] = print,
 ) -> None:
-    """Shows a life in a browser, until it is over, the `end` button or Ctrl-C.
+    """Shows a life in a browser, until its end, the `end` button or Ctrl-C.
 
     Args:
         live: lives, and calls the page with all that happens.

@@ -21,13 +21,13 @@ from selftouch_drake.show.paths import SkinPath, touch_paths
 # Controls, as the browser labels them.
 TARGET, SPEED = "target sensation", "speed"
 ANOTHER, TOUR, END = "another sensation", "tour on/off", "end"
-# s, from one look at the controls to the next, and from frame to frame.
+# s between two readings of the controls, and between two frames.
 FRAME_S = 1 / 30
-# s, at rest between the motions of a tour.
+# s of rest between two motions of a tour.
 _REST_S = 1.0
 # Stops of a tour: as different as possible, so that it covers the whole body.
 _NUM_STOPS = 24
-# Frames from one drawing of the trace to the next.
+# Frames between two drawings of the trace.
 _TRACE_EVERY = 6
 # Name of the paths of a motion.
 _PLAN = "plan"

@@ -30,7 +30,7 @@ from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, VERM
 
 # Distance between the three, as a multiple of their size.
 _APART = 1.55
-# Of the places where moving skins are, this share on each side may overlap with the neighbours.
+# Share of the places of moving skins that may overlap with the neighbours, on each side.
 _RARE = 0.03
 # Postures of the experience that show where the skins move.
 _NUM_POSTURES = 200
@@ -43,7 +43,7 @@ FELT, EXPECTED, RECOVERED_BODY = "/skins", "/expected", "/recovered"
 
 
 def firm_touch(representation: QuotientRepresentation) -> float:
-    """N, the L2 norm of a firm touch: the reading that is shown in the strongest colour.
+    """N, the L2 norm of a firm touch: the reading with the strongest colour.
 
     Executed plans run through the firmer half of each kernel, whose middle this is; six
     plans on the cube pressed with 0.97 to 1.08 times as much (medians). A receptor that feels all
@@ -54,7 +54,7 @@ def firm_touch(representation: QuotientRepresentation) -> float:
 
 
 class MeshcatScene:
-    """Draws all that is shown, and moves and colours what changes.
+    """Draws the scene, and moves and colours the parts that change.
 
     Args:
         meshcat: where it is drawn.
@@ -153,7 +153,7 @@ class MeshcatScene:
                     self._meshcat.SetTransform(f"{root}/{end}", RigidTransform(place))
 
     def draw_trace(self, name: str, paths: Sequence[SkinPath]) -> None:
-        """Draws the paths that were truly taken, in orange."""
+        """Draws the executed paths, in orange."""
         for number, path in enumerate(paths):
             root = f"{self.path_root(path, name)}/trace_{number}"
             self._draw_dots(root, path, ORANGE, spacing=0.004, point_size=0.005)
@@ -189,7 +189,7 @@ class MeshcatScene:
             parts, places = material.recovered, material.kernel_places
             title = "its body, as it recovered it"
         except MissingError:
-            # No surface, or nobody knows where it would lie: the agent's own layout remains.
+            # Without a surface, or without its true place, the agent's own layout is drawn.
             parts, places = (), _laid_out(material, middle, typical)
             title = "its sensations, as it laid them out"
             cloud = _cloud(places[np.isfinite(places).all(axis=1)], RECOVERED)

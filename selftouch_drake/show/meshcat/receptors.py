@@ -1,4 +1,4 @@
-"""Receptors in Meshcat, coloured by what they feel, live and recorded."""
+"""Receptors in Meshcat, coloured by their readings, live and recorded."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from pydrake.math import RigidTransform
 
 from selftouch_drake.show.style import PRESSURE
 
-# Number of colours for pressure: few enough that a receptor's colour changes seldom.
+# Number of colours for pressure: few, so that a receptor's colour changes rarely.
 _STEPS = 24
 _COLORS = PRESSURE(np.arange(_STEPS + 1) / _STEPS)
 
 
 class Receptors:
-    """Receptors on one skin, coloured by what they feel.
+    """Receptors on one skin, coloured by their readings.
 
     Args:
         meshcat: where they are drawn.

@@ -76,7 +76,7 @@ def record(meshcat: Meshcat, material: Material, tours: Sequence[Targets]) -> fl
 
 
 def frame_rows(time_s: np.ndarray) -> np.ndarray:
-    """The row of a log `(T,)` s that is shown in each frame; the last one for a while."""
+    """The row of a log `(T,)` s for each frame; the last row is held for a while."""
     duration = time_s[-1] - time_s[0]
     frame_s = np.arange(int(np.ceil((duration + _PAUSE_S) * FRAMES_PER_S))) / FRAMES_PER_S
     rows = np.searchsorted(time_s - time_s[0], frame_s - 1e-9)

@@ -1,4 +1,4 @@
-"""The recording of an executed plan as a page to keep, which needs no network."""
+"""The recording of an executed plan as a page that needs no network."""
 
 from __future__ import annotations
 

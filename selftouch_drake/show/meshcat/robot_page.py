@@ -1,4 +1,4 @@
-"""A robot in a browser, with a slider for each joint, showing what it feels in each posture."""
+"""A robot in a browser, with a slider for each joint and the sensation of each posture."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from selftouch_drake.show.meshcat.text_meshes import put_text
 from selftouch_drake.show.style import INK
 
 END = "end"
-# s, from one look at the sliders to the next.
+# s between two readings of the sliders.
 _FRAME_S = 1 / 30
-# Rad or m, between two places of a slider.
+# rad or m, step of a slider.
 _SLIDER_STEP = 0.001
 
 
@@ -63,7 +63,7 @@ class RobotPage:
             self.show(q)
 
     def show(self, q: np.ndarray) -> None:
-        """Shows the robot at `(J,)` q, and what it feels there."""
+        """Shows the robot at `(J,)` q with its sensation."""
         self._q = q
         (felt,) = self._world.probe.sensations(q[None])
         self._drawing.show(q, felt)

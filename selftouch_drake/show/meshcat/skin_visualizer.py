@@ -1,4 +1,4 @@
-"""A system that shows in Meshcat what skins feel, live and in recordings."""
+"""A system that shows sensations in Meshcat, live and in recordings."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
 from selftouch_drake.show.skins import surfaces_of
 from selftouch_drake.show.style import FIRM, PRESSURE
 
-# s, from frame to frame.
+# s between two frames.
 PERIOD_S = 1 / 32
-# m, a patch that has moved less than this is not drawn anew.
+# m; a patch that moved less than this is not drawn again.
 _STILL = 2e-4
-# m, by which a patch is drawn off the rigid surface that it lies on, or one would hide the other.
+# m, distance between a drawn patch and its rigid surface, so that neither hides the other.
 _LIFT = 5e-4
 
 
@@ -43,7 +43,7 @@ class Patch:
 
     @staticmethod
     def of(surfaces: Sequence[ContactSurface]) -> Patch | None:
-        """All of some contact surfaces; None if there are none."""
+        """Joins contact surfaces; None if there are none."""
         if not surfaces:
             return None
         vertices: list[np.ndarray] = []
@@ -223,7 +223,7 @@ class SkinVisualizer(LeafSystem):
             sensation=self._sensation.Eval(context),
             patch=Patch.of([s for s in surfaces if {s.id_M(), s.id_N()} & self._skin_ids]),
         )
-        # Time that starts over starts the frames over.
+        # If time restarts, the frames restart.
         while self._frames and self._frames[-1].time_s >= frame.time_s:
             self._frames.pop()
         self._frames.append(frame)

@@ -20,7 +20,7 @@ VIEW = View(elevation=20.0, azimuth=-70.0)
 
 
 class RobotDrawing:
-    """A robot in Meshcat that is put into postures.
+    """A robot in Meshcat that can be posed.
 
     Its diagram feels nothing: on older Drakes one with a Python system is never freed, nor is the
     Meshcat that it shows itself in.
@@ -47,14 +47,14 @@ class RobotDrawing:
         self._context = self._diagram.CreateDefaultContext()
 
     def put(self, q: np.ndarray, time_s: float = 0.0) -> None:
-        """Shows the robot at `(J,)` q; what is recorded is so at `time_s`."""
+        """Shows the robot at `(J,)` q; in recordings, at `time_s`."""
         self._diagram.GetInputPort("q").FixValue(self._context, q)
         self._context.SetTime(time_s)
         self._diagram.ForcedPublish(self._context)
 
 
 def draw_balls(meshcat: Meshcat, shape: RobotShape) -> dict[int, str]:
-    """Draws the balls that touch and that the model does not draw; their paths by toucher."""
+    """Draws touching balls that the model does not draw; returns their paths by toucher."""
     paths = {}
     for number, radius in shape.bare_balls().items():
         paths[number] = f"/touching/{number}"

@@ -56,7 +56,7 @@ def put_legend(
     width: float,
     color: Rgba,
 ) -> None:
-    """Draws what the colours of receptors mean; `full` N is the strongest.
+    """Draws the legend of the receptors' colours; `full` N has the strongest.
 
     Args:
         meshcat: where.

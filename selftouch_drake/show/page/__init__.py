@@ -1,1 +1,1 @@
-"""Figures and the report: what fits on a page."""
+"""Figures and the report."""

@@ -30,7 +30,7 @@ def coverage(
     density: Sequence[np.ndarray],
     sample: TouchSample,
 ) -> Figure:
-    """Where the skins were touched, and how often, from the front and from behind.
+    """Number of touches on the skins, from the front and from behind.
 
     Args:
         skins: in one frame.

@@ -25,14 +25,14 @@ from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.skins import SkinSurface, all_moved
 from selftouch_drake.show.style import DPI
 
-# Touches that are drawn one by one, about; more would run together.
+# Approximate number of touches drawn as points; more would merge.
 _NUM_DOTS = 6000
 # Candidate postures for the picture of the agent.
 _NUM_POSTURES = 400
 
 
 def agent(material: Material) -> Figure:
-    """The agent as it touches itself, its joints well clear of its skins."""
+    """The robot touching itself, with its joints well clear of its skins."""
     known, robot = material.representation, material.robot
     q = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
     poses = robot.skin_positions(q)
@@ -68,7 +68,7 @@ def kernels(material: Material) -> Figure:
 
 
 def distance_matrix(material: Material) -> Figure:
-    """Distances between kernel sets, against the truth where it is there."""
+    """Distances between kernel sets; against the truth, if it is known."""
     known = material.representation
     try:
         true = material.true_distances

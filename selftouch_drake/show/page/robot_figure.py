@@ -41,7 +41,7 @@ _AZIMUTHS = [quarter + angle for quarter in (-90, 0, 90, 180) for angle in (22, 
 _HOUSING = 0.06
 # A ball that touches is drawn at least so large, as a share of the whole picture.
 _BALL = 0.016
-# m, of a large robot marks are no larger than of one of this size.
+# m; marks of larger robots are as large as for this size.
 _LARGEST = 1.1
 
 

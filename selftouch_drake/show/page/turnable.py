@@ -37,7 +37,7 @@ def turnable_body(material: Material) -> str:
     """The recovered body as JSON, laid on the real one, in units of its half size.
 
     Raises:
-        MissingError: nothing was learned, or what was learned is no surface.
+        MissingError: nothing was learned, or the recovered body is not a surface.
     """
     parts = material.body.parts
     return as_json(
