@@ -34,7 +34,7 @@ import argparse
 import csv
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -108,8 +108,8 @@ class Progress(Goals):
 WAYS = {"active": None, "goals": Goals, "progress": Progress}
 
 
-def babbled(experiment: Experiment, way: str) -> Iterator[Shard]:
-    """Rounds without end."""
+def babbled(experiment: Experiment, way: str, ends: Sequence[int] = ()) -> Iterator[Shard]:
+    """Rounds without end; one ends at each number of touches in `ends`."""
     world = World(experiment)
     dynamic = experiment.babbling.mode == "dynamic"
     life = None if way == "random" else Exploration(experiment, WAYS[way])
@@ -117,6 +117,7 @@ def babbled(experiment: Experiment, way: str) -> Iterator[Shard]:
     done, number = 0, 0
     while True:
         size = max(250, min(done // 10, 2000))
+        size = min([size, *(end - done for end in ends if end > done)])
         if life is not None:
             shard = life.explore(size)
             life.remember(shard.q, shard.sensation)
@@ -132,10 +133,9 @@ class Score:
     """Scores what was collected against the truth."""
 
     world: World
-    metrics: list[str]
     num_targets: int
 
-    def __call__(self, shards: list[Shard]) -> dict[str, Any]:
+    def __call__(self, shards: list[Shard], metrics: list[str]) -> dict[str, Any]:
         q = np.concatenate([shard.q for shard in shards])
         sensation = np.concatenate([shard.sensation for shard in shards])
         contacts = Contacts.joined([shard.contacts for shard in shards if shard.contacts])
@@ -153,7 +153,7 @@ class Score:
         except ValueError:
             return found  # too few distinct sensations
         found["parts"] = representation.num_parts
-        return found | scores(representation, contacts, self.world, self.metrics)
+        return found | scores(representation, contacts, self.world, metrics)
 
 
 def scores(
@@ -182,10 +182,11 @@ def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespa
     """The rows of one life."""
     mode = "dynamic" if what == "clock" else "kinematic"
     experiment = load_experiment(body, {"seed": seed, "babbling": {"mode": mode}})
-    score = Score(world=World(experiment), metrics=arguments.metrics, num_targets=arguments.targets)
+    score = Score(world=World(experiment), num_targets=arguments.targets)
     marks = [mark for mark in (MINUTES if what == "clock" else TOUCHES) if mark <= arguments.until]
     shards, began, scoring = list[Shard](), time.process_time(), 0.0
-    for shard in babbled(experiment, way):
+    ends = () if what == "clock" else marks
+    for shard in babbled(experiment, way, ends):
         shards.append(shard)
         touches = sum(len(one.q) for one in shards)
         minutes = sum(one.num_steps for one in shards) * SAMPLE_PERIOD / 60
@@ -196,7 +197,9 @@ def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespa
         here = time.process_time()
         row = {"what": what, "body": body, "seed": seed, "way": way, "touches": touches}
         row |= {"minutes": round(minutes, 2) if what == "clock" else None}
-        row |= {"cpu_s": round(here - began - scoring, 1)} | score(shards)
+        row |= {"cpu_s": round(here - began - scoring, 1)} | score(
+            shards, arguments.metrics if not marks else arguments.metrics[:1]
+        )
         scoring += time.process_time() - here
         yield row
         if not marks:
@@ -262,7 +265,9 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=[1])
     parser.add_argument("--ways", nargs="+", choices=("random", *WAYS), default=["random", *WAYS])
     parser.add_argument("--until", type=float, default=20_000, help="touches, or minutes")
-    parser.add_argument("--metrics", nargs="*", default=["sensorimotor"])
+    parser.add_argument(
+        "--metrics", nargs="*", default=["sensorimotor"], help="the first along the way, all last"
+    )
     parser.add_argument("--targets", type=int, default=300)
     parser.add_argument("--out", type=Path, default=Path("docs/data/exploration.csv"))
     arguments = parser.parse_args()

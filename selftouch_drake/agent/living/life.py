@@ -16,7 +16,13 @@ import numpy as np
 
 from selftouch_drake.agent.living.learner import LivingLearner
 from selftouch_drake.agent.living.mending import Mending, understand
-from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation, surprise
+from selftouch_drake.agent.living.surprise import (
+    NUM_STEPS,
+    Alarm,
+    Expectation,
+    Newcomers,
+    surprise,
+)
 
 #: Number of touches after which the agent first learns what to expect, and the factor by which the
 #: number grows until it does so again.
@@ -78,11 +84,14 @@ class Life:
         self.num_touches = 0
         self._expectation: Expectation | None = None
         self._alarm: Alarm | None = None
+        self._newcomers: Newcomers | None = None
         self._usual = 0.0
         self._expects_again_at: float = _FIRST
         # Touches that wait for a full block; the last ones learned; those of the changed body.
         self._waiting = self._last = self._strange = _Touches.none()
         self._raised: tuple[int, int] | None = None
+        # Rows of the learner that are of the body of before.
+        self._num_before = 0
 
     @property
     def has_doubts(self) -> bool:
@@ -121,11 +130,17 @@ class Life:
         """Splits a block at the touch at which the body changed, if it did."""
         surprised = self._surprised(block)
         self.surprise.append(surprised)
-        row = None if self._alarm is None else self._alarm.watch(surprised)
-        if row is None or self._alarm is None:
+        if self._alarm is None or self._newcomers is None:
             return block, _Touches.none()
-        since = row + 1 - self._alarm.since
+        tests = self._alarm, self._newcomers
+        rows = self._alarm.watch(surprised), self._newcomers.watch(block.sensation)
+        raised = [(row, test) for row, test in zip(rows, tests, strict=True) if row is not None]
+        if not raised:
+            return block, _Touches.none()
+        row, test = min(raised, key=lambda one: one[0])
+        since = row + 1 - test.since
         self._raised = first + row, first + since
+        self._num_before = self.learner.num_touches + since
         return block[: max(since, 0)], block[max(since, 0) :]
 
     def _surprised(self, block: _Touches) -> np.ndarray:
@@ -141,24 +156,26 @@ class Life:
     def _mend(self) -> None:
         assert self._raised is not None
         assert self._expectation is not None
-        held = self.learner.remembered().columns
+        held = self.learner.remembered()
+        before = held.row < self._num_before
+        q, sensation = held.columns["q"][before], held.columns["sensation"][before]
         mending = understand(
             self._expectation,
-            np.any(held["sensation"] > 0, axis=0),
+            np.any(sensation > 0, axis=0),
             self._usual,
             self._strange.q,
             self._strange.sensation,
             seed=self._seed,
         )
         self.learner = self._make_learner()
-        self.learner.take(*mending.mended(held["q"], held["sensation"]))
+        self.learner.take(*mending.mended(q, sensation))
         row, since = self._raised
         self.noticed.append(
             Noticed(row=row, since=since, mended_at=self.num_touches, mending=mending)
         )
         self._last = _Touches.none()
         self._learn(self._strange)
-        self._strange, self._raised = _Touches.none(), None
+        self._strange, self._raised, self._newcomers = _Touches.none(), None, None
         self._expect()
 
     def _expect(self) -> None:
@@ -174,6 +191,11 @@ class Life:
         usual = self._surprised(self._last)
         self._usual = float(usual.mean())
         self._alarm = Alarm.calibrated(usual, false_alarms=self._false_alarms)
+        if self._newcomers is None:
+            silent = ~np.any(held.columns["sensation"] > 0, axis=0)
+            self._newcomers = Newcomers.after(
+                self.learner.num_touches, silent, false_alarms=self._false_alarms
+            )
         self._expects_again_at = _AGAIN * self.learner.num_touches
 
 

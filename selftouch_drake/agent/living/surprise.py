@@ -3,7 +3,8 @@
 A small network learns what was felt where. A touch surprises by the cosine distance between what is
 felt and what was expected. In a body that stays as it is, surprise has the distribution that it had
 in touches from which the network did not learn. A sequential test finds the moment from which on it
-has not.
+has not. Few touches feel a receptor that is new, so that surprise hardly rises: another test looks
+for those.
 """
 
 from __future__ import annotations
@@ -27,6 +28,12 @@ NUM_STEPS = 2000
 #: Rise of surprise that is looked for, in standard deviations of its usual spread. The test needs
 #: twice as many touches for half of it.
 _RISE = 0.5
+
+#: Touches of a receptor that are nearer to each other than this are of one encounter.
+_TOGETHER = 10
+
+#: A receptor that is known to be new by this chance counts where the change began.
+_LIKELY = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -156,4 +163,66 @@ class Alarm:
             self.since = self.since + 1 if self.level else 0
             if self.level > self.threshold:
                 return row
+        return None
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Newcomers:
+    """Has a receptor that never felt anything begun to feel?
+
+    In a body that stays as it is, touches might have come in any order: that a receptor was met
+    k + 1 times since it was first met, m of n touches ago, has a chance of about (m / n)^k.
+
+    Attributes:
+        silent: `(S,)` bool, receptors that never felt anything before the watch.
+        threshold: log of the chance at which the alarm is raised.
+        num_touches: n, of all the life.
+        met: `(S,)` encounters with each of them.
+        first: `(S,)` number of the touch of the first.
+        last: `(S,)` number of the last touch that each felt.
+        since: touches since the change, up to and with the one that raised the alarm.
+    """
+
+    silent: np.ndarray
+    threshold: float
+    num_touches: int
+    met: np.ndarray
+    first: np.ndarray
+    last: np.ndarray
+    since: int = 0
+
+    @classmethod
+    def after(
+        cls, num_touches: int, silent: np.ndarray, *, false_alarms: float = 0.01
+    ) -> Newcomers:
+        """Begins to watch.
+
+        Args:
+            num_touches: of the life up to now.
+            silent: `(S,)` bool, receptors that never felt anything in it.
+            false_alarms: chance of a false alarm in the life.
+        """
+        return cls(
+            silent=silent,
+            # A tenth, as every encounter is another occasion.
+            threshold=math.log(0.1 * false_alarms / len(silent)),
+            num_touches=num_touches,
+            met=np.zeros(len(silent), dtype=int),
+            first=np.zeros(len(silent), dtype=int),
+            last=np.full(len(silent), -_TOGETHER),
+        )
+
+    def watch(self, sensation: np.ndarray) -> int | None:
+        """Takes the next touches `(n, S)`; returns the first row that raises the alarm, or None."""
+        felt = (sensation > 0) & self.silent
+        for row in np.flatnonzero(felt.any(axis=1)).tolist():
+            now = self.num_touches + row
+            self.first[felt[row] & (self.met == 0)] = now
+            self.met += felt[row] & (now - self.last >= _TOGETHER)
+            self.last[felt[row]] = now
+            chance = (self.met - 1) * np.log((now + 1 - self.first) / (now + 1))
+            if chance.min() < self.threshold:
+                self.since = now + 1 - int(self.first[chance < math.log(_LIKELY)].min())
+                return row
+        self.num_touches += len(sensation)
         return None

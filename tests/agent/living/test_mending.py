@@ -8,7 +8,7 @@ from skins import touch
 
 from selftouch_drake.agent.living import Alarm, Expectation, Life, LivingLearner, understand
 from selftouch_drake.agent.living import life as module
-from selftouch_drake.agent.living.surprise import surprise
+from selftouch_drake.agent.living.surprise import Newcomers, surprise
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
@@ -141,6 +141,23 @@ def test_touches_that_come_in_runs_count_for_less():
     alarm = Alarm.calibrated(runs[:4000])
     assert alarm.correlation > 3
     assert alarm.watch(runs[4000:]) is None
+
+
+def test_receptors_that_are_rare_are_not_new_and_those_that_begin_to_feel_are():
+    rng = np.random.default_rng(0)
+    rate = np.geomspace(1e-5, 1e-3, 100)
+    for _ in range(5):
+        # What comes in runs is one encounter.
+        felt = (rng.random((20_000, 100)) < rate).repeat(5, axis=0).astype(np.float32)
+        watch = Newcomers.after(10_000, ~felt[:10_000].any(axis=0))
+        assert watch.silent.any()
+        assert watch.watch(felt[10_000:]) is None
+        felt[:500][:, watch.silent] = rng.random((500, watch.silent.sum())) < 0.03
+        watch = Newcomers.after(10_000, watch.silent)
+        row = watch.watch(felt[:500])
+        assert row is not None
+        assert row < 300
+        assert watch.since > row / 2
 
 
 def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monkeypatch):
