@@ -49,16 +49,19 @@ def topology(points: np.ndarray) -> Topology:
     """Counts components, loops and voids of the body that the points sample.
 
     Bars are measured in spacings, so neither the size nor the unit of the body matters. Let r be
-    the radius at which neighbours meet (the median death of H0). Where the points around the place
-    at which a bar dies lie farther apart than the median, as on a stretch of skin that feels alike,
-    r is larger in proportion. On an evenly sampled surface the
+    the radius at which neighbours meet (the median death of H0). On an evenly sampled surface the
     balls leave a false loop inside each polygon of neighbours: of length 0.4 r for a square, 0.7 r
     for a pentagon, r where one or two kernels are missing, 1.3 r where three are. A hole of the
     body dies at its own radius, however fine the sampling. So bars below r are false, bars above
     1.3 r are true, and the widest gap in between decides. The widest gap overall would not work,
-    since holes of one body may differ greatly in size. Bars born late are ignored: the void of a
-    bowl, whose mouth closes before the bowl is filled, does not count. Components are counted at a
-    radius at which all true bars are born and no missing kernel splits the body.
+    since holes of one body may differ greatly in size.
+
+    Where the points around the place at which a bar dies are farther apart than the median, r is
+    larger in proportion: a wide stretch of skin that feels alike leaves a gap that is no hole.
+
+    Bars born late are ignored: the void of a bowl, whose mouth closes before the bowl is filled,
+    does not count. Components are counted at a radius at which all true bars are born and no
+    missing kernel splits the body.
 
     Args:
         points: `(K, 3)`, evenly spread, not in one plane.
