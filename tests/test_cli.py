@@ -364,7 +364,7 @@ def test_what_was_never_touched_is_named_in_one_line(capfd, tmp_path):
     assert status == 0
     (line,) = capfd.readouterr().err.strip().splitlines()
     assert line == (
-        "selftouch: warning: skins.spot was never touched in 2,000 touches; see what can reach "
+        "selftouch: warning: skins.spot was never touched in 2,000 touches; see what can touch "
         f"what with `selftouch robot {directory.path / 'experiment.yaml'} --show`"
     )
 
