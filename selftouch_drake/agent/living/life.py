@@ -132,7 +132,7 @@ class Life:
         self.surprise.append(surprised)
         if self._alarm is None or self._newcomers is None:
             return block, _Touches.none()
-        tests = self._alarm, self._newcomers
+        tests: tuple[Alarm | Newcomers, ...] = self._alarm, self._newcomers
         rows = self._alarm.watch(surprised), self._newcomers.watch(block.sensation)
         raised = [(row, test) for row, test in zip(rows, tests, strict=True) if row is not None]
         if not raised:

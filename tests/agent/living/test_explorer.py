@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner
+from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner, Searcher
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
@@ -32,10 +32,10 @@ def sensors():
 SENSORS = sensors()
 
 
-def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), manner=MANNER):
+def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=Explorer):
     start = np.array(start)
-    explorer = Explorer(
-        agent, JOINTS, manner, start, ball_feels(start[None])[0], np.random.default_rng(seed)
+    explorer = explores(
+        agent, JOINTS, MANNER, start, ball_feels(start[None])[0], np.random.default_rng(seed)
     )
     moves = explorer.moves()
     path, met = next(moves), []
@@ -69,6 +69,24 @@ def test_it_goes_where_it_seldom_was():
     q = q[felt.any(axis=1)]
     assert len(q) > 0.6 * 3000
     assert np.mean(q[:, 2] < 0) > 0.5
+
+
+def test_where_only_touches_count_it_looks_about_places_met_anywhere():
+    q, felt = explored(None, 4000, explores=Searcher)
+    q = q[felt.any(axis=1)]
+    near = np.linalg.norm(np.diff(q, axis=0), axis=1) < 0.3
+    assert np.mean(near) > 0.8
+    # All of the ball is met.
+    assert np.linalg.norm(q[:, None] - SENSORS, axis=2).min(axis=0).max() < 0.3
+
+
+def test_between_what_it_knows_it_touches_more_often():
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(1000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    _, felt = explored(who_knows(points, ball_feels(points)), 1500, explores=Searcher)
+    _, anywhere = explored(None, 1500, explores=Searcher)
+    assert felt.any(axis=1).mean() > 1.1 * anywhere.any(axis=1).mean()
 
 
 def test_moves_stay_within_the_limits_of_the_joints():
