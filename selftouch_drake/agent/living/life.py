@@ -1,9 +1,9 @@
-"""A life: the agent learns touch by touch, notices that its body changed, and adapts.
+"""A life: the agent learns from touches as they come, notices that its body changed, and mends.
 
-After 5000 touches it learns what to expect, and again each time the number has doubled. When an
-alarm is raised, it stops learning and collects touches of the changed body. Then it finds out what
-changed, converts its remembered touches to the changed body, and continues. Nobody reports the
-change to it.
+It learns what to expect when it has 5000 touches, and again whenever it has twice as many. When the
+alarm is raised, it learns no more for a while and only collects touches of the body that it has
+now. Then it finds out what changed, makes what it remembers into touches of that body, and lives
+on. It is told nothing.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from selftouch_drake.agent.living.surprise import (
     surprise,
 )
 
-#: Number of touches after which the agent first learns what to expect, and the factor by which the
-#: number grows until it does so again.
+#: Touches after which the agent learns what to expect, and the share by which they have grown when
+#: it does again.
 _FIRST, _AGAIN = 5000, 2.0
 
-#: The expectation does not learn from this many last touches: they show how much surprise is usual.
+#: The last touches, from which the expectation does not learn, say what surprise is usual.
 _USUAL = 1000
 
-#: Number of touches of the changed body from which the agent finds out what changed.
+#: Touches of the changed body from which the agent finds out what changed.
 _TO_UNDERSTAND = 2000
 
-#: Touches are processed in blocks of this size, so that results do not depend on the calls.
+#: Touches are taken so many at a time, so that a life does not depend on how it is cut.
 _BLOCK = 500
 
 
@@ -43,10 +43,10 @@ class Noticed:
     """A change that the agent noticed.
 
     Attributes:
-        row: number of the touch at which it noticed.
-        since: number of the first touch that it attributes to the changed body.
-        mended_at: number of touches in its life when it had found out what changed.
-        mending: the change that it found.
+        row: number of the touch at which it did.
+        since: number of the first touch that it takes for one of the changed body.
+        mended_at: touches of the life when it had found out what changed.
+        mending: what it found.
     """
 
     row: int
@@ -56,14 +56,14 @@ class Noticed:
 
 
 class Life:
-    """An agent that learns, expects, notices changes and adapts, touch by touch.
+    """An agent that learns, expects, notices and mends, touch by touch.
 
     Args:
-        make_learner: makes a blank learner; after a change the agent starts with a new one and its
-            converted memory.
-        seed: from which all randomness comes.
-        false_alarms: probability of a false alarm in 100,000 touches.
-        num_steps: training steps for the expectation; with fewer the agent notices less.
+        make_learner: makes a learner that knows nothing; a mended agent begins with a new one, and
+            what it remembers.
+        seed: of all that is random.
+        false_alarms: chance of a false alarm in 100,000 touches.
+        num_steps: of learning what to expect; with fewer it notices less.
     """
 
     def __init__(
@@ -79,7 +79,7 @@ class Life:
         self.learner = make_learner()
         #: The changes that it noticed, in order.
         self.noticed: list[Noticed] = []
-        #: Surprise of each touch, `(n,)` arrays in order; NaN while nothing is expected yet.
+        #: Surprise of each touch, `(n,)` arrays in order; NaN before anything is expected.
         self.surprise: list[np.ndarray] = []
         self.num_touches = 0
         self._expectation: Expectation | None = None
@@ -87,7 +87,7 @@ class Life:
         self._newcomers: Newcomers | None = None
         self._usual = 0.0
         self._expects_again_at: float = _FIRST
-        # Touches that wait for a full block; the last ones learned; those of the changed body.
+        # Touches that wait for a full block; the last ones learned; those of a changed body.
         self._waiting = self._last = self._strange = _Touches.none()
         self._raised: tuple[int, int] | None = None
         # Rows of the learner that are of the body of before.
@@ -103,7 +103,7 @@ class Life:
 
         Args:
             q: `(n, J)` motor configurations, in the robot's units.
-            sensation: `(n, S)` N, sensations at these configurations; no row null.
+            sensation: `(n, S)` N, what was felt there; no row null.
         """
         touches = self._waiting.and_then(_Touches(np.asarray(q), np.asarray(sensation)))
         while len(touches) >= _BLOCK:
@@ -127,13 +127,13 @@ class Life:
             self._expect()
 
     def _watched(self, block: _Touches, first: int) -> tuple[_Touches, _Touches]:
-        """Splits a block at the touch at which the body changed, if it did."""
+        """Cuts a block where the body changed; all is of the body of before if it did not."""
         surprised = self._surprised(block)
         self.surprise.append(surprised)
         if self._alarm is None or self._newcomers is None:
             return block, _Touches.none()
-        tests: list[Alarm | Newcomers] = [self._alarm, self._newcomers]
-        rows = [self._alarm.watch(surprised), self._newcomers.watch(block.sensation)]
+        tests: tuple[Alarm | Newcomers, ...] = self._alarm, self._newcomers
+        rows = self._alarm.watch(surprised), self._newcomers.watch(block.sensation)
         raised = [(row, test) for row, test in zip(rows, tests, strict=True) if row is not None]
         if not raised:
             return block, _Touches.none()
@@ -179,7 +179,7 @@ class Life:
         self._expect()
 
     def _expect(self) -> None:
-        """Learns what to expect from all remembered touches except the last ones."""
+        """Learns what to expect from all that is remembered, but for the last touches."""
         held = self.learner.remembered()
         early = held.row < self.learner.num_touches - len(self._last)
         self._expectation = Expectation.learn(
@@ -200,7 +200,7 @@ class Life:
 
 
 class _Touches:
-    """Motor configurations `(n, J)` and the sensations there, `(n, S)`, in order."""
+    """Motor configurations `(n, J)` and what was felt there, `(n, S)`, in order."""
 
     def __init__(self, q: np.ndarray, sensation: np.ndarray) -> None:
         self.q, self.sensation = q, sensation

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner
+from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner, Searcher
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
@@ -32,10 +32,10 @@ def sensors():
 SENSORS = sensors()
 
 
-def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), manner=MANNER):
+def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=Explorer):
     start = np.array(start)
-    explorer = Explorer(
-        agent, JOINTS, manner, start, ball_feels(start[None])[0], np.random.default_rng(seed)
+    explorer = explores(
+        agent, JOINTS, MANNER, start, ball_feels(start[None])[0], np.random.default_rng(seed)
     )
     moves = explorer.moves()
     path, met = next(moves), []
@@ -76,6 +76,28 @@ def test_it_goes_where_it_was_rarely():
     q = q[felt.any(axis=1)]
     assert len(q) > 0.6 * 3000
     assert np.mean(q[:, 2] < 0) > 0.5
+
+
+def test_where_only_touches_count_it_looks_about_places_met_anywhere():
+    q, felt = explored(None, 4000, explores=Searcher)
+    q = q[felt.any(axis=1)]
+    near = np.linalg.norm(np.diff(q, axis=0), axis=1) < 0.3
+    assert np.mean(near) > 0.8
+    # All of the ball is met.
+    assert np.linalg.norm(q[:, None] - SENSORS, axis=2).min(axis=0).max() < 0.3
+
+
+def test_it_looks_between_neighbours_on_the_skin():
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(1000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    agent = who_knows(points, ball_feels(points))
+    nowhere = np.zeros(3)
+    searcher = Searcher(agent, JOINTS, MANNER, nowhere, nowhere, np.random.default_rng(0))
+    tried = [next(searcher._look_between(agent))[0] for _ in range(200)]
+    # Neighbouring targets are half a radius apart; those of which one was drawn at random, 1.4.
+    apart = np.linalg.norm(np.array(tried)[:, None] - points, axis=2).min(axis=1)
+    assert np.quantile(apart, 0.9) < 0.2
 
 
 def test_moves_stay_within_the_limits_of_the_joints():
