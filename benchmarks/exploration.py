@@ -2,7 +2,7 @@
 
     python benchmarks/exploration.py touches --bodies torus cube sphere --seeds 1 2 3
     python benchmarks/exploration.py clock --bodies cube torus --seeds 1 --until 60
-    python benchmarks/exploration.py infant --until 30000
+    python benchmarks/exploration.py infant --metrics --until 300000
     python benchmarks/exploration.py learning runs/torus runs/cube
 
 `touches` babbles in the kinematic world until so many touches, `clock` in the dynamic world until
@@ -12,6 +12,8 @@ so many simulated minutes, `infant` until so many touches of `infant`. Each is s
   which touch is kept (kinematic, straight from the planner: nothing is practised);
 - share of the samples in touch, receptors that were felt, parts of the body that were touched
   (BabyBench's score of self-touch), and CPU seconds of the agent and its world.
+
+Without metrics, only the last are scored.
 
 `learning` asks a learner that goes on at ten moments of the stored experience of runs, and learns
 offline from the same touches.
@@ -57,6 +59,7 @@ from selftouch_drake.run.directory import RunDirectory
 
 #: Touches and minutes at which is scored.
 TOUCHES = (5000, 10_000, 20_000, 100_000)
+INFANT = (1000, 2000, 3000, 5000, 10_000, 20_000, 30_000, 50_000, 100_000, 300_000)
 MINUTES = (5, 10, 20, 30, 45, 60, 120, 180, 300)
 MOMENTS = (1000, 2000, 3000, 5000, 8000, 12_000, 20_000, 35_000, 60_000, 100_000)
 
@@ -153,6 +156,8 @@ class Score:
         except ValueError:
             return found  # too few distinct sensations
         found["parts"] = representation.num_parts
+        if not metrics:
+            return found
         return found | scores(representation, contacts, self.world, metrics)
 
 
@@ -183,7 +188,8 @@ def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespa
     mode = "dynamic" if what == "clock" else "kinematic"
     experiment = load_experiment(body, {"seed": seed, "babbling": {"mode": mode}})
     score = Score(world=World(experiment), num_targets=arguments.targets)
-    marks = [mark for mark in (MINUTES if what == "clock" else TOUCHES) if mark <= arguments.until]
+    all_marks = {"clock": MINUTES, "infant": INFANT}.get(what, TOUCHES)
+    marks = [mark for mark in all_marks if mark <= arguments.until]
     shards, began, scoring = list[Shard](), time.process_time(), 0.0
     ends = () if what == "clock" else marks
     for shard in babbled(experiment, way, ends):

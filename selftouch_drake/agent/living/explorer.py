@@ -1,10 +1,11 @@
 """Exploration by the map: where the agent goes, from what it knows (naive).
 
-The agent is in touch as often as it can be. From a touch it sets out for what it knows least: a
-sensation that it seldom felt, or a link that it has no good step for. It goes there by its own
-plan, along its skin, and feels its way: how the last steps changed what it felt says which way is
-in and which way is out. There it slides about at random, so that it meets the same sensations in
-other postures. Before it knows anything it moves at random, and slides about from any touch.
+The agent is in touch as often as it can be. It goes to what it knows least, a sensation that it
+seldom felt or a link that it has no good step for: through the air, or by its own plan along its
+skin. There it slides about: a random walk, bent along the skin, so that it meets the same
+sensations in other postures. It feels its way: how the last steps changed what it felt says which
+way is in and which way is out. Before it knows anything it moves at random, and slides about from
+any touch.
 
 A move is a few configurations. The explorer yields it, and is sent what was felt on the way: it
 does not know what carries it out.
