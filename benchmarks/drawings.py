@@ -9,6 +9,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
+from joints import picture as over_joints
 from matplotlib.figure import Figure
 from shape_picture import ablation
 from trust import picture as expected_and_true
@@ -106,8 +107,14 @@ def confidence() -> Figure:
     return expected_and_true(rows_of("confidence.csv"))
 
 
+def joints() -> Figure:
+    """Shape and contact over the number of joints; `benchmarks/joints.py` measures."""
+    return over_joints(rows_of("joints.csv"))
+
+
 DRAWINGS = {
     "confidence": confidence,
+    "joints": joints,
     "learning": learning,
     "memory": memory,
     "two_fingers": two_fingers,

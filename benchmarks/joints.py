@@ -1,7 +1,7 @@
 """Shape and contact over the number of joints: a torus on a neck with more and more joints.
 
     python benchmarks/joints.py --joints 6 7 9 12 16 --pairs 20 --out runs/joints
-    python benchmarks/joints.py --out runs/joints --picture docs/images/joints.png
+    python benchmarks/joints.py --out runs/joints --table docs/data/joints.csv
 
 The paper's arm touches a torus on a neck of joints that turn about z, y and x in turn; the more
 there are, the less each one turns. What has run already is not run again.
@@ -10,6 +10,7 @@ there are, the less each one turns. What has run already is not run again.
 from __future__ import annotations
 
 import argparse
+import csv
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -118,22 +119,37 @@ def line(num_joints: int, found: Metrics) -> str:
     )
 
 
+#: Columns of the table beside the errors by metric, and the metrics of a run that they hold.
+CONTACT = {
+    "first": "execution_contact_mean",
+    "worst": "execution_contact_worst",
+    "straight": "planning_contact_straight_mean",
+}
+
+
+def row(num_joints: int, found: Metrics) -> dict[str, float]:
+    """A row of the table: shape errors and contact, as fractions."""
+    errors = {metric: found["shape_rms_fraction_by_metric"][metric] for metric in COLORS}
+    contact = {name: found[key] for name, key in CONTACT.items()}
+    return {"joints": num_joints, **{k: round(v, 4) for k, v in (errors | contact).items()}}
+
+
 @styled
-def picture(found: dict[int, Metrics]) -> Figure:
+def picture(rows: list[dict[str, str]]) -> Figure:
     """Shape error by every metric, and contact of plans, over the number of joints."""
-    joints = sorted(found)
+    joints = [int(row["joints"]) for row in rows]
     figure = Figure(figsize=(8.4, 3.4), layout="constrained")
     shape, contact = figure.subplots(1, 2)
     for metric, color in COLORS.items():
-        error = [100 * found[n]["shape_rms_fraction_by_metric"][metric] for n in joints]
+        error = [100 * float(row[metric]) for row in rows]
         shape.plot(joints, error, "o-", color=color, label=metric)
     shape.set(ylabel="shape error (% of the extent)", ylim=(0, None))
-    for key, label, color, style in (
-        ("execution_contact_mean", "first execution, mean", BLUE, "o-"),
-        ("execution_contact_worst", "first execution, worst", BLUE, "o:"),
-        ("planning_contact_straight_mean", "without practice, mean", ORANGE, "o-"),
+    for name, label, color, style in (
+        ("first", "first execution, mean", BLUE, "o-"),
+        ("worst", "first execution, worst", BLUE, "o:"),
+        ("straight", "without practice, mean", ORANGE, "o-"),
     ):
-        share = [100 * found[n][key] for n in joints]
+        share = [100 * float(row[name]) for row in rows]
         contact.plot(joints, share, style, color=color, label=label)
     contact.set(ylabel="time in contact (%)", ylim=(0, 102))
     for ax in (shape, contact):
@@ -153,7 +169,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=20)
     parser.add_argument("--seed", type=int, default=501)
     parser.add_argument("--out", type=Path, default=Path("runs/joints"))
-    parser.add_argument("--picture", type=Path, help="a file to draw the table into")
+    parser.add_argument("--table", type=Path, help="a CSV file to write, for `make pictures`")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     print(
@@ -165,8 +181,12 @@ def main() -> None:
     for num_joints in arguments.joints:
         found[num_joints] = measured(num_joints, arguments)
         print(line(num_joints, found[num_joints]), flush=True)
-    if arguments.picture:
-        picture(found).savefig(arguments.picture)
+    if arguments.table:
+        rows = [row(num_joints, one) for num_joints, one in found.items()]
+        with arguments.table.open("w", newline="", encoding="utf-8") as file:
+            table = csv.DictWriter(file, rows[0], lineterminator="\n")
+            table.writeheader()
+            table.writerows(rows)
 
 
 if __name__ == "__main__":
