@@ -8,6 +8,7 @@ from skins import touch
 
 from selftouch_drake.agent.living import Alarm, Expectation, Life, LivingLearner, understand
 from selftouch_drake.agent.living import life as module
+from selftouch_drake.agent.living import mending as mends
 from selftouch_drake.agent.living.surprise import Newcomers, surprise
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
@@ -166,6 +167,7 @@ def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monk
     monkeypatch.setattr(module, "_FIRST", 3000)
     monkeypatch.setattr(module, "_USUAL", 600)
     monkeypatch.setattr(module, "_TO_UNDERSTAND", 900)
+    monkeypatch.setattr(mends, "_NETWORKS", 1)
     q, sensation = touches
     q, sensation = q.copy(), sensation.copy()
     q[4500:, 0] += 0.5
