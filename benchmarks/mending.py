@@ -228,7 +228,7 @@ def main() -> None:
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--kinds", nargs="+", default=KINDS, choices=[*KINDS, "none"])
     parser.add_argument("--touches", type=int, default=15_000)
-    parser.add_argument("--targets", type=int, default=120)
+    parser.add_argument("--targets", type=int, default=200)
     parser.add_argument("--pairs", type=int, default=20)
     parser.add_argument("--out", type=Path, default=Path("docs/data/mending.csv"))
     args = parser.parse_args()

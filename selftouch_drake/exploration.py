@@ -39,10 +39,8 @@ _NUM_TARGETS, _KERNEL_SIZE = 150, 300
 #: Touches before the agent goes by what it knows.
 _AT_RANDOM = 500
 
-#: Without time, only touches count, and steps through the air are free: it makes small moves about
-#: a place that it met at random, and leaves for another. More moves, and more goals, heap touches
-#: up: with 2000 touches of a torus the shape is off by 4.5 % with 4 moves and no goals, by 5.4 %
-#: with 3 and a goal for each tenth place, by 4.1 % at random. Under dynamics it stays in touch.
+#: Without time the agent searches, and has no manner but that of the walk before it knows anything
+#: in goal babbling, which is measured beside it. Under dynamics it stays in touch.
 KINEMATIC = Manner(pace=1.0, dwell=0, air=0.95, walked=20, hops=2)
 DYNAMIC = Manner(pace=0.2, dwell=750, air=0.1, walked=1, hops=0)
 
