@@ -237,10 +237,13 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
 
 def picture(rows: list[dict[str, str]], out: Path) -> None:
     """Error and share in touch, over touches and over minutes."""
-    figure = Figure(figsize=(10, 4), layout="constrained")
-    for axes, (what, x) in zip(
-        figure.subplots(1, 2), (("touches", "touches"), ("clock", "minutes")), strict=True
-    ):
+    panels = (("touches", "touches", "log"), ("clock", "minutes", "linear"))
+    panels = tuple(panel for panel in panels if any(row["what"] == panel[0] for row in rows))
+    if not panels:
+        return
+    figure = Figure(figsize=(5 * len(panels), 4), layout="constrained")
+    drawn = figure.subplots(1, len(panels), squeeze=False)[0]
+    for axes, (what, x, scale) in zip(drawn, panels, strict=True):
         curves: dict[str, list[tuple[float, float]]] = {}
         for row in rows:
             if row["what"] == what and row["error_sensorimotor"]:
@@ -248,9 +251,8 @@ def picture(rows: list[dict[str, str]], out: Path) -> None:
                 curves.setdefault(f"{row['body']} {row['seed']}, {row['way']}", []).append(point)
         for name, points in sorted(curves.items()):
             axes.plot(*zip(*sorted(points), strict=True), "o-", label=name)
-        axes.set(xscale="log", xlabel=x, ylabel="shape error, % (sensorimotor)", ylim=(0, None))
-        if curves:
-            axes.legend(fontsize=7)
+        axes.set(xscale=scale, xlabel=x, ylabel="shape error, % (sensorimotor)", ylim=(0, None))
+        axes.legend(fontsize=7)
     figure.savefig(out, dpi=120)
 
 
