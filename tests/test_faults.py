@@ -449,8 +449,8 @@ def test_a_shard_too_many_is_refused(run):
     )
     done = subprocess.run(command("learn", run), capture_output=True, text=True)
     assert refused(done) == (
-        f"{run / 'experience'} holds more shards than the 3 of this run; remove "
-        "part-00003.parquet and those after it"
+        f"{run / 'experience'} holds more shards than the {NUM_SHARDS} of this run; remove "
+        f"part-{NUM_SHARDS:05}.parquet and those after it"
     )
 
 
