@@ -40,11 +40,13 @@ class Searcher(Explorer):
 
     def moves(self) -> Moves:
         """Explores without end."""
+        # The more parts a body has, the more places there are that it may not have met.
+        parts = 1 if self._agent is None else max(self._agent.representation.num_parts, 1)
         while True:
             yield from self._meet()
-            yield from self._look_about(self._touch, _ABOUT, _TOUCHES - 1)
+            yield from self._look_about(self._touch, _ABOUT, max(_TOUCHES // parts, 2) - 1)
             if self._agent is not None and len(self._agent.representation.edges):
-                for _ in range(_GAPS):
+                for _ in range(_GAPS // parts):
                     yield from self._look_between(self._agent)
 
     def _meet(self) -> Moves:
