@@ -1,5 +1,3 @@
-import importlib
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -57,12 +55,21 @@ def test_few_queries_stand_for_many():
     np.testing.assert_allclose(few_ask, all_ask, rtol=0.1)
 
 
+def test_rough_distances_are_near_and_the_others_exact():
+    _, q, offsets = random_sets([700, 900, 800, 600], 3, 0)
+    rough = np.zeros((4, 4), dtype=bool)
+    rough[0, 1:] = rough[1:, 0] = True
+    (exact,) = set_distances(q, offsets, "mean_nearest")
+    (mixed,) = set_distances(q, offsets, "mean_nearest", rough=rough)
+    np.testing.assert_array_equal(mixed[~rough], exact[~rough])
+    np.testing.assert_allclose(mixed[rough], exact[rough], rtol=0.3)
+    assert (mixed[rough] != exact[rough]).all()
+
+
 @pytest.mark.parametrize("num_threads", [1, 2, 7])
 def test_any_number_of_threads_gives_the_same_bytes(num_threads, monkeypatch):
     _, q, offsets = random_sets([30, 70, 1, 40, 55], 6, 0)
-    # The package exports a function with the same name as the module.
-    module = importlib.import_module("selftouch_drake.agent.representation.set_distances")
-    monkeypatch.setattr(module, "_num_cores", lambda: num_threads)
+    monkeypatch.setattr("joblib.cpu_count", lambda: num_threads)
     found = set_distances(q, offsets, *SET_DISTANCES)
     monkeypatch.undo()
     for here, there in zip(found, set_distances(q, offsets, *SET_DISTANCES), strict=True):

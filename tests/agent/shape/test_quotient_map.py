@@ -60,6 +60,21 @@ def test_training_fits_a_smooth_function():
     assert np.sqrt(np.mean((network(x) - wanted) ** 2)) < 0.05
 
 
+@pytest.mark.parametrize("num_cores", [1, 3])
+def test_any_number_of_cores_gives_the_same_network(num_cores, monkeypatch):
+    def weights() -> bytes:
+        rng = np.random.default_rng(0)
+        network = Network.random([3, 8, 8, 2], rng)
+        x = rng.standard_normal((64, 3)).astype(np.float32)
+        train(network, lambda: x, lambda outputs: outputs, 20)
+        return b"".join(weight.tobytes() for weight in network.weights)
+
+    monkeypatch.setattr("joblib.cpu_count", lambda: num_cores)
+    here = weights()
+    monkeypatch.undo()
+    assert here == weights()
+
+
 def test_discriminants_separate_kernels():
     rng = np.random.default_rng(4)
     sizes = rng.integers(5, 40, 60)
