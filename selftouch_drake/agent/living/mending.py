@@ -134,7 +134,7 @@ class Mending:
         return moved + displaced * self.expectation.scale
 
     def _as_now(self, q: np.ndarray) -> np.ndarray:
-        """Solves `_as_before(now) = q` by iteration; steps shrink, as the displacement is smooth."""
+        """Solves `_as_before(now) = q`; its steps shrink, as the displacement is smooth."""
         now = q - self.offset
         for _ in range(8 if self.displacement else 0):
             now = now + q - self._as_before(now)
@@ -215,7 +215,7 @@ def _rewired(mending: Mending, touches: _Touches, seed: int) -> Mending:
     _, was = linear_sum_assignment(-both.T)
     reading = np.arange(len(was))
     moved = both[was, reading] > both[reading, reading] + _BETTER
-    # A receptor whose reading moved must read somewhere else; otherwise nothing moved there.
+    # Where a reading moved, its own receptor must be the source of another moved reading.
     while moved.any() and (lost := moved & ~np.isin(reading, was[moved])).any():
         moved &= ~lost
     return dataclasses.replace(mending, source=np.where(moved, was, reading), silent=silent)
