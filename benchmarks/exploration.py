@@ -1,31 +1,33 @@
-"""Active babbling beside random babbling and two ways of goal babbling; and learning that goes on.
+"""Compares active babbling with random and goal babbling, and the living with the offline learner.
 
     python benchmarks/exploration.py touches --bodies torus cube sphere --seeds 1 2 3
     python benchmarks/exploration.py clock --bodies cube torus --seeds 1 --until 60
     python benchmarks/exploration.py infant --metrics --until 300000
     python benchmarks/exploration.py learning runs/torus runs/cube
 
-`touches` babbles in the kinematic world until so many touches, `clock` in the dynamic world until
-so many simulated minutes, `infant` until so many touches of `infant`. Each is scored along the way:
+`--until` ends a life: `touches` babbles in the kinematic world until that many touches, `clock`
+under dynamics until that many simulated minutes, `infant` until that many touches of the infant.
+Each life is scored along the way:
 
-- error of the shape by each metric, holes, and share of planned paths between 60 random pairs on
-  which touch is kept (kinematic, straight from the planner: nothing is practised);
-- share of the samples in touch, receptors that were felt, parts of the body that were touched
-  (BabyBench's score of self-touch), and CPU seconds of the agent and its world.
+- error of the shape by each metric, holes, and share of planned paths between 60 random pairs that
+  is in contact (kinematic, straight from the planner: nothing is practised);
+- share of the samples in contact, receptors that felt something, parts of the body that were
+  touched (BabyBench's score of self-touch), and CPU seconds of the agent and its world.
 
-Without metrics, only the last are scored.
+Without metrics, only the second group is scored.
 
-`learning` asks a learner that goes on at ten moments of the stored experience of runs, and learns
-offline from the same touches.
+`learning` compares a living learner with an offline one, on the same touches, at ten moments of the
+stored experience of runs.
 
-The ways, as goals in the space of sensations are chosen (Baranes and Oudeyer 2013; Moulin-Frier,
-Rouanet and Oudeyer 2014), restated on our interface, not their code:
+There are four ways to babble. The two with goals choose them in the space of sensations (after
+Baranes and Oudeyer 2013; Moulin-Frier, Rouanet and Oudeyer 2014), on our interface, not with their
+code:
 
-- `random`: the random walk of `babbling.strategy: random`;
-- `active`: that of `babbling.strategy: active`;
+- `random`: as `babbling.strategy: random`;
+- `active`: as `babbling.strategy: active`;
 - `goals`: a target sensation drawn at random; the agent goes to the posture that felt most like it,
   with noise;
-- `progress`: as `goals`, a target with the chance that its competence changed lately.
+- `progress`: as `goals`, but a target is drawn more often if its competence changed lately.
 
 Rows are added to a CSV file; figures are drawn from all rows by `picture`.
 """
@@ -57,21 +59,21 @@ from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 
-#: Touches and minutes at which is scored.
+#: Numbers of touches, and simulated minutes, at which a life is scored.
 TOUCHES = (5000, 10_000, 20_000, 100_000)
 INFANT = (1000, 2000, 3000, 5000, 10_000, 20_000, 30_000, 50_000, 100_000, 300_000)
 MINUTES = (5, 10, 20, 30, 45, 60, 120, 180, 300)
 MOMENTS = (1000, 2000, 3000, 5000, 8000, 12_000, 20_000, 35_000, 60_000, 100_000)
 
-#: Noise of goal babbling, in strides; tries that competence is measured over, and how often a goal
-#: is drawn at random all the same.
+#: Noise of goal babbling, in strides; number of last tries over which competence is measured; and
+#: chance that a goal is drawn at random all the same.
 _NOISE, _RECENT, _AT_RANDOM = 1.0, 8, 0.2
 
 
 class Goals(Explorer):
     """Random goal babbling: a goal, the posture that is best for it so far, and noise."""
 
-    #: By the number of a target, how alike to it was felt at the last tries.
+    #: By the number of a target, the cosine between it and what was felt, at each try.
     competence: dict[int, list[float]]
 
     def moves(self) -> Moves:
@@ -164,7 +166,7 @@ class Score:
 def scores(
     representation: QuotientRepresentation, contacts: Contacts, world: World, metrics: list[str]
 ) -> dict[str, Any]:
-    """Error and holes by each metric, and share of touch on planned paths."""
+    """Error and holes by each metric, and share of planned paths that is in contact."""
     truth = kernel_truth(representation, contacts.take(representation.kernel_row))
     found: dict[str, Any] = {}
     for metric in metrics:
@@ -213,7 +215,7 @@ def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespa
 
 
 def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[str, Any]]:
-    """A learner that goes on beside one that learns from all, at ten moments."""
+    """Scores a living learner and an offline one at ten moments."""
     run = RunDirectory.open(path)
     reader = ExperienceReader(run.experience)
     q, sensation = reader.read("q"), reader.read("sensation")
@@ -236,7 +238,7 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
 
 
 def picture(rows: list[dict[str, str]], out: Path) -> None:
-    """Error and share in touch, over touches and over minutes."""
+    """Draws the error of the shape, over touches and over simulated minutes."""
     panels = (("touches", "touches", "log"), ("clock", "minutes", "linear"))
     panels = tuple(panel for panel in panels if any(row["what"] == panel[0] for row in rows))
     if not panels:

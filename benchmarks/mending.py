@@ -3,15 +3,16 @@
     python benchmarks/mending.py --out docs/data/mending.csv
     python benchmarks/mending.py --bodies torus --seeds 0 1 --kinds link joint
 
-In the kinematic world, by random walks. For each body and seed an agent lives `--touches` touches,
-and for each kind of change one life goes on with the changed body until the quality of before is
-regained. Quality is the error of the shape, the holes, and contact on 20 planned paths, in the
-world as it then is; it is regained at 1.15 times the error, the same holes, and contact within two
-hundredths, as that of an unchanged body differs by so much. Beside it stands an agent that learns
-anew: the first of a few numbers of touches at which it has the quality that the other had before.
+All lives are random walks in the kinematic world. For each body and seed an agent lives `--touches`
+touches. Then, for each kind of change, this life goes on with the changed body until the agent has
+regained its quality, or for half as many touches. Quality is the error of the shape, the holes, and
+contact on 20 planned paths, in the world as it then is. It is regained if the error is at most 1.15
+times that of before, the holes are the same, and contact is at most two hundredths lower; the
+quality of an unchanged body differs by so much. For comparison, an agent learns anew: the table
+says after how many touches, out of a few numbers, it has the quality that the other had before.
 
-Every combination is a row of the CSV file. Rows that it holds already are not computed again. At
-the end all rows of the file are printed as a table.
+Every combination is a row of the CSV file. Rows that are already in the file are not computed
+again. At the end all rows of the file are printed as a table.
 """
 
 from __future__ import annotations
@@ -36,14 +37,14 @@ from selftouch_drake.robot import World
 
 BODIES = ("sphere", "cube", "torus")
 WALK = 2500
-#: Shares of a life at which learning anew is looked at.
+#: Shares of `--touches` at which the agent that learns anew is scored.
 LADDER = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1)
-#: Touches of a changed body at which an agent that did not notice is looked at.
+#: Touches of the changed body before which no agent is scored, even if it did not notice.
 UNNOTICED = 2500
 
 
 def changes(kind: str, patch: list[int]) -> tuple[list[dict], list[dict]]:
-    """The changes of the body before the life, and in the middle of it."""
+    """The changes that the body has from birth, and those that it has after the change."""
     skin: dict[str, dict[str, Any]] = {
         "dead": {"dead_share": 0.1},
         "swapped": {"swapped_share": 0.1},
@@ -76,7 +77,7 @@ def touches(world: World, first_walk: int) -> Iterator[tuple[np.ndarray, np.ndar
 
 
 def scored(life: Life | LivingLearner, world: World, num_pairs: int) -> dict[str, Any]:
-    """Error of the shape, holes, and contact on planned paths, in a world as it is."""
+    """Error of the shape, holes, and contact on planned paths, measured in `world`."""
     learner = life.learner if isinstance(life, Life) else life
     found = quality(learner, world, num_pairs)
     holes = " ".join(map(str, found.holes))
@@ -84,14 +85,14 @@ def scored(life: Life | LivingLearner, world: World, num_pairs: int) -> dict[str
 
 
 def still_true(q: np.ndarray, sensation: np.ndarray, world: World) -> tuple[float, float]:
-    """Share of touches that touch now, and the median cosine distance to what is felt there."""
+    """Share of touches that still touch; median cosine distance to what is felt there now."""
     felt = world.probe.sensations(q)
     touching = felt.any(axis=1)
     return float(touching.mean()), float(np.median(surprise(felt, sensation)[touching]))
 
 
 def regained(now: dict[str, Any], before: dict[str, Any]) -> bool:
-    """Whether quality is what it was."""
+    """Whether quality is nearly as good as before."""
     return (
         now["error"] <= 1.15 * before["error"]
         and now["holes"] == before["holes"]
@@ -112,7 +113,7 @@ class Bench:
         self._anew: list[dict[str, Any]] | None = None
 
     def world(self, made: list[dict]) -> World:
-        """A body that is so from birth."""
+        """A world whose body has these changes from birth."""
         experiment: Experiment = load_experiment(self.body, {"seed": self.seed, "changes": made})
         return World(experiment)
 
@@ -122,7 +123,7 @@ class Bench:
         return Life(lambda: LivingLearner(num_targets, seed=self.seed), seed=self.seed)
 
     def anew(self, wanted: dict[str, Any]) -> int | None:
-        """Touches at which an agent that learns anew has the quality that is wanted."""
+        """Number of touches after which an agent that learns anew has the wanted quality."""
         if self._anew is None:
             self._anew = []
             world = self.world([])

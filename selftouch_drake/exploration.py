@@ -1,7 +1,7 @@
-"""Active babbling: rounds in which the agent goes where it knows least, kept where they touch.
+"""Active babbling: in rounds, the agent goes where it knows least, and keeps what it touches.
 
 What the agent knows in a round depends on the rounds stored before and on nothing else. So a
-stopped run takes the stored rounds in again and goes on, to the same bytes.
+stopped run reads the stored rounds again and goes on, to the same bytes.
 """
 
 from __future__ import annotations
@@ -32,15 +32,16 @@ from selftouch_drake.experience.sources import SAMPLE_PERIOD, KinematicSource, L
 from selftouch_drake.experiment import Experiment, experiment_from_fields
 from selftouch_drake.robot import Touches, World
 
-#: Target sensations and touches of each that the agent finds its way by while it explores: what is
-#: learned from the experience afterwards has its own.
+#: Number of target sensations, and most touches of each, that the agent uses while it explores. The
+#: learn stage has its own numbers.
 _NUM_TARGETS, _KERNEL_SIZE = 150, 300
 
 #: Touches before the agent goes by what it knows.
 _AT_RANDOM = 500
 
-#: Without time the agent searches, and has no manner but that of the walk before it knows anything
-#: in goal babbling, which is measured beside it. Under dynamics it stays in touch.
+#: In the kinematic world the agent searches, and needs no manner. Only goal babbling, which is
+#: measured beside it, walks in this manner before it knows anything. Under dynamics the agent stays
+#: in contact.
 KINEMATIC = Manner(pace=1.0, dwell=0, air=0.95, walked=20, hops=2)
 DYNAMIC = Manner(pace=0.2, dwell=750, air=0.1, walked=1, hops=0)
 
@@ -49,9 +50,9 @@ class Exploration:
     """An agent in its world, which explores in rounds and learns from each.
 
     Args:
-        experiment: what it lives in.
-        explorer: how it goes where; by default as suits its world.
-        world: of the experiment; by default it is built.
+        experiment: decides everything that happens.
+        explorer: decides where the agent goes; by default the one that suits the world.
+        world: the world of the experiment; built by default.
     """
 
     def __init__(
@@ -67,7 +68,7 @@ class Exploration:
         self.source = LedSource(world) if dynamic else KinematicSource(world)
         self.manner = KINEMATIC
         if dynamic:
-            # It feels its way: each sample decides on the next, as fast as random babbling goes.
+            # Each sample decides on the next step; the agent moves as fast as random babbling.
             pace = SAMPLE_PERIOD / experiment.babbling.step_duration
             self.manner = dataclasses.replace(DYNAMIC, pace=pace)
         lower, upper = world.robot.babbled_range
@@ -78,13 +79,13 @@ class Exploration:
         self._q: np.ndarray | None = None
 
     def remember(self, q: np.ndarray, sensation: np.ndarray) -> None:
-        """Takes in the next round, as it is stored: `(n, J)` q and `(n, S)` N."""
+        """Learns from the next round, as stored: `q` `(n, J)` and `sensation` `(n, S)` N."""
         self.learner.take(q, sensation)
         self._q = q[-1]
         self.round += 1
 
     def explore(self, num_rows: int) -> Shard:
-        """The next round: goes on until `num_rows` configurations touched that the robot can take.
+        """The next round: explores until `num_rows` configurations that the robot can take touch.
 
         Raises:
             NeverTouchesError: there was no touch in very many steps.
@@ -107,11 +108,11 @@ class Exploration:
         return keep_touches(next_steps, source.possible, self.experiment, self.round, num_rows)
 
     def _agent(self) -> Agent | None:
-        """What it knows; None before it has touched enough to go by."""
+        """What the agent knows; None before it has enough touches to go by."""
         if self.learner.num_touches < _AT_RANDOM or not self.learner.knows:
             return None
         with warnings.catch_warnings():
-            # While it explores, a graph in pieces is what it wants to mend.
+            # A graph in pieces is no surprise here: the agent explores in order to join them.
             warnings.simplefilter("ignore", DisconnectedWarning)
             return Agent.of(
                 self.learner.representation, kernel_sensation=self.learner.kernel_sensation
@@ -127,7 +128,7 @@ def explore(
     progress: Callable[[int], None] = lambda num_rows: None,
     world: World | None = None,
 ) -> WalkCounts:
-    """Collects what is missing of an active run's experience; arguments and errors as `collect`."""
+    """Collects the missing experience of an active run; arguments and errors as for `collect`."""
     return collect(
         experiment,
         folder,
@@ -145,7 +146,7 @@ def _explore_and_store(
 ) -> WalkCounts:
     with WORLD_LOCK:
         life = _life(text, run)
-        if life.round > number:  # a stored round is missing: it is lived again from the start
+        if life.round > number:  # a stored round is missing: begin the life again
             _life.cache_clear()
             life = _life(text, run)
         if life.round < number:
@@ -160,6 +161,6 @@ def _explore_and_store(
 
 @lru_cache(maxsize=1)
 def _life(text: str, run: str) -> Exploration:
-    """The life of a run, begun once a process."""
+    """The life of a run, begun once per process."""
     experiment = experiment_from_fields(yaml.safe_load(text))
     return Exploration(experiment, world=known_world(text, experiment))

@@ -1,14 +1,14 @@
-"""Exploration by the map: where the agent goes, from what it knows (naive).
+"""Exploration: the agent decides from what it knows where to go (naive).
 
-The agent is in touch as often as it can be. It goes to what it knows least, a sensation that it
-seldom felt or a link that it has no good step for: through the air, or by its own plan along its
-skin. There it slides about: a random walk, bent along the skin, so that it meets the same
-sensations in other postures. It feels its way: how the last steps changed what it felt says which
-way is in and which way is out. Before it knows anything it moves at random, and slides about from
-any touch.
+The agent stays in contact as much as it can. It goes to what it knows least: a sensation that it
+seldom felt, or a link for which it has no good step. It goes through the air, or by its own plan
+along its skin. There it slides about: it walks at random, bent along the skin, so that it meets the
+same sensations in other postures. From how the last steps changed what it felt, it learns which way
+is into the skin and which way is out. Before it knows anything it moves at random, and slides about
+from any touch.
 
-A move is a few configurations. The explorer yields it, and is sent what was felt on the way: it
-does not know what carries it out.
+A move is a few configurations. The explorer yields it, and is sent what was felt on the way. It
+does not know what makes the move.
 """
 
 from __future__ import annotations
@@ -21,34 +21,36 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Plan
 
-#: What it is sent: `(n, J)` configurations that were passed and `(n, S)` N, what was felt there.
+#: What the explorer is sent: `(n, J)` configurations that were passed, and `(n, S)` N, what was
+#: felt there.
 Met = tuple[np.ndarray, np.ndarray]
 
-#: What it yields: `(n, J)` configurations to pass.
+#: What the explorer yields: `(n, J)` configurations to pass.
 Moves = Generator[np.ndarray, Met, None]
 
-#: Share of its velocity that a random walk keeps in the time in which it goes a stride, and strides
-#: after which it has forgotten where it was.
+#: Share of its velocity that a random walk keeps while it goes one stride, and number of strides
+#: after which it is far from where it was.
 _PERSISTENCE, _AWAY = 0.9, 20
 
-#: Strides that a small move goes, of each joint. On a torus half of such moves touch. With 4000
-#: touches, 3 of 4 of them small moves about the fourth, its shape is off by 3.2 %, with all of them
-#: met at random by 4.2 %: neighbours on the skin have postures near each other.
+#: Length of a small move, strides in each joint. On a torus half of such moves touch. With 4000
+#: touches, of which 3 in 4 are small moves about the fourth, the error of its shape is 3.2 %; with
+#: 4000 random touches it is 4.2 %. Neighbours on the skin then have postures near each other.
 _HOP = 0.67
 
-#: rad, of path length, between places on a plan that it makes for.
+#: rad of path length between the places on a plan that the agent steps to.
 _ALONG = 0.2
 
-#: Paces that the agent presses or yields in a step at most.
+#: Most paces by which the agent presses harder or eases off in one step.
 _PRESSED = 3.0
 
-#: Steps without touch, after which it goes back to the last touch; goings back in a row that found
-#: none, after which it gives up; steps that it makes for one place on a plan at most.
+#: Steps without contact after which the agent goes back to the last touch; returns in a row that
+#: found no contact after which it gives up; most steps to one place on a plan.
 _MOST_LOST, _MOST_RETURNS, _MOST_STEPS = 2, 4, 10
 
-#: Share of the goals that it goes to by a plan along its skin, while it is in touch. A plan leads
-#: through postures that it knows: in 10 simulated minutes on a torus (seed 1) it meets 23 postures
-#: a minute that are 0.5 rad apart if it goes to all goals so, 133 with a quarter, 122 with none.
+#: Share of the goals to which the agent goes by a plan along its skin, while it is in contact. A
+#: plan leads through known postures: in 10 simulated minutes on a torus (seed 1) the agent meets 23
+#: postures per minute that are 0.5 rad apart if it goes to all goals by plans, 133 with a quarter
+#: of the goals, 122 with none.
 _BY_PLAN = 0.25
 
 #: Share of the goals that are ends of poor links; the others are sensations seldom felt.
@@ -57,12 +59,12 @@ _LINKS = 0.3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Joints:
-    """What the agent knows of its joints without touch: how far they go, and how it moves them.
+    """What the agent knows about its joints without touch: their limits, and how far they step.
 
     Attributes:
-        lower: `(J,)` in the robot's units.
-        upper: `(J,)` likewise.
-        stride: `(J,)` likewise; a step of a random walk.
+        lower: `(J,)` lower limits, in the robot's units.
+        upper: `(J,)` upper limits, likewise.
+        stride: `(J,)` a step of a random walk, likewise.
     """
 
     lower: np.ndarray
@@ -72,15 +74,15 @@ class Joints:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manner:
-    """How an agent explores, by what costs it more: to touch, or to pass the time.
+    """How an agent explores; it depends on what costs more, touches or time.
 
     Attributes:
-        pace: strides, how far each joint moves in one step, as a root of the mean square.
-        dwell: steps that it slides about from each place that it came to.
-        air: how often it walks to its next place at random through the air.
-        walked: steps of such a walk, until it looks whether it met something.
-        hops: small moves about each touch that it comes to, which need not stay in touch. Then it
-            makes no journeys.
+        pace: strides, root mean square over the joints of how far each moves in one step.
+        dwell: number of steps for which the agent slides about at each place.
+        air: chance that the agent walks to its next place at random through the air.
+        walked: steps of such a walk, after which the agent checks whether it touched something.
+        hops: number of small moves about each touch that the agent comes to; they need not stay in
+            contact. If it is not 0, the agent does not go along its skin by plans.
     """
 
     pace: float
@@ -91,15 +93,15 @@ class Manner:
 
 
 class Explorer:
-    """Moves an agent for some time in which what it knows stays the same.
+    """Moves an agent through one round, in which what it knows stays the same.
 
     Args:
-        agent: what it knows; None if nothing.
-        joints: of the robot.
-        manner: how it explores.
+        agent: what the agent knows; None if nothing.
+        joints: limits and strides of the robot's joints.
+        manner: how the agent explores.
         q: `(J,)` where the joints are.
         felt: `(S,)` N, what is felt there.
-        rng: of all that is random.
+        rng: from which all randomness comes.
     """
 
     def __init__(
@@ -114,7 +116,7 @@ class Explorer:
         self._agent, self._joints, self._manner, self._rng = agent, joints, manner, rng
         self._q, self._felt = np.asarray(q, dtype=float), felt
         self._walk = np.zeros(len(q))
-        #: By how much more is felt along each joint, N per stride, and the last touch.
+        #: How fast the felt force grows along each joint, N per stride; and the last touch.
         self._slope = np.zeros(len(q))
         self._touch = self._q
         self._wanted, self._lost, self._returns = 0.0, 0, 0
@@ -126,7 +128,7 @@ class Explorer:
     def moves(self) -> Moves:
         """Explores without end."""
         if not self._manner.hops:
-            yield from self._go(self._q[None])  # what it feels before it moves
+            yield from self._go(self._q[None])  # asks what is felt before the first move
         while True:
             if self._agent is None or self._rng.random() < self._manner.air:
                 yield from self._wander()
@@ -147,8 +149,8 @@ class Explorer:
         yield from self._come_to(agent.representation.kernel_q[row].astype(float))
 
     def _wander(self) -> Moves:
-        """Walks at random until it meets another touch, and goes back to that."""
-        # Near the last touch it would meet the same again.
+        """Walks at random until it meets another touch, and goes back to that touch."""
+        # Near the last touch the walk would meet the same place again.
         yield from self._go(self._random_walk(round(_AWAY / self._manner.pace)))
         self._slope[:] = 0.0
         left = self._touch
@@ -157,7 +159,7 @@ class Explorer:
         yield from self._come_to(self._touch)
 
     def _random_walk(self, num_steps: int) -> np.ndarray:
-        """`(n, J)` the next configurations of a walk that turns round at the limits."""
+        """`(n, J)` the next configurations of a random walk that turns round at the limits."""
         walk = np.empty((num_steps, len(self._q)))
         q = self._q
         for step in range(len(walk)):
@@ -165,19 +167,19 @@ class Explorer:
         return walk
 
     def _heading(self) -> np.ndarray:
-        """`(J,)` the next step of a random walk: as far in its time as random babbling goes."""
+        """`(J,)` the next step of a random walk, as fast as random babbling."""
         kept = _PERSISTENCE**self._manner.pace
         noise = self._rng.standard_normal(len(self._q))
         self._walk = kept * self._walk + np.sqrt(1.0 - kept**2) * noise
         return self._walk * self._manner.pace * self._joints.stride
 
     def _turned_round(self, q: np.ndarray) -> np.ndarray:
-        """`(J,)` within the limits; the walk turns round where they are met."""
+        """`(J,)` `q` within the limits; joints that pass a limit turn round."""
         self._walk[(q < self._joints.lower) | (q > self._joints.upper)] *= -1.0
         return self._within(q)
 
     def _come_to(self, q: np.ndarray) -> Moves:
-        """Goes through the air to a touch, or about it."""
+        """Goes through the air to a touch, or makes small moves about it."""
         if not self._manner.hops:
             yield from self._straight(q)
             return
@@ -191,17 +193,18 @@ class Explorer:
         yield from self._go(self._q + share * (q - self._q))
 
     def _goal(self, agent: Agent) -> int:
-        """A kernel of the part that is touched, one that it knows little of."""
+        """A kernel of which the agent knows little."""
         known = agent.representation
         if self._rng.random() < _LINKS and len(known.edges):
-            # Its two ends have no postures near each other: there are better ones in between.
+            # The ends of a poor link have no postures near each other; there are better ones in
+            # between.
             worst = np.argsort(-known.edge_cost, kind="stable")[: max(len(known.edges) // 10, 1)]
             return int(self._rng.choice(known.edges[self._rng.choice(worst)]))
         need = 1.0 / (1.0 + self._visits) ** 2
         return int(self._rng.choice(len(need), p=need / need.sum()))
 
     def _journey(self, agent: Agent, goal: int) -> Moves:
-        """Goes to a kernel by a plan, and feels its way."""
+        """Goes to a kernel by a plan, and bends its steps along the skin."""
         try:
             plan = agent.plan_from(self._q, self._felt, goal)
         except ValueError:
@@ -215,17 +218,17 @@ class Explorer:
         yield from plan.path(np.linspace(0.0, length, max(int(length / _ALONG), 1) + 1))[1:]
 
     def _roam(self, num_steps: int) -> Moves:
-        """Slides about: a random walk, bent along the skin."""
+        """Slides about: walks at random, bent along the skin."""
         self._returns = 0
         for _ in range(num_steps):
             if not self._touching:
                 return
             if not (yield from self._feel_on(self._heading())):
-                # What it walked into was no way.
+                # This direction left the skin; take another one.
                 self._walk = self._rng.standard_normal(len(self._q))
 
     def _slide(self, way: Iterable[np.ndarray]) -> Moves:
-        """Goes along a way and keeps in touch; gives up where it cannot."""
+        """Goes along `way` and stays in contact; gives up where it cannot."""
         self._returns = 0
         for aim in way:
             for _ in range(_MOST_STEPS):
@@ -240,11 +243,11 @@ class Explorer:
 
     @property
     def _touching(self) -> bool:
-        """Whether it is in touch, or may be again soon."""
+        """Whether the agent is in contact, or may be again soon."""
         return bool(self._felt.any()) or self._returns < _MOST_RETURNS
 
     def _feel_on(self, step: np.ndarray) -> Generator[np.ndarray, Met, bool]:
-        """Makes a step in touch; False if it had to go back to the last touch."""
+        """Makes a step in contact; returns False if it had to go back to the last touch."""
         yield from self._go(self._turned_round(self._q + self._in_touch(step))[None])
         if self._felt.any():
             self._lost = self._returns = 0
@@ -258,7 +261,7 @@ class Explorer:
         return False
 
     def _in_touch(self, step: np.ndarray) -> np.ndarray:
-        """The step, bent along the skin, and pressed on or eased off."""
+        """`(J,)` the step, bent along the skin so that the agent feels as much as usual."""
         steepness = float(np.linalg.norm(self._slope))
         if not steepness > 0.0:
             return step
@@ -270,7 +273,7 @@ class Explorer:
         return (along + up * np.clip(short, -most, most)) * stride
 
     def _go(self, path: np.ndarray) -> Moves:
-        """Moves, and learns from each step which way is in."""
+        """Moves, and learns from each step which way is into the skin."""
         q, felt = yield path
         if not len(q):
             return
@@ -279,7 +282,7 @@ class Explorer:
         for there, after in zip(q.astype(float), strength, strict=True):
             step = (there - here) / self._joints.stride
             size = float(step @ step)
-            # Of a smaller step the noise would say more than the skin.
+            # In a smaller step, noise would change what is felt more than the skin does.
             if size < (0.5 * self._manner.pace) ** 2 and after > 0.0:
                 continue
             if size > 0.0 and (before > 0.0 or after > 0.0):
@@ -292,7 +295,7 @@ class Explorer:
                 self._wanted = max(self._wanted, 0.5 * float(strength.max()))
 
     def _paces(self, step: np.ndarray) -> float:
-        """How many steps it takes to go so far."""
+        """Number of steps of one pace in `step` `(J,)`."""
         strides = step / self._joints.stride
         return float(np.sqrt(np.mean(strides**2))) / self._manner.pace
 

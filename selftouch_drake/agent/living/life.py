@@ -1,9 +1,9 @@
 """A life: the agent learns from touches as they come, notices that its body changed, and mends.
 
-It learns what to expect when it has 5000 touches, and again whenever it has twice as many. When the
-alarm is raised, it learns no more for a while and only collects touches of the body that it has
-now. Then it finds out what changed, makes what it remembers into touches of that body, and lives
-on. It is told nothing.
+The agent learns what to expect when it has 5000 touches, and again whenever it has twice as many.
+When the alarm is raised, it learns nothing for a while and only collects touches of the changed
+body. Then it finds out what changed, makes the remembered touches into touches of the changed body,
+and lives on. Nobody tells it about the change.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from selftouch_drake.agent.living.surprise import (
     surprise,
 )
 
-#: Touches after which the agent learns what to expect, and the share by which they have grown when
-#: it does again.
+#: Touches after which the agent learns what to expect, and the factor by which they have grown when
+#: it learns that again.
 _FIRST, _AGAIN = 5000, 2.0
 
-#: The last touches, from which the expectation does not learn, say what surprise is usual.
+#: Number of last touches that say what surprise is usual; the expectation does not learn from them.
 _USUAL = 1000
 
 #: Touches of the changed body from which the agent finds out what changed.
 _TO_UNDERSTAND = 2000
 
-#: Touches are taken so many at a time, so that a life does not depend on how it is cut.
+#: Touches that the agent takes at a time, so that a life does not depend on the size of its chunks.
 _BLOCK = 500
 
 
@@ -43,9 +43,9 @@ class Noticed:
     """A change that the agent noticed.
 
     Attributes:
-        row: number of the touch at which it did.
-        since: number of the first touch that it takes for one of the changed body.
-        mended_at: touches of the life when it had found out what changed.
+        row: number of the touch at which the agent noticed it.
+        since: number of the first touch that the agent takes for one of the changed body.
+        mended_at: number of touches of the life when the agent had found out what changed.
         mending: what it found.
     """
 
@@ -59,11 +59,11 @@ class Life:
     """An agent that learns, expects, notices and mends, touch by touch.
 
     Args:
-        make_learner: makes a learner that knows nothing; a mended agent begins with a new one, and
-            what it remembers.
-        seed: of all that is random.
+        make_learner: makes a learner that knows nothing; after mending, the agent gives a new one
+            the mended touches.
+        seed: from which all randomness comes.
         false_alarms: chance of a false alarm in 100,000 touches.
-        num_steps: of learning what to expect; with fewer it notices less.
+        num_steps: training steps of the expectation; with fewer, the agent notices less.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Life:
         self._make_learner, self._seed, self._false_alarms = make_learner, seed, false_alarms
         self._num_steps = num_steps
         self.learner = make_learner()
-        #: The changes that it noticed, in order.
+        #: The changes that the agent noticed, in order.
         self.noticed: list[Noticed] = []
         #: Surprise of each touch, `(n,)` arrays in order; NaN before anything is expected.
         self.surprise: list[np.ndarray] = []
@@ -87,15 +87,15 @@ class Life:
         self._newcomers: Newcomers | None = None
         self._usual = 0.0
         self._expects_again_at: float = _FIRST
-        # Touches that wait for a full block; the last ones learned; those of a changed body.
+        # Touches that wait for a full block; the last learned ones; those of a changed body.
         self._waiting = self._last = self._strange = _Touches.none()
         self._raised: tuple[int, int] | None = None
-        # Rows of the learner that are of the body of before.
+        # Number of the learner's touches from before the change.
         self._num_before = 0
 
     @property
     def has_doubts(self) -> bool:
-        """Whether it noticed a change and has not yet found out what changed."""
+        """Whether the agent noticed a change and has not yet found out what changed."""
         return self._raised is not None
 
     def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
@@ -127,7 +127,7 @@ class Life:
             self._expect()
 
     def _watched(self, block: _Touches, first: int) -> tuple[_Touches, _Touches]:
-        """Cuts a block where the body changed; all is of the body of before if it did not."""
+        """Cuts a block where the body changed: touches before and after; all before if not."""
         surprised = self._surprised(block)
         self.surprise.append(surprised)
         if self._alarm is None or self._newcomers is None:
@@ -179,7 +179,7 @@ class Life:
         self._expect()
 
     def _expect(self) -> None:
-        """Learns what to expect from all that is remembered, but for the last touches."""
+        """Learns what to expect from all remembered touches except the last ones."""
         held = self.learner.remembered()
         early = held.row < self.learner.num_touches - len(self._last)
         self._expectation = Expectation.learn(

@@ -1,12 +1,13 @@
-"""What changed in the body, and the touches of before made into touches of the body of now (naive).
+"""Mending: finds what changed in the body, and makes old touches into touches of it (naive).
 
-Two kinds of things can change between motor configurations and sensations. Readings: receptors fall
-silent, begin to feel, or change places. And what the joints' readings mean: after a zero moved, a
-link grew or a skin slipped, the body is as if the joints were a little elsewhere. So the agent asks
-where it must think its joints to be to feel what it felt before. One number for one joint is tried
-first; if that is not enough, a smooth displacement that depends on the configuration.
+Two kinds of things can change between motor configurations and sensations. First, the readings of
+receptors: receptors fall silent, begin to feel, or change places. Second, what the readings of
+joints mean: after a zero moved, a link grew or a skin slipped, the body acts as if the joints were
+a little elsewhere. So the agent asks where its joints would have to be for it to expect what it
+feels. It first tries one number for one joint; if that is not enough, a smooth displacement that
+depends on the configuration.
 
-What it was expecting stays as it is meanwhile: it says what would have been felt.
+The expectation does not change meanwhile: it says what the body before the change would have felt.
 """
 
 from __future__ import annotations
@@ -21,46 +22,48 @@ from selftouch_drake.agent.living.surprise import Expectation, surprise
 from selftouch_drake.agent.network import Network, train
 from selftouch_drake.agent.representation.quantise import unit
 
-#: A receptor that is expected to feel in so many touches, and feels in none, is silent.
+#: A receptor that is expected to feel in this many touches, and feels in none, is silent.
 _SURELY = 20
 
-#: A receptor counts as expected, or felt, from this share of a touch on.
+#: A receptor counts as expected, or felt, if its reading is at least this share of a sensation.
 _FELT = 0.1
 
-#: Readings changed places if they go with each other better than with themselves by this much.
+#: A reading moved if its cosine with what another receptor should feel exceeds by this much the
+#: cosine with what its own receptor should feel.
 _BETTER = 0.3
 
-#: Places of a joint that are tried, out to so many standard deviations to either side.
+#: Standard deviations to either side within which offsets of a joint are tried, and their number.
 _REACH, _TRIED = 1.0, 41
 
-#: A more complicated explanation is taken if it leaves less surprise than this share. None is
-#: looked for if surprise is back at what was usual, but for this factor.
+#: A more complicated explanation is taken if it leaves less than this share of the surprise. The
+#: search ends if surprise is at most the second factor times the usual one.
 _WORTH, _ENOUGH = 0.9, 1.1
 
-#: Touches for the first look at each joint's zero.
+#: Touches for the first search of each joint's zero.
 _FEW = 400
 
-#: The networks whose mean is a displacement, and their training. On a torus that stretched by 15 %
-#: (whose forearm grew by a tenth), 79 (87) % of the mended touches touch with one network, 82 and
-#: 90 % with five. With more hidden units, or more steps, fewer do.
+#: Number of networks whose mean is a displacement, their hidden units, touches per training step,
+#: and steps. On a torus that stretched by 15 %, 79 % of the mended touches touch with one network
+#: and 82 % with five; after the forearm grew by a tenth, 87 % and 90 %. With more hidden units, or
+#: more steps, fewer touch.
 _NETWORKS, _HIDDEN, _BATCH, _NUM_STEPS = 5, 32, 512, 500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mending:
-    """What became of the body, and what that makes of touches of before.
+    """What changed in the body, and what becomes of touches from before the change.
 
     Attributes:
-        source: `(S,)` the receptor of before that each reading now comes from.
+        source: `(S,)` number of the old receptor that each reading now comes from.
         silent: `(S,)` bool, receptors that no longer feel.
         new: `(S,)` bool, receptors that never felt before.
-        of_new: `(S, S)` what each receptor adds to what new ones would have felt; null columns of
-            all others.
-        offset: `(J,)` by how much joints are elsewhere than they read.
-        displacement: networks from standardised configurations to how much farther the joints are,
-            in standard deviations, of which the mean counts; none if the offset explains all.
-        surprise: mean, of the touches of now before and after this explanation.
-        expectation: of before.
+        of_new: `(S, S)` what each receptor adds to what new ones would have felt; the columns of
+            all others are zero.
+        offset: `(J,)` difference between where each joint is and what it reads.
+        displacement: networks from standardised configurations to a further difference, in standard
+            deviations; their mean counts. There are none if the offset explains all.
+        surprise: mean surprise of touches since the change, without and with this explanation.
+        expectation: what was expected before the change.
     """
 
     source: np.ndarray
@@ -73,23 +76,23 @@ class Mending:
     expectation: Expectation
 
     def expected(self, q: np.ndarray) -> np.ndarray:
-        """`(n, S)` what is expected now at `q` `(n, J)`: unit L2 norm before readings changed."""
+        """`(n, S)` what is expected now at `q` `(n, J)`; of unit L2 norm if no readings changed."""
         return self._readings(self.expectation(self._as_before(q)))
 
     def mended(self, q: np.ndarray, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Makes touches of before into touches of now.
+        """Makes touches from before the change into touches of the changed body.
 
         Args:
-            q: `(n, J)` motor configurations of before.
-            sensation: `(n, S)` what was felt.
+            q: `(n, J)` motor configurations from before the change.
+            sensation: `(n, S)` what was felt there.
 
         Returns:
-            `(m, J)` and `(m, S)`: touches in which nothing would be felt now are forgotten, and
-            after a displacement, which is not exact, the lighter half: of those of the stretched
-            and the grown torus 96 and 99 % touch.
+            `(m, J)` and `(m, S)`, without touches in which nothing would be felt now. A
+            displacement is not exact, so the lighter half is left out too; of the firmer half, 96 %
+            touch on the stretched torus, and 99 % after the forearm grew.
         """
         felt = self._readings(sensation)
-        # What one faint receptor at its rim would feel of a touch says little of its place.
+        # A touch of which only a faint receptor at its rim remains says little of its place.
         holds = np.linalg.norm(felt, axis=1) > 2 * _FELT * np.linalg.norm(sensation, axis=1)
         if self.displacement:
             strength = np.linalg.norm(felt, axis=1)
@@ -131,7 +134,7 @@ class Mending:
         return moved + displaced * self.expectation.scale
 
     def _as_now(self, q: np.ndarray) -> np.ndarray:
-        """Solves `_as_before(now) = q` by steps that shrink, as the displacement is smooth."""
+        """Solves `_as_before(now) = q`; its steps shrink, as the displacement is smooth."""
         now = q - self.offset
         for _ in range(8 if self.displacement else 0):
             now = now + q - self._as_before(now)
@@ -150,14 +153,14 @@ def understand(
     """Finds out what changed.
 
     Args:
-        expectation: of before the change.
-        known: `(S,)` bool, receptors that had felt something by then.
+        expectation: what was expected before the change.
+        known: `(S,)` bool, receptors that felt something before the change.
         usual: mean surprise before the change.
         q: `(n, J)` motor configurations since the change.
         sensation: `(n, S)` N, what was felt there; no row null.
-        seed: of the displacement.
+        seed: for the training of a displacement.
     """
-    # Every third touch is kept to judge by.
+    # Every third touch judges explanations that were found from the others.
     judge = np.arange(len(q)) % 3 == 2
     felt = unit(sensation)
     fit = _Touches(q=q[~judge], felt=felt[~judge])
@@ -196,7 +199,7 @@ class _Touches:
 
 
 def _of_new(felt: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """`(S, S)` what new receptors feel as a linear function of what others do: ridge regression."""
+    """`(S, S)` what new receptors feel, linear in what the others feel: ridge regression."""
     others = np.where(new, 0.0, felt)
     weights = np.linalg.solve(others.T @ others + np.eye(len(new)), others.T @ felt)
     return np.where(new, weights, 0.0)
@@ -212,14 +215,14 @@ def _rewired(mending: Mending, touches: _Touches, seed: int) -> Mending:
     _, was = linear_sum_assignment(-both.T)
     reading = np.arange(len(was))
     moved = both[was, reading] > both[reading, reading] + _BETTER
-    # A reading that now comes from elsewhere left its own place to another.
+    # Where a reading moved, its own receptor must be the source of another moved reading.
     while moved.any() and (lost := moved & ~np.isin(reading, was[moved])).any():
         moved &= ~lost
     return dataclasses.replace(mending, source=np.where(moved, was, reading), silent=silent)
 
 
 def _with_offset(mending: Mending, touches: _Touches, seed: int) -> Mending:
-    """Finds joints whose zeros moved: one after another, as long as that leaves less surprise."""
+    """Finds joints whose zeros moved, one after another, as long as surprise falls."""
     scale = mending.expectation.scale
 
     def left(offset: np.ndarray, num: int | None = None) -> float:
@@ -250,7 +253,7 @@ def _with_offset(mending: Mending, touches: _Touches, seed: int) -> Mending:
 
 
 def _displaced(mending: Mending, touches: _Touches, seed: int) -> Mending:
-    """Learns where the joints would have to be, so that what was expected is felt."""
+    """Learns where the joints would have to be for the agent to expect what it feels."""
     rng = np.random.default_rng(seed)
     expectation, num_joints = mending.expectation, len(mending.offset)
     x = expectation.standardised(touches.q)

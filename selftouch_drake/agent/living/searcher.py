@@ -1,10 +1,10 @@
 """Exploration where only touches count: steps that touch nothing cost nothing (naive).
 
-Places that are met at random lie far apart in the space of postures. Two neighbours on the skin are
-then known in postures that have little to do with each other, and the agent takes them for farther
-apart than they are. So it looks about each place that it meets. What it knows has gaps all the
-same: two kernels are linked, but the nearest postures of both are far apart, and a plan that leaps
-from one to the other may leave the skin on the way. There it looks between the two.
+Places that are met at random lie far apart in motor space. The agent then knows two neighbours on
+the skin in very different postures, and takes them for farther apart than they are. So it looks
+about each place that it meets. What it knows still has gaps: two kernels are linked, but their
+nearest postures are far apart, and a plan that leaps from one to the other may leave the skin on
+the way. So the agent also looks between the postures of linked kernels.
 """
 
 from __future__ import annotations
@@ -17,30 +17,31 @@ from selftouch_drake.agent.living.explorer import Explorer, Moves
 from selftouch_drake.agent.planning.members import firm_members
 from selftouch_drake.agent.representation.quotient import NO_MODE
 
-#: Touches about each place that is met at random, and strides of each joint that a small move goes
-#: there. 8 to 40 touches at 0.2 rad make good shapes of torus and cube, from 5000 touches and from
-#: 20,000; 4 make worse ones, and 0.3 and 0.4 rad do.
+#: Touches about each place that is met at random, and length of a small move there, strides in each
+#: joint. 8 to 40 touches at 0.2 rad make good shapes of torus and cube, from 5000 touches and from
+#: 20,000; 4 touches make worse shapes, and so do moves of 0.3 and 0.4 rad.
 _TOUCHES, _ABOUT = 20, 1.33
 
-#: Touches in each gap, strides there, and gaps for each place: half of all touches. On two tori,
-#: 20,000 touches, the shape is off by 2.5 and 2.5 % without them, and 98.7 and 98.6 % of the time
-#: of planned paths is in touch; with them by 2.5 and 2.4 %, and 99.3 and 99.0 %. With one touch in
-#: a gap the shape is off by 2.6 and 2.7 %, as the nearest postures are then nearer by design.
+#: Touches in each gap, strides of a small move there, and gaps for each place; so half of all
+#: touches lie in gaps. On two tori with 20,000 touches, the errors of the shape without gaps are
+#: 2.5 and 2.5 %, and planned paths are in contact for 98.7 and 98.6 % of the time; with gaps they
+#: are 2.5 and 2.4 %, and 99.3 and 99.0 %. With one touch in each gap the errors are 2.6 and 2.7 %,
+#: as the nearest postures are then nearer by design.
 _IN_GAP, _BETWEEN, _GAPS = 4, 0.67, 5
 
-#: Small moves for each touch that is wanted, after which the agent gives up.
+#: Small moves per wanted touch after which the agent gives up.
 _TRIES = 12
 
-#: Postures that are tried at once until one touches.
+#: Random postures that are tried in one move.
 _AT_ONCE = 5
 
 
 class Searcher(Explorer):
-    """Tries postures anywhere, without a way from one to the next; arguments as of `Explorer`."""
+    """Tries postures anywhere, without a way from one to the next; arguments as for `Explorer`."""
 
     def moves(self) -> Moves:
         """Explores without end."""
-        # The more parts a body has, the more places there are that it may not have met.
+        # The more parts a body has, the more places the agent may not have met.
         parts = 1 if self._agent is None else max(self._agent.representation.num_parts, 1)
         while True:
             yield from self._meet()
@@ -57,7 +58,7 @@ class Searcher(Explorer):
             yield from self._go(self._rng.uniform(self._joints.lower, self._joints.upper, shape))
 
     def _look_about(self, q: np.ndarray, strides: float, num_touches: int) -> Moves:
-        """Tries postures about one until so many touched."""
+        """Tries postures about `q` until `num_touches` of them touched."""
         for _ in range(_TRIES * num_touches):
             noise = self._rng.standard_normal(len(q))
             yield from self._go(self._within(q + strides * noise * self._joints.stride)[None])
@@ -66,7 +67,7 @@ class Searcher(Explorer):
                 return
 
     def _look_between(self, agent: Agent) -> Moves:
-        """Tries postures between those that a plan passes through at both ends of a link."""
+        """Tries postures between firm touches of both ends of a link."""
         known = agent.representation
         tail, head = self._rng.permutation(self._rng.choice(known.edges))
         mode = int(self._rng.choice(known.kernel_mode[known.members(tail)]))

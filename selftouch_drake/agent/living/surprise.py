@@ -1,10 +1,10 @@
 """What the agent expects, how surprised it is, and when surprise is more than chance (naive).
 
-A small network learns what was felt where. A touch surprises by the cosine distance between what is
-felt and what was expected. In a body that stays as it is, surprise has the distribution that it had
-in touches from which the network did not learn. A sequential test finds the moment from which on it
-has not. Few touches feel a receptor that is new, so that surprise hardly rises: another test looks
-for those.
+A small network learns what was felt where. The surprise of a touch is the cosine distance between
+the felt and the expected sensation. While the body stays as it is, surprise keeps the distribution
+that it had in touches from which the network did not learn. A sequential test finds the moment at
+which this distribution changed. Few touches feel a new receptor, so surprise hardly rises; another
+test looks for new receptors.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from scipy.special import ndtri
 from selftouch_drake.agent.network import Network, train
 from selftouch_drake.agent.representation.quantise import unit
 
-#: Three hidden layers of 128, and touches of each step. On a torus of 100 receptors, from 60,000
-#: touches and in 2000 steps, the median cosine distance to what is felt is 0.031. Steps count more
-#: than touches: the mean of 8000 touches and 800 steps is 0.22, of 400 steps 0.37.
+#: Units of the hidden layers, touches per training step, and steps. On a torus with 100 receptors,
+#: with 60,000 touches and 2000 steps, the median cosine distance to what is felt is 0.031. Steps
+#: count more than touches: with 8000 touches the mean is 0.22 with 800 steps, 0.37 with 400 steps.
 _HIDDEN = (128, 128, 128)
 _BATCH = 1024
 NUM_STEPS = 2000
 
-#: Rise of surprise that is looked for, in standard deviations of its usual spread. The test needs
-#: twice as many touches for half of it.
+#: Rise of surprise that the test looks for, in standard deviations of usual surprise. For a rise
+#: half as large, the test needs twice as many touches.
 _RISE = 0.5
 
-#: Touches of a receptor that are nearer to each other than this are of one encounter.
+#: Touches of a receptor that are fewer touches apart than this count as one encounter.
 _TOGETHER = 10
 
-#: A receptor that is known to be new by this chance counts where the change began.
+#: Receptors whose encounters have less than this chance in an unchanged body say when it changed.
 _LIKELY = 0.05
 
 
@@ -43,7 +43,7 @@ class Expectation:
     Attributes:
         network: from standardised configurations to a sensation.
         middle: `(J,)` mean of the configurations.
-        scale: `(J,)` their deviation; 1 where a joint did not move.
+        scale: `(J,)` their standard deviation; 1 where a joint did not move.
     """
 
     network: Network
@@ -59,7 +59,7 @@ class Expectation:
         Args:
             q: `(n, J)` motor configurations, in the robot's units.
             sensation: `(n, S)` N, what was felt there; no row null.
-            num_steps: of training.
+            num_steps: number of training steps.
             seed: the same seed and touches give the same bytes, on one machine.
         """
         rng = np.random.default_rng(seed)
@@ -96,7 +96,7 @@ class Expectation:
 
 
 def surprise(expected: np.ndarray, sensation: np.ndarray) -> np.ndarray:
-    """`(n,)` cosine distance between what is expected and felt, both `(n, S)`; 1 if null."""
+    """`(n,)` cosine distance between what is expected and what is felt, `(n, S)`; 1 if null."""
     felt = np.linalg.norm(sensation, axis=1) * np.linalg.norm(expected, axis=1)
     along = np.einsum("ns,ns->n", expected, sensation)
     return 1.0 - np.divide(along, felt, out=np.zeros(len(felt)), where=felt > 0)
@@ -106,17 +106,17 @@ def surprise(expected: np.ndarray, sensation: np.ndarray) -> np.ndarray:
 class Alarm:
     """A cumulative sum test (Page, 1954): has surprise risen for good?
 
-    Surprise counts by its rank among usual ones, as a normal number, so that no single touch can
-    raise the alarm. Of independent numbers the sum of log likelihood ratios passes h once in e^h
-    touches or less often (Lorden, 1971). Successive touches surprise alike: their correlation,
-    measured on the usual ones, makes each of them count for less.
+    Each surprise is ranked among the usual ones, and its rank is turned into a normally distributed
+    number, so that no single touch can raise the alarm. For independent numbers, the sum of log
+    likelihood ratios passes h once in e^h touches or less often (Lorden, 1971). Successive touches
+    surprise alike; so each counts for less, by their correlation, measured on the usual ones.
 
     Attributes:
-        usual: `(n,)` rising, surprise in a body that did not change.
+        usual: `(n,)` surprise in a body that did not change, in ascending order.
         correlation: variance of a sum of usual surprises over that of independent ones, 1 or more.
         threshold: h.
-        level: of the sum, 0 or more.
-        since: touches since it was last 0: those of a body that may have changed.
+        level: value of the sum, 0 or more.
+        since: touches since the sum was last 0: those of a body that may have changed.
     """
 
     usual: np.ndarray
@@ -132,9 +132,9 @@ class Alarm:
         """Learns what is usual.
 
         Args:
-            usual: `(n,)` surprise at touches as they came, from which nothing was learned.
+            usual: `(n,)` surprise of touches in order, from which the network did not learn.
             false_alarms: chance of a false alarm in a lifetime.
-            lifetime: touches.
+            lifetime: number of touches.
         """
         ordered = np.sort(usual)
         alarm = cls(usual=ordered, correlation=1.0, threshold=math.log(lifetime / false_alarms))
@@ -151,11 +151,11 @@ class Alarm:
         """Takes the next touches.
 
         Args:
-            surprise: `(n,)`.
+            surprise: `(n,)` surprise of each touch.
 
         Returns:
-            The first row at which the alarm is raised, None if it is not. `since` then counts the
-            touches since the change, up to and with that row.
+            The first row at which the alarm is raised, or None. `since` then counts the touches
+            since the change, up to and including that row.
         """
         ratio = (_RISE * self._normal(surprise) - _RISE**2 / 2.0) / self.correlation
         for row, step in enumerate(ratio.tolist()):
@@ -168,19 +168,19 @@ class Alarm:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Newcomers:
-    """Has a receptor that never felt anything begun to feel?
+    """A test: has a receptor that never felt anything begun to feel?
 
-    In a body that stays as it is, touches might have come in any order: that a receptor was met
-    k + 1 times since it was first met, m of n touches ago, has a chance of about (m / n)^k.
+    In a body that stays as it is, touches might have come in any order. Then a receptor that was
+    first met m of n touches ago was met k + 1 times since with a chance of about (m / n)^k.
 
     Attributes:
         silent: `(S,)` bool, receptors that never felt anything before the watch.
         threshold: log of the chance at which the alarm is raised.
-        num_touches: n, of all the life.
-        met: `(S,)` encounters with each of them.
-        first: `(S,)` number of the touch of the first.
-        last: `(S,)` number of the last touch that each felt.
-        since: touches since the change, up to and with the one that raised the alarm.
+        num_touches: n, number of touches of the whole life.
+        met: `(S,)` number of encounters with each silent receptor.
+        first: `(S,)` number of the touch of its first encounter.
+        last: `(S,)` number of the last touch that it felt.
+        since: touches since the change, up to and including the one that raised the alarm.
     """
 
     silent: np.ndarray
@@ -198,13 +198,13 @@ class Newcomers:
         """Begins to watch.
 
         Args:
-            num_touches: of the life up to now.
+            num_touches: number of touches of the life up to now.
             silent: `(S,)` bool, receptors that never felt anything in it.
             false_alarms: chance of a false alarm in the life.
         """
         return cls(
             silent=silent,
-            # A tenth, as every encounter is another occasion.
+            # A tenth of the chance, as every encounter is another occasion for a false alarm.
             threshold=math.log(0.1 * false_alarms / len(silent)),
             num_touches=num_touches,
             met=np.zeros(len(silent), dtype=int),
