@@ -9,6 +9,7 @@ import csv
 from pathlib import Path
 
 import numpy as np
+from exploration import picture as over_lives
 from joints import picture as over_joints
 from matplotlib.figure import Figure
 from shape_picture import ablation
@@ -112,8 +113,14 @@ def joints() -> Figure:
     return over_joints(rows_of("joints.csv"))
 
 
+def exploration() -> Figure:
+    """Shape error of active and random babbling; `benchmarks/exploration.py` measures."""
+    return over_lives(rows_of("exploration.csv"))
+
+
 DRAWINGS = {
     "confidence": confidence,
+    "exploration": exploration,
     "joints": joints,
     "learning": learning,
     "memory": memory,

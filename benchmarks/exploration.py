@@ -29,7 +29,7 @@ code:
   with noise;
 - `progress`: as `goals`, but a target is drawn more often if its competence changed lately.
 
-Rows are added to a CSV file; figures are drawn from all rows by `picture`.
+Rows are added to a CSV file, from which `make pictures` draws the figure.
 """
 
 from __future__ import annotations
@@ -58,6 +58,7 @@ from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.show.style import styled
 
 #: Numbers of touches, and simulated minutes, at which a life is scored.
 TOUCHES = (5000, 10_000, 20_000, 100_000)
@@ -237,15 +238,12 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
             yield row | scores(representation, contacts, world, metrics)
 
 
-def picture(rows: list[dict[str, str]], out: Path) -> None:
-    """Draws the error of the shape, over touches and over simulated minutes."""
+@styled
+def picture(rows: list[dict[str, str]]) -> Figure:
+    """The error of the shape, over touches and over simulated minutes."""
+    figure = Figure(figsize=(10, 4), layout="constrained")
     panels = (("touches", "touches", "log"), ("clock", "minutes", "linear"))
-    panels = tuple(panel for panel in panels if any(row["what"] == panel[0] for row in rows))
-    if not panels:
-        return
-    figure = Figure(figsize=(5 * len(panels), 4), layout="constrained")
-    drawn = figure.subplots(1, len(panels), squeeze=False)[0]
-    for axes, (what, x, scale) in zip(drawn, panels, strict=True):
+    for axes, (what, x, scale) in zip(figure.subplots(1, 2), panels, strict=True):
         curves: dict[str, list[tuple[float, float]]] = {}
         for row in rows:
             if row["what"] == what and row["error_sensorimotor"]:
@@ -254,8 +252,9 @@ def picture(rows: list[dict[str, str]], out: Path) -> None:
         for name, points in sorted(curves.items()):
             axes.plot(*zip(*sorted(points), strict=True), "o-", label=name)
         axes.set(xscale=scale, xlabel=x, ylabel="shape error, % (sensorimotor)", ylim=(0, None))
-        axes.legend(fontsize=7)
-    figure.savefig(out, dpi=120)
+        if curves:
+            axes.legend(fontsize=7)
+    return figure
 
 
 FIELDS = (
@@ -269,7 +268,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("what", choices=("touches", "clock", "infant", "learning", "picture"))
+    parser.add_argument("what", choices=("touches", "clock", "infant", "learning"))
     parser.add_argument("runs", nargs="*", type=Path, help="for `learning`: that have babbled")
     parser.add_argument("--bodies", nargs="+", default=["torus", "cube", "sphere"])
     parser.add_argument("--seeds", nargs="+", type=int, default=[1])
@@ -303,8 +302,6 @@ def main() -> None:
             print(
                 *(f"{key} {value}" for key, value in row.items() if value is not None), flush=True
             )
-    with arguments.out.open() as file:
-        picture(list(csv.DictReader(file)), Path("docs/images/exploration.png"))
 
 
 if __name__ == "__main__":

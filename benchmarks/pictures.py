@@ -173,6 +173,7 @@ def digest(name: str) -> str:
             Path(__file__).with_name("shape_picture.py"),
             Path(__file__).with_name("trust.py"),
             Path(__file__).with_name("joints.py"),
+            Path(__file__).with_name("exploration.py"),
         ]
         files += [*(ROOT / "docs" / "data").glob("*.csv"), *(ROOT / "sweeps").glob("results/*")]
     else:

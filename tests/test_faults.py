@@ -429,7 +429,7 @@ def test_a_killed_worker_is_reported(tmp_path):
     with local_executor(1) as executor:
         worker = executor.submit(os.getpid).result()
         executor.submit(os.kill, worker, signal.SIGKILL)
-        with pytest.raises(ChildProcessError, match="go on from what is stored"):
+        with pytest.raises(ChildProcessError, match="continues from the stored walks"):
             collect_into(run, executor)
 
 

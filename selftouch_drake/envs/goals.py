@@ -130,6 +130,8 @@ class SlideEnv(ReachEnv):
             contacts = contacts_of(touches)
         else:
             start = touching_posture(self.world, self.np_random)
+            while len(start.contacts) > 1:  # hardly ever found a second time, for the goal
+                start = touching_posture(self.world, self.np_random)
             q, contacts = start.q, start.contacts
         self._goal = self._wanted(options, contacts)
         return q

@@ -9,6 +9,8 @@ from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
 JOINTS = Joints(lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.15))
+#: A searcher makes moves of some strides at once.
+NARROW = Joints(lower=JOINTS.lower, upper=JOINTS.upper, stride=np.full(3, 0.05))
 MANNER = Manner(pace=0.2, dwell=300, air=0.1, walked=1, hops=0)
 DEPTH = 0.15
 
@@ -32,10 +34,10 @@ def sensors():
 SENSORS = sensors()
 
 
-def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=Explorer):
+def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=Explorer, joints=JOINTS):
     start = np.array(start)
     explorer = explores(
-        agent, JOINTS, MANNER, start, ball_feels(start[None])[0], np.random.default_rng(seed)
+        agent, joints, MANNER, start, ball_feels(start[None])[0], np.random.default_rng(seed)
     )
     moves = explorer.moves()
     path, met = next(moves), []
@@ -79,7 +81,7 @@ def test_it_goes_where_it_was_rarely():
 
 
 def test_where_only_touches_count_it_looks_about_places_met_anywhere():
-    q, felt = explored(None, 4000, explores=Searcher)
+    q, felt = explored(None, 4000, explores=Searcher, joints=NARROW)
     q = q[felt.any(axis=1)]
     near = np.linalg.norm(np.diff(q, axis=0), axis=1) < 0.3
     assert np.mean(near) > 0.8
@@ -93,7 +95,7 @@ def test_it_looks_between_neighbours_on_the_skin():
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     agent = who_knows(points, ball_feels(points))
     nowhere = np.zeros(3)
-    searcher = Searcher(agent, JOINTS, MANNER, nowhere, nowhere, np.random.default_rng(0))
+    searcher = Searcher(agent, NARROW, MANNER, nowhere, nowhere, np.random.default_rng(0))
     tried = [next(searcher._look_between(agent))[0] for _ in range(200)]
     # Neighbouring targets are half a radius apart; those of which one was drawn at random, 1.4.
     apart = np.linalg.norm(np.array(tried)[:, None] - points, axis=2).min(axis=1)
