@@ -9,9 +9,9 @@ and numbers of kernels.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.shape.embedding import Embedding
+from selftouch_drake.agent.shape.homology import spacings
 
 #: Logarithm of the expected error: constant, and slopes in the logarithms of stress and unevenness.
 #: Calibrated by least squares on bodies recovered from few and many touches and targets, with good
@@ -48,6 +48,4 @@ def trusted(error: float | None, margin: float) -> bool:
 
 def unevenness(positions: np.ndarray) -> float:
     """Standard deviation of the logarithm of the spacing around each of the `(n, 3)` positions."""
-    neighbours = min(_NEIGHBOURS, len(positions) - 1)
-    distance, _ = cKDTree(positions).query(positions, neighbours + 1)
-    return float(np.log(np.median(distance[:, 1:], axis=1)).std())
+    return float(np.log(spacings(positions, _NEIGHBOURS)).std())

@@ -91,11 +91,16 @@ def topology(points: np.ndarray) -> Topology:
 
 def _sparsity(points: np.ndarray, bars: Sequence[Bar]) -> np.ndarray:
     """How much wider than the median, at least 1, points lie around the places where bars die."""
-    neighbours = min(_NEIGHBOURS, len(points) - 1)
-    distance, _ = cKDTree(points).query(points, neighbours + 1)
-    around = np.median(distance[:, 1:], axis=1)
+    around = spacings(points, _NEIGHBOURS)
     around = np.maximum(around / np.median(around), 1.0)
     return np.array([around[list(bar.filled_by)].max() for bar in bars])
+
+
+def spacings(points: np.ndarray, num_neighbours: int) -> np.ndarray:
+    """`(K,)` the spacing around each of `(K, 3)` points: median distance to its neighbours."""
+    neighbours = min(num_neighbours, len(points) - 1)
+    distance, _ = cKDTree(points).query(points, neighbours + 1)
+    return np.median(distance[:, 1:], axis=1)
 
 
 def _least_true(length: np.ndarray) -> tuple[float, float]:
