@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 import warnings
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -25,6 +24,7 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.sweep import shipped_sweeps
+from selftouch_drake.threads import Threads
 
 SMALL = (
     "{babbling: {num_samples: 2000, walk_size: 1000}, representation: {num_targets: 60}, "
@@ -357,7 +357,7 @@ def test_what_was_never_touched_is_named_in_one_line(capfd, tmp_path):
     overrides = parse_overrides(SMALL) | {"skins": {"spot": spot}}
     experiment = load_experiment("cube", overrides)
     directory = RunDirectory.create(tmp_path / "run", experiment)
-    with ThreadPoolExecutor(1) as executor:
+    with Threads(1) as executor:
         status = exit_status(
             lambda: stages.babble(directory, World(experiment), executor, stages.silent)
         )

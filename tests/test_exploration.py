@@ -1,7 +1,5 @@
 """Active babbling: rounds that follow from the rounds before, in both worlds."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
@@ -11,6 +9,7 @@ from selftouch_drake.experiment import ExperimentError, dump_experiment, load_ex
 from selftouch_drake.exploration import explore
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.fingerprint import experience_fingerprint
+from selftouch_drake.threads import Threads
 
 SKINS = {
     "body": {
@@ -35,7 +34,7 @@ def explored(path, experiment):
 
 def explored_into(run):
     exploration._life.cache_clear()
-    with ThreadPoolExecutor(1) as executor:
+    with Threads(1) as executor:
         return explore(run.experiment, run.path, fingerprint=run.fingerprint(), executor=executor)
 
 

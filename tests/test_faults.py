@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -27,6 +26,7 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import dask_executor, local_executor
 from selftouch_drake.run.knowledge import load_representation, save_memory
+from selftouch_drake.threads import Threads
 
 SMALL = (
     "{babbling: {num_samples: 1200, walk_size: 300}, "
@@ -291,7 +291,7 @@ def sweep(learned_run, tmp_path, monkeypatch):
     """A sweep file with one run, the folder of the sweep, and workers that are threads."""
     file = tmp_path / "small.yaml"
     file.write_text(f"{{experiments: [cube], set: {SMALL}}}")
-    threads = lambda *arguments, **options: ThreadPoolExecutor(1)  # noqa: E731
+    threads = lambda *arguments, **options: Threads(1)  # noqa: E731
     monkeypatch.setattr("selftouch_drake.run.executors.local_executor", threads)
     return file, tmp_path / "sweep"
 

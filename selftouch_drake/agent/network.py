@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from selftouch_drake.agent.threads import mapped, threads
+from selftouch_drake.threads import Threads, mapped
 
 #: Initial learning rates: of hidden layers, whose steps are orthogonal, and of all other weights.
 #: Measured on torus, cube and sphere: half or twice either rate gives a higher loss.
@@ -118,7 +118,7 @@ def train(
     hidden = range(1, len(network.weights) - 1)
     first = [np.zeros_like(p) for p in parameters]
     second = [np.zeros_like(p) for p in parameters]
-    with threads() as pool:
+    with Threads() as pool:
         for step in range(num_steps):
             gradients = _gradients(network, batch(), loss_slope, pool)
             rate = min(1.0, (step + 1) / (_WARM_UP * num_steps))

@@ -8,7 +8,6 @@ first: if the experience of a walk exists, it is complete, and so is its truth.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -19,6 +18,7 @@ import pyarrow.dataset
 import pyarrow.parquet as pq
 
 from selftouch_drake.files import written_whole
+from selftouch_drake.threads import Threads
 
 # What Arrow raises for damaged files; the last for names in a footer, which has no checksum.
 UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
@@ -214,7 +214,7 @@ class ExperienceReader:
     def batches(self, column: str) -> Iterator[np.ndarray]:
         """The rows `(N, width)` of a vector column, one array per shard."""
         width = None
-        with ThreadPoolExecutor(1) as pool:  # reads one shard ahead
+        with Threads(1) as pool:  # reads one shard ahead
             ahead = [pool.submit(_vector_rows, path, column) for path in self._paths[:1]]
             for path, after in zip(self._paths, [*self._paths[1:], None], strict=True):
                 rows = ahead.pop().result()

@@ -58,6 +58,8 @@ class RigidTouchers:
         """
         sensation = np.zeros((len(X_WL), self._num_receptors))
         number, row = np.nonzero(near.T & self.is_rigid[:, None])
+        # Of another layout, `press` would be compiled again.
+        row = np.ascontiguousarray(row)
         total = np.empty((len(row), 4))
         toucher, skin = self._pairs[number].T
         for pair in np.unique(number):

@@ -8,9 +8,11 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any
+
+from selftouch_drake.threads import Threads
 
 
 def local_executor(num_workers: int | None = None, *, ends_on_ctrl_c: bool = False) -> Executor:
@@ -36,7 +38,7 @@ def _start() -> None:
     import selftouch_drake.experience  # noqa: F401
 
 
-class HereAndInProcesses(ThreadPoolExecutor):
+class HereAndInProcesses(Threads):
     """This process, and further ones that join in if there is much work.
 
     Args:

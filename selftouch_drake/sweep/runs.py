@@ -13,7 +13,6 @@ from concurrent.futures import (
     BrokenExecutor,
     Executor,
     Future,
-    ThreadPoolExecutor,
     wait,
 )
 from contextlib import contextmanager
@@ -31,6 +30,7 @@ from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.fingerprint import learning_fingerprint
 from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.sweep.design import Sweep
+from selftouch_drake.threads import Threads
 
 _HEADER = "# A sweep of selftouch_drake, format 1\n"
 
@@ -253,7 +253,7 @@ def _babble(first: RunDirectory, *others: RunDirectory) -> None:
     # A run that has babbled already shares its experience with the others.
     donor = next((run for run in (first, *others) if stages.has_babbled(run)), first)
     if not stages.has_babbled(donor):
-        with donor.writing(), ThreadPoolExecutor(1) as executor:
+        with donor.writing(), Threads(1) as executor:
             stages.babble(donor, stages.make_world(donor), executor)
     for run in (first, *others):
         if not stages.has_babbled(run):

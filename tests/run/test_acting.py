@@ -3,7 +3,6 @@
 import dataclasses
 import re
 import shutil
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -31,6 +30,7 @@ from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.trial_metrics import trial_metrics, trial_table
 from selftouch_drake.run.trials import random_pairs, try_pairs
+from selftouch_drake.threads import Threads
 
 SMALL = {
     "babbling": {"num_samples": 3000, "walk_size": 1500},
@@ -46,7 +46,7 @@ def learned(tmp_path_factory):
     experiment = load_experiment("cube", SMALL)
     run = RunDirectory.create(tmp_path_factory.mktemp("runs") / "cube", experiment)
     world = World(experiment)
-    with ThreadPoolExecutor(1) as executor:
+    with Threads(1) as executor:
         stages.babble(run, world, executor)
     stages.learn(run)
     return run, world

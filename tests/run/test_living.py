@@ -1,7 +1,5 @@
 """An agent lives through the experience of a run, watched or not, and its life is kept."""
 
-from concurrent.futures import ThreadPoolExecutor
-
 import numpy as np
 import pytest
 
@@ -14,6 +12,7 @@ from selftouch_drake.run.living import live
 from selftouch_drake.run.material import Material
 from selftouch_drake.show import LifePage, open_meshcat
 from selftouch_drake.show.page import life_figure
+from selftouch_drake.threads import Threads
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
@@ -34,7 +33,7 @@ def run(tmp_path_factory):
     run = RunDirectory.create(tmp_path_factory.mktemp("life") / "run", experiment)
     with pytest.raises(RunError, match="half-finished"):
         live(run)
-    stages.babble(run, stages.make_world(run), ThreadPoolExecutor(1))
+    stages.babble(run, stages.make_world(run), Threads(1))
     return run
 
 

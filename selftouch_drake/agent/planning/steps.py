@@ -5,7 +5,8 @@ from __future__ import annotations
 from numba import njit
 
 
-@njit(cache=True)
+# Not cached: its callers keep it.
+@njit
 def square_steps(candidates, x, squared):
     """Writes the squared distance of each column of `(J, n)` candidates to x into `squared[:n]`."""
     count = candidates.shape[1]

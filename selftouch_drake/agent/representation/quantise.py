@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.threads import mapped
 from selftouch_drake.geometry.farthest import farthest_points
+from selftouch_drake.threads import mapped
 
 #: Rows assigned at a time: bounds the (rows, K) table of similarities to some tens of MB.
 BLOCK = 16_384

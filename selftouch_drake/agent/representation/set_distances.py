@@ -14,7 +14,7 @@ from functools import lru_cache
 import numba
 import numpy as np
 
-from selftouch_drake.agent.threads import mapped
+from selftouch_drake.threads import mapped
 
 #: Most queries per set. More of them change distances by less than 2 %.
 MAX_QUERIES = 120
@@ -180,7 +180,6 @@ def _strided(start: int, stop: int, max_count: int) -> np.ndarray:
 def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
     """Compiles the nearest search; a fixed number of joints keeps all sums in registers."""
 
-    @numba.njit(nogil=True, fastmath=True, cache=True)
     def nearest_squared(
         queries: np.ndarray,
         members: np.ndarray,
@@ -228,4 +227,7 @@ def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
                         which[k, i] = np.int32(r0) if near < best[i] else which[k, i]
                     best[i] = near if near < best[i] else best[i]
 
-    return nearest_squared
+    # Each variant has cache files of its own: where one function has several, two processes that
+    # compile at once may take the same file for different ones, and one runs the other's code.
+    nearest_squared.__qualname__ += f"_{num_joints}_{tell_which}"
+    return numba.njit(nogil=True, fastmath=True, cache=True)(nearest_squared)

@@ -1,0 +1,58 @@
+"""Threads that work beside the caller's, on as many cores as there are, with the same result."""
+
+from __future__ import annotations
+
+import gc
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, TypeVar
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+_lock, _pools = threading.Lock(), 0
+
+
+class Threads(ThreadPoolExecutor):
+    """Threads that leave the caller's garbage alone.
+
+    A collection frees objects in whichever thread it happens to start. Drake's Meshcat ends the
+    process unless the thread that opened it also frees it, and a diagram that draws in it is
+    garbage only a collection finds. Until the threads end, collections therefore skip all objects
+    that are older than they are.
+
+    Args:
+        num_threads: one for each core that this process may use by default.
+    """
+
+    def __init__(self, num_threads: int | None = None, **kwargs: Any):
+        # Not numba's threads: its OpenMP layer breaks after a fork.
+        from joblib import cpu_count
+
+        self._skips_older = True
+        _skip_older(1)
+        super().__init__(num_threads or cpu_count(), **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """Ends the threads once they have worked through what was submitted."""
+        super().shutdown(wait=wait, cancel_futures=cancel_futures)
+        if self._skips_older:
+            self._skips_older = False
+            _skip_older(-1)
+
+
+def mapped(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
+    """Yields the result of each item, in order, of work that releases the GIL."""
+    with Threads() as pool:
+        yield from pool.map(work, items)
+
+
+def _skip_older(pools: int) -> None:
+    global _pools
+    with _lock:
+        _pools += pools
+        if pools > 0:
+            gc.freeze()
+        elif not _pools:
+            gc.unfreeze()
