@@ -16,13 +16,8 @@ import numpy as np
 
 from selftouch_drake.agent.living.learner import LivingLearner
 from selftouch_drake.agent.living.mending import Mending, understand
-from selftouch_drake.agent.living.surprise import (
-    NUM_STEPS,
-    Alarm,
-    Expectation,
-    Newcomers,
-    surprise,
-)
+from selftouch_drake.agent.living.receptors import Newcomers, Silenced
+from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation, surprise
 
 #: Touches after which the agent learns what to expect, and the factor by which they have grown when
 #: it learns that again.
@@ -62,7 +57,7 @@ class Life:
         make_learner: makes a learner that knows nothing; after mending, the agent gives a new one
             the mended touches.
         seed: from which all randomness comes.
-        false_alarms: chance of a false alarm in 100,000 touches.
+        false_alarms: chance of a false alarm of each of three tests in 100,000 touches.
         num_steps: training steps of the expectation; with fewer, the agent notices less.
     """
 
@@ -81,10 +76,11 @@ class Life:
         self.noticed: list[Noticed] = []
         #: Surprise of each touch, `(n,)` arrays in order; NaN before anything is expected.
         self.surprise: list[np.ndarray] = []
+        #: Greatest statistic of each test in each block, as a share of what raises its alarm.
+        self.doubts: list[tuple[float, ...]] = []
         self.num_touches = 0
         self._expectation: Expectation | None = None
-        self._alarm: Alarm | None = None
-        self._newcomers: Newcomers | None = None
+        self._tests: tuple[Alarm, Silenced, Newcomers] | None = None
         self._usual = 0.0
         self._expects_again_at: float = _FIRST
         # Touches that wait for a full block; the last learned ones; those of a changed body.
@@ -119,7 +115,7 @@ class Life:
             self._learn(block)
         else:
             strange = block
-            self.surprise.append(self._surprised(block))
+            self.surprise.append(surprise(self._expected(block.q), block.sensation))
         self._strange = self._strange.and_then(strange)
         if self._raised is not None and len(self._strange) >= _TO_UNDERSTAND:
             self._mend()
@@ -128,12 +124,18 @@ class Life:
 
     def _watched(self, block: _Touches, first: int) -> tuple[_Touches, _Touches]:
         """Cuts a block where the body changed: touches before and after; all before if not."""
-        surprised = self._surprised(block)
-        self.surprise.append(surprised)
-        if self._alarm is None or self._newcomers is None:
+        if self._tests is None:
+            self.surprise.append(np.full(len(block), np.nan))
             return block, _Touches.none()
-        tests: tuple[Alarm | Newcomers, ...] = self._alarm, self._newcomers
-        rows = self._alarm.watch(surprised), self._newcomers.watch(block.sensation)
+        expected = self._expected(block.q)
+        self.surprise.append(surprise(expected, block.sensation))
+        alarm, silenced, newcomers = tests = self._tests
+        rows = (
+            alarm.watch(self.surprise[-1]),
+            silenced.watch(expected, block.sensation),
+            newcomers.watch(block.sensation),
+        )
+        self.doubts.append(tuple(test.doubt for test in tests))
         raised = [(row, test) for row, test in zip(rows, tests, strict=True) if row is not None]
         if not raised:
             return block, _Touches.none()
@@ -143,10 +145,9 @@ class Life:
         self._num_before = self.learner.num_touches + since
         return block[: max(since, 0)], block[max(since, 0) :]
 
-    def _surprised(self, block: _Touches) -> np.ndarray:
-        if self._expectation is None:
-            return np.full(len(block), np.nan)
-        return surprise(self._expectation(block.q), block.sensation)
+    def _expected(self, q: np.ndarray) -> np.ndarray:
+        assert self._expectation is not None
+        return self._expectation(q)
 
     def _learn(self, block: _Touches) -> None:
         if len(block):
@@ -168,14 +169,15 @@ class Life:
             seed=self._seed,
         )
         self.learner = self._make_learner()
-        self.learner.take(*mending.mended(q, sensation))
         row, since = self._raised
         self.noticed.append(
             Noticed(row=row, since=since, mended_at=self.num_touches, mending=mending)
         )
+        # At once, so that targets are chosen where the body feels now.
         self._last = _Touches.none()
-        self._learn(self._strange)
-        self._strange, self._raised, self._newcomers = _Touches.none(), None, None
+        self._learn(_Touches(*mending.mended(q, sensation)).and_then(self._strange))
+        self._last = self._strange[-_USUAL:]
+        self._strange, self._raised, self._tests = _Touches.none(), None, None
         self._expect()
 
     def _expect(self) -> None:
@@ -188,14 +190,20 @@ class Life:
             num_steps=self._num_steps,
             seed=self._seed,
         )
-        usual = self._surprised(self._last)
+        expected, felt = self._expected(self._last.q), self._last.sensation
+        usual = surprise(expected, felt)
         self._usual = float(usual.mean())
-        self._alarm = Alarm.calibrated(usual, false_alarms=self._false_alarms)
-        if self._newcomers is None:
+        chance = self._false_alarms
+        if self._tests is None:
             silent = ~np.any(held.columns["sensation"] > 0, axis=0)
-            self._newcomers = Newcomers.after(
-                self.learner.num_touches, silent, false_alarms=self._false_alarms
-            )
+            newcomers = Newcomers.after(self.learner.num_touches, silent, false_alarms=chance)
+        else:
+            newcomers = self._tests[-1]
+        self._tests = (
+            Alarm.calibrated(usual, false_alarms=chance),
+            Silenced.calibrated(expected, felt, false_alarms=chance),
+            newcomers,
+        )
         self._expects_again_at = _AGAIN * self.learner.num_touches
 
 

@@ -28,6 +28,9 @@ _SURELY = 20
 #: A receptor counts as expected, or felt, if its reading is at least this share of a sensation.
 _FELT = 0.1
 
+#: A touch from before the change is forgotten if new receptors make up more than this share of it.
+_GUESSED = 0.3
+
 #: A reading moved if its cosine with what another receptor should feel exceeds by this much the
 #: cosine with what its own receptor should feel.
 _BETTER = 0.3
@@ -93,9 +96,11 @@ class Mending:
         """
         felt = self._readings(sensation)
         # A touch of which only a faint receptor at its rim remains says little of its place.
-        holds = np.linalg.norm(felt, axis=1) > 2 * _FELT * np.linalg.norm(sensation, axis=1)
+        strength = np.linalg.norm(felt, axis=1)
+        holds = strength > 2 * _FELT * np.linalg.norm(sensation, axis=1)
+        # What new receptors would have felt is a guess.
+        holds &= np.linalg.norm(felt[:, self.new], axis=1) <= _GUESSED * strength
         if self.displacement:
-            strength = np.linalg.norm(felt, axis=1)
             holds &= strength >= np.median(strength[holds])
         return self._as_now(q[holds]), felt[holds]
 
@@ -187,7 +192,9 @@ def understand(
         found = explained(best, fit, seed)
         if (left := judged(found)) < _WORTH * least:
             best, least = found, left
-    return dataclasses.replace(best, surprise=(before, least))
+    # One silent receptor of many leaves hardly any surprise.
+    best = dataclasses.replace(best, silent=best.silent | _silent(best.expected(fit.q), fit.felt))
+    return dataclasses.replace(best, surprise=(before, judged(best)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -208,8 +215,6 @@ def _of_new(felt: np.ndarray, new: np.ndarray) -> np.ndarray:
 def _rewired(mending: Mending, touches: _Touches, seed: int) -> Mending:
     """Finds silent receptors, and readings that changed places."""
     expected, felt = mending.expected(touches.q), touches.felt
-    wanted = (expected > _FELT).sum(axis=0) >= _SURELY
-    silent = wanted & ~felt.any(axis=0)
     both = expected.T @ felt
     both /= np.outer(np.linalg.norm(expected, axis=0), np.linalg.norm(felt, axis=0)) + 1e-9
     _, was = linear_sum_assignment(-both.T)
@@ -218,7 +223,13 @@ def _rewired(mending: Mending, touches: _Touches, seed: int) -> Mending:
     # Where a reading moved, its own receptor must be the source of another moved reading.
     while moved.any() and (lost := moved & ~np.isin(reading, was[moved])).any():
         moved &= ~lost
-    return dataclasses.replace(mending, source=np.where(moved, was, reading), silent=silent)
+    source = np.where(moved, was, reading)
+    return dataclasses.replace(mending, source=source, silent=_silent(expected, felt))
+
+
+def _silent(expected: np.ndarray, felt: np.ndarray) -> np.ndarray:
+    """`(S,)` bool, receptors that should have felt and never did."""
+    return ((expected > _FELT).sum(axis=0) >= _SURELY) & ~felt.any(axis=0)
 
 
 def _with_offset(mending: Mending, touches: _Touches, seed: int) -> Mending:

@@ -3,8 +3,7 @@
 A small network learns what was felt where. The surprise of a touch is the cosine distance between
 the felt and the expected sensation. While the body stays as it is, surprise keeps the distribution
 that it had in touches from which the network did not learn. A sequential test finds the moment at
-which this distribution changed. Few touches feel a new receptor, so surprise hardly rises; another
-test looks for new receptors.
+which this distribution changed.
 """
 
 from __future__ import annotations
@@ -28,12 +27,6 @@ NUM_STEPS = 2000
 #: Rise of surprise that the test looks for, in standard deviations of usual surprise. For a rise
 #: half as large, the test needs twice as many touches.
 _RISE = 0.5
-
-#: Touches of a receptor that are fewer touches apart than this count as one encounter.
-_TOGETHER = 10
-
-#: Receptors whose encounters have less than this chance in an unchanged body say when it changed.
-_LIKELY = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,6 +110,7 @@ class Alarm:
         threshold: h.
         level: value of the sum, 0 or more.
         since: touches since the sum was last 0: those of a body that may have changed.
+        doubt: greatest sum in the touches last watched, as a share of the threshold.
     """
 
     usual: np.ndarray
@@ -124,6 +118,7 @@ class Alarm:
     threshold: float
     level: float = 0.0
     since: int = 0
+    doubt: float = 0.0
 
     @classmethod
     def calibrated(
@@ -158,71 +153,11 @@ class Alarm:
             since the change, up to and including that row.
         """
         ratio = (_RISE * self._normal(surprise) - _RISE**2 / 2.0) / self.correlation
+        self.doubt = 0.0
         for row, step in enumerate(ratio.tolist()):
             self.level = max(self.level + step, 0.0)
+            self.doubt = max(self.doubt, self.level / self.threshold)
             self.since = self.since + 1 if self.level else 0
             if self.level > self.threshold:
                 return row
-        return None
-
-
-@dataclass(slots=True, kw_only=True, eq=False)
-class Newcomers:
-    """A test: has a receptor that never felt anything begun to feel?
-
-    In a body that stays as it is, touches might have come in any order. Then a receptor that was
-    first met m of n touches ago was met k + 1 times since with a chance of about (m / n)^k.
-
-    Attributes:
-        silent: `(S,)` bool, receptors that never felt anything before the watch.
-        threshold: log of the chance at which the alarm is raised.
-        num_touches: n, number of touches of the whole life.
-        met: `(S,)` number of encounters with each silent receptor.
-        first: `(S,)` number of the touch of its first encounter.
-        last: `(S,)` number of the last touch that it felt.
-        since: touches since the change, up to and including the one that raised the alarm.
-    """
-
-    silent: np.ndarray
-    threshold: float
-    num_touches: int
-    met: np.ndarray
-    first: np.ndarray
-    last: np.ndarray
-    since: int = 0
-
-    @classmethod
-    def after(
-        cls, num_touches: int, silent: np.ndarray, *, false_alarms: float = 0.01
-    ) -> Newcomers:
-        """Begins to watch.
-
-        Args:
-            num_touches: number of touches of the life up to now.
-            silent: `(S,)` bool, receptors that never felt anything in it.
-            false_alarms: chance of a false alarm in the life.
-        """
-        return cls(
-            silent=silent,
-            # A tenth of the chance, as every encounter is another occasion for a false alarm.
-            threshold=math.log(0.1 * false_alarms / len(silent)),
-            num_touches=num_touches,
-            met=np.zeros(len(silent), dtype=int),
-            first=np.zeros(len(silent), dtype=int),
-            last=np.full(len(silent), -_TOGETHER),
-        )
-
-    def watch(self, sensation: np.ndarray) -> int | None:
-        """Takes the next touches `(n, S)`; returns the first row that raises the alarm, or None."""
-        felt = (sensation > 0) & self.silent
-        for row in np.flatnonzero(felt.any(axis=1)).tolist():
-            now = self.num_touches + row
-            self.first[felt[row] & (self.met == 0)] = now
-            self.met += felt[row] & (now - self.last >= _TOGETHER)
-            self.last[felt[row]] = now
-            chance = (self.met - 1) * np.log((now + 1 - self.first) / (now + 1))
-            if chance.min() < self.threshold:
-                self.since = now + 1 - int(self.first[chance < math.log(_LIKELY)].min())
-                return row
-        self.num_touches += len(sensation)
         return None

@@ -9,7 +9,8 @@ from skins import touch
 from selftouch_drake.agent.living import Alarm, Expectation, Life, LivingLearner, understand
 from selftouch_drake.agent.living import life as module
 from selftouch_drake.agent.living import mending as mends
-from selftouch_drake.agent.living.surprise import Newcomers, surprise
+from selftouch_drake.agent.living.receptors import Newcomers
+from selftouch_drake.agent.living.surprise import surprise
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
