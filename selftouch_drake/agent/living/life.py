@@ -129,7 +129,8 @@ class Life:
             return block, _Touches.none()
         expected = self._expected(block.q)
         self.surprise.append(surprise(expected, block.sensation))
-        alarm, silenced, newcomers = tests = self._tests
+        tests: tuple[Alarm | Silenced | Newcomers, ...] = self._tests
+        alarm, silenced, newcomers = self._tests
         rows = (
             alarm.watch(self.surprise[-1]),
             silenced.watch(expected, block.sensation),

@@ -9,7 +9,7 @@ from skins import touch
 from selftouch_drake.agent.living import Alarm, Expectation, Life, LivingLearner, understand
 from selftouch_drake.agent.living import life as module
 from selftouch_drake.agent.living import mending as mends
-from selftouch_drake.agent.living.receptors import Newcomers
+from selftouch_drake.agent.living.receptors import Newcomers, Silenced
 from selftouch_drake.agent.living.surprise import surprise
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
@@ -78,6 +78,15 @@ def test_silent_and_swapped_receptors_are_found(expectation, touches, usual):
     assert np.array_equal(mended, true[kept])
 
 
+def test_one_silent_receptor_is_found(expectation, touches, usual):
+    def change(q, sensation):
+        sensation[:, 5] = 0.0
+        return q, sensation
+
+    mending = found(expectation, touches, usual, change)
+    assert mending.in_words == "1 receptors are silent"
+
+
 def test_a_zero_that_moved_is_one_number(expectation, touches, usual):
     def change(q, sensation):
         q[:, 1] -= 0.3
@@ -99,10 +108,13 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     expectation = Expectation.learn(q[:5000][some[:5000]], blind[:5000][some[:5000]], num_steps=400)
     mending = understand(expectation, blind.any(axis=0), 0.0, q[NUM_OLD:], sensation[NUM_OLD:])
     assert np.flatnonzero(mending.new).tolist() == [7]
-    _, mended = mending.mended(q[:1000], blind[:1000])
-    felt = blind[:1000].any(axis=1)
-    before = surprise(blind[:1000][felt], sensation[:1000][felt]).mean()
-    assert surprise(mended[: felt.sum()], sensation[:1000][felt][: len(mended)]).mean() < before / 3
+    rows, mended = mending.mended(np.arange(1000)[:, None] * np.ones(q.shape[1]), blind[:1000])
+    kept = rows[:, 0].astype(int)
+    # Touches that new receptors would have felt most are forgotten.
+    assert (sensation[:1000, 7] > 0.5 * np.linalg.norm(sensation[:1000], axis=1)).any()
+    assert np.all(mended[:, 7] < 0.5 * np.linalg.norm(mended, axis=1))
+    before = surprise(blind[:1000], sensation[:1000])[some[:1000]].mean()
+    assert surprise(mended, sensation[kept]).mean() < before / 3
 
 
 def test_a_bent_arm_is_a_displacement(expectation, touches, usual):
@@ -162,6 +174,39 @@ def test_receptors_that_are_rare_are_not_new_and_those_that_begin_to_feel_are():
         assert row is not None
         assert row < 300
         assert watch.since > row / 2
+
+
+def encounters(rng, num, miss):
+    """What is expected of 30 receptors in runs of five touches, and what they feel."""
+    here = rng.random((num // 5, 30)) < 0.1
+    felt = here & (rng.random(here.shape) > miss)
+    return (np.repeat(one, 5, axis=0).astype(np.float32) for one in (here, felt))
+
+
+def test_receptors_that_miss_now_and_then_are_not_silent_and_those_that_always_miss_are():
+    rng = np.random.default_rng(0)
+    miss = np.linspace(0.0, 0.2, 30)
+    for dead in (0, 15):
+        test = Silenced.calibrated(*encounters(rng, 2000, miss))
+        assert test.watch(*encounters(rng, 50_000, miss)) is None
+        assert 0.1 < test.doubt < 1.0
+        expected, felt = encounters(rng, 2000, miss)
+        felt[400:, dead] = 0.0
+        row = test.watch(expected, felt)
+        assert row is not None
+        assert 400 < row < 1400
+        assert 0 <= test.since - (row + 1 - 400) < 300
+
+
+def test_silence_does_not_depend_on_how_touches_are_cut():
+    rng = np.random.default_rng(1)
+    expected, felt = encounters(rng, 3000, 0.1)
+    felt[1000:, 3] = 0.0
+    one, other = (Silenced.calibrated(expected[:1000], felt[:1000]) for _ in range(2))
+    row = one.watch(expected[1000:], felt[1000:])
+    rows = [other.watch(expected[at : at + 7], felt[at : at + 7]) for at in range(1000, 3000, 7)]
+    at, last = next((at, found) for at, found in enumerate(rows) if found is not None)
+    assert row == 7 * at + last
 
 
 def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monkeypatch):
