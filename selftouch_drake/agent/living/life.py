@@ -23,8 +23,9 @@ from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation,
 #: it learns that again.
 _FIRST, _AGAIN = 5000, 2.0
 
-#: Number of last touches that say what surprise is usual; the expectation does not learn from them.
-_USUAL = 1000
+#: Share of the touches, the last ones, that say what surprise is usual, and their greatest number.
+#: The expectation does not learn from them.
+_USUAL, _MOST_USUAL = 0.2, 10_000
 
 #: Touches of the changed body from which the agent finds out what changed.
 _TO_UNDERSTAND = 2000
@@ -153,7 +154,8 @@ class Life:
     def _learn(self, block: _Touches) -> None:
         if len(block):
             self.learner.take(block.q, block.sensation)
-            self._last = self._last.and_then(block)[-_USUAL:]
+            num = int(min(_USUAL * self.learner.num_touches, _MOST_USUAL))
+            self._last = self._last.and_then(block)[-num:]
 
     def _mend(self) -> None:
         assert self._raised is not None
@@ -175,9 +177,8 @@ class Life:
             Noticed(row=row, since=since, mended_at=self.num_touches, mending=mending)
         )
         # At once, so that targets are chosen where the body feels now.
-        self._last = _Touches.none()
         self._learn(_Touches(*mending.mended(q, sensation)).and_then(self._strange))
-        self._last = self._strange[-_USUAL:]
+        self._last = self._strange[len(self._strange) // 2 :]
         self._strange, self._raised, self._tests = _Touches.none(), None, None
         self._expect()
 

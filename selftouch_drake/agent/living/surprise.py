@@ -103,10 +103,16 @@ class Alarm:
     number, so that no single touch can raise the alarm. For independent numbers, the sum of log
     likelihood ratios passes h once in e^h touches or less often (Lorden, 1971). Successive touches
     surprise alike; so each counts for less, by their correlation, measured on the usual ones.
+    What is usual is known only from some touches. If these surprised less than most, unchanged
+    touches seem to surprise more, and false alarms become more frequent by a factor of
+    e^(2 h b / rise) where the mean is off by b. Two standard errors are taken off, so that the
+    chance of a false alarm, averaged over what those touches may have been, stays below e^-h (for
+    an error of at most 1 / h).
 
     Attributes:
         usual: `(n,)` surprise in a body that did not change, in ascending order.
         correlation: variance of a sum of usual surprises over that of independent ones, 1 or more.
+        error: standard error of the mean of the usual ones, as normally distributed numbers.
         threshold: h.
         level: value of the sum, 0 or more.
         since: touches since the sum was last 0: those of a body that may have changed.
@@ -115,6 +121,7 @@ class Alarm:
 
     usual: np.ndarray
     correlation: float
+    error: float
     threshold: float
     level: float = 0.0
     since: int = 0
@@ -132,10 +139,12 @@ class Alarm:
             lifetime: number of touches.
         """
         ordered = np.sort(usual)
-        alarm = cls(usual=ordered, correlation=1.0, threshold=math.log(lifetime / false_alarms))
+        threshold = math.log(lifetime / false_alarms)
+        alarm = cls(usual=ordered, correlation=1.0, error=0.0, threshold=threshold)
         z = alarm._normal(usual)
         together = sum(float(np.mean(z[:-lag] * z[lag:])) for lag in range(1, 11))
         alarm.correlation = max(1.0, 1.0 + 2.0 * together / max(float(np.mean(z * z)), 1e-9))
+        alarm.error = math.sqrt(alarm.correlation / len(usual))
         return alarm
 
     def _normal(self, surprise: np.ndarray) -> np.ndarray:
@@ -152,7 +161,8 @@ class Alarm:
             The first row at which the alarm is raised, or None. `since` then counts the touches
             since the change, up to and including that row.
         """
-        ratio = (_RISE * self._normal(surprise) - _RISE**2 / 2.0) / self.correlation
+        z = self._normal(surprise) - 2.0 * self.error
+        ratio = (_RISE * z - _RISE**2 / 2.0) / self.correlation
         self.doubt = 0.0
         for row, step in enumerate(ratio.tolist()):
             self.level = max(self.level + step, 0.0)

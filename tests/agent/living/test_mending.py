@@ -211,7 +211,6 @@ def test_silence_does_not_depend_on_how_touches_are_cut():
 
 def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monkeypatch):
     monkeypatch.setattr(module, "_FIRST", 3000)
-    monkeypatch.setattr(module, "_USUAL", 600)
     monkeypatch.setattr(module, "_TO_UNDERSTAND", 900)
     monkeypatch.setattr(mends, "_NETWORKS", 1)
     q, sensation = touches
