@@ -14,7 +14,7 @@ says after how many touches, out of a few numbers, it has the quality that the o
 how good it is after as many touches as the other had before.
 
 Every combination is a row of the CSV file. Rows that are already in the file are not computed
-again. At the end all rows of the file are printed as a table.
+again. At the end the whole file is printed as a table, one line per kind of change.
 """
 
 from __future__ import annotations
@@ -220,23 +220,28 @@ def store(rows: list[dict[str, str]], path: Path) -> None:
 
 
 def table(rows: list[dict[str, str]]) -> Iterator[str]:
-    """The rows in columns."""
+    """One line per kind of change: medians of all lives, the worst, or one number for each life."""
+    lives = sorted({(row["body"], row["seed"]) for row in rows})
+    names = ", ".join(f"{body} {seed}" for body, seed in lives)
     yield (
-        "| body | seed | change | noticed | touches that hold at once, mended % "
-        "| error before, mended, anew % | contact before, at once, mended, anew % "
-        "| holes before, mended, anew | as before | anew as before | as anew |"
+        "| change | noticed: median, worst | touches that hold: at once, mended % "
+        "| shape error: before, mended, anew % | contact: before, at once, mended, anew % "
+        f"| regained after: {names} | anew | as good as anew after |"
     )
-    yield "|---|---|---|---|---|---|---|---|---|---|---|"
-    for row in rows:
-        shown = [row["body"], row["seed"], row["kind"], row["noticed"] or "no"]
-        for names, scale, digits in (
-            (("touch_at_once", "touch"), 100, 0),
-            (("error_before", "error", "error_anew"), 100, 1),
-            (("contact_before", "contact_unmended", "contact", "contact_anew"), 100, 0),
+    yield "|---|---|---|---|---|---|---|---|"
+    for kind in (kind for kind in KINDS if any(row["kind"] == kind for row in rows)):
+        found = {(row["body"], row["seed"]): row for row in rows if row["kind"] == kind}
+        noticed = [float(row["noticed"] or "inf") for row in found.values()]
+        shown = [kind, f"{np.median(noticed):.0f}, {max(noticed):.0f}"]
+        for columns, digits in (
+            (("touch_at_once", "touch"), 0),
+            (("error_before", "error", "error_anew"), 1),
+            (("contact_before", "contact_unmended", "contact", "contact_anew"), 0),
         ):
-            shown.append(", ".join(f"{scale * float(row[name]):.{digits}f}" for name in names))
-        shown.append(", ".join(row[name] for name in ("holes_before", "holes", "holes_anew")))
-        shown += [row[name] or "no" for name in ("touches", "anew", "touches_as_anew")]
+            medians = [np.median([float(row[name]) for row in found.values()]) for name in columns]
+            shown.append(", ".join(f"{100 * median:.{digits}f}" for median in medians))
+        for name in ("touches", "anew", "touches_as_anew"):
+            shown.append(", ".join(found[one][name] or "no" for one in lives if one in found))
         yield f"| {' | '.join(shown)} |"
 
 

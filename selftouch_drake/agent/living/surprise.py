@@ -21,8 +21,8 @@ from selftouch_drake.agent.representation.quantise import unit
 #: with 60,000 touches and 2000 steps, the median cosine distance to what is felt is 0.031. Steps
 #: count more than touches: with 8000 touches the mean is 0.22 with 800 steps, 0.37 with 400 steps.
 _HIDDEN = (128, 128, 128)
-_BATCH = 1024
-NUM_STEPS = 2000
+_BATCH = 256
+NUM_STEPS = 5000
 
 #: Rise of surprise that the test looks for, in standard deviations of usual surprise. For a rise
 #: half as large, the test needs twice as many touches.
