@@ -18,9 +18,9 @@ from selftouch_drake.agent.network import Network, train
 from selftouch_drake.agent.representation.quantise import unit
 
 #: Units of the hidden layers, touches per training step, and steps. Steps count more than touches:
-#: on a cube with 100 receptors, with 8000 touches to learn from, the mean cosine distance to what is
-#: felt is 0.13 with 2000 steps of 1024 touches, and 0.05 with 5000 steps of 256 touches, which take
-#: 1.3 times as long.
+#: on a cube with 100 receptors, with 8000 touches to learn from, the mean cosine distance to what
+#: is felt is 0.13 with 2000 steps of 1024 touches, and 0.05 with 5000 steps of 256 touches, which
+#: take 1.3 times as long.
 _HIDDEN = (128, 128, 128)
 _BATCH = 256
 NUM_STEPS = 5000
