@@ -21,8 +21,8 @@ _LIKELY = 0.05
 #: misses one in a hundred (median; one in twenty at the worst receptor).
 _SURELY = 0.2
 
-#: Least share of encounters that a receptor is believed to miss. Misses come in runs: on a cube, a
-#: receptor with a share near 1 in 250 missed some three in a row in 100,000 touches.
+#: Least share of encounters that a receptor is believed to miss. Misses come in runs: on a cube, in
+#: 100,000 touches, a receptor that had missed none of 29 encounters missed four in a row.
 _MISSED = 1 / 32
 
 
