@@ -151,19 +151,14 @@ def linked_nearest(
         tail, head = links[link]
         queries = members[slice(*kernel_offsets[tail : tail + 2])]
         entries = slice(*offsets[link : link + 2])
-        four, found = row[entries], squared[entries]
         search(
             np.ascontiguousarray(queries.T),
             members,
             kernel_offsets[head : head + 1],
             kernel_offsets[head + 1 : head + 2],
-            found[None],
-            four[None],
+            squared[None, entries],
+            row[None, entries],
         )
-        # The search returns the first of the four candidates that it compares together.
-        candidates = np.minimum(four[:, None] + np.arange(4), kernel_offsets[head + 1] - 1)
-        exact = np.square(members[candidates] - queries[:, None]).sum(axis=2)
-        row[entries] = np.take_along_axis(candidates, exact.argmin(axis=1)[:, None], 1)[:, 0]
 
     for _ in mapped(along, range(len(links))):
         pass
@@ -200,8 +195,8 @@ def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
             starts: `(K,)` int64, the first row of each set.
             stops: `(K,)` int64, the row after the last one.
             out: `(K, N)` float32, written.
-            which: `(K, N)` int32, written if `tell_which`: the first of the four members compared
-                together that include the nearest. It costs 6 % of the time.
+            which: `(K, N)` int32, written if `tell_which`: the nearest member. It costs 6 % of the
+                time.
         """
         for k in range(len(starts)):
             best = out[k]
@@ -226,6 +221,17 @@ def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
                     if tell_which:
                         which[k, i] = np.int32(r0) if near < best[i] else which[k, i]
                     best[i] = near if near < best[i] else best[i]
+            if tell_which:
+                for i in range(queries.shape[1]):
+                    # So far it is the first of the four that were compared together.
+                    first, least = which[k, i], np.float32(np.inf)
+                    for r in range(first, min(first + 4, last + 1)):
+                        total = np.float32(0)
+                        for j in range(num_joints):
+                            step = queries[j, i] - members[r, j]
+                            total += step * step
+                        if total < least:
+                            which[k, i], least = r, total
 
     # Each variant has cache files of its own: where one function has several, two processes that
     # compile at once may take the same file for different ones, and one runs the other's code.
