@@ -18,8 +18,9 @@ from selftouch_drake.threads import mapped
 
 #: Most queries per set. More of them change distances by less than 2 %.
 MAX_QUERIES = 120
-#: Most queries where a rough distance is enough.
+#: Most queries where a rough distance is enough, and sets whose few queries are compared together.
 _FEW_QUERIES = 16
+_TOGETHER = 8
 _NOT_TOLD = np.empty((0, 0), dtype=np.int32)
 
 
@@ -88,27 +89,39 @@ def set_distances(
         raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from kernel_offsets")
     kinds = [SET_DISTANCES[name] for name in names]
     members = np.ascontiguousarray(kernel_x, dtype=np.float32)
-    num_kernels = len(offsets) - 1
+    kernels = np.arange(len(offsets) - 1)
     search = _nearest_squared(members.shape[1], False)
 
-    def directed(kernel: int) -> np.ndarray:
-        found = np.empty((len(kinds), num_kernels), dtype=np.float32)
-        few = np.zeros(num_kernels, dtype=bool) if rough is None else rough[kernel]
-        for sets, most in ((~few, max_queries), (few, min(_FEW_QUERIES, max_queries))):
-            rows = _strided(offsets[kernel], offsets[kernel + 1], most)
-            starts, stops = offsets[:-1][sets], offsets[1:][sets]
-            squared = np.empty((len(starts), len(rows)), dtype=np.float32)
-            queries = np.ascontiguousarray(members[rows].T)
-            search(queries, members, starts, stops, squared, _NOT_TOLD)
-            near = np.sqrt(squared.T)
-            for kind, row in zip(kinds, found, strict=True):
-                row[sets] = kind.reduce(near)
-        return found
+    def queries(kernel: int, most: int) -> np.ndarray:
+        return members[_strided(offsets[kernel], offsets[kernel + 1], most)]
 
-    there = np.empty((len(kinds), num_kernels, num_kernels), dtype=np.float32)
-    for kernel, rows in enumerate(mapped(directed, range(num_kernels))):
-        there[:, kernel] = rows
-        progress((kernel + 1) / num_kernels)
+    def nearest(queries: np.ndarray, sets: np.ndarray) -> np.ndarray:
+        squared = np.empty((len(sets), len(queries)), dtype=np.float32)
+        search(queries.T.copy(), members, offsets[sets], offsets[sets + 1], squared, _NOT_TOLD)
+        return np.sqrt(squared.T)
+
+    def roughly(first: int) -> None:
+        some = [
+            queries(kernel, min(_FEW_QUERIES, max_queries))
+            for kernel in kernels[first : first + _TOGETHER]
+        ]
+        ends = np.cumsum([len(few) for few in some])
+        for kernel, near in enumerate(
+            np.split(nearest(np.concatenate(some), kernels), ends[:-1]), first
+        ):
+            there[:, kernel] = [kind.reduce(near) for kind in kinds]
+
+    def exactly(kernel: int) -> None:
+        sets = kernels if rough is None else np.flatnonzero(~rough[kernel])
+        near = nearest(queries(kernel, max_queries), sets)
+        there[:, kernel, sets] = [kind.reduce(near) for kind in kinds]
+
+    there = np.empty((len(kinds), len(kernels), len(kernels)), dtype=np.float32)
+    if rough is not None:
+        for _ in mapped(roughly, kernels[::_TOGETHER]):
+            pass
+    for done, _ in enumerate(mapped(exactly, kernels), 1):
+        progress(done / len(kernels))
     distances = [kind.symmetrise(t, t.T) for kind, t in zip(kinds, there, strict=True)]
     for distance in distances:
         np.fill_diagonal(distance, 0.0)
