@@ -13,6 +13,7 @@ from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.neighbours import geodesics
+from selftouch_drake.threads import mapped
 
 # The number of threads changes the order of sums, and with it the axes of a symmetric body.
 _one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
@@ -99,11 +100,10 @@ def stress_embedding(
     axes, spectrum = _classical_axes(distances, num_axes)
     weights = _weights(distances)
     transform = _majoriser(weights)
-    trials = [
-        transform(axes[:, start], distances, num_trial_iterations)
-        for start in starts
-        if max(start) < num_axes
-    ]
+    trials = mapped(
+        lambda start: transform(axes[:, start], distances, num_trial_iterations),
+        [start for start in starts if max(start) < num_axes],
+    )
     best = min(trials, key=lambda positions: _stress(positions, distances, weights))
     positions = transform(best, distances, num_iterations)
     return Embedding(

@@ -35,10 +35,12 @@ def cut_wide_cells(
         `(R, D)` the same rows grouped by piece, `(P + 1,)` offsets of the pieces, and `(P,)` the
         kernel of each piece, ascending.
     """
-    from sklearn.cluster import KMeans  # takes half a second, which planning need not wait for
-
     sizes = np.diff(offsets)
     number = np.minimum(_times_larger(cells).astype(int), sizes // _LEAST_SIZE)
+    if number.max() < 2:
+        return coordinates, offsets, np.arange(len(sizes))
+    from sklearn.cluster import KMeans  # takes half a second
+
     piece = np.zeros(len(coordinates), dtype=int)
     for kernel in np.flatnonzero(number > 1):
         rows = slice(offsets[kernel], offsets[kernel + 1])
