@@ -95,21 +95,17 @@ def set_distances(
     def queries(kernel: int, most: int) -> np.ndarray:
         return members[_strided(offsets[kernel], offsets[kernel + 1], most)]
 
-    def nearest(queries: np.ndarray, sets: np.ndarray) -> np.ndarray:
-        squared = np.empty((len(sets), len(queries)), dtype=np.float32)
-        search(queries.T.copy(), members, offsets[sets], offsets[sets + 1], squared, _NOT_TOLD)
+    def nearest(x: np.ndarray, sets: np.ndarray) -> np.ndarray:
+        squared = np.empty((len(sets), len(x)), dtype=np.float32)
+        search(x.T.copy(), members, offsets[sets], offsets[sets + 1], squared, _NOT_TOLD)
         return np.sqrt(squared.T)
 
     def roughly(first: int) -> None:
-        some = [
-            queries(kernel, min(_FEW_QUERIES, max_queries))
-            for kernel in kernels[first : first + _TOGETHER]
-        ]
-        ends = np.cumsum([len(few) for few in some])
-        for kernel, near in enumerate(
-            np.split(nearest(np.concatenate(some), kernels), ends[:-1]), first
-        ):
-            there[:, kernel] = [kind.reduce(near) for kind in kinds]
+        some = kernels[first : first + _TOGETHER]
+        few = [queries(kernel, min(_FEW_QUERIES, max_queries)) for kernel in some]
+        near = np.split(nearest(np.concatenate(few), kernels), np.cumsum([len(x) for x in few]))
+        for kernel, table in zip(some, near, strict=False):  # nothing is left after the last
+            there[:, kernel] = [kind.reduce(table) for kind in kinds]
 
     def exactly(kernel: int) -> None:
         sets = kernels if rough is None else np.flatnonzero(~rough[kernel])
@@ -214,6 +210,8 @@ def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
         for k in range(len(starts)):
             best = out[k]
             best[:] = np.inf
+            if tell_which:
+                which[k, :] = starts[k]
             last = stops[k] - 1
             for r0 in range(starts[k], last + 1, 4):
                 # A short tail repeats its last member, which changes no minimum.
