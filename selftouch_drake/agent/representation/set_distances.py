@@ -114,7 +114,7 @@ def set_distances(
 
     there = np.empty((len(kinds), len(kernels), len(kernels)), dtype=np.float32)
     if rough is not None:
-        for _ in mapped(roughly, kernels[::_TOGETHER]):
+        for _ in mapped(roughly, range(0, len(kernels), _TOGETHER)):
             pass
     for done, _ in enumerate(mapped(exactly, kernels), 1):
         progress(done / len(kernels))
