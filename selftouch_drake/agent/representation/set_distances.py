@@ -116,7 +116,7 @@ def set_distances(
     if rough is not None:
         for _ in mapped(roughly, range(0, len(kernels), _TOGETHER)):
             pass
-    for done, _ in enumerate(mapped(exactly, kernels), 1):
+    for done, _ in enumerate(mapped(exactly, range(len(kernels))), 1):
         progress(done / len(kernels))
     distances = [kind.symmetrise(t, t.T) for kind, t in zip(kinds, there, strict=True)]
     for distance in distances:
