@@ -24,8 +24,8 @@ _GAIN = 0.7
 # Momentum of hidden layers; decay of the first and second moments of all other weights.
 _MOMENTUM, _FIRST, _SECOND = 0.95, 0.9, 0.99
 
-# Rows per evaluation of a network.
-_CHUNK = 16_384
+# Rows per evaluation of a network: a layer of so many stays in the cache of a core.
+_CHUNK = 1024
 
 
 def standardised(x: np.ndarray) -> np.ndarray:
@@ -61,7 +61,14 @@ class Network:
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Maps `(n, inputs)` to `(n, outputs)`, in chunks that bound the memory."""
         starts = range(0, max(len(x), 1), _CHUNK)
-        return np.concatenate(list(mapped(lambda i: self.forward(x[i : i + _CHUNK])[0], starts)))
+        return np.concatenate(list(mapped(lambda i: self._outputs(x[i : i + _CHUNK]), starts)))
+
+    def _outputs(self, x: np.ndarray) -> np.ndarray:
+        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+            x = x @ weight
+            x += bias
+            np.sin(x, out=x)
+        return x @ self.weights[-1] + self.biases[-1]
 
     def forward(self, x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
         """Returns the outputs, and the inputs and slopes of the layers for `gradients`."""
@@ -123,12 +130,15 @@ def train(
             gradients = _gradients(network, batch(), loss_slope, pool)
             rate = min(1.0, (step + 1) / (_WARM_UP * num_steps))
             rate *= (1.0 + np.cos(np.pi * step / num_steps)) / 2.0
+            for p in hidden:
+                first[p] = _MOMENTUM * first[p] + gradients[p]
+            ahead = [gradients[p] + _MOMENTUM * first[p] for p in hidden]
+            for p, direction in zip(hidden, pool.map(_orthogonal, ahead), strict=True):
+                parameters[p] -= _HIDDEN_RATE * rate * direction
             for p, parameter in enumerate(parameters):
-                gradient = gradients[p]
                 if p in hidden:
-                    first[p] = _MOMENTUM * first[p] + gradient
-                    parameter -= _HIDDEN_RATE * rate * _orthogonal(gradient + _MOMENTUM * first[p])
                     continue
+                gradient = gradients[p]
                 first[p] += (1.0 - _FIRST) * (gradient - first[p])
                 second[p] += (1.0 - _SECOND) * (np.square(gradient) - second[p])
                 mean = first[p] / (1.0 - _FIRST ** (step + 1))

@@ -7,18 +7,25 @@ first: if the experience of a walk exists, it is complete, and so is its truth.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.dataset
 import pyarrow.parquet as pq
 
 from selftouch_drake.files import written_whole
 from selftouch_drake.threads import Threads
+
+if TYPE_CHECKING:
+    import pyarrow.dataset
+
+# Shards that are read ahead, side by side.
+_AHEAD = 2
 
 # What Arrow raises for damaged files; the last for names in a footer, which has no checksum.
 UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
@@ -209,17 +216,19 @@ class ExperienceReader:
         Nothing is read until asked: `dataset().to_table(columns=["q"])`, `scanner(...)`,
         `polars.scan_pyarrow_dataset(dataset())`.
         """
+        import pyarrow.dataset  # imports pandas, if there is one
+
         return pyarrow.dataset.dataset([str(path) for path in self._paths], format="parquet")
 
     def batches(self, column: str) -> Iterator[np.ndarray]:
         """The rows `(N, width)` of a vector column, one array per shard."""
         width = None
-        with Threads(1) as pool:  # reads one shard ahead
-            ahead = [pool.submit(_vector_rows, path, column) for path in self._paths[:1]]
-            for path, after in zip(self._paths, [*self._paths[1:], None], strict=True):
-                rows = ahead.pop().result()
+        with Threads(_AHEAD) as pool:
+            reads = deque(pool.submit(_vector_rows, path, column) for path in self._paths[:_AHEAD])
+            for path, after in zip_longest(self._paths, self._paths[_AHEAD:]):
+                rows = reads.popleft().result()
                 if after:
-                    ahead.append(pool.submit(_vector_rows, after, column))
+                    reads.append(pool.submit(_vector_rows, after, column))
                 if width not in (None, rows.shape[1]):
                     raise StoreError(
                         f"{path} has {rows.shape[1]} numbers per row in {column}, earlier shards "

@@ -128,11 +128,15 @@ class KernelReservoir:
         if not parts:
             raise ValueError("no row was added: add some before asking for a sample")
         rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-        order = np.lexsort((rows["priority"], rows["kernel"]))
-        kernel = rows["kernel"][order]
-        rank = np.arange(len(order)) - np.searchsorted(kernel, kernel)
-        keep = order[rank < self._max_size]
+        kernel, priority = rows["kernel"], rows["priority"]
+        # Sorting takes long, so rows of kernels that have room are left out.
+        full = np.bincount(kernel, minlength=len(self._highest)) >= self._max_size
+        keep = ~full[kernel]
+        some = np.flatnonzero(~keep)
+        order = some[np.lexsort((priority[some], kernel[some]))]
+        rank = np.arange(len(order)) - np.searchsorted(kernel[order], kernel[order])
+        keep[order[rank < self._max_size]] = True
         last = order[rank == self._max_size - 1]
-        self._highest[rows["kernel"][last]] = rows["priority"][last]
+        self._highest[kernel[last]] = priority[last]
         self._settled = {name: column[keep] for name, column in rows.items()}
         self._waiting = []

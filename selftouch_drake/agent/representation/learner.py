@@ -21,7 +21,6 @@ from selftouch_drake.agent.representation.neighbours import (
     connected_edges,
 )
 from selftouch_drake.agent.representation.quantise import (
-    BLOCK,
     assign,
     rare_cells,
     strength,
@@ -45,6 +44,9 @@ from selftouch_drake.agent.representation.touches import (
 
 #: Rows that target sensations are learned from: 40 a target, when there are 1000.
 MAX_ROWS = 40_000
+
+# Rows that are worked on at a time, to bound the memory.
+_BLOCK = 16_384
 
 #: Targets are chosen anew so often at most, without the touches that hardly any other is like.
 _MOST_ROUNDS = 6
@@ -378,28 +380,11 @@ _NO_ROWS = "sensation has 0 rows: babble until the finger touches the body"
 def _in_blocks(
     batches: Iterable[tuple[np.ndarray, np.ndarray]],
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """The same rows in blocks of equal size, since the size affects rounding of matrix products."""
-    held: list[tuple[np.ndarray, np.ndarray]] = []
-    num_held = 0
+    """The same rows in blocks that are not large."""
     for sensation, q in batches:
-        start = 0
-        while start < len(sensation):
-            part = slice(start, start + BLOCK - num_held)
-            held.append((np.asarray(sensation)[part], np.asarray(q)[part]))
-            num_held += len(held[-1][0])
-            start = part.stop
-            if num_held == BLOCK:
-                yield _joined(held)
-                held, num_held = [], 0
-    if held:
-        yield _joined(held)
-
-
-def _joined(parts: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    if len(parts) == 1:
-        return parts[0]
-    sensation, q = zip(*parts, strict=True)
-    return np.concatenate(sensation), np.concatenate(q)
+        for start in range(0, len(sensation), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            yield np.asarray(sensation)[block], np.asarray(q)[block]
 
 
 def firm_steps(

@@ -8,16 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import numba
 import numpy as np
 from scipy.sparse import csr_array
 
 from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.threads import mapped
 
-#: Rows assigned at a time: bounds the (rows, K) table of similarities to some tens of MB.
-BLOCK = 16_384
-# Rows that one thread compares at once; a block is many of them.
-_ROWS = 2048
+# Rows that one thread assigns at once.
+_ROWS = 1024
 
 #: Cells with less than this share of the touches of a typical one are chance. On a sphere that two
 #: arms touch, 30 of 182 cells held one touch in 100,000 each, and no other less than 349.
@@ -56,17 +55,63 @@ def assign(sensation: np.ndarray, target_sensations: np.ndarray) -> tuple[np.nda
     """
     label = np.empty(len(sensation), dtype=np.int32)
     error = np.empty(len(sensation), dtype=np.float32)
-    targets = np.ascontiguousarray(target_sensations.T)
+    targets = np.ascontiguousarray(target_sensations.T, dtype=np.float32)
 
     def compare(start: int) -> None:
         chunk = slice(start, start + _ROWS)
-        similarity = unit(sensation[chunk]) @ targets
-        label[chunk] = similarity.argmax(axis=1)
-        error[chunk] = 1.0 - similarity[np.arange(len(similarity)), label[chunk]]
+        _most_alike(unit(sensation[chunk]), targets, label[chunk], error[chunk])
 
     for _ in mapped(compare, range(0, len(sensation), _ROWS)):
         pass
     return label, np.maximum(error, 0.0)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def _most_alike(
+    points: np.ndarray, targets: np.ndarray, label: np.ndarray, error: np.ndarray
+) -> None:
+    """Compares each point with all targets, over the few receptors that feel it.
+
+    A touch is felt by a tenth of the receptors: this takes a fifth of the time of a matrix
+    product, and 1.4 times as long where all of them feel it.
+
+    Args:
+        points: `(n, S)` unit L2 norm, none negative.
+        targets: `(S, K)` unit L2 norm.
+        label: `(n,)` written.
+        error: `(n,)` written: cosine distance.
+    """
+    num_receptors, num_targets = targets.shape
+    likeness = np.empty(num_targets, np.float32)
+    # Numbers >= 0 are ordered as their bits are, and only integers compare in vector registers.
+    bits = likeness.view(np.int32)
+    # Receptors that feel the point, four at a time; weights of 0 fill up the last four.
+    felt = np.zeros(num_receptors + 3, np.int64)
+    weight = np.zeros(num_receptors + 3, np.float32)
+    for row in range(len(points)):
+        num_felt = 0
+        for receptor in range(num_receptors):
+            felt[num_felt], weight[num_felt] = receptor, points[row, receptor]
+            num_felt += points[row, receptor] > 0
+        weight[num_felt : num_felt + 3] = 0
+        likeness[:] = 0
+        for i in range(0, num_felt, 4):
+            t0, t1, t2, t3 = (
+                targets[felt[i]],
+                targets[felt[i + 1]],
+                targets[felt[i + 2]],
+                targets[felt[i + 3]],
+            )
+            w0, w1, w2, w3 = weight[i], weight[i + 1], weight[i + 2], weight[i + 3]
+            for k in range(num_targets):
+                likeness[k] += w0 * t0[k] + w1 * t1[k] + w2 * t2[k] + w3 * t3[k]
+        best = np.int32(0)
+        for k in range(num_targets):
+            best = max(best, bits[k])
+        for k in range(num_targets):
+            if bits[k] == best:
+                label[row], error[row] = k, np.float32(1) - likeness[k]
+                break
 
 
 def target_sensations(

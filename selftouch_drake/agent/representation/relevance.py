@@ -103,7 +103,9 @@ def touch_modes(
     if not tested:
         return mode, relevant
     # Importance is measured on held-out rows: on memorised rows every joint would matter.
-    trained = np.setdiff1d(np.arange(len(kernel_x)), np.concatenate([*tested.values()]))
+    held_out = np.zeros(len(kernel_x), dtype=bool)
+    held_out[np.concatenate([*tested.values()])] = True
+    trained = np.flatnonzero(~held_out)
     expected = _Expectation.learned(
         kernel_x, kernel, target_sensations, of_part, trained, list(tested.values()), rng, progress
     )
@@ -143,15 +145,17 @@ class _Expectation:
         progress: Callable[[float], None],
     ) -> _Expectation:
         x = standardised(kernel_x)
-        felt = target_sensations - target_sensations[kernel].mean(axis=0)
+        weights = np.bincount(kernel, minlength=len(target_sensations))
+        felt = target_sensations - np.average(target_sensations, axis=0, weights=weights)
         _, _, axes = np.linalg.svd(felt, full_matrices=False)
         outputs = felt @ axes[:_MOST_OUTPUTS].T
-        spread = np.sqrt(np.mean(np.square(outputs[kernel]).sum(axis=1)))
+        spread = np.sqrt(np.average(np.square(outputs).sum(axis=1), weights=weights))
         outputs = (outputs / (spread if spread > 0 else 1.0)).astype(np.float32)
         # Half of each batch is drawn from all rows, half evenly from the parts, so that rarely
         # touched parts are also learned.
         by_part = trained[np.argsort(of_part[trained], kind="stable")]
-        _, sizes = np.unique(of_part[trained], return_counts=True)
+        sizes = np.bincount(of_part[trained])
+        sizes = sizes[sizes > 0]
         first = np.cumsum(sizes) - sizes
 
         def draw() -> np.ndarray:

@@ -18,8 +18,9 @@ from selftouch_drake.threads import mapped
 
 #: Most queries per set. More of them change distances by less than 2 %.
 MAX_QUERIES = 120
-#: Most queries where a rough distance is enough.
+#: Most queries where a rough distance is enough, and sets whose few queries are compared together.
 _FEW_QUERIES = 16
+_TOGETHER = 8
 _NOT_TOLD = np.empty((0, 0), dtype=np.int32)
 
 
@@ -88,27 +89,35 @@ def set_distances(
         raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from kernel_offsets")
     kinds = [SET_DISTANCES[name] for name in names]
     members = np.ascontiguousarray(kernel_x, dtype=np.float32)
-    num_kernels = len(offsets) - 1
+    kernels = np.arange(len(offsets) - 1)
     search = _nearest_squared(members.shape[1], False)
 
-    def directed(kernel: int) -> np.ndarray:
-        found = np.empty((len(kinds), num_kernels), dtype=np.float32)
-        few = np.zeros(num_kernels, dtype=bool) if rough is None else rough[kernel]
-        for sets, most in ((~few, max_queries), (few, min(_FEW_QUERIES, max_queries))):
-            rows = _strided(offsets[kernel], offsets[kernel + 1], most)
-            starts, stops = offsets[:-1][sets], offsets[1:][sets]
-            squared = np.empty((len(starts), len(rows)), dtype=np.float32)
-            queries = np.ascontiguousarray(members[rows].T)
-            search(queries, members, starts, stops, squared, _NOT_TOLD)
-            near = np.sqrt(squared.T)
-            for kind, row in zip(kinds, found, strict=True):
-                row[sets] = kind.reduce(near)
-        return found
+    def queries(kernel: int, most: int) -> np.ndarray:
+        return members[_strided(offsets[kernel], offsets[kernel + 1], most)]
 
-    there = np.empty((len(kinds), num_kernels, num_kernels), dtype=np.float32)
-    for kernel, rows in enumerate(mapped(directed, range(num_kernels))):
-        there[:, kernel] = rows
-        progress((kernel + 1) / num_kernels)
+    def nearest(x: np.ndarray, sets: np.ndarray) -> np.ndarray:
+        squared = np.empty((len(sets), len(x)), dtype=np.float32)
+        search(x.T.copy(), members, offsets[sets], offsets[sets + 1], squared, _NOT_TOLD)
+        return np.sqrt(squared.T)
+
+    def roughly(first: int) -> None:
+        some = kernels[first : first + _TOGETHER]
+        few = [queries(kernel, min(_FEW_QUERIES, max_queries)) for kernel in some]
+        near = np.split(nearest(np.concatenate(few), kernels), np.cumsum([len(x) for x in few]))
+        for kernel, table in zip(some, near, strict=False):  # nothing is left after the last
+            there[:, kernel] = [kind.reduce(table) for kind in kinds]
+
+    def exactly(kernel: int) -> None:
+        sets = kernels if rough is None else np.flatnonzero(~rough[kernel])
+        near = nearest(queries(kernel, max_queries), sets)
+        there[:, kernel, sets] = [kind.reduce(near) for kind in kinds]
+
+    there = np.empty((len(kinds), len(kernels), len(kernels)), dtype=np.float32)
+    if rough is not None:
+        for _ in mapped(roughly, range(0, len(kernels), _TOGETHER)):
+            pass
+    for done, _ in enumerate(mapped(exactly, range(len(kernels))), 1):
+        progress(done / len(kernels))
     distances = [kind.symmetrise(t, t.T) for kind, t in zip(kinds, there, strict=True)]
     for distance in distances:
         np.fill_diagonal(distance, 0.0)
@@ -151,19 +160,14 @@ def linked_nearest(
         tail, head = links[link]
         queries = members[slice(*kernel_offsets[tail : tail + 2])]
         entries = slice(*offsets[link : link + 2])
-        four, found = row[entries], squared[entries]
         search(
             np.ascontiguousarray(queries.T),
             members,
             kernel_offsets[head : head + 1],
             kernel_offsets[head + 1 : head + 2],
-            found[None],
-            four[None],
+            squared[None, entries],
+            row[None, entries],
         )
-        # The search returns the first of the four candidates that it compares together.
-        candidates = np.minimum(four[:, None] + np.arange(4), kernel_offsets[head + 1] - 1)
-        exact = np.square(members[candidates] - queries[:, None]).sum(axis=2)
-        row[entries] = np.take_along_axis(candidates, exact.argmin(axis=1)[:, None], 1)[:, 0]
 
     for _ in mapped(along, range(len(links))):
         pass
@@ -200,12 +204,14 @@ def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
             starts: `(K,)` int64, the first row of each set.
             stops: `(K,)` int64, the row after the last one.
             out: `(K, N)` float32, written.
-            which: `(K, N)` int32, written if `tell_which`: the first of the four members compared
-                together that include the nearest. It costs 6 % of the time.
+            which: `(K, N)` int32, written if `tell_which`: the nearest member. It costs 6 % of the
+                time.
         """
         for k in range(len(starts)):
             best = out[k]
             best[:] = np.inf
+            if tell_which:
+                which[k, :] = starts[k]
             last = stops[k] - 1
             for r0 in range(starts[k], last + 1, 4):
                 # A short tail repeats its last member, which changes no minimum.
@@ -226,6 +232,17 @@ def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
                     if tell_which:
                         which[k, i] = np.int32(r0) if near < best[i] else which[k, i]
                     best[i] = near if near < best[i] else best[i]
+            if tell_which:
+                for i in range(queries.shape[1]):
+                    # So far it is the first of the four that were compared together.
+                    first, least = which[k, i], np.float32(np.inf)
+                    for r in range(first, min(first + 4, last + 1)):
+                        total = np.float32(0)
+                        for j in range(num_joints):
+                            step = queries[j, i] - members[r, j]
+                            total += step * step
+                        if total < least:
+                            which[k, i], least = r, total
 
     # Each variant has cache files of its own: where one function has several, two processes that
     # compile at once may take the same file for different ones, and one runs the other's code.

@@ -134,6 +134,8 @@ def apart(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
 def of_several_parts(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
     """`(n,)` bool, sensations on several parts of the body; arguments as for `apart`."""
     part = receptor_parts(overlap)
+    if not part.any():
+        return np.zeros(len(sensation), dtype=bool)
     felt = np.asarray(sensation) > 0
     strongest = part[np.asarray(sensation).argmax(axis=1)]
     return (felt & (part != strongest[:, None])).any(axis=1)

@@ -50,7 +50,7 @@ class Cells:
     def of(cls, coordinates: np.ndarray, offsets: np.ndarray) -> Cells:
         """Measures the cells of `(R, D)` coordinates grouped by kernel, without outliers."""
         groups = np.split(coordinates, offsets[1:-1])
-        pooled = np.mean([np.atleast_2d(np.cov(g.T, bias=True)) for g in groups], axis=0)
+        pooled = np.mean([_covariance(group) for group in groups], axis=0)
         pooled += 1e-9 * np.trace(pooled) * np.eye(len(pooled))
         mean, covariance = (
             np.array(part)
@@ -67,11 +67,16 @@ class Cells:
 
     def distances(self) -> np.ndarray:
         """`(K, K)` in cell widths: root mean square of the distances seen from either cell."""
-        num_coordinates = self.mean.shape[1]
+        num_cells, num_coordinates = self.mean.shape
         thick = self.covariance + (_ACROSS * self.second)[:, None, None] * np.eye(num_coordinates)
-        apart = self.mean[None] - self.mean[:, None]
-        squared = np.einsum("klj,klj->kl", apart @ np.linalg.inv(thick), apart)
-        return np.sqrt((squared + squared.T) / 2)
+        inverse = np.linalg.inv(thick)
+        # (x_l - x_k) A_k (x_l - x_k), multiplied out: as two matrix products over all pairs.
+        x = self.mean - self.mean.mean(axis=0)
+        pairs = (x[:, :, None] * x[:, None]).reshape(num_cells, -1)
+        of_start = np.einsum("kde,ke->kd", inverse, x)
+        squared = inverse.reshape(num_cells, -1) @ pairs.T - 2.0 * of_start @ x.T
+        squared += np.einsum("kd,kd->k", of_start, x)[:, None]
+        return np.sqrt(np.maximum(squared + squared.T, 0.0) / 2)
 
     def lengths(self, edges: np.ndarray) -> np.ndarray:
         """`(E,)` lengths along the surface in cell widths, averaged over both ends of an edge."""
@@ -93,17 +98,22 @@ class Cells:
         return length / np.sinc(2.0 * bent / np.pi)
 
 
+def _covariance(points: np.ndarray) -> np.ndarray:
+    apart = points - points.mean(axis=0)
+    return apart.T @ apart / len(points)
+
+
 def _without_strays(points: np.ndarray, pooled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of a cell's `(n, D)` coordinates, after dropping outliers twice."""
 
-    def moments(kept: np.ndarray) -> np.ndarray:
-        own = np.cov(kept.T, bias=True) if len(kept) > 1 else np.zeros_like(pooled)
-        return (len(kept) * own + _PRIOR * pooled) / (len(kept) + _PRIOR)
+    def shrunk(kept: np.ndarray) -> np.ndarray:
+        return (len(kept) * _covariance(kept) + _PRIOR * pooled) / (len(kept) + _PRIOR)
 
-    middle, covariance = np.median(points, axis=0), moments(points)
+    last = int((1.0 - _STRAYS) * (len(points) - 1))
+    middle, covariance = np.median(points, axis=0), shrunk(points)
     for _ in range(2):
         apart = points - middle
         squared = np.einsum("nd,nd->n", apart @ np.linalg.inv(covariance), apart)
-        kept = points[squared <= np.quantile(squared, 1.0 - _STRAYS)]
-        middle, covariance = kept.mean(axis=0), moments(kept)
+        kept = points[squared <= np.partition(squared, last)[last]]
+        middle, covariance = kept.mean(axis=0), shrunk(kept)
     return middle, covariance

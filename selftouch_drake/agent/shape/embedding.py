@@ -6,12 +6,14 @@ import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 from scipy.linalg import eigh, inv
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.neighbours import geodesics
+from selftouch_drake.threads import mapped
 
 # The number of threads changes the order of sums, and with it the axes of a symmetric body.
 _one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
@@ -98,11 +100,10 @@ def stress_embedding(
     axes, spectrum = _classical_axes(distances, num_axes)
     weights = _weights(distances)
     transform = _majoriser(weights)
-    trials = [
-        transform(axes[:, start], distances, num_trial_iterations)
-        for start in starts
-        if max(start) < num_axes
-    ]
+    trials = mapped(
+        lambda start: transform(axes[:, start], distances, num_trial_iterations),
+        [start for start in starts if max(start) < num_axes],
+    )
     best = min(trials, key=lambda positions: _stress(positions, distances, weights))
     positions = transform(best, distances, num_iterations)
     return Embedding(
@@ -210,14 +211,38 @@ def _majoriser(
 
     def iterate(positions: np.ndarray, distances: np.ndarray, num_iterations: int) -> np.ndarray:
         pull = weights * distances
-
-        def transform(positions: np.ndarray) -> np.ndarray:
-            laid = _lengths(positions)
-            ratio = np.divide(pull, laid, out=np.zeros_like(pull), where=laid > 0)
-            return solve @ (ratio.sum(axis=1)[:, None] * positions - ratio @ positions)
-
         for _ in range(num_iterations - 1):
-            positions = 2.0 * transform(positions) - positions
-        return transform(positions)
+            positions = 2.0 * (solve @ _pulled(positions.T.copy(), pull).T) - positions
+        return solve @ _pulled(positions.T.copy(), pull).T
 
     return iterate
+
+
+# Sums in vector lanes: in any order, but in the same one each time.
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"reassoc", "nsz"})
+def _pulled(positions: np.ndarray, pull: np.ndarray) -> np.ndarray:
+    """`(3, K)` sum over all other points of the unit vector from there, times `pull` `(K, K)`.
+
+    Args:
+        positions: `(3, K)`.
+        pull: symmetric; only pairs i < j are read.
+    """
+    x, y, z = positions
+    total = np.zeros_like(positions)
+    for i in range(len(x)):
+        along = total[:, i]
+        sum_x = sum_y = sum_z = 0.0
+        for j in range(i + 1, len(x)):
+            dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+            squared = dx * dx + dy * dy + dz * dz
+            ratio = pull[i, j] / np.sqrt(squared) if squared > 0.0 else 0.0
+            sum_x += ratio * dx
+            sum_y += ratio * dy
+            sum_z += ratio * dz
+            total[0, j] -= ratio * dx
+            total[1, j] -= ratio * dy
+            total[2, j] -= ratio * dz
+        along[0] += sum_x
+        along[1] += sum_y
+        along[2] += sum_z
+    return total

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import chain, combinations
 
 import numpy as np
 from scipy.spatial import Delaunay, cKDTree
@@ -190,11 +190,13 @@ def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[fl
                 face = tuple(v for v in simplex if v != left_out)
                 above.setdefault(face, []).append((left_out, value))
         centre, radius2 = circumspheres(points, np.array(list(above)))
-        level = {}
-        for (face, bounded), c, r2 in zip(above.items(), centre, radius2.tolist(), strict=True):
-            opposite = points[[vertex for vertex, _ in bounded]]
-            empty = np.square(opposite - c).sum(axis=1).min() >= r2
-            level[face] = r2 if empty else min(value for _, value in bounded)
+        number = [len(bounded) for bounded in above.values()]
+        opposite, bounding = map(np.array, zip(*chain(*above.values()), strict=True))
+        apart = np.square(points[opposite] - np.repeat(centre, number, axis=0)).sum(axis=1)
+        first = np.cumsum([0, *number[:-1]])
+        empty = np.minimum.reduceat(apart, first) >= radius2
+        value2 = np.where(empty, radius2, np.minimum.reduceat(bounding, first))
+        level = dict(zip(above, value2.tolist(), strict=True))
         levels.append(level)
     levels.append({(vertex,): 0.0 for vertex in range(len(points))})
     simplices = [simplex for level in reversed(levels) for simplex in level]

@@ -209,8 +209,10 @@ def revolute_reference(
 
 
 def _between_cells(coordinates: np.ndarray, offsets: np.ndarray) -> BodyGraph:
-    coordinates, offsets, kernel = cut_wide_cells(coordinates, offsets)
     cells = Cells.of(coordinates, offsets)
+    coordinates, offsets, kernel = cut_wide_cells(coordinates, offsets, cells)
+    if len(kernel) > len(cells.mean):
+        cells = Cells.of(coordinates, offsets)
     distance = cells.distances()
     edges = connected_edges(neighbour_edges(distance), distance)
     length = locally_scaled(cells.lengths(edges), edges)

@@ -20,7 +20,7 @@ _LEAST_SIZE = 20
 
 
 def cut_wide_cells(
-    coordinates: np.ndarray, offsets: np.ndarray
+    coordinates: np.ndarray, offsets: np.ndarray, cells: Cells
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Cuts each cell at least twice as large as those around it into pieces of their size.
 
@@ -29,16 +29,18 @@ def cut_wide_cells(
     Args:
         coordinates: `(R, D)` of a quotient map, grouped by kernel.
         offsets: `(K + 1,)` of the kernels.
+        cells: of these.
 
     Returns:
         `(R, D)` the same rows grouped by piece, `(P + 1,)` offsets of the pieces, and `(P,)` the
         kernel of each piece, ascending.
     """
-    from sklearn.cluster import KMeans  # takes half a second, which planning need not wait for
-
-    cells = Cells.of(coordinates, offsets)
     sizes = np.diff(offsets)
     number = np.minimum(_times_larger(cells).astype(int), sizes // _LEAST_SIZE)
+    if number.max() < 2:
+        return coordinates, offsets, np.arange(len(sizes))
+    from sklearn.cluster import KMeans  # takes half a second
+
     piece = np.zeros(len(coordinates), dtype=int)
     for kernel in np.flatnonzero(number > 1):
         rows = slice(offsets[kernel], offsets[kernel + 1])

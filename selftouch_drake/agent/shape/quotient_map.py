@@ -165,8 +165,8 @@ def scatter_loss(outputs: np.ndarray) -> tuple[float, np.ndarray]:
     within, total = _scatters(y)
     apart, centred = y[:half] - y[half:], y - y.mean(axis=0)
     loss = np.linalg.slogdet(within)[1] - np.linalg.slogdet(total)[1]
-    slope = -np.linalg.solve(total, centred.T).T / half
-    pull = np.linalg.solve(within, apart.T).T / half
+    slope = centred @ (np.linalg.inv(total) / -half)
+    pull = apart @ (np.linalg.inv(within) / half)
     slope[:half] += pull
     slope[half:] -= pull
     return float(loss), slope
@@ -201,13 +201,10 @@ def discriminants(
     sizes = np.diff(offsets)
     kernel = np.repeat(np.arange(len(sizes)), sizes)
     mean = np.add.reduceat(outputs, offsets[:-1], dtype=float) / sizes[:, None]
-    weight = np.sqrt(1.0 / sizes / len(sizes)).astype(outputs.dtype)[kernel, None]
-
-    def scatter(centre: np.ndarray) -> np.ndarray:
-        apart = weight * (outputs - centre.astype(outputs.dtype))
-        return (apart.T @ apart).astype(float)
-
-    within, total = scatter(mean[kernel]), scatter(mean.mean(axis=0))
+    apart = outputs - mean.astype(outputs.dtype)[kernel]
+    apart *= np.sqrt(1.0 / sizes / len(sizes)).astype(outputs.dtype)[kernel, None]
+    within = (apart.T @ apart).astype(float)
+    total = within + np.cov(mean.T, bias=True)
     floor = _FLOOR[outputs.dtype.itemsize] * np.trace(total) / len(total) * np.eye(len(total))
     share, directions = eigh(within + floor, total + floor)
     kept = max(int(np.sum(share < _MOST_WITHIN)), _LEAST_DIRECTIONS)

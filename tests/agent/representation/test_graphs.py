@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import pdist, squareform
 
 from selftouch_drake.agent.representation import (
@@ -85,6 +87,16 @@ def test_geodesics_by_hand():
         [3.0, 2.0, 0.0, np.inf],
         [np.inf, np.inf, np.inf, 0.0],
     ]
+
+
+@pytest.mark.parametrize("num_edges", [60, 150, 1000])
+def test_geodesics_are_those_of_scipy(num_edges):
+    rng = np.random.default_rng(num_edges)
+    i, j = rng.choice(complete_edges(100), num_edges, replace=False).T
+    length = rng.exponential(size=num_edges) ** 3
+    found = geodesics(np.stack([i, j], axis=1), length, 100)
+    expected = dijkstra(csr_array((length, (i, j)), shape=(100, 100)), directed=False)
+    np.testing.assert_array_equal(found, expected)
 
 
 @settings(max_examples=25, deadline=None)

@@ -17,6 +17,20 @@ def test_assign_by_hand():
     np.testing.assert_allclose(error, [0.0, 0.0, 0.2], atol=1e-6)
 
 
+@pytest.mark.parametrize("share_felt", [0.05, 0.3, 1.0])
+def test_assign_finds_what_a_matrix_product_finds(share_felt):
+    rng = np.random.default_rng(3)
+    felt = rng.random((400, 37)) < share_felt
+    felt[:, 36] |= ~felt.any(axis=1)
+    sensation = felt * rng.exponential(size=felt.shape)
+    targets = unit(sensation[:50])
+    likeness = unit(sensation) @ targets.T
+    label, error = assign(sensation, targets)
+    best = likeness.max(axis=1)
+    np.testing.assert_allclose(likeness[np.arange(400), label], best, atol=1e-6)
+    np.testing.assert_allclose(error, 1.0 - best, atol=1e-6)
+
+
 def test_a_light_touch_is_felt_as_a_firm_one():
     firm = np.array([[0.3, 0.4, 0.0]])
     np.testing.assert_allclose(unit(firm * 1e-30), [[0.6, 0.8, 0.0]], atol=1e-6)

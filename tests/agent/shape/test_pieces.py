@@ -1,6 +1,7 @@
 import numpy as np
 from bodies import sphere
 
+from selftouch_drake.agent.shape.cells import Cells
 from selftouch_drake.agent.shape.pieces import cut_wide_cells
 
 
@@ -18,7 +19,7 @@ def test_a_cell_as_large_as_two_is_cut_in_parts_and_others_are_left():
     left = np.delete(centres, around, axis=0)
     wide = int(np.argmax(left @ centres[100]))
     coordinates, offsets = cells_on_a_sphere(left, points)
-    cut, part_offsets, kernel = cut_wide_cells(coordinates, offsets)
+    cut, part_offsets, kernel = cut_wide_cells(coordinates, offsets, Cells.of(coordinates, offsets))
     assert (np.diff(kernel) >= 0).all()
     number = np.bincount(kernel)
     assert number[wide] == 2
@@ -36,7 +37,7 @@ def test_a_cell_as_large_as_two_is_cut_in_parts_and_others_are_left():
 
 def test_even_cells_are_left_as_they_are():
     coordinates, offsets = cells_on_a_sphere(sphere(200), sphere(10_000))
-    cut, part_offsets, kernel = cut_wide_cells(coordinates, offsets)
+    cut, part_offsets, kernel = cut_wide_cells(coordinates, offsets, Cells.of(coordinates, offsets))
     np.testing.assert_array_equal(cut, coordinates)
     np.testing.assert_array_equal(part_offsets, offsets)
     np.testing.assert_array_equal(kernel, np.arange(200))
@@ -45,5 +46,6 @@ def test_even_cells_are_left_as_they_are():
 def test_a_cell_of_few_configurations_is_not_cut():
     centres, points = sphere(200), sphere(3000)
     left = np.delete(centres, np.argsort(-centres @ centres[100])[1:7], axis=0)
-    _, _, kernel = cut_wide_cells(*cells_on_a_sphere(left, points[::3]))
+    grouped = cells_on_a_sphere(left, points[::3])
+    _, _, kernel = cut_wide_cells(*grouped, Cells.of(*grouped))
     assert len(kernel) == len(left)
