@@ -10,15 +10,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.dataset
 import pyarrow.parquet as pq
 
 from selftouch_drake.files import written_whole
 from selftouch_drake.threads import Threads
+
+if TYPE_CHECKING:
+    import pyarrow.dataset
 
 # What Arrow raises for damaged files; the last for names in a footer, which has no checksum.
 UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
@@ -209,6 +211,8 @@ class ExperienceReader:
         Nothing is read until asked: `dataset().to_table(columns=["q"])`, `scanner(...)`,
         `polars.scan_pyarrow_dataset(dataset())`.
         """
+        import pyarrow.dataset  # imports pandas, if there is one
+
         return pyarrow.dataset.dataset([str(path) for path in self._paths], format="parquet")
 
     def batches(self, column: str) -> Iterator[np.ndarray]:

@@ -19,6 +19,7 @@ from pydrake.geometry import (
     ProximityProperties,
     QueryObject,
     Rgba,
+    SceneGraphConfig,
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ContactModel, ContactResults, CoulombFriction, MultibodyPlant
@@ -69,18 +70,31 @@ def RegisterSkin(
         raise ValueError(f"hydroelastic_modulus is {hydroelastic_modulus}; give a number above 0")
     X_LS = X_LS or RigidTransform()
     properties = ProximityProperties()
-    AddContactMaterial(dissipation=SKIN_DISSIPATION, friction=SKIN_FRICTION, properties=properties)
+    # Where one of Drake's defaults is missing, each context computes the pressure field again.
+    defaults = SceneGraphConfig().default_proximity_properties
+    AddContactMaterial(
+        dissipation=SKIN_DISSIPATION,
+        friction=SKIN_FRICTION,
+        point_stiffness=defaults.point_stiffness,
+        properties=properties,
+    )
+    properties.AddProperty("material", "relaxation_time", defaults.relaxation_time)
     AddCompliantHydroelasticProperties(
         resolution_hint=skin.thickness,  # asked for, but a mesh has its own resolution
         hydroelastic_modulus=hydroelastic_modulus,
         properties=properties,
     )
-    mesh = Mesh(InMemoryMesh(mesh_file=MemoryFile(vtk_text(skin), ".vtk", name)))
+    mesh = wall_mesh(skin, name)
     geometry_id = plant.RegisterCollisionGeometry(body, X_LS, mesh, name, properties)
     if visible:
         outer = Mesh(InMemoryMesh(mesh_file=MemoryFile(_obj_text(skin), ".obj", name)))
         plant.RegisterVisualGeometry(body, X_LS, outer, f"{name}_visual", np.array(_COLOR.rgba))
     return geometry_id
+
+
+def wall_mesh(skin: HollowSkin, name: str) -> Mesh:
+    """The tetrahedra of a skin as Drake's shape."""
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(vtk_text(skin), ".vtk", name)))
 
 
 def _obj_text(skin: HollowSkin) -> str:

@@ -32,12 +32,13 @@ if TYPE_CHECKING:
 Arrays = Mapping[str, np.ndarray]
 
 
-def load_agent(run: RunDirectory, *, predicts: bool = True) -> Agent:
+def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
     """The agent of a run that has learned, with its memory of rehearsals.
 
     Args:
         run: the run.
-        predicts: whether it is to predict sensations; this reads the whole experience.
+        predicts: whether it is to predict sensations from stored touches, where it cannot follow
+            a plan by touch first; this reads the whole experience.
 
     Raises:
         RunError: the run has learned nothing, or something else.

@@ -209,7 +209,7 @@ def plan_imported(run: RunDirectory, *targets: int) -> Motion:
     """
     imported = run.experiment.imported
     assert imported is not None
-    agent = load_agent(run)
+    agent = load_agent(run, predicts=True)
     _require_targets(run, targets)
     motion = timed(agent, agent.tour(targets), imported)
     save_plan(run, motion, *targets)
@@ -245,7 +245,7 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     Raises:
         RunError: there is no such target sensation, or no such plan.
     """
-    agent = load_agent(run, predicts=False)
+    agent = load_agent(run)
     _require_targets(run, targets)
     execution, _ = acting.execute(world, load_motion(run, *targets))
     save_plan(run, execution, *targets)

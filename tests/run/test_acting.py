@@ -153,7 +153,7 @@ def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):
     assert memory.num_tries == len(tries)
     for one in tries:
         assert np.all(memory.link_penalty[one.lost_links] > 1.0)
-    kept = load_agent(run, predicts=False).judge(load_execution(run, 3, 20))
+    kept = load_agent(run).judge(load_execution(run, 3, 20))
     assert (kept.reached, kept.contact) == (best(tries).reached, best(tries).contact)
     assert (kept.reached, kept.contact) >= (tries[0].reached, tries[0].contact)
 
