@@ -9,7 +9,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -139,20 +139,25 @@ def run(
     directory, world = _begin(experiment, out, overrides)
 
     from selftouch_drake.run import stages
+    from selftouch_drake.run.executors import HereAndInProcesses
     from selftouch_drake.run.showing import write_figures, write_report
+    from selftouch_drake.run.worlds import as_text, known_world
 
-    if not stages.has_babbled(directory):
-        _babble(directory, world, workers, scheduler)
-        for picture in write_figures(directory, world=world):
-            click.echo(f"first picture: {picture}")
-    if not stages.has_learned(directory):
-        with _progress("learn") as progress:
-            stages.learn(directory, progress)
-    if not stages.has_evaluated(directory):
-        with _progress("plan, execute, evaluate") as progress:
-            stages.evaluate(directory, world, progress)
-    with _progress("report") as progress:
-        report = write_report(directory, progress, world=world)
+    with HereAndInProcesses(workers) as executor:
+        if not stages.has_babbled(directory):
+            _babble(directory, world, executor, scheduler)
+            for picture in write_figures(directory, world=world):
+                click.echo(f"first picture: {picture}")
+        # Meanwhile the agent learns.
+        executor.get_ready(known_world, *as_text(directory))
+        if not stages.has_learned(directory):
+            with _progress("learn") as progress:
+                stages.learn(directory, progress)
+        if not stages.has_evaluated(directory):
+            with _progress("plan, execute, evaluate") as progress:
+                stages.evaluate(directory, world, progress, executor)
+        with _progress("report") as progress:
+            report = write_report(directory, progress, world=world, executor=executor)
     _print_headline(directory)
     click.echo(f"report: {report}")
 
@@ -171,7 +176,11 @@ def babble(
     EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
     """
     directory, world = _begin(experiment, out, overrides)
-    _babble(directory, world, workers, scheduler)
+
+    from selftouch_drake.run.executors import HereAndInProcesses
+
+    with HereAndInProcesses(workers) as executor:
+        _babble(directory, world, executor, scheduler)
     click.echo(f"experience: {directory.experience}")
 
 
@@ -377,9 +386,10 @@ def evaluate(run: Path) -> None:
     directory = _open(run)
 
     from selftouch_drake.run import stages
+    from selftouch_drake.run.executors import HereAndInProcesses
 
-    with _progress("evaluate") as progress:
-        stages.evaluate(directory, stages.make_world(directory), progress)
+    with _progress("evaluate") as progress, HereAndInProcesses() as executor:
+        stages.evaluate(directory, stages.make_world(directory), progress, executor)
     _print_headline(directory)
 
 
@@ -431,9 +441,11 @@ def live(
     directory, world = _begin(experiment, out, overrides)
 
     from selftouch_drake.run import living, showing, stages
+    from selftouch_drake.run.executors import HereAndInProcesses
 
     if not stages.has_babbled(directory):
-        _babble(directory, world, workers, None)
+        with HereAndInProcesses(workers) as executor:
+            _babble(directory, world, executor, None)
     if no_page:
         with _progress("live") as progress:
             living.live(directory, progress=progress)
@@ -673,14 +685,14 @@ def _open(run: Path, *, writing: bool = True):
     return directory
 
 
-def _babble(directory, world, workers: int | None, scheduler: str | None) -> None:
+def _babble(directory, world, executor, scheduler: str | None) -> None:
     from selftouch_drake.run import stages
-    from selftouch_drake.run.executors import HereAndInProcesses, dask_executor
+    from selftouch_drake.run.executors import dask_executor
 
-    chosen = dask_executor(scheduler) if scheduler else HereAndInProcesses(workers)
-    with _progress("babble") as progress, chosen as executor:
+    chosen = dask_executor(scheduler) if scheduler else nullcontext(executor)
+    with _progress("babble") as progress, chosen as where:
         progress(0.0, "the first walks")  # under dynamics these take minutes
-        stages.babble(directory, world, executor, progress)
+        stages.babble(directory, world, where, progress)
 
 
 @contextmanager

@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
-from selftouch_drake.experiment import Experiment, ExperimentError
+from functools import lru_cache
+from pathlib import Path
+
+import yaml
+
+from selftouch_drake.experiment import (
+    Experiment,
+    ExperimentError,
+    dump_experiment,
+    experiment_from_fields,
+)
 from selftouch_drake.robot import World
 from selftouch_drake.robot.world import drakes_refusals
 from selftouch_drake.run.directory import RunDirectory
@@ -49,3 +59,15 @@ def make_world(run: RunDirectory) -> World:
     """
     run.require_models()
     return build_world(run.experiment)
+
+
+def as_text(run: RunDirectory) -> tuple[str, str]:
+    """A run for another process: its path and its experiment, which may differ from the stored."""
+    return str(run.path.resolve()), dump_experiment(run.experiment)
+
+
+@lru_cache(maxsize=1)
+def known_world(path: str, text: str) -> tuple[RunDirectory, World]:
+    """The run of `as_text` and its world, built once per process."""
+    run = RunDirectory(Path(path), experiment_from_fields(yaml.safe_load(text)))
+    return run, make_world(run)
