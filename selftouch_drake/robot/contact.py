@@ -231,7 +231,10 @@ class SensorModel:
 
 
 def _felt(
-    fields: ReceptiveFields, num_faces: Sequence[int] | np.ndarray, force: np.ndarray, p_LQ: np.ndarray
+    fields: ReceptiveFields,
+    num_faces: Sequence[int] | np.ndarray,
+    force: np.ndarray,
+    p_LQ: np.ndarray,
 ) -> np.ndarray:
     """`(contacts, receptors)` N, readings of contacts with one skin, given their faces in order."""
     corner, part = fields.parts_at(p_LQ)

@@ -18,7 +18,6 @@ from selftouch_drake.robot.screen import TouchScreen
 from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.station import MakeKinematicStation, sensor_model
 
-
 # For fewer configurations, contact takes less time than it takes to build the screen.
 _WITHOUT_SCREEN = 200_000
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from pydrake.geometry import Role, SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
+from scipy.sparse import csr_matrix
 
 from selftouch_drake.experiment import SHAPES, Experiment, ExperimentError, Skin
 from selftouch_drake.geometry import (
@@ -60,6 +62,47 @@ class SkinModel:
     fields: ReceptiveFields
     hydroelastic_modulus: float
     is_own_geometry: bool
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """All but the texts, as a file holds it."""
+        fields, weights = vars(self.fields), self.fields.vertex_weights
+        return {
+            **{f"wall_{name}": np.array(getattr(self.wall, name)) for name in _WALL},
+            **{f"fields_{name}": np.array(fields[name]) for name in _FIELDS},
+            **{f"weights_{name}": getattr(weights, name) for name in _WEIGHTS},
+            "hydroelastic_modulus": np.array(self.hydroelastic_modulus),
+            "is_own_geometry": np.array(self.is_own_geometry),
+        }
+
+    @staticmethod
+    def from_arrays(name: str, link: str, arrays: Mapping[str, np.ndarray]) -> SkinModel:
+        """The skin of `to_arrays`."""
+        wall = {key: arrays[f"wall_{key}"] for key in _WALL}
+        fields = {key: arrays[f"fields_{key}"] for key in _FIELDS}
+        shape = len(fields["vertices"]), len(fields["p_LS"])
+        weights = csr_matrix(tuple(arrays[f"weights_{key}"] for key in _WEIGHTS), shape)
+        radius, thickness = float(fields["radius"]), float(wall["thickness"])
+        return SkinModel(
+            name=name,
+            link=link,
+            wall=HollowSkin(**wall | {"thickness": thickness}),
+            fields=ReceptiveFields(**fields | {"radius": radius}, vertex_weights=weights),
+            hydroelastic_modulus=float(arrays["hydroelastic_modulus"]),
+            is_own_geometry=bool(arrays["is_own_geometry"]),
+        )
+
+
+_WALL = [field.name for field in dataclasses.fields(HollowSkin)]
+_FIELDS = [f.name for f in dataclasses.fields(ReceptiveFields) if f.name != "vertex_weights"]
+_WEIGHTS = ("data", "indices", "indptr")
+#: Names of the arrays of `SkinModel.to_arrays`.
+ARRAYS = (
+    *(f"wall_{name}" for name in _WALL),
+    *(f"fields_{name}" for name in _FIELDS),
+    *(f"weights_{name}" for name in _WEIGHTS),
+    "hydroelastic_modulus",
+    "is_own_geometry",
+)
 
 
 def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:

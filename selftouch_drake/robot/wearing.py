@@ -95,9 +95,7 @@ def _own_geometry(
     return link_geometries(plant, scene_graph.model_inspector(), link, Role.kProximity)
 
 
-def wear(
-    plant: MultibodyPlant, model: SkinModel, *, visible: bool, soft: bool = True
-) -> WornSkin:
+def wear(plant: MultibodyPlant, model: SkinModel, *, visible: bool, soft: bool = True) -> WornSkin:
     """Gives the link of a skin its geometry, before the plant is finalized.
 
     If it is not soft, Drake computes no contact with it, and takes a tenth of the time to build it.

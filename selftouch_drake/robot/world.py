@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 
 import numpy as np
@@ -21,15 +21,21 @@ class World:
 
     Args:
         experiment: the experiment.
+        make_skins: makes its skins, or knows them from before.
     """
 
-    def __init__(self, experiment: Experiment):
+    def __init__(
+        self,
+        experiment: Experiment,
+        make_skins: Callable[[Experiment], tuple[SkinModel, ...]] = make_skins,
+    ):
         self.experiment = experiment
+        self._make_skins = make_skins
 
     @cached_property
     def skins(self) -> tuple[SkinModel, ...]:
         """The skins, each in the frame of its link."""
-        return make_skins(self.experiment)
+        return self._make_skins(self.experiment)
 
     @property
     def receptor_skin(self) -> np.ndarray:

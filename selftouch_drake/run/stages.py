@@ -184,7 +184,8 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
 def _forget_learning(run: RunDirectory) -> None:
     """Drops the metrics of the old learning, and everything that was made from it."""
     run.drop_metrics(keys_of("learn", "evaluate"))
-    shutil.rmtree(run.path / "plans", ignore_errors=True)
+    for folder in (run.path / "plans", run.cache):
+        shutil.rmtree(folder, ignore_errors=True)
     run.rehearsal.unlink(missing_ok=True)
     run.trials.unlink(missing_ok=True)
 
