@@ -6,9 +6,9 @@ import dataclasses
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import trimesh
 from pydrake.geometry import Role, SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
@@ -26,6 +26,7 @@ from selftouch_drake.geometry import (
     receptive_fields,
     surfaces,
 )
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.changes import skin_motion
 from selftouch_drake.robot.links import find_link, link_geometries, pieces_in_link
 from selftouch_drake.robot.models import load_model, parse
@@ -77,8 +78,8 @@ class SkinModel:
     @staticmethod
     def from_arrays(name: str, link: str, arrays: Mapping[str, np.ndarray]) -> SkinModel:
         """The skin of `to_arrays`."""
-        wall = {key: arrays[f"wall_{key}"] for key in _WALL}
-        fields = {key: arrays[f"fields_{key}"] for key in _FIELDS}
+        wall: dict[str, Any] = {key: arrays[f"wall_{key}"] for key in _WALL}
+        fields: dict[str, Any] = {key: arrays[f"fields_{key}"] for key in _FIELDS}
         shape = len(fields["vertices"]), len(fields["p_LS"])
         weights = csr_matrix(tuple(arrays[f"weights_{key}"] for key in _WEIGHTS), shape)
         radius, thickness = float(fields["radius"]), float(wall["thickness"])

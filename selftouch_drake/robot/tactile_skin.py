@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-import trimesh
 from pydrake.common import MemoryFile
 from pydrake.common.value import Value
 from pydrake.geometry import (
@@ -27,6 +26,7 @@ from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from selftouch_drake.geometry import HollowSkin, ReceptiveFields, vtk_text
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.contact import PressedFaces, SensorModel
 from selftouch_drake.robot.imperfections import ImperfectSkins
 
