@@ -28,9 +28,9 @@ from selftouch_drake.experience import (
     write_shard,
 )
 from selftouch_drake.experience.collect import WORLD_LOCK, keep_touches, known_world, step_sizes
-from selftouch_drake.experience.sources import SAMPLE_PERIOD, KinematicSource, LedSource
+from selftouch_drake.experience.sources import SAMPLE_PERIOD, KinematicSource, LedSource, Steps
 from selftouch_drake.experiment import Experiment, experiment_from_fields
-from selftouch_drake.robot import Touches, World
+from selftouch_drake.robot import World
 
 #: Number of target sensations, and most touches of each, that the agent uses while it explores. The
 #: learn stage has its own numbers.
@@ -98,12 +98,12 @@ class Exploration:
         moves = self._explorer(self._agent(), joints, self.manner, start, nothing, rng).moves()
         path = next(moves)
 
-        def next_steps() -> tuple[np.ndarray, Touches]:
+        def next_steps() -> Steps:
             nonlocal path
             q, touches = source.go(path)
             # In a posture that it cannot take, a robot feels nothing.
             path = moves.send((q, np.where(source.possible(q)[:, None], touches.sensation, 0.0)))
-            return q, touches
+            return Steps.of(q, touches)
 
         return keep_touches(next_steps, source.possible, self.experiment, self.round, num_rows)
 

@@ -19,8 +19,8 @@ class Threads(ThreadPoolExecutor):
 
     A collection frees objects in whichever thread it happens to start. Drake's Meshcat ends the
     process unless the thread that opened it also frees it, and a diagram that draws in it is
-    garbage only a collection finds. Until the threads end, collections therefore skip all objects
-    that are older than they are.
+    garbage only a collection finds. Until all such threads have ended, collections therefore skip
+    the objects that are older than the first.
 
     Args:
         num_threads: one for each core that this process may use by default.
@@ -51,8 +51,8 @@ def mapped(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Re
 def _skip_older(pools: int) -> None:
     global _pools
     with _lock:
-        _pools += pools
-        if pools > 0:
+        if not _pools:
             gc.freeze()
-        elif not _pools:
+        _pools += pools
+        if not _pools:
             gc.unfreeze()

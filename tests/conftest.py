@@ -1,3 +1,4 @@
+import gc
 import os
 import signal
 import sys
@@ -40,3 +41,10 @@ def torus_world():
 def world(request):
     """Each of the worlds above."""
     return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="module")
+def frees_meshcat():
+    """Frees every Meshcat that the module opened, in this thread: another would end the process."""
+    yield
+    gc.collect()

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numba import njit
 from scipy.sparse.csgraph import dijkstra
 
 #: Maps `(n, J)` scaled configurations to the sensations there, `(n, S)` N.
@@ -120,14 +121,12 @@ class Slides:
 
         Joints that do not move on a slide may have any position; m is 0 if no slide is known.
         """
-        ends = np.stack([x_from, x_to])
-        moved = self.ends[:, 0] != self.ends[:, 1]
-        off = np.where(moved, np.abs(self.ends - ends).max(axis=1), np.abs(x_to - x_from))
-        known = np.flatnonzero(off.max(axis=1, initial=0.0) < _SAME)
-        if not len(known):
+        slide = _latest(self.ends, x_from, x_to)
+        if slide < 0:
             return self.x[:0], self.node[:0]
-        rows = slice(*self.offsets[known[-1] : known[-1] + 2])
-        return np.where(moved[known[-1]], self.x[rows], x_from), self.node[rows]
+        rows = slice(*self.offsets[slide : slide + 2])
+        moved = self.ends[slide, 0] != self.ends[slide, 1]
+        return np.where(moved, self.x[rows], x_from), self.node[rows]
 
     def all_between(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As `between`, with later slides that replaced parts of the slide."""
@@ -153,6 +152,25 @@ class Slides:
             x=self.x[rows],
             node=self.node[rows],
         )
+
+
+@njit(cache=True)
+def _latest(ends, x_from, x_to):
+    """The last of the slides with these ends, or -1."""
+    for slide in range(len(ends) - 1, -1, -1):
+        start, end = ends[slide]
+        same = True
+        for j in range(len(start)):
+            if start[j] == end[j]:
+                off = abs(x_to[j] - x_from[j])
+            else:
+                off = max(abs(start[j] - x_from[j]), abs(end[j] - x_to[j]))
+            if off >= _SAME:
+                same = False
+                break
+        if same:
+            return slide
+    return -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)

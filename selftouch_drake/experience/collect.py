@@ -11,7 +11,7 @@ from threading import Lock
 import numpy as np
 import yaml
 
-from selftouch_drake.experience.sources import DynamicSource, KinematicSource, Source
+from selftouch_drake.experience.sources import DynamicSource, KinematicSource, Source, Steps
 from selftouch_drake.experience.store import (
     Contacts,
     Shard,
@@ -23,7 +23,7 @@ from selftouch_drake.experience.store import (
 )
 from selftouch_drake.experience.walk import RandomWalk
 from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
-from selftouch_drake.robot import Robot, Touches, World
+from selftouch_drake.robot import Robot, World
 from selftouch_drake.robot.joints import remembered
 
 # A walk without a touch in this many steps is given up.
@@ -94,7 +94,7 @@ def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: in
 
 
 def keep_touches(
-    next_steps: Callable[[], tuple[np.ndarray, Touches]],
+    next_steps: Callable[[], Steps],
     can_take: Callable[[np.ndarray], np.ndarray],
     experiment: Experiment,
     walk: int,
@@ -115,17 +115,17 @@ def keep_touches(
     kept_step, kept_q, kept_sensation, kept_contacts = [], [], [], []
     num_kept = num_steps = last_touch = num_impossible = 0
     while num_kept < num_rows:
-        q, touches = next_steps()
-        touching = np.flatnonzero(touches.sensation.any(axis=1))
+        q, touching, touches = next_steps()
         possible = can_take(q[touching])
-        kept = touching[possible][: num_rows - num_kept]
+        rows = np.flatnonzero(possible)[: num_rows - num_kept]
+        kept = touching[rows]
         considered = touching <= kept[-1] if len(kept) == num_rows - num_kept else np.True_
         num_impossible += int(np.sum(~possible & considered))
         kept_step.append(num_steps + kept)
         kept_q.append(q[kept])
-        kept_sensation.append(touches.sensation[kept].astype(np.float32))
+        kept_sensation.append(touches.sensation[rows].astype(np.float32))
         kept_contacts.append(
-            Contacts.of_rows(touches.row, touches.skin, touches.toucher, touches.p_LC, kept)
+            Contacts.of_rows(touches.row, touches.skin, touches.toucher, touches.p_LC, rows)
         )
         num_kept += len(kept)
         if len(kept):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -18,6 +18,26 @@ SAMPLE_PERIOD = 0.02
 DYNAMIC_BATCH = 500
 
 
+class Steps(NamedTuple):
+    """Steps of a walk, and what is felt there.
+
+    Attributes:
+        q: `(N, J)` float32, the configurations.
+        touching: `(n,)` the steps at which something is felt, ascending.
+        touches: the sensations of these steps.
+    """
+
+    q: np.ndarray
+    touching: np.ndarray
+    touches: Touches
+
+    @staticmethod
+    def of(q: np.ndarray, touches: Touches) -> Steps:
+        """From the sensations of all steps, null or not."""
+        touching = np.flatnonzero(touches.sensation.any(axis=1))
+        return Steps(q, touching, touches.of_rows(touching))
+
+
 class Source(Protocol):
     """Follows a walk and returns configurations with their sensations."""
 
@@ -26,8 +46,8 @@ class Source(Protocol):
     def begin(self, walk: RandomWalk) -> None:
         """Starts at the beginning of `walk`."""
 
-    def next_steps(self) -> tuple[np.ndarray, Touches]:
-        """The next `(N, J)` float32 configurations and their sensations, null or not."""
+    def next_steps(self) -> Steps:
+        """The next steps of the walk."""
 
     def possible(self, q: np.ndarray) -> np.ndarray:
         """`(N,)` bool, whether the robot can take a configuration: rigid parts do not collide."""
@@ -44,9 +64,10 @@ class KinematicSource:
         """Starts at the beginning of `walk`."""
         self._walk = walk
 
-    def next_steps(self) -> tuple[np.ndarray, Touches]:
-        """The next steps of the walk, and their sensations."""
-        return self.go(self._walk.steps(BATCH))
+    def next_steps(self) -> Steps:
+        """The next steps of the walk."""
+        q = self._walk.steps(BATCH).astype(np.float32)
+        return Steps(q, *self._probe.felt(q))
 
     def rest_at(self, q: np.ndarray) -> None:
         """Does nothing: without time, nothing has to come to rest."""
@@ -79,10 +100,10 @@ class DynamicSource:
         """Puts the robot at rest at the beginning of the walk."""
         self._simulation.babble(walk)
 
-    def next_steps(self) -> tuple[np.ndarray, Touches]:
+    def next_steps(self) -> Steps:
         """The next samples: the measured configuration and the sensation of the same instant."""
         self._simulation.advance(DYNAMIC_BATCH * SAMPLE_PERIOD)
-        return logged(self._simulation, self._probe)
+        return Steps.of(*logged(self._simulation, self._probe))
 
     def possible(self, q: np.ndarray) -> np.ndarray:
         """`(N,)` bool, whether the robot can take a configuration: rigid parts do not collide."""

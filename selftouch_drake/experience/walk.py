@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from selftouch_drake.robot.compiled import compiled
+
 
 class RandomWalk:
     """A smooth random walk between joint limits.
@@ -40,12 +42,18 @@ class RandomWalk:
 
     def steps(self, num_steps: int) -> np.ndarray:
         """`(num_steps, J)` the next configurations; the walk does not depend on the chunk size."""
-        from scipy.signal import lfilter  # seconds of import that few commands need
+        q = self._random.standard_normal((num_steps, len(self._lower)))
+        q *= self._innovation
+        _walk(q, self._persistence, self._velocity, self._unfolded, self._lower, self._range)
+        return q
 
-        noise = self._innovation * self._random.standard_normal((num_steps, len(self._lower)))
-        carried = self._persistence * self._velocity
-        velocity, _ = lfilter([1.0], [1.0, -self._persistence], noise, axis=0, zi=carried[None])
-        unfolded = np.cumsum(np.vstack([self._unfolded, velocity]), axis=0)[1:]
-        self._velocity, self._unfolded = velocity[-1], unfolded[-1]
-        folded = unfolded % (2 * self._range)
-        return self._lower + np.minimum(folded, 2 * self._range - folded)
+
+@compiled
+def _walk(q, persistence, velocity, unfolded, lower, width):
+    """Replaces each row of noise by the configuration that the walk then reaches."""
+    for n in range(len(q)):
+        for j in range(len(velocity)):
+            velocity[j] = q[n, j] + persistence * velocity[j]
+            unfolded[j] += velocity[j]
+            folded = unfolded[j] % (2 * width[j])
+            q[n, j] = lower[j] + min(folded, 2 * width[j] - folded)

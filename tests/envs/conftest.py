@@ -19,3 +19,8 @@ def one_world_per_experiment():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(environment, "World", lambda experiment: known(dump_experiment(experiment)))
         yield
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_meshcat_is_left(frees_meshcat):
+    pass

@@ -1,6 +1,6 @@
 import multiprocessing
 import sys
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,6 +23,7 @@ from selftouch_drake.experience.sources import (
     SAMPLE_PERIOD,
     DynamicSource,
     KinematicSource,
+    Steps,
 )
 from selftouch_drake.experiment import (
     dump_experiment,
@@ -31,6 +32,7 @@ from selftouch_drake.experiment import (
 )
 from selftouch_drake.robot import Touches, World
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.threads import Threads
 
 collect_module = sys.modules[collect.__module__]
 
@@ -105,7 +107,7 @@ def _shards(run):
 def reference(experiment, tmp_path_factory):
     """One worker, walk after walk."""
     path = tmp_path_factory.mktemp("reference") / "run"
-    run, num_steps = _collected(path, experiment, ThreadPoolExecutor(1))
+    run, num_steps = _collected(path, experiment, Threads(1))
     return run, num_steps, _shards(run)
 
 
@@ -172,7 +174,7 @@ def test_threads_that_share_a_world_give_the_same_bytes(experiment, reference, t
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     try:
-        run, _ = _collected(tmp_path / "run", experiment, ThreadPoolExecutor(3))
+        run, _ = _collected(tmp_path / "run", experiment, Threads(3))
     finally:
         sys.setswitchinterval(interval)
     assert _shards(run) == reference[-1]
@@ -180,11 +182,11 @@ def test_threads_that_share_a_world_give_the_same_bytes(experiment, reference, t
 
 def test_an_interrupted_run_goes_on_where_it_was(experiment, reference, tmp_path):
     _, num_steps, shards = reference
-    run, _ = _collected(tmp_path / "run", experiment, ThreadPoolExecutor(1))
+    run, _ = _collected(tmp_path / "run", experiment, Threads(1))
     (run.experience / shard_name(1)).unlink()
     kept = (run.experience / shard_name(0)).stat().st_mtime_ns
     progress = []
-    with ThreadPoolExecutor(1) as executor:
+    with Threads(1) as executor:
         steps = collect_into(run, executor, progress=progress.append)
     assert _shards(run) == shards
     assert steps == num_steps
@@ -199,7 +201,7 @@ def test_shards_of_another_experiment_are_refused_and_kept(experiment, reference
     shard = run.experience / shard_name(0)
     shard.write_bytes((reference[0].experience / shard_name(0)).read_bytes())
     before = shard.read_bytes()
-    with ThreadPoolExecutor(1) as executor, pytest.raises(StoreError) as error:
+    with Threads(1) as executor, pytest.raises(StoreError) as error:
         collect_into(run, executor)
     assert str(error.value) == f"{shard} belongs to another experiment; choose another --out"
     assert shard.read_bytes() == before
@@ -234,8 +236,11 @@ def test_a_dynamic_walk_is_sampled_evenly_and_felt_where_it_is(experiment, probe
             )
         )
         batches = [source.next_steps() for _ in range(num_batches)]
-        q = np.concatenate([q for q, _ in batches])
-        return q, np.concatenate([touches.sensation for _, touches in batches])
+        q = np.concatenate([steps.q for steps in batches])
+        sensation = np.zeros((num_batches, DYNAMIC_BATCH, probe.sensations(q[:1]).shape[1]))
+        for of_batch, (_, touching, touches) in zip(sensation, batches, strict=True):
+            of_batch[touching] = touches.sensation
+        return q, np.concatenate(sensation)
 
     q, sensation = walk(3)
     assert q.shape == (3 * DYNAMIC_BATCH, 6)
@@ -283,7 +288,7 @@ def test_a_walk_that_stops_touching_is_reported(experiment, monkeypatch):
             touches = Touches(
                 sensation=sensation, row=none, skin=none, toucher=none, p_LC=np.zeros((0, 3))
             )
-            return np.zeros((1000, 6), np.float32), touches
+            return Steps.of(np.zeros((1000, 6), np.float32), touches)
 
         def possible(self, q):
             return np.ones(len(q), bool)
@@ -312,7 +317,7 @@ class Scripted:
             toucher=np.zeros(30, int),
             p_LC=np.repeat(rows[:, None], 3, axis=1).astype(float),
         )
-        return np.repeat(rows[:, None], 6, axis=1).astype(np.float32), touches
+        return Steps.of(np.repeat(rows[:, None], 6, axis=1).astype(np.float32), touches)
 
     def possible(self, q):
         return q[:, 0] % 3 != 0
@@ -343,7 +348,7 @@ def test_a_walk_ends_where_the_body_changes(experiment, reference, tmp_path):
     fields["babbling"]["num_samples"] = 300
     changing = experiment_from_fields(fields)
     assert walk_sizes(changing) == [200, 50, 50]
-    run, _ = _collected(tmp_path / "run", changing, ThreadPoolExecutor(1))
+    run, _ = _collected(tmp_path / "run", changing, Threads(1))
     assert run.fingerprint() != reference[0].fingerprint()
     felt = ExperienceReader(run.experience).read("sensation")
     as_before = ExperienceReader(reference[0].experience).read("sensation")

@@ -14,7 +14,10 @@ from selftouch_drake.show import LifePage, open_meshcat
 from selftouch_drake.show.page import life_figure
 from selftouch_drake.threads import Threads
 
-pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:the quotient graph fell"),
+    pytest.mark.usefixtures("frees_meshcat"),
+]
 
 
 @pytest.fixture(scope="module")

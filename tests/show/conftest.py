@@ -65,3 +65,8 @@ def two_skins(tmp_path_factory) -> RunDirectory:
 def _served(port: int) -> bool:
     with socket.socket() as probe:
         return probe.connect_ex(("localhost", port)) == 0
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _no_meshcat_is_left(frees_meshcat):
+    pass

@@ -12,7 +12,7 @@ from scipy.sparse import sparray
 from scipy.sparse.csgraph import dijkstra
 
 from selftouch_drake.agent.planning.members import firm_members
-from selftouch_drake.agent.planning.steps import square_steps
+from selftouch_drake.agent.planning.steps import least_square_step, square_step
 from selftouch_drake.agent.representation.graphs import target_distances
 from selftouch_drake.agent.representation.neighbours import component_labels
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
@@ -42,8 +42,8 @@ class RouteGraph:
     Attributes:
         joints: `(J,)` indices of these joints.
         firm_row: `(F,)` rows of the firm configurations in `kernel_q`, grouped by kernel.
-        firm_x: `(J, F)` float32 rad, these configurations, scaled, one row per joint.
-        firm_offsets: `(K + 1,)` kernel k owns columns `firm_offsets[k]:firm_offsets[k + 1]`.
+        firm_x: `(F, J)` float32 rad, these configurations, scaled.
+        firm_offsets: `(K + 1,)` kernel k owns rows `firm_offsets[k]:firm_offsets[k + 1]`.
         component: `(K,)` links join kernels of one component; -1 without firm configurations.
         link_offsets: `(K + 1,)` ways `link_offsets[k]:link_offsets[k + 1]` leave kernel k. A way is
             a link in one direction.
@@ -87,7 +87,7 @@ class RouteGraph:
         return cls(
             joints=joints,
             firm_row=firm_row,
-            firm_x=np.ascontiguousarray(firm_x.T),
+            firm_x=firm_x,
             firm_offsets=firm_offsets,
             component=np.where(sizes > 0, component, -1),
             link_offsets=np.searchsorted(ways[:, 0], np.arange(num_kernels + 1)),
@@ -98,7 +98,7 @@ class RouteGraph:
 
     def firm_configurations(self, kernel: int) -> np.ndarray:
         """`(n, J)` rad, the firm configurations of a kernel, scaled."""
-        return self.firm_x[:, self.firm_offsets[kernel] : self.firm_offsets[kernel + 1]].T
+        return self.firm_x[self.firm_offsets[kernel] : self.firm_offsets[kernel + 1]]
 
     def joins(self, start: int, goal: int) -> bool:
         """Whether links lead from one kernel to the other."""
@@ -176,7 +176,7 @@ def carried_route(
         np.asarray(x_start, dtype=np.float32),
         start,
         goal,
-        np.ascontiguousarray(goal_x.T, dtype=np.float32),
+        np.ascontiguousarray(goal_x, dtype=np.float32),
     )
     return route if len(route) else None
 
@@ -221,7 +221,7 @@ def _carry(
     goal_x,
 ):
     """`(N,)` kernels on the cheapest route from `start` to `goal`; empty if there is none."""
-    num_firm, num_kernels = firm_x.shape[1], len(firm_offsets) - 1
+    num_firm, num_kernels = len(firm_x), len(firm_offsets) - 1
     # Places are firm configurations, then the start and the goal.
     at_start, at_goal = num_firm, num_firm + 1
     cost = np.full(num_firm + 2, np.inf)
@@ -229,7 +229,6 @@ def _carry(
     place_kernel = np.empty(num_firm + 2, dtype=np.int64)
     visits = np.zeros(num_kernels, dtype=np.int64)
     visited = np.empty((num_kernels, _MAX_VISITS), dtype=np.int64)
-    squared = np.empty(max(np.max(np.diff(firm_offsets)), goal_x.shape[1]), dtype=firm_x.dtype)
     cost[at_start], place_kernel[at_start], place_kernel[at_goal] = 0.0, start, goal
     queue = [(0.0, at_start)]
     while len(queue) > 0:
@@ -242,11 +241,10 @@ def _carry(
         if place == at_start:
             x = x_start
         else:
-            x = firm_x[:, place].copy()
+            x = firm_x[place]
             new = visits[kernel] < _MAX_VISITS
             for visit in range(visits[kernel]):
-                apart = x - firm_x[:, visited[kernel, visit]]
-                new &= np.sum(apart * apart) > _APART**2
+                new &= square_step(x, firm_x[visited[kernel, visit]]) > _APART**2
             if not new:
                 continue
             visited[kernel, visits[kernel]] = place
@@ -254,20 +252,18 @@ def _carry(
         for way in range(link_offsets[kernel], link_offsets[kernel + 1]):
             there = link_kernel[way]
             if there == goal:
-                square_steps(goal_x, x, squared)
-                to, step = at_goal, np.min(squared[: goal_x.shape[1]])
+                to, step = at_goal, least_square_step(x, goal_x)[1]
             elif visits[there] == _MAX_VISITS:
                 continue
             elif place == at_start:
-                firm = firm_x[:, firm_offsets[there] : firm_offsets[there + 1]]
-                square_steps(firm, x, squared)
-                nearest = np.argmin(squared[: firm.shape[1]])
-                to, step = firm_offsets[there] + nearest, squared[nearest]
+                firm = firm_x[firm_offsets[there] : firm_offsets[there + 1]]
+                nearest, step = least_square_step(x, firm)
+                to = firm_offsets[there] + nearest
             else:
                 entry = nearest_offsets[way] + place - firm_offsets[kernel]
                 to, step = nearest_row[entry], nearest_squared[entry]
-            onward = through + factor[way] * step**1.5
-            if onward < cost[to]:
+            onward = through + factor[way] * step * np.sqrt(step)
+            if onward < cost[to] and onward < cost[at_goal]:
                 cost[to], parent[to], place_kernel[to] = onward, place, there
                 heapq.heappush(queue, (onward, to))
     route = [goal]

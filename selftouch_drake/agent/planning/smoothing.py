@@ -124,17 +124,33 @@ def _normal_equations(num_intervals: int) -> tuple[np.ndarray, np.ndarray, np.nd
         the samples of each interval; `(DEGREE + 1, n)` upper bands of the normal equations, the
         main diagonal last.
     """
-    knots = np.pad(np.arange(num_intervals + 1.0), DEGREE, mode="edge")
-    u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
-    value = _basis(u, knots, DEGREE)
-    jerk = _basis(u, knots[3:-3], DEGREE - 3) @ _third_differences(knots, num_intervals)
-    local = value.swapaxes(1, 2) @ value + jerk.swapaxes(1, 2) @ jerk
+    # All intervals between the outer ones are alike.
+    num_unlike = min(num_intervals, 2 * DEGREE + 1)
+    value, local = _local_equations(num_unlike)
+    interval = np.arange(num_intervals)
+    after = interval - num_intervals + num_unlike
+    unlike = np.minimum(interval, DEGREE) + np.maximum(after - DEGREE, 0)
+    value, local = value[unlike], local[unlike]
     bands = np.zeros((DEGREE + 1, num_intervals + DEGREE))
     for row in range(DEGREE + 1):
         for column in range(row, DEGREE + 1):
             along = slice(column, column + num_intervals)
             bands[DEGREE + row - column, along] += local[:, row, column]
-    return knots, value, bands
+    return _knots(num_intervals), value, bands
+
+
+@lru_cache(maxsize=2 * DEGREE + 1)
+def _local_equations(num_intervals: int) -> tuple[np.ndarray, np.ndarray]:
+    """`value` as above, and `(M, DEGREE + 1, DEGREE + 1)` the terms of each interval."""
+    knots = _knots(num_intervals)
+    u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
+    value = _basis(u, knots, DEGREE)
+    jerk = _basis(u, knots[3:-3], DEGREE - 3) @ _third_differences(knots, num_intervals)
+    return value, value.swapaxes(1, 2) @ value + jerk.swapaxes(1, 2) @ jerk
+
+
+def _knots(num_intervals: int) -> np.ndarray:
+    return np.pad(np.arange(num_intervals + 1.0), DEGREE, mode="edge")
 
 
 def _basis(u: np.ndarray, knots: np.ndarray, degree: int) -> np.ndarray:

@@ -12,6 +12,10 @@ _SHARES = (0.01, 0.1)
 #: Fewest neighbours in the smallest ball; the first share of a small body would hold fewer.
 _LEAST_NEIGHBOURS = 3
 
+#: The largest ball holds at least so many times as many kernels. Below 150 kernels, a tenth of them
+#: would not: between less than a ring of neighbours and a ring, surfaces had 2 to 5 dimensions.
+_LEAST_GROWTH = 5
+
 #: Fewest kernels on which growth can be measured.
 LEAST_KERNELS = 50
 
@@ -38,7 +42,7 @@ def intrinsic_dimension(distances: np.ndarray) -> float:
             f"num_targets is {num_kernels}: give at least {LEAST_KERNELS}, to estimate a dimension"
         )
     pairs = np.sort(distances[~np.eye(num_kernels, dtype=bool)])
-    smallest, largest = _SHARES
-    share = np.geomspace(max(smallest, _LEAST_NEIGHBOURS / num_kernels), largest, 20)
+    smallest = max(_SHARES[0], _LEAST_NEIGHBOURS / num_kernels)
+    share = np.geomspace(smallest, max(_SHARES[1], _LEAST_GROWTH * smallest), 20)
     radius = pairs[(share * len(pairs)).astype(int)]
     return float(np.polyfit(np.log(radius), np.log(share), 1)[0])

@@ -8,7 +8,7 @@ from selftouch_drake.agent.shape import intrinsic_dimension
 
 
 @pytest.mark.parametrize("body", [sphere, cube, torus])
-@pytest.mark.parametrize("num_points", [300, 1000])
+@pytest.mark.parametrize("num_points", [60, 100, 300, 1000])
 def test_surfaces_have_two(body, num_points):
     edges, length = neighbours(body(num_points), 8)
     assert 1.8 < intrinsic_dimension(geodesics(edges, length, num_points)) < 2.4
