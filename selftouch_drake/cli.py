@@ -36,7 +36,7 @@ SET = click.option(
 WORKERS = click.option(
     "--workers",
     type=click.IntRange(min=1),
-    help="Number of babbling processes.  [default: one per core]",
+    help="Number of processes.  [default: one per core]",
 )
 SCHEDULER = click.option(
     "--scheduler",
@@ -379,7 +379,8 @@ def record(
 
 @cli.command()
 @RUN
-def evaluate(run: Path) -> None:
+@WORKERS
+def evaluate(run: Path, workers: int | None) -> None:
     """Score the recovered shape and random plans.
 
     Compares the run directory RUN with the truth, which the agent never sees.
@@ -389,7 +390,7 @@ def evaluate(run: Path) -> None:
     from selftouch_drake.run import stages
     from selftouch_drake.run.executors import HereAndInProcesses
 
-    with _progress("evaluate") as progress, HereAndInProcesses() as executor:
+    with _progress("evaluate") as progress, HereAndInProcesses(workers) as executor:
         stages.evaluate(directory, stages.make_world(directory), progress, executor)
     _print_headline(directory)
 

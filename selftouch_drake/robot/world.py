@@ -15,6 +15,9 @@ from selftouch_drake.robot.robot import Robot
 from selftouch_drake.robot.simulation import Simulation
 from selftouch_drake.robot.skins import SkinModel, make_skins, receptor_skin
 
+#: `make_skins`, or what knows its result.
+MakeSkins = Callable[[Experiment], tuple[SkinModel, ...]]
+
 
 class World:
     """Skins, contact without dynamics, and the simulation of one experiment.
@@ -27,7 +30,7 @@ class World:
     def __init__(
         self,
         experiment: Experiment,
-        make_skins: Callable[[Experiment], tuple[SkinModel, ...]] = make_skins,
+        make_skins: MakeSkins = make_skins,
     ):
         self.experiment = experiment
         self._make_skins = make_skins

@@ -10,7 +10,7 @@ import threading
 import uuid
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, Generic, TypeVar
@@ -70,8 +70,10 @@ class HereAndInProcesses(Threads):
 
     def _get_ready(self, fn: Callable[..., Any], args: tuple[Any, ...]) -> None:
         if not self._ends.wait(_HEAD_START_S):
-            for _ in range(self._num_others):
-                self._others.submit(fn, *args)
+            # It may end just now.
+            with suppress(RuntimeError):
+                for _ in range(self._num_others):
+                    self._others.submit(fn, *args)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Waits for calls that run, but not for processes that have not started."""

@@ -44,7 +44,13 @@ from selftouch_drake.run.knowledge import (
 from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.touches import force_metrics, touch_counts, warn_of_untouched
-from selftouch_drake.run.worlds import as_text, build_world, known_world, make_world
+from selftouch_drake.run.worlds import (
+    as_text,
+    build_world,
+    keep_skins,
+    known_world,
+    make_world,
+)
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.shape import Body
@@ -91,6 +97,7 @@ def babble(
         surfaces[f"{skin.name}_faces"] = skin.fields.faces
         surfaces[f"{skin.name}_p_LS"] = skin.fields.p_LS
     save_arrays(run.skin, surfaces | run.body_stamp())
+    keep_skins(run, world)
     wanted, stored = run.experiment.babbling.num_samples, 0
 
     def count(num_rows: int) -> None:
@@ -184,8 +191,9 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
 def _forget_learning(run: RunDirectory) -> None:
     """Drops the metrics of the old learning, and everything that was made from it."""
     run.drop_metrics(keys_of("learn", "evaluate"))
-    for folder in (run.path / "plans", run.cache):
-        shutil.rmtree(folder, ignore_errors=True)
+    shutil.rmtree(run.path / "plans", ignore_errors=True)
+    for file in run.cache.glob("nearest-*"):
+        file.unlink()
     run.rehearsal.unlink(missing_ok=True)
     run.trials.unlink(missing_ok=True)
 

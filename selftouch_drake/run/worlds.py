@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable
 from functools import lru_cache, partial
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from selftouch_drake.experiment import (
 from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.robot.skins import ARRAYS, SkinModel, make_skins
-from selftouch_drake.robot.world import drakes_refusals
+from selftouch_drake.robot.world import MakeSkins, drakes_refusals
 from selftouch_drake.run.directory import RunDirectory
 
 
@@ -42,7 +41,7 @@ def require_robot(experiment: Experiment) -> None:
 
 def build_world(
     experiment: Experiment,
-    make_skins: Callable[[Experiment], tuple[SkinModel, ...]] = make_skins,
+    make_skins: MakeSkins = make_skins,
 ) -> World:
     """The world of an experiment, with its robot built.
 
@@ -73,19 +72,26 @@ def make_world(run: RunDirectory) -> World:
     return build_world(run.experiment, partial(_kept_skins, run))
 
 
-def _kept_skins(run: RunDirectory, experiment: Experiment) -> tuple[SkinModel, ...]:
+def keep_skins(run: RunDirectory, world: World) -> None:
+    """Keeps the skins of a world for other processes and later commands."""
+    _kept_skins(run, run.experiment, lambda _: world.skins)
+
+
+def _kept_skins(
+    run: RunDirectory, experiment: Experiment, make: MakeSkins = make_skins
+) -> tuple[SkinModel, ...]:
     """As `make_skins`, whose results are kept in the run for the same experience and program."""
 
-    def make() -> dict[str, np.ndarray]:
+    def as_arrays() -> dict[str, np.ndarray]:
         return {
             f"{skin.name}_{key}": array
-            for skin in make_skins(experiment)
+            for skin in make(experiment)
             for key, array in skin.to_arrays().items()
         }
 
     made_from = hashlib.sha256(f"{run.fingerprint()} {_program()}".encode()).hexdigest()[:16]
     names = [f"{name}_{key}" for name in experiment.skins for key in ARRAYS]
-    arrays = kept_arrays(run.cache / f"skins-{made_from}.npz", names, make)
+    arrays = kept_arrays(run.cache / f"skins-{made_from}.npz", names, as_arrays)
     return tuple(
         SkinModel.from_arrays(name, skin.link, {key: arrays[f"{name}_{key}"] for key in ARRAYS})
         for name, skin in experiment.skins.items()
