@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -84,10 +85,12 @@ class FirstTries:
 
     Attributes:
         agent: the agent without memory.
+        gate: held by whoever needs the world before the next try.
     """
 
     def __init__(self, world: World, agent: Agent):
         self.agent = agent.recalling(RehearsalMemory.blank(agent.representation))
+        self.gate = Lock()
         self._world = world
         self._pilot = Pilot(self.agent, world)
         self._balls = _Balls.of(world)

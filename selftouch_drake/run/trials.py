@@ -7,8 +7,9 @@ order, because each remembers the earlier ones. Only the parts of their scores s
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
+from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -81,8 +82,10 @@ def try_pairs(
     rehearsing, max_tries = Pilot(tries.agent, world), run.experiment.execution.max_tries
     pairs = random_pairs(run.experiment, agent.representation)
     trials, without_way = list[Trial](), list[tuple[int, int]]()
-    with shared(tries, _tries_elsewhere, *as_text(run)) as needed:
-        found = _in_order(partial(_first_try, needed), pairs, executor or InTurn())
+    with (
+        shared(tries, _tries_elsewhere, *as_text(run)) as needed,
+        closing(_in_order(partial(_first_try, needed), pairs, executor or InTurn())) as found,
+    ):
         for number, (start, goal) in enumerate(pairs):
             progress(number / len(pairs), f"sensation {start} to {goal}")
             if (result := next(found)) is None:
@@ -90,7 +93,7 @@ def try_pairs(
                 continue
             first, known = result
             save_plan(run, known.execution, start, goal)
-            with WORLD_LOCK:
+            with tries.gate, WORLD_LOCK:
                 rehearsed = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
             rehearsed = rehearsed or [known]
             kept = best(rehearsed)
@@ -110,7 +113,7 @@ def _in_order(
     job: Callable[[tuple[int, int]], Any],
     pairs: Sequence[tuple[int, int]],
     executor: Executor,
-) -> Iterator[Any]:
+) -> Generator[Any, None, None]:
     """Yields the result of each pair; the executor works on a few pairs ahead."""
     ahead = deque[Future[Any]]()
     try:
@@ -130,8 +133,12 @@ def _in_order(
 
 
 def _first_try(needed: Shared[FirstTries], pair: tuple[int, int]) -> tuple[FirstTry, Try] | None:
+    tries = needed.value
+    # A rehearsal that waits for the world goes first.
+    with tries.gate:
+        pass
     with WORLD_LOCK:
-        return needed.value.first(*pair)
+        return tries.first(*pair)
 
 
 def _tries_elsewhere(path: str, text: str) -> FirstTries:
