@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from threading import Lock
 
 import numpy as np
@@ -93,7 +94,6 @@ class FirstTries:
         self.gate = Lock()
         self._world = world
         self._pilot = Pilot(self.agent, world)
-        self._balls = _Balls.of(world)
 
     def first(self, start: int, goal: int) -> tuple[FirstTry, Try] | None:
         """The first try of a pair; None if no way is found."""
@@ -145,6 +145,10 @@ class FirstTries:
             off_skin_s=self.off_skin_s(execution),
         )
         return first, known
+
+    @cached_property
+    def _balls(self) -> _Balls | None:
+        return _Balls.of(self._world)
 
     def off_skin_s(self, execution: Execution) -> float | None:
         """s, off every skin by more than a ball's radius; None if not only balls touch."""
