@@ -568,7 +568,7 @@ def experiments(show: str | None) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line: exit 0 on success, 2 on a user's mistake, 130 on Ctrl-C."""
-    # Modules that load are no garbage; looking for some in between takes a tenth of a start.
+    # Modules that load are no garbage; looking for some in between takes a twentieth of a start.
     gc.set_threshold(50_000)
     sys.exit(exit_status(lambda: cli.main(arguments, prog_name="selftouch", standalone_mode=False)))
 
