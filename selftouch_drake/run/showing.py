@@ -19,7 +19,6 @@ from selftouch_drake.run.knowledge import load_agent
 from selftouch_drake.run.material import Material
 from selftouch_drake.run.worlds import as_text, known_world, require_robot
 from selftouch_drake.show import (
-    FIGURES,
     MissingError,
     Picture,
     Recording,
@@ -29,6 +28,7 @@ from selftouch_drake.show import (
     report_page,
     show_life,
 )
+from selftouch_drake.show.page import figures
 
 # Called with the fraction done and what is being drawn.
 Progress = Callable[[float, str], None]
@@ -77,8 +77,8 @@ def _draw_figures(
     run, drawn = material.run, dict[str, Path | str]()
     run.figures.mkdir(exist_ok=True)
     with shared(material, _material_elsewhere, *as_text(run)) as needed:
-        results = executor.map(partial(_draw_figure, needed, vector), FIGURES)
-        for number, name in enumerate(FIGURES):
+        results = executor.map(partial(_draw_figure, needed, vector), figures.FIGURES)
+        for number, name in enumerate(figures.FIGURES):
             progress(number / len(FIGURES), name.replace("_", " "))
             drawn[name] = next(results)
     return drawn
