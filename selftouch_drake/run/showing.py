@@ -79,7 +79,7 @@ def _draw_figures(
     with shared(material, _material_elsewhere, *as_text(run)) as needed:
         results = executor.map(partial(_draw_figure, needed, vector), figures.FIGURES)
         for number, name in enumerate(figures.FIGURES):
-            progress(number / len(FIGURES), name.replace("_", " "))
+            progress(number / len(figures.FIGURES), name.replace("_", " "))
             drawn[name] = next(results)
     return drawn
 
