@@ -122,7 +122,7 @@ def main() -> None:
         run = RunDirectory.open(path)
         evaluation = dataclasses.replace(run.experiment.evaluation, num_pairs=arguments.pairs)
         experiment = dataclasses.replace(run.experiment, evaluation=evaluation)
-        agent, world = load_agent(run, predicts=False), stages.make_world(run)
+        agent, world = load_agent(run), stages.make_world(run)
         agent = agent.recalling(RehearsalMemory.blank(agent.representation))
         q = ExperienceReader(run.experience).read("q")
         learned = Imagination.learned(q, arguments.steps, arguments.seed)

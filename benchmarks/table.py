@@ -138,7 +138,7 @@ def query_row(run: RunDirectory, num_pairs: int) -> Iterator[Row]:
     """Queries, including the first, compared with OMPL with the true model."""
     ou.setLogLevel(ou.LogLevel.LOG_ERROR)
     ou.RNG.setSeed(1)
-    world, agent = stages.make_world(run), load_agent(run, predicts=False)
+    world, agent = stages.make_world(run), load_agent(run)
     pilot = Pilot(agent, world)
     asked = questions(run, agent.representation, num_pairs)
     ours = [measure_cpu(lambda q=q: pilot.plan(q.start, q.goal)) for q in asked]

@@ -399,7 +399,7 @@ def prediction(arguments: argparse.Namespace) -> None:
     """
     for path in arguments.runs:
         run = RunDirectory.open(path)
-        agent, world = load_agent(run), make_world(run)
+        agent, world = load_agent(run, predicts=True), make_world(run)
         agent = agent.recalling(RehearsalMemory.blank(agent.representation))
         pilot, stored = Pilot(agent, world), agent.kernel_sensation
         tips = tip_places(world, agent.representation.kernel_q.astype(float))

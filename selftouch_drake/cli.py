@@ -5,11 +5,12 @@ Slow imports, above all Drake, happen where they are needed, after all checks th
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +36,7 @@ SET = click.option(
 WORKERS = click.option(
     "--workers",
     type=click.IntRange(min=1),
-    help="Number of babbling processes.  [default: one per core]",
+    help="Number of processes.  [default: one per core]",
 )
 SCHEDULER = click.option(
     "--scheduler",
@@ -139,20 +140,25 @@ def run(
     directory, world = _begin(experiment, out, overrides)
 
     from selftouch_drake.run import stages
+    from selftouch_drake.run.executors import HereAndInProcesses
     from selftouch_drake.run.showing import write_figures, write_report
+    from selftouch_drake.run.worlds import as_text, known_world
 
-    if not stages.has_babbled(directory):
-        _babble(directory, world, workers, scheduler)
-        for picture in write_figures(directory, world=world):
-            click.echo(f"first picture: {picture}")
-    if not stages.has_learned(directory):
-        with _progress("learn") as progress:
-            stages.learn(directory, progress)
-    if not stages.has_evaluated(directory):
-        with _progress("plan, execute, evaluate") as progress:
-            stages.evaluate(directory, world, progress)
-    with _progress("report") as progress:
-        report = write_report(directory, progress, world=world)
+    with HereAndInProcesses(workers) as executor:
+        if not stages.has_babbled(directory):
+            _babble(directory, world, executor, scheduler)
+            for picture in write_figures(directory, world=world):
+                click.echo(f"first picture: {picture}")
+        # Meanwhile the agent learns.
+        executor.get_ready(known_world, *as_text(directory))
+        if not stages.has_learned(directory):
+            with _progress("learn") as progress:
+                stages.learn(directory, progress)
+        if not stages.has_evaluated(directory):
+            with _progress("plan, execute, evaluate") as progress:
+                stages.evaluate(directory, world, progress, executor)
+        with _progress("report") as progress:
+            report = write_report(directory, progress, world=world, executor=executor)
     _print_headline(directory)
     click.echo(f"report: {report}")
 
@@ -171,7 +177,11 @@ def babble(
     EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
     """
     directory, world = _begin(experiment, out, overrides)
-    _babble(directory, world, workers, scheduler)
+
+    from selftouch_drake.run.executors import HereAndInProcesses
+
+    with HereAndInProcesses(workers) as executor:
+        _babble(directory, world, executor, scheduler)
     click.echo(f"experience: {directory.experience}")
 
 
@@ -369,7 +379,8 @@ def record(
 
 @cli.command()
 @RUN
-def evaluate(run: Path) -> None:
+@WORKERS
+def evaluate(run: Path, workers: int | None) -> None:
     """Score the recovered shape and random plans.
 
     Compares the run directory RUN with the truth, which the agent never sees.
@@ -377,9 +388,10 @@ def evaluate(run: Path) -> None:
     directory = _open(run)
 
     from selftouch_drake.run import stages
+    from selftouch_drake.run.executors import HereAndInProcesses
 
-    with _progress("evaluate") as progress:
-        stages.evaluate(directory, stages.make_world(directory), progress)
+    with _progress("evaluate") as progress, HereAndInProcesses(workers) as executor:
+        stages.evaluate(directory, stages.make_world(directory), progress, executor)
     _print_headline(directory)
 
 
@@ -431,9 +443,11 @@ def live(
     directory, world = _begin(experiment, out, overrides)
 
     from selftouch_drake.run import living, showing, stages
+    from selftouch_drake.run.executors import HereAndInProcesses
 
     if not stages.has_babbled(directory):
-        _babble(directory, world, workers, None)
+        with HereAndInProcesses(workers) as executor:
+            _babble(directory, world, executor, None)
     if no_page:
         with _progress("live") as progress:
             living.live(directory, progress=progress)
@@ -554,6 +568,8 @@ def experiments(show: str | None) -> None:
 
 def main(arguments: list[str] | None = None) -> None:
     """Runs the command line: exit 0 on success, 2 on a user's mistake, 130 on Ctrl-C."""
+    # Modules that load are no garbage; looking for some in between takes a twentieth of a start.
+    gc.set_threshold(50_000)
     sys.exit(exit_status(lambda: cli.main(arguments, prog_name="selftouch", standalone_mode=False)))
 
 
@@ -673,14 +689,14 @@ def _open(run: Path, *, writing: bool = True):
     return directory
 
 
-def _babble(directory, world, workers: int | None, scheduler: str | None) -> None:
+def _babble(directory, world, executor, scheduler: str | None) -> None:
     from selftouch_drake.run import stages
-    from selftouch_drake.run.executors import HereAndInProcesses, dask_executor
+    from selftouch_drake.run.executors import dask_executor
 
-    chosen = dask_executor(scheduler) if scheduler else HereAndInProcesses(workers)
-    with _progress("babble") as progress, chosen as executor:
+    chosen = dask_executor(scheduler) if scheduler else nullcontext(executor)
+    with _progress("babble") as progress, chosen as where:
         progress(0.0, "the first walks")  # under dynamics these take minutes
-        stages.babble(directory, world, executor, progress)
+        stages.babble(directory, world, where, progress)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ import os
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +97,37 @@ def load_arrays(path: Path, names: Iterable[str] = ()) -> dict[str, np.ndarray]:
     if missing := [name for name in names if name not in arrays]:
         raise ValueError(f"{path} lacks {', '.join(missing)}; make it again")
     return arrays
+
+
+def kept_arrays(
+    path: Path, names: Iterable[str], make: Callable[[], Mapping[str, np.ndarray]]
+) -> Mapping[str, np.ndarray]:
+    """Arrays of a file that can be made again at any time.
+
+    If the file is missing or damaged, they are made and kept for the next time, unless nothing can
+    be written there. The name of the file must say what they are made from.
+
+    Args:
+        path: the file.
+        names: of the arrays.
+        make: makes them.
+    """
+    try:
+        return load_arrays(path, names)
+    except (FileNotFoundError, ValueError):
+        arrays = make()
+    with contextlib.suppress(OSError):
+        save_arrays(path, arrays)
+    return arrays
+
+
+def arrays_digest(arrays: Iterable[np.ndarray]) -> str:
+    """Identifies what arrays hold, with their shapes and types."""
+    digest = hashlib.sha256()
+    for array in arrays:
+        digest.update(f"{array.shape} {array.dtype}".encode())
+        digest.update(np.ascontiguousarray(array).tobytes())
+    return digest.hexdigest()[:16]
 
 
 # What numpy raises, in practice, for truncated, damaged and foreign files.

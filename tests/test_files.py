@@ -4,7 +4,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from selftouch_drake.files import load_arrays, save_arrays, write_text_whole, written_whole
+from selftouch_drake.files import (
+    kept_arrays,
+    load_arrays,
+    save_arrays,
+    write_text_whole,
+    written_whole,
+)
 
 ARRAYS = {"q": np.arange(12.0).reshape(2, 6), "row": np.array([3, 1, 2])}
 
@@ -126,3 +132,28 @@ def test_a_foreign_file_is_reported(content, tmp_path_factory):
     path.write_bytes(content)
     with pytest.raises(ValueError, match="make it again"):
         load_arrays(path)
+
+
+@pytest.mark.parametrize("there", [None, b"", b"garbage", "lacks"])
+def test_kept_arrays_are_made_again_where_they_are_missing_or_damaged(tmp_path, there):
+    path, calls = tmp_path / "cache" / "kept.npz", []
+    if there is not None:
+        save_arrays(path, {"other": ARRAYS["q"]})
+    if isinstance(there, bytes):
+        path.write_bytes(there)
+
+    def make():
+        calls.append(1)
+        return ARRAYS
+
+    for _ in range(2):
+        found = kept_arrays(path, ARRAYS, make)
+        for name, array in ARRAYS.items():
+            np.testing.assert_array_equal(found[name], array)
+    assert len(calls) == 1
+
+
+def test_arrays_that_cannot_be_kept_are_made_each_time(tmp_path):
+    (tmp_path / "cache").write_text("a file, not a folder")
+    path = tmp_path / "cache" / "kept.npz"
+    assert kept_arrays(path, ARRAYS, lambda: ARRAYS) is ARRAYS

@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning import (
     KNOT_SPACING,
+    FindNearest,
     Limits,
     Planner,
     Prediction,
@@ -28,6 +29,7 @@ from selftouch_drake.agent.representation import (
     QuotientRepresentation,
     felt_kernels,
     kernel_sensations,
+    linked_nearest,
 )
 from selftouch_drake.agent.sliding import Slider
 
@@ -49,12 +51,14 @@ class Agent:
         kernel_sensation: `(R, S)` unit L2 norm, the sensation at each configuration of the
             representation; it makes prediction errors five times smaller. None if not kept.
         knot_spacing: rad of path length between knots of smooth paths; larger is smoother.
+        find_nearest: as of `Planner`.
     """
 
     representation: QuotientRepresentation
     memory: RehearsalMemory
     kernel_sensation: csr_array | np.ndarray | None = None
     knot_spacing: float = KNOT_SPACING
+    find_nearest: FindNearest = linked_nearest
 
     @classmethod
     def of(
@@ -64,6 +68,7 @@ class Agent:
         memory: RehearsalMemory | None = None,
         kernel_sensation: csr_array | np.ndarray | None = None,
         knot_spacing: float = KNOT_SPACING,
+        find_nearest: FindNearest = linked_nearest,
     ) -> Agent:
         """An agent with a representation learned before; its memory is blank by default."""
         return cls(
@@ -71,6 +76,7 @@ class Agent:
             memory=RehearsalMemory.blank(representation) if memory is None else memory,
             kernel_sensation=kernel_sensation,
             knot_spacing=knot_spacing,
+            find_nearest=find_nearest,
         )
 
     @classmethod
@@ -293,7 +299,9 @@ class Agent:
     @cached_property
     def planner(self) -> Planner:
         """The planner that makes all plans."""
-        return Planner(self.representation, knot_spacing=self.knot_spacing)
+        return Planner(
+            self.representation, knot_spacing=self.knot_spacing, find_nearest=self.find_nearest
+        )
 
     def _with(self, **changes: Any) -> Agent:
         """A changed copy that keeps the planner, which must not depend on the changes."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import trimesh
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
+
+from selftouch_drake.lazy import trimesh
 
 # cm², of a fingertip's print: within it, touches count for the same place.
 PRINT_AREA = np.pi

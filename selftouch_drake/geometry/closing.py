@@ -7,14 +7,13 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-import trimesh
-from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from selftouch_drake.geometry.hollow import hollow_skin
 from selftouch_drake.geometry.solid import rounded_solid, triangulated
+from selftouch_drake.lazy import ndimage, trimesh
 
 # In units of the resolution: cells of the grid, so small that their steps do not show; the ball
 # that closes gaps; and the ball that rounds edges, so that triangles can follow them.

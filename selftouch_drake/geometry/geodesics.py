@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse
-import trimesh
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
+
+from selftouch_drake.lazy import trimesh
 
 # Sine of the largest angle between a chord and the tangent planes at its ends at which it replaces
 # the path on the surface: a smooth bend then costs 1 % of length, and sharp edges are never cut.

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse
-import trimesh
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.intersections import first_self_intersection
 from selftouch_drake.geometry.samples import lengths_and_heights, sample_triangles
+from selftouch_drake.lazy import trimesh
 
 # If the normals around a vertex differ by more than this, it is on an edge, which is mitred; else
 # the surface is smooth there. It is the ratio of their second to their first principal value: about

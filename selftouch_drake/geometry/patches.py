@@ -18,11 +18,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from selftouch_drake.geometry.geodesics import surface_paths
+from selftouch_drake.lazy import trimesh
 
 
 def touched_patch(

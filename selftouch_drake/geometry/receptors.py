@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import trimesh
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.geometry.geodesics import surface_paths
+from selftouch_drake.lazy import trimesh
 
 FEWEST_RECEPTORS, MOST_RECEPTORS = 4, 1000
 

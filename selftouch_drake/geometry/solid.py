@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
-import trimesh
-from scipy import ndimage
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.samples import sample_triangles
+from selftouch_drake.lazy import ndimage, trimesh
 
 # Most cells of a grid: about 600 MB.
 _MOST_CELLS = 2e7

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import manifold3d
 import numpy as np
-import trimesh
 
 from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
 from selftouch_drake.geometry.intersections import first_self_intersection
+from selftouch_drake.lazy import trimesh
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl")
 

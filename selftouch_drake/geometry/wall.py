@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import trimesh
 
 from selftouch_drake.geometry.hollow import HollowSkin
+from selftouch_drake.lazy import trimesh
 
 
 def wall_points(skin: HollowSkin, spacing: float) -> np.ndarray:

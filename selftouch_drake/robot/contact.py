@@ -201,7 +201,8 @@ class SensorModel:
         for k, fields in enumerate(self._fields):
             here = np.flatnonzero(skin == k)
             if len(here):
-                felt = self._felt(fields, here, num_faces, force, p_LQ)
+                mine = np.repeat(skin == k, num_faces)
+                felt = _felt(fields, num_faces[here], force[mine], p_LQ[mine])
                 columns = slice(self._ends[k], self._ends[k + 1])
                 np.add.at(sensation[:, columns], row[here], felt)
         total = np.zeros((len(row), 4))
@@ -209,26 +210,41 @@ class SensorModel:
         np.add.at(total, contact, np.column_stack([force, force[:, None] * p_LQ]))
         return Touches.of(sensation, row, skin, toucher, total)
 
-    @staticmethod
-    def _felt(
-        fields: ReceptiveFields,
-        contacts: np.ndarray,
-        num_faces: np.ndarray,
-        force: np.ndarray,
-        p_LQ: np.ndarray,
-    ) -> np.ndarray:
-        """`(contacts, receptors)` N, readings for some contacts with one skin."""
-        mine = np.zeros(len(num_faces), dtype=bool)
-        mine[contacts] = True
-        faces = np.repeat(mine, num_faces)
-        corner, part = fields.parts_at(p_LQ[faces])
-        ends = np.concatenate([[0], np.cumsum(num_faces[contacts])])
-        weights, felt = fields.vertex_weights, np.zeros((len(contacts), fields.num_receptors))
-        _feel(
-            force[faces], corner, part, ends, weights.indptr, weights.indices, weights.data,
-            np.zeros(len(fields.vertices)), np.empty(len(fields.vertices), dtype=np.int64), felt,
-        )  # fmt: skip
-        return felt
+    def sensation(self, faces: PressedFaces, X_WL: np.ndarray) -> np.ndarray:
+        """`(S,)` N, the readings that faces gathered at one instant cause.
+
+        The same as of `touches`, which takes three times as long for a single instant.
+
+        Args:
+            faces: faces at one instant.
+            X_WL: `(skins, 3, 4)` poses of the links that wear the skins.
+        """
+        sensation, start = np.zeros(self.num_receptors), 0
+        for skin, num_faces in zip(faces.skin, faces.num_faces, strict=True):
+            mine = slice(start, start := start + num_faces)
+            p_LQ = _in_frames(
+                np.array(faces.p_WQ[mine]), np.repeat(X_WL[skin][None], num_faces, axis=0)
+            )
+            felt = _felt(self._fields[skin], [num_faces], np.array(faces.force[mine]), p_LQ)
+            sensation[self._ends[skin] : self._ends[skin + 1]] += felt[0]
+        return sensation
+
+
+def _felt(
+    fields: ReceptiveFields,
+    num_faces: Sequence[int] | np.ndarray,
+    force: np.ndarray,
+    p_LQ: np.ndarray,
+) -> np.ndarray:
+    """`(contacts, receptors)` N, readings of contacts with one skin, given their faces in order."""
+    corner, part = fields.parts_at(p_LQ)
+    weights, felt = fields.vertex_weights, np.zeros((len(num_faces), fields.num_receptors))
+    _feel(
+        force, corner, part, np.cumsum([0, *num_faces]), weights.indptr, weights.indices,
+        weights.data, np.zeros(len(fields.vertices)),
+        np.empty(len(fields.vertices), dtype=np.int64), felt,
+    )  # fmt: skip
+    return felt
 
 
 @compiled

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import numpy as np
-import trimesh
 
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.links import scoped_name
 from selftouch_drake.robot.robot import Robot
 from selftouch_drake.robot.world import World

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
-import trimesh
 from pydrake.geometry import (
     Box,
     Capsule,
@@ -24,6 +23,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, FrameIndex, Joint, RigidBody
 
 from selftouch_drake.experiment import ExperimentError, closest
+from selftouch_drake.lazy import trimesh
 
 # Faces for a quarter of a round primitive's outline; the shape is triangulated anew later.
 _SECTIONS = 32

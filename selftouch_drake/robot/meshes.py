@@ -7,9 +7,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-import trimesh
-
 from selftouch_drake.files import written_whole
+from selftouch_drake.lazy import trimesh
 
 # What Drake 1.51 and 1.58 take as collision geometry, and draw.
 DRAKE_SUFFIXES = frozenset({".obj", ".vtk", ".gltf"})

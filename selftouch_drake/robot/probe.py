@@ -11,12 +11,39 @@ from pydrake.geometry import HydroelasticContactRepresentation, QueryObject
 
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.collisions import CollisionCheck
-from selftouch_drake.robot.contact import PressedFaces, Touches
+from selftouch_drake.robot.contact import PressedFaces, SensorModel, Touches
 from selftouch_drake.robot.hydroelastic import RigidTouchers
 from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.screen import TouchScreen
 from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.station import MakeKinematicStation, sensor_model
+
+# For fewer configurations, contact takes less time than it takes to build the screen.
+_WITHOUT_SCREEN = 200_000
+
+
+class Postures:
+    """Drake's view of a robot at one configuration after another, without dynamics.
+
+    Args:
+        experiment: of the robot.
+        skins: its skins.
+        feels: as of `MakeKinematicStation`.
+    """
+
+    def __init__(self, experiment: Experiment, skins: Sequence[SkinModel], *, feels: bool):
+        self._station = MakeKinematicStation(experiment, skins, feels=feels)
+        self.robot = self._station.robot
+        diagram = self._station.diagram
+        self._context = diagram.CreateDefaultContext()
+        self._q = diagram.GetInputPort("q").FixValue(self._context, np.zeros(self.robot.num_joints))
+        self._query_port = diagram.GetOutputPort("query_object")
+
+    def query(self, q: np.ndarray) -> QueryObject:
+        """Drake's query object at `(J,)` q; good until the next call."""
+        # Reading mutable data marks the context as changed.
+        self._q.GetMutableData().get_mutable_value().SetFromVector(q)
+        return self._query_port.Eval(self._context)
 
 
 class ContactProbe:
@@ -31,16 +58,9 @@ class ContactProbe:
     """
 
     def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
-        station = MakeKinematicStation(experiment, skins)
-        self._station = station
-        self._context = station.diagram.CreateDefaultContext()
-        self.robot = station.robot
-        self._q = station.diagram.GetInputPort("q").FixValue(
-            self._context, np.zeros(self.robot.num_joints)
-        )
-        self._query_port = station.diagram.GetOutputPort("query_object")
-        self._sensor = sensor_model(station.robot)
-        self._screen = TouchScreen(self.robot)
+        self._postures = Postures(experiment, skins, feels=False)
+        self.robot = self._postures.robot
+        self._described, self._num_asked = (experiment, skins), 0
         self._collisions = CollisionCheck(self.robot)
         self._imperfections = ImperfectSkins.of(experiment, skins)
 
@@ -51,7 +71,7 @@ class ContactProbe:
     def touches(self, q: np.ndarray) -> Touches:
         """The sensations at `q` `(N, J)`, and the contacts that cause them."""
         rows, touches = self._of_perfect_skins(q)
-        sensation = np.zeros((len(q), self._sensor.num_receptors))
+        sensation = np.zeros((len(q), touches.sensation.shape[1]))
         sensation[rows] = touches.sensation
         if self._imperfections is not None:
             sensation = self._imperfections(sensation, q)
@@ -72,7 +92,7 @@ class ContactProbe:
 
     def _of_perfect_skins(self, q: np.ndarray) -> tuple[np.ndarray, Touches]:
         """The rows of `q` with something near a skin, and the touches of perfect skins there."""
-        near = self._screen.near(q)
+        near = self._near(q)
         rows = np.flatnonzero(near.any(axis=1))
         near, q = near[rows], q[rows]
         X_WL = self.robot.kinematics.poses(q)
@@ -81,30 +101,41 @@ class ContactProbe:
             touches = touches.and_also(self._of_soft_touchers(q, X_WL, near))
         return rows, touches
 
+    def _near(self, q: np.ndarray) -> np.ndarray:
+        """`(N, P)` bool, touching pairs that might touch; all pairs until a screen pays."""
+        self._num_asked += len(q)
+        if self._num_asked < _WITHOUT_SCREEN and self._rigid_touchers.is_rigid.all():
+            return np.ones((len(q), len(self.robot.touching_pairs)), dtype=bool)
+        return self._screen.near(q)
+
     def _of_soft_touchers(self, q: np.ndarray, X_WL: np.ndarray, near: np.ndarray) -> Touches:
         """Touches of skins by skins, computed by Drake for near pairs."""
-        faces, skins = PressedFaces(), frozenset(s.geometry_id for s in self.robot.skins)
+        postures, sensor = self._soft_postures
+        faces, skins = PressedFaces(), frozenset(s.geometry_id for s in postures.robot.skins)
         for row in np.flatnonzero(near[:, ~self._rigid_touchers.is_rigid].any(axis=1)):
-            surfaces = self.query(q[row]).ComputeContactSurfaces(
+            surfaces = postures.query(q[row]).ComputeContactSurfaces(
                 HydroelasticContactRepresentation.kPolygon
             )
             soft = [s for s in surfaces if s.id_M() in skins and s.id_N() in skins]
-            self._sensor.gather(faces, int(row), soft)
-        return self._sensor.touches(faces, X_WL[:, : len(self.robot.skins)])
+            sensor.gather(faces, int(row), soft)
+        return sensor.touches(faces, X_WL[:, : len(self.robot.skins)])
+
+    @cached_property
+    def _screen(self) -> TouchScreen:
+        return TouchScreen(self.robot)
 
     @cached_property
     def _rigid_touchers(self) -> RigidTouchers:
         return RigidTouchers(self.robot)
+
+    @cached_property
+    def _soft_postures(self) -> tuple[Postures, SensorModel]:
+        postures = Postures(*self._described, feels=True)
+        return postures, sensor_model(postures.robot)
 
     def collision_depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.
 
         0 where the posture is possible. With a margin (m), less is allowed.
         """
-        return self._collisions.depth(q, self.query, margin)
-
-    def query(self, q: np.ndarray) -> QueryObject:
-        """Drake's query object at `(J,)` q; good until the next call."""
-        # Reading mutable data marks the context as changed.
-        self._q.GetMutableData().get_mutable_value().SetFromVector(q)
-        return self._query_port.Eval(self._context)
+        return self._collisions.depth(q, self._postures.query, margin)

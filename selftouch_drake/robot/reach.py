@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from pydrake.geometry import Sphere
 from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import HollowSkin, farthest_points, wall_points
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.pairs import Toucher
 from selftouch_drake.robot.robot import Robot
 from selftouch_drake.robot.touchers import touching_triangles

@@ -105,12 +105,24 @@ class Robot:
         return self.kinematics.positions(q)[:, len(self.skins) :]
 
 
-def MakeRobot(experiment: Experiment, skins: Sequence[SkinModel], scene_graph: SceneGraph) -> Robot:
+def MakeRobot(
+    experiment: Experiment,
+    skins: Sequence[SkinModel],
+    scene_graph: SceneGraph,
+    *,
+    soft: bool = True,
+) -> Robot:
     """Builds the plant of `experiment` and registers it with `scene_graph`.
 
     Only pairs of toucher and skin collide; all others are filtered, because every pair that Drake
     need not look at is time. Rigid links of the robot that may run into each other are listed, for
     `collisions.CollisionCheck` and the dynamic world.
+
+    Args:
+        experiment: the experiment.
+        skins: its skins.
+        scene_graph: of the new plant.
+        soft: whether Drake computes contact with the skins.
 
     Raises:
         ExperimentError: the experiment names what the robot does not have, or a joint that cannot
@@ -131,7 +143,7 @@ def MakeRobot(experiment: Experiment, skins: Sequence[SkinModel], scene_graph: S
     fix_joints(plant, experiment, model)
     own = own_geometries(plant, scene_graph)
 
-    worn = [wear(plant, skin, visible=False) for skin in skins]
+    worn = [wear(plant, skin, visible=False, soft=soft) for skin in skins]
     touchers = [
         _add_toucher(plant, scene_graph, name, toucher, worn, own, experiment)
         for name, toucher in experiment.touching.items()

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-import trimesh
 from pydrake.geometry import Role, SceneGraph
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
+from scipy.sparse import csr_matrix
 
 from selftouch_drake.experiment import SHAPES, Experiment, ExperimentError, Skin
 from selftouch_drake.geometry import (
@@ -24,6 +26,7 @@ from selftouch_drake.geometry import (
     receptive_fields,
     surfaces,
 )
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.changes import skin_motion
 from selftouch_drake.robot.links import find_link, link_geometries, pieces_in_link
 from selftouch_drake.robot.models import load_model, parse
@@ -60,6 +63,47 @@ class SkinModel:
     fields: ReceptiveFields
     hydroelastic_modulus: float
     is_own_geometry: bool
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """All but the texts, as a file holds it."""
+        fields, weights = vars(self.fields), self.fields.vertex_weights
+        return {
+            **{f"wall_{name}": np.array(getattr(self.wall, name)) for name in _WALL},
+            **{f"fields_{name}": np.array(fields[name]) for name in _FIELDS},
+            **{f"weights_{name}": getattr(weights, name) for name in _WEIGHTS},
+            "hydroelastic_modulus": np.array(self.hydroelastic_modulus),
+            "is_own_geometry": np.array(self.is_own_geometry),
+        }
+
+    @staticmethod
+    def from_arrays(name: str, link: str, arrays: Mapping[str, np.ndarray]) -> SkinModel:
+        """The skin of `to_arrays`."""
+        wall: dict[str, Any] = {key: arrays[f"wall_{key}"] for key in _WALL}
+        fields: dict[str, Any] = {key: arrays[f"fields_{key}"] for key in _FIELDS}
+        shape = len(fields["vertices"]), len(fields["p_LS"])
+        weights = csr_matrix(tuple(arrays[f"weights_{key}"] for key in _WEIGHTS), shape)
+        radius, thickness = float(fields["radius"]), float(wall["thickness"])
+        return SkinModel(
+            name=name,
+            link=link,
+            wall=HollowSkin(**wall | {"thickness": thickness}),
+            fields=ReceptiveFields(**fields | {"radius": radius}, vertex_weights=weights),
+            hydroelastic_modulus=float(arrays["hydroelastic_modulus"]),
+            is_own_geometry=bool(arrays["is_own_geometry"]),
+        )
+
+
+_WALL = [field.name for field in dataclasses.fields(HollowSkin)]
+_FIELDS = [f.name for f in dataclasses.fields(ReceptiveFields) if f.name != "vertex_weights"]
+_WEIGHTS = ("data", "indices", "indptr")
+#: Names of the arrays of `SkinModel.to_arrays`.
+ARRAYS = (
+    *(f"wall_{name}" for name in _WALL),
+    *(f"fields_{name}" for name in _FIELDS),
+    *(f"weights_{name}" for name in _WEIGHTS),
+    "hydroelastic_modulus",
+    "is_own_geometry",
+)
 
 
 def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:

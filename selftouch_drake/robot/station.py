@@ -62,33 +62,51 @@ def sensor_model(robot: Robot) -> SensorModel:
 
 
 def MakeKinematicStation(
-    experiment: Experiment, skins: Sequence[SkinModel], meshcat: Meshcat | None = None
+    experiment: Experiment,
+    skins: Sequence[SkinModel],
+    meshcat: Meshcat | None = None,
+    *,
+    feels: bool = True,
 ) -> Station:
-    """A world without dynamics: a robot at `q` and its sensation."""
+    """A world without dynamics: a robot at `q` and its sensation.
+
+    If it does not feel, it has no port `sensation`, and is built in less time.
+    """
     builder = DiagramBuilder()
     scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    robot = MakeRobot(experiment, skins, scene_graph)
+    robot = MakeRobot(experiment, skins, scene_graph, soft=feels)
     to_pose = builder.AddNamedSystem("pose", MultibodyPositionToGeometryPose(robot.plant))
     builder.Connect(
         to_pose.get_output_port(),
         scene_graph.get_source_pose_port(robot.plant.get_source_id()),
     )
+    builder.ExportInput(to_pose.get_input_port(), "q")
+    if feels:
+        _add_kinematic_skin(builder, experiment, skins, scene_graph, robot)
+    builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
+    if meshcat is not None:
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+    return Station(diagram=builder.Build(), robot=robot)
+
+
+def _add_kinematic_skin(
+    builder: DiagramBuilder,
+    experiment: Experiment,
+    skins: Sequence[SkinModel],
+    scene_graph: SceneGraph,
+    robot: Robot,
+) -> None:
     skin_ids = [skin.geometry_id for skin in robot.skins]
     touch = builder.AddNamedSystem(
         "tactile_skin", KinematicTactileSkin(sensor=sensor_model(robot), skin_ids=skin_ids)
     )
     builder.Connect(scene_graph.get_query_output_port(), touch.get_input_port())
-    builder.ExportInput(to_pose.get_input_port(), "q")
     sensation = touch.get_output_port()
     if imperfections := ImperfectSkins.of(experiment, skins):
         readout = _add_readout(builder, imperfections, sensation, robot)
         builder.ConnectInput("q", readout.GetInputPort("q"))
         sensation = readout.get_output_port()
     builder.ExportOutput(sensation, "sensation")
-    builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
-    if meshcat is not None:
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
-    return Station(diagram=builder.Build(), robot=robot)
 
 
 def MakeDynamicStation(

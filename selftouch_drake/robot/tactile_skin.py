@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-import trimesh
 from pydrake.common import MemoryFile
 from pydrake.common.value import Value
 from pydrake.geometry import (
@@ -19,6 +18,7 @@ from pydrake.geometry import (
     ProximityProperties,
     QueryObject,
     Rgba,
+    SceneGraphConfig,
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import ContactModel, ContactResults, CoulombFriction, MultibodyPlant
@@ -26,6 +26,7 @@ from pydrake.multibody.tree import BodyIndex, RigidBody
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from selftouch_drake.geometry import HollowSkin, ReceptiveFields, vtk_text
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.contact import PressedFaces, SensorModel
 from selftouch_drake.robot.imperfections import ImperfectSkins
 
@@ -69,18 +70,31 @@ def RegisterSkin(
         raise ValueError(f"hydroelastic_modulus is {hydroelastic_modulus}; give a number above 0")
     X_LS = X_LS or RigidTransform()
     properties = ProximityProperties()
-    AddContactMaterial(dissipation=SKIN_DISSIPATION, friction=SKIN_FRICTION, properties=properties)
+    # Where one of Drake's defaults is missing, each context computes the pressure field again.
+    defaults = SceneGraphConfig().default_proximity_properties
+    AddContactMaterial(
+        dissipation=SKIN_DISSIPATION,
+        friction=SKIN_FRICTION,
+        point_stiffness=defaults.point_stiffness,
+        properties=properties,
+    )
+    properties.AddProperty("material", "relaxation_time", defaults.relaxation_time)
     AddCompliantHydroelasticProperties(
         resolution_hint=skin.thickness,  # asked for, but a mesh has its own resolution
         hydroelastic_modulus=hydroelastic_modulus,
         properties=properties,
     )
-    mesh = Mesh(InMemoryMesh(mesh_file=MemoryFile(vtk_text(skin), ".vtk", name)))
+    mesh = wall_mesh(skin, name)
     geometry_id = plant.RegisterCollisionGeometry(body, X_LS, mesh, name, properties)
     if visible:
         outer = Mesh(InMemoryMesh(mesh_file=MemoryFile(_obj_text(skin), ".obj", name)))
         plant.RegisterVisualGeometry(body, X_LS, outer, f"{name}_visual", np.array(_COLOR.rgba))
     return geometry_id
+
+
+def wall_mesh(skin: HollowSkin, name: str) -> Mesh:
+    """The tetrahedra of a skin as Drake's shape."""
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(vtk_text(skin), ".vtk", name)))
 
 
 def _obj_text(skin: HollowSkin) -> str:
@@ -165,7 +179,7 @@ class TactileSkin(LeafSystem):
         self._warn_of_points(contact)
         poses = self._poses.Eval(context)
         X_WS = [poses[link].multiply(X_LS).GetAsMatrix34() for link, X_LS in self._worn]
-        output.SetFromVector(self._sensor.touches(faces, np.array([X_WS])).sensation[0])
+        output.SetFromVector(self._sensor.sensation(faces, np.array(X_WS)))
 
     def _warn_of_points(self, contact: ContactResults) -> None:
         for i in range(contact.num_point_pair_contacts()):
@@ -345,5 +359,5 @@ class KinematicTactileSkin(LeafSystem):
         surfaces = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
         self._sensor.gather(faces, 0, surfaces)
         # A skin of an experiment is registered in the frame of its link.
-        X_WL = np.array([[query.GetPoseInWorld(s).GetAsMatrix34() for s in self._skin_ids]])
-        output.SetFromVector(self._sensor.touches(faces, X_WL).sensation[0])
+        X_WL = np.array([query.GetPoseInWorld(s).GetAsMatrix34() for s in self._skin_ids])
+        output.SetFromVector(self._sensor.sensation(faces, X_WL))

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 from pydrake.common import MemoryFile
 from pydrake.geometry import (
     AddContactMaterial,
@@ -28,6 +27,7 @@ from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import Frame, RigidBody
 
 from selftouch_drake.geometry import closed_surface
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.links import as_mesh
 
 # Prefix of the name of every toucher's geometry.
@@ -43,10 +43,9 @@ PATCH = 8
 # Faces round a cylinder.
 _SECTIONS = 12
 # The triangles into which Drake cuts a ball of radius 1: corners on the axes.
-_OCTAHEDRON = trimesh.Trimesh(
-    np.concatenate([np.eye(3), -np.eye(3)]),
-    [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]],
-    process=False,
+_CORNERS = np.concatenate([np.eye(3), -np.eye(3)])
+_FACES = np.array(
+    [[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2], [1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]]
 )
 # m, finer triangles of a touching mesh cost time, and no skin feels them.
 _FINEST = 0.008
@@ -120,7 +119,7 @@ def touching_triangles(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
         `(V, 3)` m, in the shape's frame, and `(F, 3)` corners, outward by the right hand.
     """
     if isinstance(shape, Sphere):
-        return shape.radius() * _OCTAHEDRON.vertices, np.array(_OCTAHEDRON.faces)
+        return shape.radius() * _CORNERS, _FACES
     lines = shape.source().in_memory().mesh_file.contents().decode().splitlines()
     vertices = [line.split()[1:] for line in lines if line.startswith("v ")]
     faces = [line.split()[1:] for line in lines if line.startswith("f ")]
@@ -166,7 +165,7 @@ def _own_mesh(shape: Shape) -> Mesh:
 
 def _ellipsoid(semi_axes: Sequence[float]) -> trimesh.Trimesh:
     """An octahedron, cut once more, with its corners on an ellipsoid: 32 triangles."""
-    ball = _OCTAHEDRON.subdivide()
+    ball = trimesh.Trimesh(_CORNERS, _FACES, process=False).subdivide()
     directions = ball.vertices / np.linalg.norm(ball.vertices, axis=1, keepdims=True)
     return trimesh.Trimesh(directions * semi_axes, ball.faces, process=False)
 

@@ -10,9 +10,11 @@ from pydrake.geometry import (
     CollisionFilterDeclaration,
     GeometryId,
     GeometrySet,
+    ProximityProperties,
     Role,
     SceneGraph,
 )
+from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
     LoadModelDirectivesFromString,
     Parser,
@@ -35,7 +37,7 @@ from selftouch_drake.robot.links import all_links, find_link, link_geometries
 from selftouch_drake.robot.models import one_line
 from selftouch_drake.robot.pairs import Neighbours, WornSkin
 from selftouch_drake.robot.skins import SkinModel, make_skin, receptor_seed
-from selftouch_drake.robot.tactile_skin import RegisterSkin, TactileSkin, connected
+from selftouch_drake.robot.tactile_skin import RegisterSkin, TactileSkin, connected, wall_mesh
 
 
 def AddSkins(
@@ -93,17 +95,26 @@ def _own_geometry(
     return link_geometries(plant, scene_graph.model_inspector(), link, Role.kProximity)
 
 
-def wear(plant: MultibodyPlant, model: SkinModel, *, visible: bool) -> WornSkin:
-    """Gives the link of a skin its soft geometry, before the plant is finalized."""
+def wear(plant: MultibodyPlant, model: SkinModel, *, visible: bool, soft: bool = True) -> WornSkin:
+    """Gives the link of a skin its geometry, before the plant is finalized.
+
+    If it is not soft, Drake computes no contact with it, and takes a tenth of the time to build it.
+    """
     link = find_link(plant, model.link, f"skins.{model.name}.link")
-    geometry_id = RegisterSkin(
-        plant,
-        link,
-        model.wall,
-        hydroelastic_modulus=model.hydroelastic_modulus,
-        name=f"skin_{model.name}",
-        visible=visible,
-    )
+    name = f"skin_{model.name}"
+    if soft:
+        geometry_id = RegisterSkin(
+            plant,
+            link,
+            model.wall,
+            hydroelastic_modulus=model.hydroelastic_modulus,
+            name=name,
+            visible=visible,
+        )
+    else:
+        geometry_id = plant.RegisterCollisionGeometry(
+            link, RigidTransform(), wall_mesh(model.wall, name), name, ProximityProperties()
+        )
     return WornSkin(model=model, link=link, geometry_id=geometry_id)
 
 

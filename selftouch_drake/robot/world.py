@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 
 import numpy as np
@@ -15,21 +15,30 @@ from selftouch_drake.robot.robot import Robot
 from selftouch_drake.robot.simulation import Simulation
 from selftouch_drake.robot.skins import SkinModel, make_skins, receptor_skin
 
+#: `make_skins`, or what knows its result.
+MakeSkins = Callable[[Experiment], tuple[SkinModel, ...]]
+
 
 class World:
     """Skins, contact without dynamics, and the simulation of one experiment.
 
     Args:
         experiment: the experiment.
+        make_skins: makes its skins, or knows them from before.
     """
 
-    def __init__(self, experiment: Experiment):
+    def __init__(
+        self,
+        experiment: Experiment,
+        make_skins: MakeSkins = make_skins,
+    ):
         self.experiment = experiment
+        self._make_skins = make_skins
 
     @cached_property
     def skins(self) -> tuple[SkinModel, ...]:
         """The skins, each in the frame of its link."""
-        return make_skins(self.experiment)
+        return self._make_skins(self.experiment)
 
     @property
     def receptor_skin(self) -> np.ndarray:

@@ -208,6 +208,11 @@ class RunDirectory:
         return self.path / "life.npz"
 
     @property
+    def cache(self) -> Path:
+        """Folder of what commands keep to start sooner; it may be removed at any time."""
+        return self.path / "cache"
+
+    @property
     def figures(self) -> Path:
         """Folder of pictures."""
         return self.path / "figures"

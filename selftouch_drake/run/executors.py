@@ -1,4 +1,4 @@
-"""Executors for walks: processes of this machine, or a Dask cluster."""
+"""Executors: processes of this machine, or a Dask cluster; and what their jobs share."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Iterator
+import uuid
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
-from contextlib import contextmanager
-from typing import Any
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import Any, Generic, TypeVar
 
 from selftouch_drake.threads import Threads
+
+Value = TypeVar("Value")
 
 
 def local_executor(num_workers: int | None = None, *, ends_on_ctrl_c: bool = False) -> Executor:
@@ -48,7 +53,8 @@ class HereAndInProcesses(Threads):
     def __init__(self, num_workers: int | None = None):
         num_workers = num_workers or os.cpu_count() or 1
         # No process starts before the first call.
-        self._others = local_executor(max(num_workers - 1, 1))
+        self._num_others = num_workers - 1
+        self._others = local_executor(max(self._num_others, 1))
         self._thread, self._number = threading.local(), itertools.count()
         self._ends = threading.Event()
         super().__init__(num_workers, initializer=self._begin)
@@ -57,11 +63,23 @@ class HereAndInProcesses(Threads):
         """Schedules a call, here or in a process that has started."""
         return super().submit(self._run, fn, args, kwargs)
 
+    def get_ready(self, fn: Callable[..., Any], *args: Any) -> None:
+        """Has the other processes make a call when they start, before there is work for them."""
+        if self._num_others:
+            threading.Thread(target=self._get_ready, args=(fn, args), daemon=True).start()
+
+    def _get_ready(self, fn: Callable[..., Any], args: tuple[Any, ...]) -> None:
+        if not self._ends.wait(_HEAD_START_S):
+            # It may end just now.
+            with suppress(RuntimeError):
+                for _ in range(self._num_others):
+                    self._others.submit(fn, *args)
+
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Waits for calls that run, but not for processes that have not started."""
         self._ends.set()
         super().shutdown(wait=wait, cancel_futures=cancel_futures)
-        self._others.shutdown(wait=False)
+        self._others.shutdown(wait=False, cancel_futures=True)
 
     def _begin(self) -> None:
         """Each thread stands for one process, the first for this one."""
@@ -77,6 +95,25 @@ class HereAndInProcesses(Threads):
         if self._thread.is_here:
             return fn(*args, **kwargs)
         return self._others.submit(fn, *args, **kwargs).result()
+
+
+class InTurn(Executor):
+    """Makes each call in the thread that asks for its result."""
+
+    def submit(self, fn, /, *args: Any, **kwargs: Any) -> Future:
+        """Schedules a call."""
+        return _Call(partial(fn, *args, **kwargs))
+
+
+class _Call(Future):
+    def __init__(self, call: Callable[[], Any]):
+        super().__init__()
+        self._call = call
+
+    def result(self, timeout: float | None = None) -> Any:
+        if not self.done():
+            self.set_result(self._call())
+        return super().result(timeout)
 
 
 @contextmanager
@@ -103,3 +140,42 @@ def dask_executor(address: str) -> Iterator[Executor]:
         ) from None
     with client:
         yield client.get_executor(pure=False)
+
+
+@dataclass(frozen=True)
+class Shared(Generic[Value]):
+    """Stands for something that jobs need and that cannot be pickled, as a world; see `shared`."""
+
+    name: str
+    make: Callable[..., Value]
+    arguments: tuple[Any, ...]
+
+    @property
+    def value(self) -> Value:
+        """What this process was given, or made."""
+        return _given[self.name] if self.name in _given else _made(self)
+
+
+@contextmanager
+def shared(value: Value, make: Callable[..., Value], *arguments: Any) -> Iterator[Shared[Value]]:
+    """Yields what stands for `value` here; each other process makes its own, once.
+
+    Args:
+        value: what jobs in this process use.
+        make: makes the same in another process.
+        arguments: of `make`.
+    """
+    stands_for = Shared(uuid.uuid4().hex, make, arguments)
+    _given[stands_for.name] = value
+    try:
+        yield stands_for
+    finally:
+        del _given[stands_for.name]
+
+
+_given: dict[str, Any] = {}
+
+
+@lru_cache(maxsize=1)
+def _made(needed: Shared[Value]) -> Value:
+    return needed.make(*needed.arguments)

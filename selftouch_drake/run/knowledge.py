@@ -6,9 +6,11 @@ experience; those of another experience or version are refused with the remedy.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Mapping
 from contextlib import ExitStack
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,13 +19,21 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.rehearsal import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.representation import (
+    LinkedNearest,
     QuotientRepresentation,
     kernel_sensations,
+    linked_nearest,
     to_networkx,
     without_vectors,
 )
 from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.files import load_arrays, save_arrays, written_whole
+from selftouch_drake.files import (
+    arrays_digest,
+    kept_arrays,
+    load_arrays,
+    save_arrays,
+    written_whole,
+)
 from selftouch_drake.run.directory import RunDirectory, RunError
 
 if TYPE_CHECKING:
@@ -32,12 +42,13 @@ if TYPE_CHECKING:
 Arrays = Mapping[str, np.ndarray]
 
 
-def load_agent(run: RunDirectory, *, predicts: bool = True) -> Agent:
+def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
     """The agent of a run that has learned, with its memory of rehearsals.
 
     Args:
         run: the run.
-        predicts: whether it is to predict sensations; this reads the whole experience.
+        predicts: whether it is to predict sensations from stored touches, where it cannot follow
+            a plan by touch first; this reads the whole experience.
 
     Raises:
         RunError: the run has learned nothing, or something else.
@@ -53,7 +64,22 @@ def load_agent(run: RunDirectory, *, predicts: bool = True) -> Agent:
         memory=load_memory(run, representation),
         kernel_sensation=felt,
         knot_spacing=run.experiment.planning.knot_spacing,
+        find_nearest=functools.partial(_kept_nearest, run.cache),
     )
+
+
+def _kept_nearest(
+    folder: Path, kernel_x: np.ndarray, kernel_offsets: np.ndarray, links: np.ndarray
+) -> LinkedNearest:
+    """As `linked_nearest`, whose results are kept in a folder."""
+    asked = kernel_x, kernel_offsets, links
+    names = [field.name for field in dataclasses.fields(LinkedNearest)]
+    arrays = kept_arrays(
+        folder / f"nearest-{arrays_digest(asked)}.npz",
+        names,
+        lambda: dataclasses.asdict(linked_nearest(*asked)),
+    )
+    return LinkedNearest(**{name: arrays[name] for name in names})
 
 
 def load_representation(run: RunDirectory) -> QuotientRepresentation:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,19 +14,21 @@ from selftouch_drake.files import write_text_whole
 from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.executors import InTurn, Shared, shared
 from selftouch_drake.run.knowledge import load_agent
 from selftouch_drake.run.material import Material
-from selftouch_drake.run.worlds import require_robot
+from selftouch_drake.run.worlds import as_text, known_world, require_robot
 from selftouch_drake.show import (
     MissingError,
     Picture,
     Recording,
-    draw_figures,
+    draw_figure,
     play_live,
     recording_page,
     report_page,
     show_life,
 )
+from selftouch_drake.show.page import figures
 
 # Called with the fraction done and what is being drawn.
 Progress = Callable[[float, str], None]
@@ -59,7 +63,37 @@ def write_figures(
     """
     material = Material(run, world)
     material.require_sound()
-    return draw_figures(material, run.figures, progress, vector=vector, skipped=skipped)
+    drawn = _draw_figures(material, progress, vector=vector, executor=InTurn())
+    for name, result in drawn.items():
+        if isinstance(result, str):
+            skipped(name, result)
+    return [result for result in drawn.values() if isinstance(result, Path)]
+
+
+def _draw_figures(
+    material: Material, progress: Progress, *, vector: bool, executor: Executor
+) -> dict[str, Path | str]:
+    """The file of each figure, in the order of the paper, or why it cannot be drawn."""
+    run, drawn = material.run, dict[str, Path | str]()
+    run.figures.mkdir(exist_ok=True)
+    with shared(material, _material_elsewhere, *as_text(run)) as needed:
+        results = executor.map(partial(_draw_figure, needed, vector), figures.FIGURES)
+        for number, name in enumerate(figures.FIGURES):
+            progress(number / len(figures.FIGURES), name.replace("_", " "))
+            drawn[name] = next(results)
+    return drawn
+
+
+def _draw_figure(needed: Shared[Material], vector: bool, name: str) -> Path | str:
+    material = needed.value
+    try:
+        return draw_figure(material, material.run.figures, name, vector=vector)
+    except MissingError as reason:
+        return str(reason)
+
+
+def _material_elsewhere(path: str, text: str) -> Material:
+    return Material(*known_world(path, text))
 
 
 def write_recording(
@@ -91,6 +125,7 @@ def write_report(
     *,
     world: World | None = None,
     vector: bool = False,
+    executor: Executor | None = None,
 ) -> Path:
     """Draws the figures and the recording of a run, and writes its `report.html`.
 
@@ -99,22 +134,23 @@ def write_report(
         progress: called with the fraction done and what is being drawn.
         world: its world, if it was built already.
         vector: whether to write the figures as PDF as well.
+        executor: where figures are drawn; by default in this process, one after another.
 
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
     material = Material(run, world)
     material.require_sound()
-    reasons: dict[str, str] = {}
-    written = draw_figures(
+    drawn = _draw_figures(
         material,
-        run.figures,
         lambda fraction, doing: progress(0.7 * fraction, doing),
         vector=vector,
-        skipped=reasons.__setitem__,
+        executor=executor or InTurn(),
     )
-    pictures = {name: Picture(missing=reason) for name, reason in reasons.items()}
-    pictures |= {path.stem: Picture.of(path) for path in written}
+    pictures = {
+        name: Picture(missing=result) if isinstance(result, str) else Picture.of(result)
+        for name, result in drawn.items()
+    }
     progress(0.7, "recording")
     try:
         write_text_whole(run.playback, recording_page(material, material.shown_pair))

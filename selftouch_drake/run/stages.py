@@ -11,6 +11,7 @@ import shutil
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,11 +30,13 @@ from selftouch_drake.robot import World
 from selftouch_drake.run import acting
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.executors import InTurn, Shared, shared
 from selftouch_drake.run.imported import timed, write_trajectory
 from selftouch_drake.run.knowledge import (
     load_agent,
     load_body,
     load_motion,
+    load_representation,
     save_learned,
     save_memory,
     save_plan,
@@ -41,7 +44,16 @@ from selftouch_drake.run.knowledge import (
 from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.touches import force_metrics, touch_counts, warn_of_untouched
-from selftouch_drake.run.worlds import build_world, make_world
+from selftouch_drake.run.worlds import (
+    as_text,
+    build_world,
+    keep_skins,
+    known_world,
+    make_world,
+)
+
+if TYPE_CHECKING:
+    from selftouch_drake.agent.shape import Body
 
 __all__ = [
     "Progress",
@@ -85,6 +97,7 @@ def babble(
         surfaces[f"{skin.name}_faces"] = skin.fields.faces
         surfaces[f"{skin.name}_p_LS"] = skin.fields.p_LS
     save_arrays(run.skin, surfaces | run.body_stamp())
+    keep_skins(run, world)
     wanted, stored = run.experiment.babbling.num_samples, 0
 
     def count(num_rows: int) -> None:
@@ -179,6 +192,8 @@ def _forget_learning(run: RunDirectory) -> None:
     """Drops the metrics of the old learning, and everything that was made from it."""
     run.drop_metrics(keys_of("learn", "evaluate"))
     shutil.rmtree(run.path / "plans", ignore_errors=True)
+    for file in run.cache.glob("nearest-*"):
+        file.unlink()
     run.rehearsal.unlink(missing_ok=True)
     run.trials.unlink(missing_ok=True)
 
@@ -209,7 +224,7 @@ def plan_imported(run: RunDirectory, *targets: int) -> Motion:
     """
     imported = run.experiment.imported
     assert imported is not None
-    agent = load_agent(run)
+    agent = load_agent(run, predicts=True)
     _require_targets(run, targets)
     motion = timed(agent, agent.tour(targets), imported)
     save_plan(run, motion, *targets)
@@ -245,7 +260,7 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     Raises:
         RunError: there is no such target sensation, or no such plan.
     """
-    agent = load_agent(run, predicts=False)
+    agent = load_agent(run)
     _require_targets(run, targets)
     execution, _ = acting.execute(world, load_motion(run, *targets))
     save_plan(run, execution, *targets)
@@ -266,13 +281,24 @@ def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: 
     return tries
 
 
-def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> None:
+def evaluate(
+    run: RunDirectory,
+    world: World,
+    progress: Progress = silent,
+    executor: Executor | None = None,
+) -> None:
     """Scores what was learned against the truth, and random plans by what is felt.
 
+    Args:
+        run: a run that has learned.
+        world: its world.
+        progress: called with the fraction done, 0 to 1.
+        executor: where plans are executed; by default in this process, one after another.
+
     Raises:
+        ChildProcessError: a process of the executor was killed.
         StoreError: the truth is missing or incomplete.
     """
-    from selftouch_drake.run.scores import score_body
     from selftouch_drake.run.trial_metrics import trial_metrics, trial_table
     from selftouch_drake.run.trials import try_pairs
 
@@ -280,17 +306,35 @@ def evaluate(run: RunDirectory, world: World, progress: Progress = silent) -> No
     require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
     run.metrics()  # refuses a damaged file before the long work
     body = load_body(run, agent.representation)
-    progress(0.0, "against the truth")
-    run.add_metrics(score_body(run, world, agent.representation, body))
-    trials, without_way = try_pairs(
-        run, world, agent, lambda fraction, doing: progress(0.1 + 0.9 * fraction, doing)
-    )
+    executor, known = executor or InTurn(), (run, world, agent.representation, body)
+    with shared(known, _known_elsewhere, *as_text(run)) as needed:
+        scores = executor.submit(_score_body, needed)
+        trials, without_way = try_pairs(
+            run, world, agent, lambda fraction, doing: progress(0.9 * fraction, doing), executor
+        )
+        progress(0.9, "against the truth")
+        run.add_metrics(scores.result())
     if trials:
         save_arrays(run.trials, trial_table(trials) | run.stamp())
     run.add_metrics(
         {"planning_num_without_way": len(without_way)} | trial_metrics(trials, world.robot.turns)
     )
     progress(1.0, "evaluated")
+
+
+_Known = tuple[RunDirectory, World, QuotientRepresentation, "Body"]
+
+
+def _score_body(needed: Shared[_Known]) -> dict[str, Any]:
+    from selftouch_drake.run.scores import score_body
+
+    return score_body(*needed.value)
+
+
+def _known_elsewhere(path: str, text: str) -> _Known:
+    run, world = known_world(path, text)
+    representation = load_representation(run)
+    return run, world, representation, load_body(run, representation)
 
 
 def has_babbled(run: RunDirectory) -> bool:

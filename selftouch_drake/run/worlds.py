@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
-from selftouch_drake.experiment import Experiment, ExperimentError
+import hashlib
+from functools import lru_cache, partial
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from selftouch_drake.experiment import (
+    Experiment,
+    ExperimentError,
+    dump_experiment,
+    experiment_from_fields,
+)
+from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
-from selftouch_drake.robot.world import drakes_refusals
+from selftouch_drake.robot.skins import ARRAYS, SkinModel, make_skins
+from selftouch_drake.robot.world import MakeSkins, drakes_refusals
 from selftouch_drake.run.directory import RunDirectory
 
 
@@ -25,8 +39,15 @@ def require_robot(experiment: Experiment) -> None:
         )
 
 
-def build_world(experiment: Experiment) -> World:
+def build_world(
+    experiment: Experiment,
+    make_skins: MakeSkins = make_skins,
+) -> World:
     """The world of an experiment, with its robot built.
+
+    Args:
+        experiment: the experiment.
+        make_skins: as of `World`.
 
     Raises:
         ExperimentError: Drake refuses it; the text is Drake's own.
@@ -34,18 +55,64 @@ def build_world(experiment: Experiment) -> World:
         ValueError: the experiment names what the robot does not have, or a skin cannot be made.
     """
     require_robot(experiment)
-    world = World(experiment)
+    world = World(experiment, make_skins)
     with drakes_refusals():
         _ = world.robot
     return world
 
 
 def make_world(run: RunDirectory) -> World:
-    """The world of a run.
+    """The world of a run, which keeps its skins for the next time.
 
     Raises:
         RunError: a model was edited since the start of the run.
         ValueError: as `build_world`.
     """
     run.require_models()
-    return build_world(run.experiment)
+    return build_world(run.experiment, partial(_kept_skins, run))
+
+
+def keep_skins(run: RunDirectory, world: World) -> None:
+    """Keeps the skins of a world for other processes and later commands."""
+    _kept_skins(run, run.experiment, lambda _: world.skins)
+
+
+def _kept_skins(
+    run: RunDirectory, experiment: Experiment, make: MakeSkins = make_skins
+) -> tuple[SkinModel, ...]:
+    """As `make_skins`, whose results are kept in the run for the same experience and program."""
+
+    def as_arrays() -> dict[str, np.ndarray]:
+        return {
+            f"{skin.name}_{key}": array
+            for skin in make(experiment)
+            for key, array in skin.to_arrays().items()
+        }
+
+    made_from = hashlib.sha256(f"{run.fingerprint()} {_program()}".encode()).hexdigest()[:16]
+    names = [f"{name}_{key}" for name in experiment.skins for key in ARRAYS]
+    arrays = kept_arrays(run.cache / f"skins-{made_from}.npz", names, as_arrays)
+    return tuple(
+        SkinModel.from_arrays(name, skin.link, {key: arrays[f"{name}_{key}"] for key in ARRAYS})
+        for name, skin in experiment.skins.items()
+    )
+
+
+@lru_cache
+def _program() -> str:
+    """Identifies the program that makes skins."""
+    package = Path(__file__).parents[1]
+    files = sorted(f for room in ("geometry", "robot") for f in (package / room).glob("*.py"))
+    return " ".join(content_digest(file) for file in files)
+
+
+def as_text(run: RunDirectory) -> tuple[str, str]:
+    """A run for another process: its path and its experiment, which may differ from the stored."""
+    return str(run.path.resolve()), dump_experiment(run.experiment)
+
+
+@lru_cache(maxsize=1)
+def known_world(path: str, text: str) -> tuple[RunDirectory, World]:
+    """The run of `as_text` and its world, built once per process."""
+    run = RunDirectory(Path(path), experiment_from_fields(yaml.safe_load(text)))
+    return run, make_world(run)

@@ -8,7 +8,7 @@ from selftouch_drake.show.meshcat.recording_page import recording_page
 from selftouch_drake.show.meshcat.robot_page import show_robot
 from selftouch_drake.show.meshcat.server import open_meshcat
 from selftouch_drake.show.meshcat.skin_visualizer import SkinVisualizer
-from selftouch_drake.show.page.figures import FIGURES, draw_figures
+from selftouch_drake.show.page.figures import FIGURES, draw_figure
 from selftouch_drake.show.page.posture_picture import PostureCamera
 from selftouch_drake.show.page.report import Picture, Recording, report_page
 from selftouch_drake.show.recovered import RecoveredSkin
@@ -31,7 +31,7 @@ __all__ = [
     "SkinSurface",
     "SkinVisualizer",
     "TouchSample",
-    "draw_figures",
+    "draw_figure",
     "open_meshcat",
     "play_live",
     "recording_page",

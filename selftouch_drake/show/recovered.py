@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
 from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_surface
 from selftouch_drake.evaluation import KernelTruth, align
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.skins import SkinSurface, all_moved, as_one
 
 # Smallest share of a part's kernels with which a skin belongs to the part.

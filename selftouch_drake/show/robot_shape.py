@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from pydrake.geometry import Role
 from pydrake.multibody.tree import Frame, RigidBody
 
 from selftouch_drake.experiment import Toucher
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot import Robot
 from selftouch_drake.robot.kinematics import Kinematics
 from selftouch_drake.robot.links import all_links, link_geometries, pieces_in_link

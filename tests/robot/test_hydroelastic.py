@@ -15,6 +15,7 @@ from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.geometry import hollow_skin, place_receptors, receptive_fields, surfaces
 from selftouch_drake.robot.contact import PressedFaces
 from selftouch_drake.robot.hydroelastic import cut
+from selftouch_drake.robot.probe import Postures
 from selftouch_drake.robot.receptor_shares import add_load, feel_loads, receptor_shares
 from selftouch_drake.robot.soft_skin import distance_to_triangles, soft_skin, tets_near
 from selftouch_drake.robot.station import sensor_model
@@ -39,9 +40,10 @@ EXPERIMENTS = (
 
 def drake_touches(world, q):
     """Drake's result: all contact surfaces at every configuration."""
-    faces, sensor = PressedFaces(), sensor_model(world.robot)
+    postures = Postures(world.experiment, world.skins, feels=True)
+    faces, sensor = PressedFaces(), sensor_model(postures.robot)
     for row, at in enumerate(q):
-        surfaces = world.probe.query(at).ComputeContactSurfaces(
+        surfaces = postures.query(at).ComputeContactSurfaces(
             HydroelasticContactRepresentation.kPolygon
         )
         sensor.gather(faces, row, surfaces)

@@ -16,6 +16,7 @@ from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import NoWayError, Pilot
 from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.executors import local_executor
 from selftouch_drake.run.knowledge import (
     load_agent,
     load_execution,
@@ -153,7 +154,7 @@ def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):
     assert memory.num_tries == len(tries)
     for one in tries:
         assert np.all(memory.link_penalty[one.lost_links] > 1.0)
-    kept = load_agent(run, predicts=False).judge(load_execution(run, 3, 20))
+    kept = load_agent(run).judge(load_execution(run, 3, 20))
     assert (kept.reached, kept.contact) == (best(tries).reached, best(tries).contact)
     assert (kept.reached, kept.contact) >= (tries[0].reached, tries[0].contact)
 
@@ -244,6 +245,36 @@ def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
     run.experiment.evaluation.num_pairs = 10_000
     everything = random_pairs(run.experiment, representation)
     assert len(set(everything)) == len(everything) == 60 * 59
+
+
+def test_evaluation_in_another_process_gives_the_same(run, world, tmp_path):
+    other = RunDirectory.open(shutil.copytree(run.path, tmp_path / "other"))
+    stages.evaluate(run, world)
+    with local_executor(1) as process:
+        stages.evaluate(other, world, executor=process)
+    pairs = stored_pairs(run)
+    assert len(pairs) == 2
+    for file in (run.trials, *(run.plan(*pair) for pair in pairs)):
+        there = other.path / file.relative_to(run.path)
+        assert file.read_bytes() == there.read_bytes()
+    found, expected = (
+        {key: value for key, value in one.metrics().items() if "query_ms" not in key}
+        for one in (other, run)
+    )
+    assert found == expected
+
+
+def test_a_plan_needs_nothing_that_is_kept(run, world):
+    expected = stages.plan(run, stages.make_world(run), 3, 20)
+    kept = sorted(run.cache.iterdir())
+    assert [file.name.split("-")[0] for file in kept] == ["nearest", "skins"]
+    for spoil in (lambda file: file.write_bytes(b"garbage"), lambda file: file.unlink()):
+        for file in kept:
+            spoil(file)
+        motion = stages.plan(run, stages.make_world(run), 3, 20)
+        np.testing.assert_array_equal(motion.q, expected.q)
+        np.testing.assert_array_equal(motion.predicted, expected.predicted)
+    assert sorted(run.cache.iterdir()) == kept
 
 
 def test_trials_score_first_tries_and_rehearsals(run, world):

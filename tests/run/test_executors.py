@@ -6,7 +6,7 @@ import time
 import pytest
 
 from selftouch_drake.run import executors
-from selftouch_drake.run.executors import HereAndInProcesses
+from selftouch_drake.run.executors import HereAndInProcesses, InTurn, local_executor, shared
 
 
 def slow_process(seconds):
@@ -45,3 +45,32 @@ def test_the_end_does_not_wait_for_processes_that_start(monkeypatch):
 def test_errors_come_back():
     with HereAndInProcesses(2) as executor, pytest.raises(ZeroDivisionError):
         executor.submit(divmod, 1, 0).result()
+
+
+def test_calls_in_turn_wait_until_their_results_are_asked_for():
+    said = []
+    first, second = (InTurn().submit(said.append, number) for number in (1, 2))
+    assert said == []
+    second.result()
+    first.result()
+    first.result()
+    assert said == [2, 1]
+    with pytest.raises(ZeroDivisionError):
+        InTurn().submit(divmod, 1, 0).result()
+
+
+def value_of(needed):
+    return needed.value
+
+
+def made(text):
+    return f"{text} made in {os.getpid()}"
+
+
+def test_what_cannot_be_pickled_is_made_again_in_another_process():
+    here = lambda: None  # noqa: E731 - cannot be pickled
+    with shared(here, made, "world") as needed, local_executor(1) as process:
+        assert needed.value is here
+        elsewhere, again = (process.submit(value_of, needed).result() for _ in range(2))
+    assert elsewhere == again != made("world")
+    assert elsewhere.startswith("world made in")

@@ -7,6 +7,7 @@ from selftouch_drake.agent.planning.prediction import (
     predict_sensation,
     recall_sensation,
 )
+from selftouch_drake.agent.planning.route import FindNearest
 from selftouch_drake.agent.planning.smoothing import (
     KNOT_SPACING,
     jerk_reduction,
@@ -16,6 +17,7 @@ from selftouch_drake.agent.planning.smoothing import (
 
 __all__ = [
     "KNOT_SPACING",
+    "FindNearest",
     "Limits",
     "Planner",
     "Prediction",

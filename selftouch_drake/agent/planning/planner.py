@@ -21,6 +21,7 @@ from selftouch_drake.agent.planning.configurations import (
 )
 from selftouch_drake.agent.planning.members import goal_members, of_mode
 from selftouch_drake.agent.planning.route import (
+    FindNearest,
     RouteGraph,
     carried_route,
     leap_penalty,
@@ -34,6 +35,7 @@ from selftouch_drake.agent.planning.smoothing import (
 from selftouch_drake.agent.planning.way import Way
 from selftouch_drake.agent.representation.graphs import step_links
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
+from selftouch_drake.agent.representation.set_distances import linked_nearest
 from selftouch_drake.agent.sliding import Slides
 
 RouteMethod = Literal["carried", "literal"]
@@ -48,6 +50,7 @@ class Planner:
             along, then the smoothest configurations; `literal` for the paper's shortest path on
             the complete graph of `set_distance`, then the closest configurations.
         knot_spacing: rad of path length between knots of the smooth path; larger is smoother.
+        find_nearest: finds the nearest configurations in linked kernels.
 
     Raises:
         ValueError: `route` is not one of these, or `knot_spacing` is not positive.
@@ -59,6 +62,7 @@ class Planner:
         *,
         route: RouteMethod = "carried",
         knot_spacing: float = KNOT_SPACING,
+        find_nearest: FindNearest = linked_nearest,
     ) -> None:
         if route not in get_args(RouteMethod):
             raise ValueError(
@@ -71,7 +75,7 @@ class Planner:
         self.knot_spacing = knot_spacing
         self.links = step_links(representation)
         self._graphs = [
-            RouteGraph.of(representation, self.links, mode)
+            RouteGraph.of(representation, self.links, mode, find_nearest)
             for mode in range(len(representation.mode_joints))
         ]
         # Float32, as stored configurations are.

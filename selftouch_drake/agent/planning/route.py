@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,8 @@ from selftouch_drake.agent.representation.neighbours import component_labels
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import LinkedNearest, linked_nearest
 
+#: `linked_nearest`, or what knows its result.
+FindNearest = Callable[[np.ndarray, np.ndarray, np.ndarray], LinkedNearest]
 #: Links between targets farther apart than this many spacings are leaps: they cut through the body.
 LEAP_SPACINGS = 1.25
 #: The cost of a leap grows with this power of its length beyond that. Measured on about 200 plans
@@ -61,7 +64,11 @@ class RouteGraph:
 
     @classmethod
     def of(
-        cls, representation: QuotientRepresentation, links: np.ndarray, mode: int = 0
+        cls,
+        representation: QuotientRepresentation,
+        links: np.ndarray,
+        mode: int = 0,
+        find_nearest: FindNearest = linked_nearest,
     ) -> RouteGraph:
         """Arranges one mode of `representation` and the `(L, 2)` links for search."""
         num_kernels = representation.num_targets
@@ -86,7 +93,7 @@ class RouteGraph:
             link_offsets=np.searchsorted(ways[:, 0], np.arange(num_kernels + 1)),
             link_kernel=np.ascontiguousarray(ways[:, 1]),
             link_row=np.tile(usable, 2)[order],
-            nearest=linked_nearest(firm_x, firm_offsets, ways),
+            nearest=find_nearest(firm_x, firm_offsets, ways),
         )
 
     def firm_configurations(self, kernel: int) -> np.ndarray:

@@ -28,7 +28,9 @@ from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, Quotien
 from selftouch_drake.agent.representation.sensations import kernel_sensations
 from selftouch_drake.agent.representation.set_distances import (
     SET_DISTANCES,
+    LinkedNearest,
     SetDistance,
+    linked_nearest,
     set_distances,
 )
 from selftouch_drake.agent.representation.touches import felt_kernels
@@ -43,6 +45,7 @@ __all__ = [
     "DisconnectedWarning",
     "KernelReservoir",
     "KernelSample",
+    "LinkedNearest",
     "QuotientLearner",
     "QuotientRepresentation",
     "SetDistance",
@@ -54,6 +57,7 @@ __all__ = [
     "geodesics",
     "joint_scale",
     "kernel_sensations",
+    "linked_nearest",
     "locally_scaled",
     "neighbour_edges",
     "quotient_pseudo_metric",

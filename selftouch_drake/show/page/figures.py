@@ -150,46 +150,32 @@ FIGURES: dict[str, Callable[[Material], Figure]] = {
 }
 
 
-def draw_figures(
-    material: Material,
-    folder: Path,
-    progress: Callable[[float, str], None] = lambda fraction, doing: None,
-    *,
-    vector: bool = False,
-    skipped: Callable[[str, str], None] = lambda name, reason: None,
-) -> list[Path]:
-    """Draws the figures whose data exist.
+def draw_figure(material: Material, folder: Path, name: str, *, vector: bool = False) -> Path:
+    """Draws one of `FIGURES` and returns its PNG file.
 
     Args:
         material: of a run with any of its stages done.
-        folder: where they go.
-        progress: called with the fraction done and what is being drawn.
-        vector: whether to write each as PDF as well, for papers: words, lines and marks as such,
+        folder: where it goes.
+        name: of the figure.
+        vector: whether to write it as PDF as well, for papers: words, lines and marks as such,
             shaded bodies as pictures.
-        skipped: called with the name of each figure that cannot be drawn, and the reason.
 
-    Returns:
-        The PNG files written, in the order of `FIGURES`. A figure that cannot be drawn any more is
-        removed, so that none shows what is no longer true.
+    Raises:
+        MissingError: it cannot be drawn. An older picture is removed, because it shows what is no
+            longer true.
     """
-    folder.mkdir(exist_ok=True)
-    written = []
-    for number, (name, draw) in enumerate(FIGURES.items()):
-        progress(number / len(FIGURES), name.replace("_", " "))
-        path, for_papers = (folder / f"{name}.{kind}" for kind in ("png", "pdf"))
-        # An older PDF may no longer be true.
-        for_papers.unlink(missing_ok=True)
-        try:
-            figure = draw(material)
-        except MissingError as reason:
-            path.unlink(missing_ok=True)
-            skipped(name, str(reason))
-            continue
-        _write(figure, path, dpi=DPI, metadata={"Software": None})
-        if vector:
-            _write(figure, for_papers, dpi=2 * DPI, metadata={"CreationDate": None})
-        written.append(path)
-    return written
+    path, for_papers = (folder / f"{name}.{kind}" for kind in ("png", "pdf"))
+    # An older PDF may no longer be true.
+    for_papers.unlink(missing_ok=True)
+    try:
+        figure = FIGURES[name](material)
+    except MissingError:
+        path.unlink(missing_ok=True)
+        raise
+    _write(figure, path, dpi=DPI, metadata={"Software": None})
+    if vector:
+        _write(figure, for_papers, dpi=2 * DPI, metadata={"CreationDate": None})
+    return path
 
 
 def _skins(material: Material) -> list[SkinSurface]:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import trimesh
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.page.scene import add_scene, draw, outline, scale_bar
 from selftouch_drake.show.page.solids import balls, surface
 from selftouch_drake.show.style import BLUE, GREEN, INK, MUTED, PALE, SKIN, SKY, VERMILION, styled

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import trimesh
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from scipy.spatial import cKDTree
 
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.page.solids import EDGE, Solid
 from selftouch_drake.show.style import INK, MUTED
 from selftouch_drake.show.view import View

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import trimesh
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
@@ -14,6 +13,7 @@ from matplotlib.patheffects import withStroke
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import farthest_points
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,

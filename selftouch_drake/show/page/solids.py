@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from matplotlib.colors import to_rgb
+
+from selftouch_drake.lazy import trimesh
 
 # Cosine of the angle between faces beyond which they meet in an edge, not in a smooth bend.
 EDGE = 0.85

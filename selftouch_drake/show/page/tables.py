@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 
 from selftouch_drake.agent.motions import NO_KERNEL
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.material import Material, MissingError
 
 
