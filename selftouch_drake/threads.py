@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import threading
+import weakref
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, TypeVar
@@ -11,7 +12,8 @@ from typing import Any, TypeVar
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-_lock, _pools = threading.Lock(), 0
+# Reentrant, because a collection may find forgotten threads at any moment.
+_lock, _pools = threading.RLock(), 0
 
 
 class Threads(ThreadPoolExecutor):
@@ -30,16 +32,15 @@ class Threads(ThreadPoolExecutor):
         # Not numba's threads: its OpenMP layer breaks after a fork.
         from joblib import cpu_count
 
-        self._skips_older = True
         _skip_older(1)
+        # When they are shut down, or forgotten.
+        self._skip_no_more = weakref.finalize(self, _skip_older, -1)
         super().__init__(num_threads or cpu_count(), **kwargs)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Ends the threads once they have worked through what was submitted."""
         super().shutdown(wait=wait, cancel_futures=cancel_futures)
-        if self._skips_older:
-            self._skips_older = False
-            _skip_older(-1)
+        self._skip_no_more()
 
 
 def mapped(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:

@@ -77,7 +77,11 @@ def outside(source: str) -> set[str]:
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             names.add(node.module or "")
-    own = ("selftouch_drake.agent", "selftouch_drake.geometry.farthest")
+    own = (
+        "selftouch_drake.agent",
+        "selftouch_drake.geometry.farthest",
+        "selftouch_drake.threads",
+    )
     return {n for n in names if n.split(".")[0] not in ALLOWED and not n.startswith(own)}
 
 

@@ -34,6 +34,11 @@ def test_garbage_is_freed_where_it_was_made():
     assert threads == [threading.current_thread().name]
 
 
+def test_threads_that_are_forgotten_keep_nothing_from_being_freed():
+    Threads(1).submit(gc.collect).result()
+    assert gc.get_freeze_count() == 0
+
+
 def test_threads_free_their_own_garbage():
     def make_and_free():
         threads = freed_in()

@@ -36,7 +36,8 @@ def run(tmp_path_factory):
     run = RunDirectory.create(tmp_path_factory.mktemp("life") / "run", experiment)
     with pytest.raises(RunError, match="half-finished"):
         live(run)
-    stages.babble(run, stages.make_world(run), Threads(1))
+    with Threads(1) as executor:
+        stages.babble(run, stages.make_world(run), executor)
     return run
 
 
