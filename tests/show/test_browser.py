@@ -79,7 +79,7 @@ def colors_at(page, time_s: float) -> list[str]:
 
 def test_the_recording_moves_and_colours_the_skin(chromium, reported, tmp_path):
     with visited(chromium, reported.playback.as_uri()) as (page, errors):
-        page.wait_for_function("viewer.animator.duration > 0")
+        page.wait_for_function("typeof viewer == 'object' && viewer.animator.duration > 0")
         at_first = colors_at(page, 0.0)
         first = picture(page, tmp_path / "first.png")
         at_last = colors_at(page, 1.2)
@@ -107,7 +107,7 @@ def position_at(page, time_s: float, *path: str) -> list[float]:
 
 def test_a_skin_that_moves_takes_its_receptors_along(chromium, two_skins, tmp_path):
     with visited(chromium, two_skins.playback.as_uri()) as (page, errors):
-        page.wait_for_function("viewer.animator.duration > 0")
+        page.wait_for_function("typeof viewer == 'object' && viewer.animator.duration > 0")
         moved = [position_at(page, time_s, "skins", "forearm") for time_s in (0.0, 1.2)]
         expected = [position_at(page, time_s, "expected", "forearm") for time_s in (0.0, 1.2)]
         still = [position_at(page, time_s, "skins", "body") for time_s in (0.0, 1.2)]
@@ -127,7 +127,7 @@ def test_the_report_shows_every_figure(chromium, reported, tmp_path):
         widths = page.eval_on_selector_all("img", "all => all.map(img => img.naturalWidth)")
         page.screenshot(path=tmp_path / "report.png", full_page=True)
         page.get_by_role("link", name="Watch the motion").click()
-        page.wait_for_function("viewer.animator.duration > 0")
+        page.wait_for_function("typeof viewer == 'object' && viewer.animator.duration > 0")
     assert errors == []
     assert len(widths) == len(FIGURES)
     assert min(widths) > 100

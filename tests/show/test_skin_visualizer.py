@@ -95,7 +95,9 @@ def test_a_saved_page_plays_back_patches_and_colours(chromium, tmp_path):  # noq
     page.write_text(falling.meshcat.StaticHtml(), encoding="utf-8")
     times = [0.0, 0.1, 0.25, 0.3, END_S - 0.02, 0.05]
     with visited(chromium, page.as_uri()) as (browser, errors):
-        browser.wait_for_function("viewer.animator.duration > 0", timeout=PATIENCE)
+        browser.wait_for_function(
+            "typeof viewer == 'object' && viewer.animator.duration > 0", timeout=PATIENCE
+        )
         seen = [browser.evaluate(AT, time) for time in times]
         browser.screenshot(path=tmp_path / "falling.png")
     assert errors == []
