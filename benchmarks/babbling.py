@@ -187,6 +187,8 @@ def measure_steps(turns: int) -> dict[str, float]:
         q = walk.steps(2 * num_steps).astype(np.float32)
         away = q[~TouchScreen(world.robot).near(q).any(axis=1)]
         away = np.resize(away, (num_steps, q.shape[1]))
+        # A probe builds its screen when it has been asked for many configurations.
+        world.probe.felt(np.resize(away, (250_000, q.shape[1])))
         ways[f"{name}, walk"] = lambda _, w=walk: [w.steps(BATCH) for _ in range(10)]
         ways[f"{name}, screen"] = lambda _, p=world.probe, a=away: [
             p.felt(a[k * BATCH : (k + 1) * BATCH]) for k in range(10)
