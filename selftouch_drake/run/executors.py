@@ -56,7 +56,7 @@ class HereAndInProcesses(Threads):
         self._num_others = num_workers - 1
         self._others = local_executor(max(self._num_others, 1))
         self._thread, self._number = threading.local(), itertools.count()
-        self._ends = threading.Event()
+        self._ends, self._joined = threading.Event(), threading.Event()
         super().__init__(num_workers, initializer=self._begin)
 
     def submit(self, fn, /, *args: Any, **kwargs: Any) -> Future:
@@ -73,13 +73,18 @@ class HereAndInProcesses(Threads):
             # It may end just now.
             with suppress(RuntimeError):
                 for _ in range(self._num_others):
-                    self._others.submit(fn, *args)
+                    self._others.submit(fn, *args).add_done_callback(self._joins)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Waits for calls that run, but not for processes that have not started."""
         self._ends.set()
         super().shutdown(wait=wait, cancel_futures=cancel_futures)
-        self._others.shutdown(wait=False, cancel_futures=True)
+        # Python must not exit while processes that have started are being shut down.
+        self._others.shutdown(wait=wait and self._joined.is_set(), cancel_futures=True)
+
+    def _joins(self, started: Future) -> None:
+        if not started.cancelled():
+            self._joined.set()
 
     def _begin(self) -> None:
         """Each thread stands for one process, the first for this one."""
@@ -88,6 +93,7 @@ class HereAndInProcesses(Threads):
             return
         # A call that went there at once would wait for Drake; meanwhile it may be made here.
         started = self._others.submit(_start)
+        started.add_done_callback(self._joins)
         while not (started.done() or self._ends.wait(0.1)):
             pass
 
