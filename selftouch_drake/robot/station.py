@@ -83,10 +83,7 @@ def MakeKinematicStation(
     builder.ExportInput(to_pose.get_input_port(), "q")
     if feels:
         _add_kinematic_skin(builder, experiment, skins, scene_graph, robot)
-    builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
-    if meshcat is not None:
-        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
-    return Station(diagram=builder.Build(), robot=robot)
+    return _built(builder, scene_graph, robot, meshcat)
 
 
 def _add_kinematic_skin(
@@ -153,6 +150,12 @@ def MakeDynamicStation(
     builder.Connect(plant.get_net_actuation_output_port(), to_joints.get_input_port())
     builder.ExportOutput(to_joints.get_output_port(), "torque")
     builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
+    return _built(builder, scene_graph, robot, meshcat)
+
+
+def _built(
+    builder: DiagramBuilder, scene_graph: SceneGraph, robot: Robot, meshcat: Meshcat | None
+) -> Station:
     builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
     if meshcat is not None:
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)

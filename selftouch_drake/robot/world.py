@@ -27,11 +27,7 @@ class World:
         make_skins: makes its skins, or knows them from before.
     """
 
-    def __init__(
-        self,
-        experiment: Experiment,
-        make_skins: MakeSkins = make_skins,
-    ):
+    def __init__(self, experiment: Experiment, make_skins: MakeSkins = make_skins):
         self.experiment = experiment
         self._make_skins = make_skins
 

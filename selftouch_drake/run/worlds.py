@@ -39,10 +39,7 @@ def require_robot(experiment: Experiment) -> None:
         )
 
 
-def build_world(
-    experiment: Experiment,
-    make_skins: MakeSkins = make_skins,
-) -> World:
+def build_world(experiment: Experiment, make_skins: MakeSkins = make_skins) -> World:
     """The world of an experiment, with its robot built.
 
     Args:
