@@ -29,6 +29,7 @@ from selftouch_drake.agent.shape.embedding import (
     stress_embedding,
     unbent_embedding,
 )
+from selftouch_drake.agent.shape.fields import angles, corrected_lengths
 from selftouch_drake.agent.shape.pieces import cut_wide_cells
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
 from selftouch_drake.agent.shape.revolute import revolute_coordinates
@@ -46,13 +47,16 @@ _MOST_NETWORKS = 2
 #: joints), 0.2 to 0.9 where it was not (nine joints and more).
 _MOST_UNLIKE = 0.015
 
-#: Lengths in the map are rejected if paths measured by map and by sensation differ by this share
-#: (standard deviation): 0.03 to 0.07 where a map was right, 0.08 and more where it was not.
-_MOST_APART = 0.075
+#: Lengths in the map count only if paths measured by map and by sensation differ by less than this
+#: share (standard deviation): 0.03 to 0.065 on most bodies with good maps.
+_LITTLE_APART = 0.07
 
-#: Below this share no other network is trained: 0.035 to 0.041 on whole tori. From it on, the
-#: better of two is used: of networks between, some make twice the error of others.
-_LITTLE_APART = 0.045
+#: From this share on the map itself is in doubt, and another network is trained.
+_MOST_APART = 0.12
+
+#: Weight of the map in the logarithm of a length. Corrected lengths are several times as exact, but
+#: they run along the skin: across a rim, which the finger cuts short, those of the map are better.
+_OF_MAP = 1 / 3
 
 #: Configurations of each set whose nearest neighbours the literal metric searches: all 1e12 pairs
 #: of 1000 sets of 1000 take minutes, and change the minima only by a common factor.
@@ -119,17 +123,16 @@ def sensorimotor(
 ) -> BodyGraph:
     """The same neighbours; the length of an edge is the angle between target sensations."""
     edges = representation.edges
-    return BodyGraph(edges=edges, length=_angles(representation.target_sensations, edges))
+    return BodyGraph(edges=edges, length=angles(representation.target_sensations, edges))
 
 
 @_one_thread
 def learned(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
     """Neighbours in a quotient map learned from motor kernels; lengths from map and sensations.
 
-    Lengths in the map and angles between sensations have nearly independent errors, so their
-    geometric mean is better than either. Where they disagree, the network may be bad: another is
-    trained, and the one that agrees better is used. If they disagree much, the angles alone are
-    used. If no network finds the neighbours, the `sensorimotor` metric is used.
+    Lengths from sensations are corrected for where the receptors lie, and averaged with those of
+    the map unless these differ. If both differ much, the network may be bad, and another is
+    trained. If no network finds the neighbours, the `sensorimotor` metric is used.
     """
 
     def of_network(number: int) -> Progress:
@@ -152,30 +155,40 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
         share_unlike = min(share, share_unlike)
         if share > _MOST_UNLIKE:
             continue
-        felt = _felt_lengths(targets, ends, graph.length)
+        felt = _felt_lengths(targets, graph)
         tries.append((_disagreement(graph, felt), graph, felt))
-        if tries[-1][0] < _LITTLE_APART:
+        if tries[-1][0] < _MOST_APART:
             break
     if not tries:
         graph = sensorimotor(representation, seed, progress)
         doubt = f"{share_unlike:.0%} of the neighbours in the learned map feel nothing in common"
         return replace(graph, doubt=f"{doubt}; the sensorimotor metric is used instead")
     apart, graph, felt = min(tries, key=lambda one: one[0])
+    if apart < _LITTLE_APART:
+        return replace(graph, length=felt ** (1.0 - _OF_MAP) * graph.length**_OF_MAP)
     if apart < _MOST_APART:
-        return replace(graph, length=np.sqrt(graph.length * felt))
+        return replace(graph, length=felt)
     doubt = f"lengths from the learned map and from sensations differ by {apart:.1%}"
     return replace(graph, length=felt, doubt=f"{doubt}; those from sensations are used")
 
 
-def _felt_lengths(targets: np.ndarray, ends: np.ndarray, length: np.ndarray) -> np.ndarray:
-    """`(E,)` angles between the target sensations of `ends` `(E, 2)`, scaled to match `length`.
+def _felt_lengths(targets: np.ndarray, graph: BodyGraph) -> np.ndarray:
+    """`(E,)` lengths from sensations, scaled to match those of the graph.
 
-    Pieces of one kernel share a target sensation: between them it is `length` itself.
+    They are corrected for where the receptors lie, if a model of the receptors explains what is
+    felt; if not, they are angles. Pieces of one kernel share a target sensation: between them,
+    lengths are those of the graph.
     """
-    felt = _angles(targets, ends)
+    kernel = np.arange(len(targets)) if graph.kernel is None else graph.kernel
+    ends = kernel[graph.edges]
     one = ends[:, 0] == ends[:, 1]
-    felt *= length[~one].mean() / felt[~one].mean()
-    return np.where(one, length, felt)
+    felt = angles(targets, ends)
+    felt = np.where(one, graph.length, felt * graph.length[~one].mean() / felt[~one].mean())
+    first = np.sqrt(felt * graph.length)
+    corrected = corrected_lengths(targets, kernel, graph.edges, first)
+    if corrected is None:
+        return felt
+    return np.where(one, graph.length, corrected * first[~one].mean() / corrected[~one].mean())
 
 
 def _disagreement(graph: BodyGraph, felt: np.ndarray) -> float:
@@ -190,12 +203,6 @@ def _disagreement(graph: BodyGraph, felt: np.ndarray) -> float:
     )
     long = by_feel > np.median(by_feel) / 2
     return float(np.log(by_map[long] / by_feel[long]).std())
-
-
-def _angles(targets: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """`(E,)` rad, angles between target sensations."""
-    chord = np.linalg.norm(targets[ends[:, 0]] - targets[ends[:, 1]], axis=1)
-    return 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))
 
 
 @_one_thread

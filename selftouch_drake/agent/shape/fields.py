@@ -1,0 +1,184 @@
+"""Lengths of edges from sensations, corrected for where the receptors lie.
+
+The angle between the sensations of two neighbours depends on their distance, but also on the
+receptors around: where these are dense, missing or badly placed, the same step feels longer or
+shorter. So the agent models its skin. It supposes that all receptors are alike, and that each feels
+less the farther along the body a touch is. From a layout it finds the place of each receptor and
+the curve by which its reading falls with distance. What the model would feel on a step in the
+layout, beside what the agent felt, says how long the step is.
+
+A layout from better lengths gives a better model. Errors of the first layout nearly vanish in two
+rounds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+
+from selftouch_drake.agent.representation.neighbours import geodesics
+from selftouch_drake.agent.shape.embedding import unbent_embedding
+
+#: Rounds of layout and model. More change lengths by less than 2 %.
+_ROUNDS = 2
+
+#: Steps in which receptors are placed and the curve is fitted, in each round.
+_NUM_STEPS = 4
+
+#: Readings of unit sensations below this are too weak to tell a distance.
+_LEAST_READING = 0.02
+
+#: Readings between which a distance is well known: not at the top, nor at the foot of the curve.
+_STEEP = (0.05, 0.75)
+
+#: Points of the curve.
+_NUM_BINS = 60
+
+#: Largest correction of a length.
+_MOST_CORRECTED = 2.0
+
+#: Share of the readings' squares that a model must explain.
+_LEAST_EXPLAINED = 0.9
+
+
+def corrected_lengths(
+    targets: np.ndarray, kernel: np.ndarray, edges: np.ndarray, length: np.ndarray
+) -> np.ndarray | None:
+    """Lengths of edges that explain the angles between the sensations of their ends.
+
+    Args:
+        targets: `(K, S)` target sensations, unit L2 norm.
+        kernel: `(N,)` the kernel of each node; a kernel may be cut into several.
+        edges: `(E, 2)` pairs of nodes that connect all.
+        length: `(E,)` first estimate, positive.
+
+    Returns:
+        `(E,)` lengths; None where the model does not explain what is felt.
+    """
+    # Pieces of one kernel share its sensation, which belongs to none of their places.
+    whole = np.bincount(kernel)[kernel] == 1
+    readings = targets[kernel]
+    readings = readings[:, (readings * whole[:, None]).max(axis=0) > _LEAST_READING]
+    felt = angles(readings, edges)
+    inside = kernel[edges[:, 0]] == kernel[edges[:, 1]]
+    for _ in range(_ROUNDS):
+        positions = unbent_embedding(edges, geodesics(edges, length, len(kernel))).positions
+        model = _model(readings, whole, positions, edges)
+        if model is None:
+            return None
+        modelled = angles(model, edges)
+        laid = _steps(positions, edges)
+        ratio = np.divide(felt, modelled, out=np.ones_like(felt), where=~inside & (modelled > 0))
+        length = laid * np.clip(ratio, 1.0 / _MOST_CORRECTED, _MOST_CORRECTED)
+    return length
+
+
+def angles(sensations: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """`(E,)` rad, angles between rows of `(N, S)` sensations of unit norm, for `(E, 2)` pairs."""
+    chord = np.linalg.norm(sensations[pairs[:, 0]] - sensations[pairs[:, 1]], axis=1)
+    return 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))
+
+
+@dataclass(frozen=True, slots=True)
+class _Curve:
+    """How readings fall with distance along the body: `(n,)` readings, ascending, and distances."""
+
+    reading: np.ndarray
+    distance: np.ndarray
+
+    @classmethod
+    def fitted(cls, reading: np.ndarray, distance: np.ndarray) -> _Curve:
+        """Fits a falling curve to `(n,)` pairs."""
+        order = np.argsort(reading)
+        bins = np.array_split(order, min(_NUM_BINS, len(order)))
+        mean = np.array([[reading[rows].mean(), distance[rows].mean()] for rows in bins])
+        return cls(mean[:, 0], isotonic_regression(mean[:, 1], increasing=False).x)
+
+    def distance_at(self, reading: np.ndarray) -> np.ndarray:
+        return np.interp(reading, self.reading, self.distance)
+
+    def reading_at(self, distance: np.ndarray) -> np.ndarray:
+        return np.interp(distance, self.distance[::-1], self.reading[::-1], right=0.0)
+
+
+def _model(
+    readings: np.ndarray,
+    whole: np.ndarray,
+    positions: np.ndarray,
+    edges: np.ndarray,
+) -> np.ndarray | None:
+    """`(N, S)` what receptors that are all alike would feel at nodes, unit L2 norm.
+
+    Args:
+        readings: `(N, S)` what they felt.
+        whole: `(N,)` nodes at whose place that was felt.
+        positions: `(N, 3)` of the nodes in the layout.
+        edges: `(E, 2)` pairs of neighbours.
+    """
+    at_place = np.where(whole[:, None], readings, 0.0)
+    node, receptor = np.nonzero(at_place > _LEAST_READING)
+    reading = at_place[node, receptor]
+    # A receptor lies near the node where it feels most, in the plane of the body there.
+    nearest = at_place.argmax(axis=0)
+    near = np.eye(len(positions))
+    near[edges[:, 0], edges[:, 1]] = near[edges[:, 1], edges[:, 0]] = 1.0
+    rings = near @ near > 0
+    plane = np.array([_plane(positions[rings[node]]) for node in nearest])
+    weight = at_place**3
+    place = (weight.T @ positions) / weight.sum(axis=0)[:, None] - positions[nearest]
+    place = positions[nearest] + np.einsum("sdt,set,se->sd", plane, plane, place)
+    # Distances along the body, over steps to two rings: they turn less than steps to one.
+    steps = np.argwhere(np.triu(rings, 1))
+    length = _steps(positions, steps)
+    along = geodesics(steps, length, len(positions))[:, nearest]
+    straight = np.linalg.norm(positions[:, None] - positions[nearest], axis=2)
+    far = straight > np.median(length) / 2
+    bent = np.divide(along, straight, out=np.ones_like(along), where=far)
+    strength = np.ones(len(positions))
+    steep = (reading > _STEEP[0]) & (reading < _STEEP[1])
+    for _ in range(_NUM_STEPS):
+        offset = positions[node] - place[receptor]
+        distance = np.linalg.norm(offset, axis=1) * bent[node, receptor]
+        for _ in range(3):
+            curve = _Curve.fitted(reading / strength[node], distance)
+            strength = _strengths(reading, curve.reading_at(distance), node, whole)
+        # Moves each receptor in its plane until distances fit its readings (Gauss-Newton).
+        toward = np.einsum("rdt,rd->rt", plane[receptor], -offset)
+        toward /= np.maximum(np.linalg.norm(toward, axis=1), 1e-9)[:, None]
+        missing = curve.distance_at(reading / strength[node]) - distance
+        normal = np.zeros((len(place), 2, 2))
+        pull = np.zeros((len(place), 2))
+        np.add.at(normal, receptor[steep], toward[steep, :, None] * toward[steep, None])
+        np.add.at(pull, receptor[steep], toward[steep] * missing[steep, None])
+        step = np.linalg.solve(normal + 1e-6 * np.eye(2), pull[..., None])[..., 0]
+        place += np.einsum("sdt,st->sd", plane, step)
+    apart = np.linalg.norm(positions[:, None] - place, axis=2) * bent
+    model = curve.reading_at(apart)
+    model /= np.maximum(np.linalg.norm(model, axis=1), 1e-12)[:, None]
+    wrong = np.square(at_place - model)[whole].sum() / np.square(at_place).sum()
+    return model if wrong < 1.0 - _LEAST_EXPLAINED else None
+
+
+def _strengths(
+    reading: np.ndarray, modelled: np.ndarray, node: np.ndarray, whole: np.ndarray
+) -> np.ndarray:
+    """`(N,)` by what the readings of each node exceed modelled ones, 1 in the median.
+
+    Sensations have unit norm, so their readings are strong where few receptors feel.
+    """
+    both = np.bincount(node, reading * modelled, len(whole))
+    squared = np.bincount(node, modelled * modelled, len(whole))
+    strength = np.divide(both, squared, out=np.ones_like(both), where=whole & (squared > 0))
+    return strength / np.median(strength[whole])
+
+
+def _plane(points: np.ndarray) -> np.ndarray:
+    """`(3, 2)` axes of the plane through `(n, 3)` points."""
+    return np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][:2].T
+
+
+def _steps(positions: np.ndarray, pairs: np.ndarray) -> np.ndarray:
+    """`(E,)` distances between `(E, 2)` pairs."""
+    return np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
