@@ -44,6 +44,7 @@ from selftouch_drake.agent.shape.confidence import trusted
 from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader
 from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 
 #: Share of the receptors of one half that are missing, and whether readings are noisy.
@@ -97,6 +98,7 @@ class Experience:
         self.q = ExperienceReader(run.experience).read("q")
         self.sensation = ExperienceReader(run.experience).read("sensation")
         self.contacts = Contacts.joined(list(ExperienceReader(run.truth).contacts()))
+        self.fields = [skin.fields for skin in stages.make_world(run).skins]
 
     def felt(self, case: Case) -> tuple[np.ndarray, np.ndarray, Contacts]:
         """Sensations, motor configurations and true contacts of rows that are not null."""
@@ -164,6 +166,7 @@ def rows(
     sensation, q, contacts = experience.felt(case)
     representation, seconds = learned_representation(case, sensation, q, cache)
     truth = kernel_truth(representation, contacts.take(representation.kernel_row))
+    on_surface = truth.on_surface(experience.fields)
     common = {
         "rows": len(q),
         "spread_median_m": round(float(np.median(truth.spread)), 4),
@@ -175,12 +178,16 @@ def rows(
         began = time.process_time()
         body = recover(representation, metric, seed=network_seed, holes=False)
         figures = score(body, time.process_time() - began)
-        errors = shape_errors(body.positions, representation.part, truth)
+        errors, from_surface = (
+            shape_errors(body.positions, representation.part, where)
+            for where in (truth, on_surface)
+        )
         yield {
             **dataclasses.asdict(case),
             "metric": metric,
             "network_seed": network_seed,
             "error": round(max(errors.values()), 4),
+            "surface_error": round(max(from_surface.values()), 4),
             **figures,
             **common,
             "expected_error": body.expected_error,

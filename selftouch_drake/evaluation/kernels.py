@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experience import Contacts
+from selftouch_drake.geometry import ReceptiveFields
 
 #: Share of touches at one place from which on the quotient space is the surface of the skin. With
 #: two fingers on one hand it is the space of their poses: 71 % of the touches of two fingers 6 cm
@@ -35,6 +37,21 @@ class KernelTruth:
     def is_surface(self) -> bool:
         """Whether a kernel is a place on a skin, so that a shape can be compared with it."""
         return self.share_single >= LEAST_SINGLE
+
+    def on_surface(self, fields: Sequence[ReceptiveFields]) -> KernelTruth:
+        """The same kernels at the places of the skins' surfaces where receptors feel them.
+
+        A contact lies inside the skin, which gives way: 1.5 cm deep in a skin of 3 cm.
+
+        Args:
+            fields: of each skin.
+        """
+        positions = self.positions.copy()
+        for number, field in enumerate(fields):
+            here = self.skin == number
+            vertices, weights = field.parts_at(positions[here])
+            positions[here] = np.einsum("nv,nvi->ni", weights, field.vertices[vertices])
+        return replace(self, positions=positions)
 
 
 def kernel_truth(representation: QuotientRepresentation, contacts: Contacts) -> KernelTruth:

@@ -150,6 +150,7 @@ def _shape_metrics(
     chosen: str,
 ) -> Metrics:
     part = representation.part
+    on_surface = truth.on_surface([skin.fields for skin in world.skins])
     errors = {name: shape_errors(body.positions, part, truth) for name, body in bodies.items()}
     sizes = {entry.skin: len(entry.kernels) for entry in parts_on_skins(part, truth)}
     mean = {
@@ -170,6 +171,10 @@ def _shape_metrics(
     metrics: Metrics = {"neighbour_agreement": _weighted(near)} if near else {}
     if chosen in mean:
         metrics["shape_rms_fraction"] = mean[chosen]
+        found = shape_errors(bodies[chosen].positions, part, on_surface)
+        metrics["surface_rms_fraction"] = _weighted(
+            [(error, sizes[skin]) for skin, error in found.items()]
+        )
     if len(world.skins) > 1:
         metrics["shape_rms_fraction_by_skin"] = {
             world.skins[skin].name: error for skin, error in errors[chosen].items()
