@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import lru_cache
+from itertools import pairwise
 
 import numba
 import numpy as np
@@ -28,7 +29,7 @@ def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
     candidates = [np.ascontiguousarray(layer, dtype=np.float32) for layer in layers]
     least_costs = _least_costs(candidates[0].shape[1])
     costs = [np.zeros(len(candidates[0]), dtype=np.float32)]
-    for before, here in zip(candidates, candidates[1:], strict=False):
+    for before, here in pairwise(candidates):
         costs.append(np.empty(len(here), dtype=np.float32))
         least_costs(before, costs[-2], np.ascontiguousarray(here.T), costs[-1])
     choice = [int(costs[-1].argmin())]

@@ -286,10 +286,10 @@ def _carry(
                 size = push(costs, places, size, onward, to)
     route = [goal]
     if cost[at_goal] < np.inf:
-        place = np.int64(before[at_goal])
-        while place != at_start:
-            route.append(firm_kernel[place])
-            place = np.int64(before[place])
+        passed = np.int64(before[at_goal])
+        while passed != at_start:
+            route.append(firm_kernel[passed])
+            passed = np.int64(before[passed])
         route.append(start)
     for number in range(num_queued):
         cost[queued[number]] = np.inf

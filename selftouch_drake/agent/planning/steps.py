@@ -27,4 +27,3 @@ def least_square_step(x, candidates):
         if square < least:
             nearest, least = row, square
     return nearest, least
-
