@@ -277,7 +277,7 @@ def _carry(
                 to = firm_offsets[there] + nearest
             else:
                 entry = nearest_offsets[way] + place - firm_offsets[kernel]
-                to, step = np.int64(nearest_row[entry]), nearest_squared[entry]
+                to, step = nearest_row[entry], nearest_squared[entry]
             onward = through + factor[way] * step * np.sqrt(step)
             if onward < cost[to] and onward < cost[at_goal]:
                 cost[to], before[to] = onward, place
