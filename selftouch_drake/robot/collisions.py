@@ -97,13 +97,13 @@ class CollisionCheck:
         half_W = np.einsum("ngij,gj->ngi", X_WL[..., :3], self._half)
         apart = np.empty((len(q), len(self._pairs)))
         _axes_apart(p_WC, half_W, self._ends, apart)
-        last, found = -1, None
-        for row, pair in np.argwhere(apart < self._near + margin).tolist():
-            if row != last:
-                last, found = row, query(q[row])
-            first, second, allowed = self._pairs[pair]
-            distance = found.ComputeSignedDistancePairClosestPoints(first, second).distance
-            depth[row] = max(depth[row], -distance - (allowed - margin))
+        near = np.argwhere(apart < self._near + margin).tolist()
+        for row, some in itertools.groupby(near, key=lambda row_and_pair: row_and_pair[0]):
+            found = query(q[row])
+            for _, pair in some:
+                first, second, allowed = self._pairs[pair]
+                distance = found.ComputeSignedDistancePairClosestPoints(first, second).distance
+                depth[row] = max(depth[row], -distance - (allowed - margin))
         return depth
 
 
