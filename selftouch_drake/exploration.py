@@ -27,7 +27,7 @@ from selftouch_drake.experience import (
     collect,
     write_shard,
 )
-from selftouch_drake.experience.collect import WORLD_LOCK, keep_touches, known_world, step_sizes
+from selftouch_drake.experience.collect import WORLD_LOCK, keep_touches, kept_world, step_sizes
 from selftouch_drake.experience.sources import SAMPLE_PERIOD, KinematicSource, LedSource, Steps
 from selftouch_drake.experiment import Experiment, experiment_from_fields
 from selftouch_drake.robot import World
@@ -163,4 +163,4 @@ def _explore_and_store(
 def _life(text: str, run: str) -> Exploration:
     """The life of a run, begun once per process."""
     experiment = experiment_from_fields(yaml.safe_load(text))
-    return Exploration(experiment, world=known_world(text, experiment))
+    return Exploration(experiment, world=kept_world(text, experiment))

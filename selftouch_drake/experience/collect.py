@@ -30,7 +30,7 @@ from selftouch_drake.robot.joints import remembered
 PATIENCE = 2_000_000
 # Executors may run jobs in threads, as Dask's do, but a world serves one at a time.
 WORLD_LOCK = Lock()
-# The world that this process has already built, by the text of its experiment.
+# The world that this process built last, or was given, by the text of its experiment.
 _KNOWN: dict[str, World] = {}
 
 #: Number of touches in a first round of the active strategy; later, as a share of all so far.
@@ -272,9 +272,20 @@ def _world(text: str) -> tuple[Experiment, Source]:
         "kinematic": KinematicSource,
         "dynamic": DynamicSource,
     }
-    return experiment, sources[experiment.babbling.mode](known_world(text, experiment))
+    return experiment, sources[experiment.babbling.mode](kept_world(text, experiment))
 
 
-def known_world(text: str, experiment: Experiment) -> World:
-    """The world of the experiment with this text: the one passed to `collect`, or a new one."""
-    return _KNOWN.get(text) or World(experiment)
+def kept_world(
+    text: str, experiment: Experiment, make: Callable[[Experiment], World] = World
+) -> World:
+    """The world of the experiment with this text; this process keeps the last one that it built.
+
+    Args:
+        text: of the experiment, as `dump_experiment` writes it.
+        experiment: the same.
+        make: builds the world.
+    """
+    if text not in _KNOWN:
+        _KNOWN.clear()
+        _KNOWN[text] = make(experiment)
+    return _KNOWN[text]

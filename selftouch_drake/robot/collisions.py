@@ -11,23 +11,35 @@ from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector
 from pydrake.multibody.tree import Frame, RigidBody
 
 from selftouch_drake.experiment import ExperimentError
+from selftouch_drake.robot.compiled import compiled
 from selftouch_drake.robot.kinematics import Kinematics
-from selftouch_drake.robot.links import pieces_in_link
+from selftouch_drake.robot.links import as_mesh
 from selftouch_drake.robot.robot import Robot
+
+# Share of its radius that a bound is larger: a mesh of a round shape is inside it, by 8e-4 of its
+# radius, and Drake's signed distances of round shapes have errors, too.
+_SLACK = 2e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Bound:
-    """A ball round a geometry: its centre in the frame of its link, and its radius, m."""
+    """A capsule round a geometry, in the frame of its link, m.
+
+    Attributes:
+        centre: `(3,)`.
+        half: `(3,)` from there to the centre of the cap at one end.
+        radius: of the caps, and between them.
+    """
 
     centre: np.ndarray
+    half: np.ndarray
     radius: float
 
 
 class CollisionCheck:
     """Finds configurations in which rigid parts of a robot are deeper in each other than allowed.
 
-    Balls round the geometries reject most pairs; Drake's signed distances decide the rest. For
+    Capsules round the geometries reject most pairs; Drake's signed distances decide the rest. For
     these a mesh is its convex hull.
 
     Args:
@@ -48,7 +60,10 @@ class CollisionCheck:
                         bounds[geometry] = _bound(inspector, geometry, link)
                         frames.append(link.body_frame())
         self._kinematics = Kinematics.of(robot.plant, frames)
-        self._centre = np.array([bound.centre for bound in bounds.values()]).reshape(-1, 3)
+        self._centre, self._half = (
+            np.array([getattr(bound, name) for bound in bounds.values()]).reshape(-1, 3)
+            for name in ("centre", "half")
+        )
         number = {geometry: k for k, geometry in enumerate(bounds)}
         self._pairs = [
             (a, b, pair.allowed_depth)
@@ -56,7 +71,7 @@ class CollisionCheck:
             for a, b in itertools.product(*pair.geometry_ids)
         ]
         self._ends = np.array([[number[a], number[b]] for a, b, _ in self._pairs]).reshape(-1, 2)
-        # At a smaller distance the two balls overlap by more than allowed.
+        # If their axes are nearer to each other, two capsules overlap by more than allowed.
         self._near = np.array(
             [bounds[a].radius + bounds[b].radius - allowed for a, b, allowed in self._pairs]
         )
@@ -79,26 +94,66 @@ class CollisionCheck:
             return depth
         X_WL = self._kinematics.poses(q)
         p_WC = np.einsum("ngij,gj->ngi", X_WL[..., :3], self._centre) + X_WL[..., 3]
-        a, b = self._ends.T
-        apart = np.linalg.norm(p_WC[:, a] - p_WC[:, b], axis=2)
-        rows, pairs = np.nonzero(apart < self._near + margin)
-        for row in np.unique(rows):
+        half_W = np.einsum("ngij,gj->ngi", X_WL[..., :3], self._half)
+        apart = np.empty((len(q), len(self._pairs)))
+        _axes_apart(p_WC, half_W, self._ends, apart)
+        near = np.argwhere(apart < self._near + margin).tolist()
+        for row, some in itertools.groupby(near, key=lambda row_and_pair: row_and_pair[0]):
             found = query(q[row])
-            for pair in pairs[rows == row]:
+            for _, pair in some:
                 first, second, allowed = self._pairs[pair]
                 distance = found.ComputeSignedDistancePairClosestPoints(first, second).distance
                 depth[row] = max(depth[row], -distance - (allowed - margin))
         return depth
 
 
+@compiled
+def _axes_apart(centre, half, ends, apart):
+    """Writes the distances between the axes of pairs of capsules, which are line segments.
+
+    Args:
+        centre: `(N, G, 3)` m, of the axes.
+        half: `(N, G, 3)` m, from there to an end.
+        ends: `(P, 2)` capsules of each pair.
+        apart: `(N, P)` m, written.
+    """
+    for row in range(len(centre)):
+        for pair in range(len(ends)):
+            a, b = ends[pair, 0], ends[pair, 1]
+            # The nearest points are centre + s half, with s and t from -1 to 1.
+            aa = bb = ab = ar = br = 0.0
+            for i in range(3):
+                u, v, r = half[row, a, i], half[row, b, i], centre[row, a, i] - centre[row, b, i]
+                aa, bb, ab, ar, br = aa + u * u, bb + v * v, ab + u * v, ar + u * r, br + v * r
+            across = aa * bb - ab * ab
+            s = min(max((ab * br - ar * bb) / across, -1.0), 1.0) if across > 0.0 else 0.0
+            t = (ab * s + br) / bb if bb > 0.0 else 0.0
+            if bb == 0.0 or abs(t) > 1.0:
+                t = min(max(t, -1.0), 1.0)
+                s = min(max((ab * t - ar) / aa, -1.0), 1.0) if aa > 0.0 else 0.0
+            square = 0.0
+            for i in range(3):
+                away = centre[row, a, i] + s * half[row, a, i] - centre[row, b, i]
+                square += (away - t * half[row, b, i]) ** 2
+            apart[row, pair] = np.sqrt(square)
+
+
 def _bound(inspector: SceneGraphInspector, geometry: GeometryId, link: RigidBody) -> _Bound:
     try:
-        (piece,) = pieces_in_link(inspector, [geometry])
+        corners = as_mesh(inspector.GetShape(geometry)).vertices
     except ValueError as error:
         raise ExperimentError(
             f"link {link.name()!r} cannot be checked for collisions: {error}"
         ) from error
-    low, high = piece.bounds
-    centre = (low + high) / 2
-    radius = float(np.linalg.norm(piece.vertices - centre, axis=1).max())
-    return _Bound(centre=centre, radius=radius)
+    centre = (corners.min(axis=0) + corners.max(axis=0)) / 2
+    axis = np.eye(3)[np.ptp(corners, axis=0).argmax()]
+    along = np.abs((corners - centre) @ axis)
+    square = np.square(corners - centre).sum(axis=1) - along**2
+    radius = np.sqrt(square.max())
+    beyond = (along - np.sqrt(np.maximum(radius**2 - square, 0.0))).max()
+    X_LG = inspector.GetPoseInFrame(geometry)
+    return _Bound(
+        centre=X_LG.multiply(centre),
+        half=X_LG.rotation().multiply(max(beyond, 0.0) * axis),
+        radius=(1.0 + _SLACK) * float(radius),
+    )

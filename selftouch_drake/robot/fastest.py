@@ -58,58 +58,63 @@ def fastest_progress(
 def _run(length, slope, bend, limit, top, square):
     """Writes the squares of the speed along the path at the points of its grid."""
     num = len(length)
-    # Constraints: factor * acceleration + share * square <= limit, and the same with `>= -limit`.
-    factor, share = np.empty(2 * len(limit)), np.empty(2 * len(limit))
+    # Constraints: the acceleration along the path is within `room` of `tilt * square`.
+    tilt, room = np.empty(2 * len(limit)), np.empty(2 * len(limit))
     bounds = np.empty(4)
     # Backwards: the largest square from which the rest of the path is feasible.
     square[num] = 0.0
     for back in range(num):
         i = num - 1 - back
-        _constrain(length[i], slope, bend, i, factor, share)
-        x = top[i]
+        x = min(top[i], _constrain(length[i], slope, bend, i, limit, tilt, room))
         for _ in range(_MOST_STEPS):
-            _bound(factor, share, limit, length[i], square[i + 1], x, bounds)
+            _bound(tilt, room, length[i], square[i + 1], x, bounds)
             if bounds[0] <= bounds[2]:
                 break
             # The gap between the bounds is a concave, piecewise linear function of x.
             x -= (bounds[0] - bounds[2]) / (bounds[1] - bounds[3])
-        for k in range(len(factor)):
-            if abs(factor[k]) < _NONE and abs(share[k]) * x > limit[k % len(limit)]:
-                x = limit[k % len(limit)] / abs(share[k])
         square[i] = max(x, 0.0)
     # Forwards: as fast as possible within these.
     x = square[0] = 0.0
     for i in range(num):
-        _constrain(length[i], slope, bend, i, factor, share)
-        _bound(factor, share, limit, length[i], square[i + 1], x, bounds)
+        _constrain(length[i], slope, bend, i, limit, tilt, room)
+        _bound(tilt, room, length[i], square[i + 1], x, bounds)
         x = min(max(x + 2 * length[i] * bounds[2], 0.0), square[i + 1])
         square[i + 1] = x
 
 
 @inner
-def _constrain(length, slope, bend, i, factor, share):
-    """Writes the joints' accelerations, at both ends of a stretch, in terms of those along it."""
-    num = slope.shape[1]
-    for j in range(num):
-        factor[j], share[j] = slope[i, j], bend[i, j]
-        factor[num + j] = slope[i + 1, j] + 2 * length * bend[i + 1, j]
-        share[num + j] = bend[i + 1, j]
+def _constrain(length, slope, bend, i, limit, tilt, room):
+    """Writes what the joints' limits, at both ends of a stretch, allow along it.
+
+    Returns the largest square where the acceleration along it does not matter to a joint.
+    """
+    num, most = slope.shape[1], np.inf
+    for k in range(2 * num):
+        if k < num:
+            j, factor, share = k, slope[i, k], bend[i, k]
+        else:
+            j = k - num
+            factor, share = slope[i + 1, j] + 2 * length * bend[i + 1, j], bend[i + 1, j]
+        if abs(factor) < _NONE:
+            tilt[k], room[k] = 0.0, np.inf
+            if share != 0.0:
+                most = min(most, limit[j] / abs(share))
+        else:
+            tilt[k], room[k] = -share / factor, limit[j] / abs(factor)
+    return most
 
 
 @inner
-def _bound(factor, share, limit, length, after, x, bounds):
+def _bound(tilt, room, length, after, x, bounds):
     """Writes the lowest and the highest acceleration along the path where the square is `x`.
 
     Each is followed by its slope in `x`. The square at the end of the stretch is 0 to `after`.
     """
     bounds[0], bounds[1] = -x / (2 * length), -1 / (2 * length)
     bounds[2], bounds[3] = (after - x) / (2 * length), -1 / (2 * length)
-    for k in range(len(factor)):
-        most = limit[k % len(limit)]
-        if abs(factor[k]) < _NONE:
-            continue
-        middle, tilt, room = -share[k] * x / factor[k], -share[k] / factor[k], most / abs(factor[k])
-        if middle - room > bounds[0]:
-            bounds[0], bounds[1] = middle - room, tilt
-        if middle + room < bounds[2]:
-            bounds[2], bounds[3] = middle + room, tilt
+    for k in range(len(tilt)):
+        middle = tilt[k] * x
+        if middle - room[k] > bounds[0]:
+            bounds[0], bounds[1] = middle - room[k], tilt[k]
+        if middle + room[k] < bounds[2]:
+            bounds[2], bounds[3] = middle + room[k], tilt[k]

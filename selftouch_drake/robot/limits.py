@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from selftouch_drake.experiment import Execution
+from selftouch_drake.robot.compiled import compiled
 from selftouch_drake.robot.robot import Robot
 
 # Rate at which positions are compared with their limits.
@@ -82,15 +83,27 @@ def speed_shares(
     Returns:
         The largest share of the velocity and of the acceleration that is allowed, of any joint.
     """
-    # On each cubic piece, the acceleration is linear and the velocity is greatest where that is 0.
-    step = np.diff(time_s)[:, None]
-    mean = np.diff(q, axis=0) / step
-    first = (6 * mean - 4 * v[:-1] - 2 * v[1:]) / step
-    last = (2 * v[:-1] + 4 * v[1:] - 6 * mean) / step
-    rise = np.divide(first**2, first - last, out=np.zeros_like(first), where=first * last < 0)
-    fastest = max(np.max(np.abs(v) / velocity_limit) for v in (v, v[:-1] + rise * step / 2))
-    hardest = max(np.max(np.abs(a) / acceleration_limit) for a in (first, last))
-    return float(fastest), float(hardest)
+    return _speed_shares(time_s, q, v, velocity_limit, acceleration_limit)
+
+
+@compiled
+def _speed_shares(time_s, q, v, velocity_limit, acceleration_limit):
+    fastest = hardest = 0.0
+    for joint in range(q.shape[1]):
+        fast, hard = abs(v[0, joint]), 0.0
+        for i in range(len(time_s) - 1):
+            # On each cubic piece, the acceleration is linear; where it is 0, the velocity is
+            # greatest.
+            step, start, end = time_s[i + 1] - time_s[i], v[i, joint], v[i + 1, joint]
+            mean = (q[i + 1, joint] - q[i, joint]) / step
+            first = (6 * mean - 4 * start - 2 * end) / step
+            last = (2 * start + 4 * end - 6 * mean) / step
+            fast, hard = max(fast, abs(end)), max(hard, abs(first), abs(last))
+            if first * last < 0:
+                fast = max(fast, abs(start + first**2 / (first - last) * step / 2))
+        fastest = max(fastest, fast / velocity_limit[joint])
+        hardest = max(hardest, hard / acceleration_limit[joint])
+    return fastest, hardest
 
 
 def limit_shares(

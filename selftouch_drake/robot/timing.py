@@ -12,10 +12,11 @@ from pydrake.trajectories import (
     PathParameterizedTrajectory,
     PiecewisePolynomial,
 )
-from scipy.interpolate import BSpline, CubicSpline, PPoly
+from scipy.interpolate import BSpline, PPoly
 
 from selftouch_drake.robot.fastest import fastest_progress
 from selftouch_drake.robot.limits import speed_shares
+from selftouch_drake.robot.pieces import Pieces, averaged, clamped, follow, shares_along
 
 #: The solver respects limits only at grid points; between them they are exceeded by up to 25 %.
 LIMIT_SHARE = 0.8
@@ -103,12 +104,13 @@ def time_path(
         s_of_t = quintic_time_scaling(path, velocity_limit, acceleration_limit)
     else:
         s_of_t = _eased(fastest)
+    pieces = Pieces.of_path(path)
     while True:
         _require_bearable(s_of_t.x[-1])
-        timed = _sampled(path, s_of_t, rate_hz)
+        timed = _sampled(path, pieces, s_of_t, rate_hz)
         limits = velocity_limit, acceleration_limit
         shares = np.maximum(
-            _speed_shares(path, s_of_t, *limits),
+            _speed_shares(pieces, s_of_t, *limits),
             speed_shares(timed.time_s, timed.q, timed.v, *limits),
         )
         excess = max(shares[0], np.sqrt(shares[1]))
@@ -189,15 +191,15 @@ def _fastest(
 
 def _eased(s_of_t: PPoly) -> PPoly:
     """A moving average of the progress, so that its acceleration has no jumps."""
-    end_s = s_of_t.x[-1]
-    duration_s = end_s + _EASING_S
+    # At rest before the start and after the end.
+    duration_s = s_of_t.x[-1] + _EASING_S
     time_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / _EASING_STEP_S)) + 1)
     before = _EASING_S * (np.arange(_EASING_SAMPLES) + 0.5) / _EASING_SAMPLES
-    # At rest before the start and after the end.
-    when = (time_s[:, None] - before).clip(0.0, end_s)
-    progress = s_of_t(when).mean(axis=1)
-    progress[[0, -1]] = s_of_t([0.0, end_s])
-    return CubicSpline(time_s, progress, bc_type="clamped")
+    progress, terms = np.empty(len(time_s)), np.empty((len(time_s) - 1, 1, 4))
+    averaged(Pieces.of_progress(s_of_t), time_s, before, progress)
+    progress[[0, -1]] = s_of_t(s_of_t.x[[0, -1]])
+    clamped(time_s[1], progress, terms[:, 0])
+    return Pieces(time_s, terms).as_progress()
 
 
 def _slowed(s_of_t: PPoly, factor: float) -> PPoly:
@@ -206,21 +208,15 @@ def _slowed(s_of_t: PPoly, factor: float) -> PPoly:
     return PPoly(s_of_t.c / factor**power, s_of_t.x * factor)
 
 
-def _sampled(path: BSpline, s_of_t: PPoly, rate_hz: float) -> TimedPath:
+def _sampled(path: BSpline, pieces: Pieces, s_of_t: PPoly, rate_hz: float) -> TimedPath:
     time_s = _times(s_of_t, rate_hz)
-    s = np.maximum.accumulate(s_of_t(time_s).clip(path.t[0], path.t[-1]))
-    return TimedPath(
-        time_s=time_s,
-        s=s,
-        q=path(s),
-        v=path(s, 1) * s_of_t(time_s, 1)[:, None],
-        path=path,
-        s_of_t=s_of_t,
-    )
+    s, q, v = np.empty(len(time_s)), *np.empty((2, len(time_s), path.c.shape[1]))
+    follow(pieces, Pieces.of_progress(s_of_t), time_s, s, q, v)
+    return TimedPath(time_s=time_s, s=s, q=q, v=v, path=path, s_of_t=s_of_t)
 
 
 def _speed_shares(
-    path: BSpline,
+    pieces: Pieces,
     s_of_t: PPoly,
     velocity_limit: np.ndarray,
     acceleration_limit: np.ndarray,
@@ -228,15 +224,9 @@ def _speed_shares(
     """As `speed_shares`, for samples of the path itself."""
     # The acceleration is often greatest at a knot: samples at 1 kHz that miss it err by up to 1e-3,
     # these by up to 1e-4.
-    knots = s_of_t.x
-    checks = max(_CHECKS_PER_PIECE, int(np.ceil(_CHECK_RATE_HZ * np.diff(knots).max())))
-    time_s = np.linspace(knots[:-1], knots[1:], checks, endpoint=False, axis=1).ravel()
-    time_s = np.append(time_s, knots[-1])
-    s = s_of_t(time_s).clip(path.t[0], path.t[-1])
-    s_dot, s_ddot = s_of_t(time_s, 1)[:, None], s_of_t(time_s, 2)[:, None]
-    slope = path(s, 1)
-    v, a = slope * s_dot, path(s, 2) * s_dot**2 + slope * s_ddot
-    return float(np.max(np.abs(v) / velocity_limit)), float(np.max(np.abs(a) / acceleration_limit))
+    checks = max(_CHECKS_PER_PIECE, int(np.ceil(_CHECK_RATE_HZ * np.diff(s_of_t.x).max())))
+    progress = Pieces.of_progress(s_of_t)
+    return shares_along(pieces, progress, checks, velocity_limit, acceleration_limit)
 
 
 def _times(s_of_t: PPoly, rate_hz: float) -> np.ndarray:

@@ -17,7 +17,7 @@ from selftouch_drake.agent.rehearsal import Try, rehearse
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
 from selftouch_drake.robot.servo import OFFSETS, Beside
-from selftouch_drake.robot.timing import TimedPath, time_path
+from selftouch_drake.robot.timing import time_path
 
 # m, less than the allowed depth of rigid parts in each other: executions are off by less.
 _MARGIN = 0.0005
@@ -39,8 +39,7 @@ class Query:
         plan: the plan.
         straight: the plan before practice.
         motion: the timed plan, with what the agent expects to feel.
-        seconds: s, duration of planning, practice and timing.
-        jerk_reduction: how many times less jerk it has than straight steps between kernels.
+        seconds: s, duration of planning, practice, timing and prediction.
     """
 
     agent: Agent
@@ -48,7 +47,11 @@ class Query:
     straight: Plan
     motion: Motion
     seconds: float
-    jerk_reduction: float
+
+    @property
+    def jerk_reduction(self) -> float:
+        """How many times less jerk the plan has than straight steps between kernels."""
+        return jerk_reduction(self.plan, self.agent.representation.joint_scale)
 
 
 def execute(world: World, motion: Motion) -> tuple[Execution, Log]:
@@ -212,34 +215,27 @@ class Pilot:
                     "robot do not run into each other: choose another start or goal, or babble "
                     "longer"
                 )
-        timed = self._timed(plan)
+        motion = self._motion(agent, plan, passage)
         seconds = time.perf_counter() - began
-        motion = agent.motion(
-            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, passage=passage
-        )
-        return Query(
-            agent=agent,
-            plan=plan,
-            straight=first,
-            motion=motion,
-            seconds=seconds,
-            jerk_reduction=jerk_reduction(plan, self.agent.representation.joint_scale),
-        )
+        return Query(agent=agent, plan=plan, straight=first, motion=motion, seconds=seconds)
 
-    def _timed(self, plan: Plan) -> TimedPath:
-        return time_path(
+    def _motion(self, agent: Agent, plan: Plan, passage: Passage) -> Motion:
+        """The timed plan, with what the agent expects to feel after it followed it slowly."""
+        timed = time_path(
             plan.path,
             velocity_limit=self._limits.velocity,
             acceleration_limit=self._limits.acceleration,
             rate_hz=1 / LOG_PERIOD,
+        )
+        return agent.motion(
+            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, passage=passage
         )
 
     def _get_ready(self) -> None:
         """Prepares everything that queries need, so that the first one takes no longer."""
         for edge in self.agent.representation.edges[:1].tolist():
             plan = self.agent.tour(edge)
-            self.agent.go_along(plan, self._slider)
-            self._timed(plan)
+            self._motion(self.agent, plan, self.agent.go_along(plan, self._slider))
 
     def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, Passage]:
         """The agent and its plan after practice, and what it felt along the plan.

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from selftouch_drake.experience.collect import kept_world
 from selftouch_drake.experiment import (
     Experiment,
     ExperimentError,
@@ -108,8 +109,7 @@ def as_text(run: RunDirectory) -> tuple[str, str]:
     return str(run.path.resolve()), dump_experiment(run.experiment)
 
 
-@lru_cache(maxsize=1)
 def known_world(path: str, text: str) -> tuple[RunDirectory, World]:
     """The run of `as_text` and its world, built once per process."""
     run = RunDirectory(Path(path), experiment_from_fields(yaml.safe_load(text)))
-    return run, make_world(run)
+    return run, kept_world(text, run.experiment, lambda _: make_world(run))

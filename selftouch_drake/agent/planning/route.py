@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -11,6 +10,7 @@ from numba import njit
 from scipy.sparse import sparray
 from scipy.sparse.csgraph import dijkstra
 
+from selftouch_drake.agent.planning.heap import drop, push
 from selftouch_drake.agent.planning.members import firm_members
 from selftouch_drake.agent.planning.steps import least_square_step, square_step
 from selftouch_drake.agent.representation.graphs import target_distances
@@ -43,6 +43,7 @@ class RouteGraph:
         joints: `(J,)` indices of these joints.
         firm_row: `(F,)` rows of the firm configurations in `kernel_q`, grouped by kernel.
         firm_x: `(F, J)` float32 rad, these configurations, scaled.
+        firm_kernel: `(F,)` the kernel of each.
         firm_offsets: `(K + 1,)` kernel k owns rows `firm_offsets[k]:firm_offsets[k + 1]`.
         component: `(K,)` links join kernels of one component; -1 without firm configurations.
         link_offsets: `(K + 1,)` ways `link_offsets[k]:link_offsets[k + 1]` leave kernel k. A way is
@@ -50,17 +51,22 @@ class RouteGraph:
         link_kernel: `(2L,)` the kernel that each way leads to.
         link_row: `(2L,)` the link of each way.
         nearest: for each way, the nearest firm configuration to each one of the kernel it leaves.
+        cost: `(F + 2,)` scratch of searches; infinite between them.
+        before: `(F + 2,)` scratch of searches.
     """
 
     joints: np.ndarray
     firm_row: np.ndarray
     firm_x: np.ndarray
+    firm_kernel: np.ndarray
     firm_offsets: np.ndarray
     component: np.ndarray
     link_offsets: np.ndarray
     link_kernel: np.ndarray
     link_row: np.ndarray
     nearest: LinkedNearest
+    cost: np.ndarray
+    before: np.ndarray
 
     @classmethod
     def of(
@@ -88,12 +94,15 @@ class RouteGraph:
             joints=joints,
             firm_row=firm_row,
             firm_x=firm_x,
+            firm_kernel=np.repeat(np.arange(num_kernels), sizes),
             firm_offsets=firm_offsets,
             component=np.where(sizes > 0, component, -1),
             link_offsets=np.searchsorted(ways[:, 0], np.arange(num_kernels + 1)),
             link_kernel=np.ascontiguousarray(ways[:, 1]),
             link_row=np.tile(usable, 2)[order],
             nearest=find_nearest(firm_x, firm_offsets, ways),
+            cost=np.full(len(firm_x) + 2, np.inf),
+            before=np.empty(len(firm_x) + 2, dtype=np.int32),
         )
 
     def firm_configurations(self, kernel: int) -> np.ndarray:
@@ -166,6 +175,7 @@ def carried_route(
     factor = np.ones(len(graph.link_row)) if penalty is None else penalty[graph.link_row]
     route = _carry(
         graph.firm_x,
+        graph.firm_kernel,
         graph.firm_offsets,
         graph.link_offsets,
         graph.link_kernel,
@@ -177,6 +187,8 @@ def carried_route(
         start,
         goal,
         np.ascontiguousarray(goal_x, dtype=np.float32),
+        graph.cost,
+        graph.before,
     )
     return route if len(route) else None
 
@@ -208,6 +220,7 @@ def _backtrack(parent: np.ndarray, start: int, goal: int) -> np.ndarray | None:
 @njit(cache=True)
 def _carry(
     firm_x,
+    firm_kernel,
     firm_offsets,
     link_offsets,
     link_kernel,
@@ -219,29 +232,32 @@ def _carry(
     start,
     goal,
     goal_x,
+    cost,
+    before,
 ):
     """`(N,)` kernels on the cheapest route from `start` to `goal`; empty if there is none."""
     num_firm, num_kernels = len(firm_x), len(firm_offsets) - 1
     # Places are firm configurations, then the start and the goal.
     at_start, at_goal = num_firm, num_firm + 1
-    cost = np.full(num_firm + 2, np.inf)
-    parent = np.full(num_firm + 2, -1)
-    place_kernel = np.empty(num_firm + 2, dtype=np.int64)
     visits = np.zeros(num_kernels, dtype=np.int64)
     visited = np.empty((num_kernels, _MAX_VISITS), dtype=np.int64)
-    cost[at_start], place_kernel[at_start], place_kernel[at_goal] = 0.0, start, goal
-    queue = [(0.0, at_start)]
-    while len(queue) > 0:
-        through, place = heapq.heappop(queue)
+    # Entries of the queue, and all places that it ever held; each way leads to one per visit.
+    most = (_MAX_VISITS + 1) * len(link_kernel) + 1
+    costs, places = np.empty(most), np.empty(most, dtype=np.int32)
+    queued, num_queued = np.empty(most, dtype=np.int32), 0
+    cost[at_start], before[at_start] = 0.0, -1
+    size = push(costs, places, 0, 0.0, at_start)
+    while size > 0:
+        through, place = costs[0], np.int64(places[0])
+        size = drop(costs, places, size)
         if place == at_goal:
             break
         if through > cost[place]:
             continue
-        kernel = place_kernel[place]
         if place == at_start:
-            x = x_start
+            x, kernel = x_start, start
         else:
-            x = firm_x[place]
+            x, kernel = firm_x[place], firm_kernel[place]
             new = visits[kernel] < _MAX_VISITS
             for visit in range(visits[kernel]):
                 new &= square_step(x, firm_x[visited[kernel, visit]]) > _APART**2
@@ -264,11 +280,17 @@ def _carry(
                 to, step = nearest_row[entry], nearest_squared[entry]
             onward = through + factor[way] * step * np.sqrt(step)
             if onward < cost[to] and onward < cost[at_goal]:
-                cost[to], parent[to], place_kernel[to] = onward, place, there
-                heapq.heappush(queue, (onward, to))
+                cost[to], before[to] = onward, place
+                queued[num_queued] = to
+                num_queued += 1
+                size = push(costs, places, size, onward, to)
     route = [goal]
-    place = parent[at_goal]
-    while place >= 0:
-        route.append(place_kernel[place])
-        place = parent[place]
+    if cost[at_goal] < np.inf:
+        passed = np.int64(before[at_goal])
+        while passed != at_start:
+            route.append(firm_kernel[passed])
+            passed = np.int64(before[passed])
+        route.append(start)
+    for number in range(num_queued):
+        cost[queued[number]] = np.inf
     return np.array(route[::-1] if len(route) > 1 else route[:0])

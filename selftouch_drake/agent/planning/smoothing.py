@@ -37,7 +37,7 @@ def polyline(waypoints: np.ndarray, waypoint_s: np.ndarray) -> BSpline:
         waypoint_s: `(W,)` rad, where on the path each is.
     """
     moved = np.concatenate([[True], np.diff(waypoint_s) > 0.0])
-    return BSpline(np.pad(waypoint_s[moved], 1, mode="edge"), waypoints[moved], 1)
+    return BSpline(_repeated(waypoint_s[moved], 1), waypoints[moved], 1)
 
 
 def smooth_path(
@@ -150,7 +150,12 @@ def _local_equations(num_intervals: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _knots(num_intervals: int) -> np.ndarray:
-    return np.pad(np.arange(num_intervals + 1.0), DEGREE, mode="edge")
+    return _repeated(np.arange(num_intervals + 1.0), DEGREE)
+
+
+def _repeated(knots: np.ndarray, times: int) -> np.ndarray:
+    """Knots of which the outer ones are repeated."""
+    return np.concatenate([knots[:1].repeat(times), knots, knots[-1:].repeat(times)])
 
 
 def _basis(u: np.ndarray, knots: np.ndarray, degree: int) -> np.ndarray:

@@ -27,15 +27,3 @@ def least_square_step(x, candidates):
         if square < least:
             nearest, least = row, square
     return nearest, least
-
-
-@njit
-def square_steps(candidates, x, squared):
-    """Writes the squared distance of each column of `(J, n)` candidates to x into `squared[:n]`."""
-    count = candidates.shape[1]
-    squared[:count] = 0.0
-    for joint in range(len(x)):  # joint by joint, so that the inner loop vectorises
-        at = x[joint]
-        for i in range(count):
-            step = candidates[joint, i] - at
-            squared[i] += step * step

@@ -41,6 +41,7 @@ from selftouch_drake.agent.representation.touches import (
     overlapping,
     set_aside,
 )
+from selftouch_drake.threads import Threads
 
 #: Rows that target sensations are learned from: 40 a target, when there are 1000.
 MAX_ROWS = 40_000
@@ -169,13 +170,15 @@ class QuotientLearner(BaseEstimator):
                 "each part is touched alone"
             )
         sensation, q = sample["sensation"][kept], sample["q"][kept]
-        scale = joint_scale(q, sensation)
-        targets = common_targets(
-            sensation,
-            self.num_targets,
-            overlap if chance else None,
-            progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
-        )
+        with Threads(1) as beside:
+            scaling = beside.submit(joint_scale, q, sensation)
+            targets = common_targets(
+                sensation,
+                self.num_targets,
+                overlap if chance else None,
+                progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
+            )
+        scale = scaling.result()
         kernels = KernelReservoir(self.num_targets, self.max_kernel_size, seed=int(sample_seed))
         num_set_aside = 0
         for sensation, q in _in_blocks(batches()):
