@@ -7,11 +7,11 @@ All lives are random walks in the kinematic world. For each body and seed an age
 touches. Then, for each kind of change, this life goes on with the changed body until the agent has
 regained its quality and is as good as one that learned the changed body anew, or for half as many
 touches. Quality is the error of the shape, the holes, and contact on 100 planned paths, in the
-world as it then is, every 1000 touches. One quality is as good as another if the error is at most 1.15 times the other's, the holes are the same or right, and contact is at
-most two hundredths lower; the quality of an unchanged body differs by so much. For comparison, an
-agent learns the changed body anew: the table says after how many touches, out of a few numbers, it
-has the quality that the other had before, and how good it is after as many touches as the other had
-before.
+world as it then is, every 1000 touches. One quality is as good as another if the error is at most
+1.15 times the other's, the holes are the same or right, and contact is at most two hundredths
+lower; the quality of an unchanged body differs by so much. For comparison, an agent learns the
+changed body anew: the table says after how many touches, out of a few numbers, it has the quality
+that the other had before, and how good it is after as many touches as the other had before.
 
 Every combination is a row of the CSV file. Rows that are already in the file are not computed
 again. At the end the whole file is printed as a table, one line per kind of change.
