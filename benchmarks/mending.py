@@ -70,12 +70,14 @@ def changes(kind: str, patch: list[int]) -> tuple[list[dict], list[dict]]:
 KINDS = ("one", "dead", "swapped", "turned", "slipped", "stretched", "new", "link", "joint")
 
 
-def touches(world: World, first_walk: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """What is felt where, from look to look, without end."""
-    source, walk = KinematicSource(world), first_walk
+def touches(
+    world: World, first_walk: int, walk_size: int = 2 * LOOK
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """What is felt where, in half walks, without end."""
+    source, walk, half = KinematicSource(world), first_walk, walk_size // 2
     while True:
-        shard = collect_walk(source, world.experiment, walk, 2 * LOOK)
-        for rows in (slice(LOOK), slice(LOOK, None)):
+        shard = collect_walk(source, world.experiment, walk, walk_size)
+        for rows in (slice(half), slice(half, None)):
             yield shard.q[rows], shard.sensation[rows]
         walk += 1
 
