@@ -10,7 +10,7 @@ import dataclasses
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Executor
-from functools import lru_cache, partial
+from functools import lru_cache
 from itertools import islice
 from pathlib import Path
 
@@ -18,7 +18,7 @@ import numpy as np
 import yaml
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living import Explorer, Joints, Life, LivingLearner, Manner, Searcher
+from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner, Searcher
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.experience import (
     ExperienceReader,
@@ -74,21 +74,13 @@ class Exploration:
         lower, upper = world.robot.babbled_range
         self._joints = Joints(lower=lower, upper=upper, stride=step_sizes(experiment, world.robot))
         (seed,) = experiment.random_stream("explorer").generate_state(1)
-        make = partial(LivingLearner, _NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
-        # Where the body changed, the agent notices and mends. The watch takes too long to keep it
-        # where nothing changes.
-        self._knows = Life(make, seed=int(seed)) if experiment.changes else make()
+        self.learner = LivingLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
         self.round = 0
         self._q: np.ndarray | None = None
 
-    @property
-    def learner(self) -> LivingLearner:
-        """The learner of the body as it is, as far as the agent knows."""
-        return self._knows.learner if isinstance(self._knows, Life) else self._knows
-
     def remember(self, q: np.ndarray, sensation: np.ndarray) -> None:
         """Learns from the next round, as stored: `q` `(n, J)` and `sensation` `(n, S)` N."""
-        self._knows.take(q, sensation)
+        self.learner.take(q, sensation)
         self._q = q[-1]
         self.round += 1
 
