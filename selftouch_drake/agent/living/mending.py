@@ -18,8 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
+from selftouch_drake.agent.living.displacement import displacement
 from selftouch_drake.agent.living.surprise import NUM_STEPS, Expectation, surprise
-from selftouch_drake.agent.network import Network, train
+from selftouch_drake.agent.network import Network
 from selftouch_drake.agent.representation.quantise import unit
 
 #: A receptor that is expected to feel in this many touches, and feels in none, is silent.
@@ -45,16 +46,8 @@ _WORTH, _ENOUGH = 0.9, 1.1
 #: Touches for the first search of each joint's zero.
 _FEW = 400
 
-#: Number of expectations through which a displacement is learned, and of networks learned through
-#: each; the mean of all counts. Six networks through one expectation leave 8.9 to 11.1 % of the
-#: touches of before off the skin (three changes, 1000 touches since); through two, 7.8 to 10.0 %.
-_THROUGH, _NETWORKS = 2, 3
-
-#: Hidden units of such a network and training steps, for 1000 touches since the change; both grow
-#: with the square root of the number of touches. Touches per training step. On a cube that was
-#: stretched, with 5000 touches since, 80 % of the touches of before touch with 32 units and 500
-#: steps, and 82 % with twice as many of both.
-_HIDDEN, _NUM_STEPS, _BATCH = 32, 500, 512
+#: Number of expectations through which a displacement is learned.
+_THROUGH = 2
 
 #: Share of the touches from before the change, the lightest, that are forgotten if they were moved
 #: by a displacement: it is not exact, and a small error leads a light touch off the skin. Without
@@ -307,32 +300,17 @@ def _with_offset(mending: Mending, touches: _Touches) -> Mending:
 
 def _displaced(mending: Mending, touches: _Touches, seed: int) -> Mending:
     """Learns where the joints would have to be for the agent to expect what it feels."""
-    rng = np.random.default_rng(seed)
-    expectation, num_joints = mending.expectation, len(mending.offset)
-    x = expectation.standardised(touches.q)
-    start = expectation.standardised(touches.q + mending.offset)
+    expectation = mending.expectation
     # What readings would have been before they changed places; silent and new ones say nothing.
     wanted, counts = np.empty_like(touches.felt), np.empty(touches.felt.shape[1], np.float32)
     wanted[:, mending.source] = touches.felt
     counts[mending.source] = ~(mending.silent | mending.new)
-    rows = np.empty(0, dtype=int)
-    growth = np.sqrt(len(x) / 1000)
-
-    def batch() -> np.ndarray:
-        nonlocal rows
-        rows = rng.integers(len(x), size=_BATCH)
-        return x[rows]
-
-    def trained(expected: Network) -> Network:
-        def slope(displaced: np.ndarray) -> np.ndarray:
-            outputs, _, slopes = expected.forward(start[rows] + displaced)
-            off = 2.0 * counts * (outputs - wanted[rows]) / len(rows)
-            return expected.slope_of_inputs(off, slopes)
-
-        network = Network.random([num_joints, round(_HIDDEN * growth), num_joints], rng)
-        network.weights[-1][:] = 0.0
-        train(network, batch, slope, round(_NUM_STEPS * growth))
-        return network
-
-    through = (one.network for one in mending.through for _ in range(_NETWORKS))
-    return dataclasses.replace(mending, displacement=tuple(map(trained, through)))
+    networks = displacement(
+        [one.network for one in mending.through],
+        expectation.standardised(touches.q),
+        expectation.standardised(touches.q + mending.offset),
+        wanted,
+        counts,
+        seed=seed,
+    )
+    return dataclasses.replace(mending, displacement=networks)

@@ -7,6 +7,7 @@ import pytest
 from skins import touch
 
 from selftouch_drake.agent.living import Alarm, Expectation, Life, LivingLearner, understand
+from selftouch_drake.agent.living import displacement as displacements
 from selftouch_drake.agent.living import life as module
 from selftouch_drake.agent.living import mending as mends
 from selftouch_drake.agent.living.receptors import Newcomers, Silenced
@@ -125,7 +126,7 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
 
 
 def test_a_bent_arm_is_a_displacement(expectation, touches, usual, monkeypatch):
-    monkeypatch.setattr(mends, "_NETWORKS", 1)
+    monkeypatch.setattr(displacements, "_NETWORKS", 1)
 
     def bend(q):
         return q + 0.2 * np.sin(1.5 * q[:, [1, 0, 2, 3, 4]][:, : q.shape[1]])
@@ -221,7 +222,7 @@ def test_silence_does_not_depend_on_how_touches_are_cut():
 def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monkeypatch):
     monkeypatch.setattr(module, "_FIRST", 3000)
     monkeypatch.setattr(module, "_TO_UNDERSTAND", 900)
-    monkeypatch.setattr(mends, "_NETWORKS", 1)
+    monkeypatch.setattr(displacements, "_NETWORKS", 1)
     monkeypatch.setattr(mends, "_THROUGH", 1)
     q, sensation = touches
     q, sensation = q.copy(), sensation.copy()
