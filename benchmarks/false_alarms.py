@@ -24,12 +24,15 @@ from selftouch_drake.agent.living import Life, LivingLearner
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 
+#: Touches in each walk.
+WALK = 2500
+
 
 def lived(body: str, seed: int, args: argparse.Namespace) -> dict[str, Any]:
     """One row of the table."""
     world, began = World(load_experiment(body, {"seed": seed})), time.process_time()
     life = Life(lambda: LivingLearner(args.targets, seed=seed), seed=seed)
-    walks = touches(world, 0)
+    walks = touches(world, 0, WALK)
     while life.num_touches < args.touches:
         life.take(*next(walks))
     alarm, silenced, newcomers = np.max(life.doubts, axis=0)

@@ -2,11 +2,11 @@
 
     python benchmarks/imagined.py RUN... --pairs 20
 
-From its stored touches an agent learns a network that tells them from configurations whose joints
-are drawn from different touches, or anywhere: where it would be in touch. Along that network it
-slides, as it would slide along its skin. Prints, for each run, which must have learned: the share
-of the plans in contact, straight and with slides that it imagined, mean and worst; the numbers are
-in docs/planning.md.
+From its stored touches an agent learns a network that separates them from configurations whose
+joints are drawn from different touches, or anywhere: where it would be in touch. Along that network
+it slides, as it would slide along its skin. Prints, for each run, which must have learned: the
+share of the plans in contact, straight and with slides that it imagined, mean and worst; the
+numbers are in docs/planning.md.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ def _digest(path: Path) -> str:
         content = json.dumps(_timeless(json.loads(path.read_bytes())), sort_keys=True)
     elif path.name == "table.parquet":
         content = json.dumps([_timeless(row) for row in read_table(path).to_pylist()])
-    # They tell how long the stages took, or have random names inside.
+    # They say how long the stages took, or have random names inside.
     elif path.suffix == ".html" or path.parent.parent.name.endswith("_sweep"):
         return "there" if path.stat().st_size else "empty"
     else:

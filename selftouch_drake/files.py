@@ -31,7 +31,7 @@ def written_whole(path: Path) -> Iterator[Path]:
             os.fsync(file.fileno())
         aside.replace(path)
     except OSError as error:
-        # What fails while it writes does not tell where.
+        # What fails while it writes does not say where.
         if error.filename is not None or str(path) in str(error):
             raise
         raise OSError(f"{path} cannot be written: {error.strerror or error}") from error

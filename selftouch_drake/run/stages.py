@@ -43,7 +43,12 @@ from selftouch_drake.run.knowledge import (
 )
 from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.run.naming import free_start
-from selftouch_drake.run.touches import force_metrics, touch_counts, warn_of_untouched
+from selftouch_drake.run.touches import (
+    force_metrics,
+    touch_counts,
+    warn_of_changes,
+    warn_of_untouched,
+)
 from selftouch_drake.run.worlds import (
     as_text,
     build_world,
@@ -143,6 +148,9 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     Raises:
         RunError: the experience is not complete.
         ValueError: it cannot be learned from.
+
+    Warns:
+        ChangedBodyWarning: the body changed in the middle of the experience.
     """
     from selftouch_drake.agent.representation import QuotientLearner
     from selftouch_drake.agent.shape import recover
@@ -150,6 +158,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
 
     began = time.perf_counter()
     require_experience(run)
+    warn_of_changes(run)
     settings, seed = run.experiment.representation, run.experiment.seed
     learner = QuotientLearner(
         num_targets=settings.num_targets,

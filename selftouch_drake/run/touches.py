@@ -19,6 +19,10 @@ class NeverTouchedWarning(UserWarning):
     """A skin was never touched, or something that touches never touched."""
 
 
+class ChangedBodyWarning(UserWarning):
+    """The body changed in the middle of the experience, which is learned from as one body's."""
+
+
 def force_metrics(run: RunDirectory) -> tuple[float, float]:
     """Median (to a millinewton) and largest force of the touches, in constant memory."""
     counts, largest = np.zeros(_MOST_FORCE_MN + 1, dtype=np.int64), 0.0
@@ -70,5 +74,23 @@ def warn_of_untouched(
             f"{', '.join(never)} in {run.experiment.babbling.num_samples:,} touches; see what can "
             f"touch what with `selftouch robot {run.path / 'experiment.yaml'} --show`",
             NeverTouchedWarning,
+            stacklevel=3,
+        )
+
+
+def warn_of_changes(run: RunDirectory) -> None:
+    """Warns that all touches are learned from as one body's, if the body changes on the way.
+
+    Warns:
+        ChangedBodyWarning: in one line.
+    """
+    num_samples = run.experiment.babbling.num_samples
+    when = [one.after for one in run.experiment.changes if 0 < one.after < num_samples]
+    if when:
+        warnings.warn(
+            f"changes[].after is {', '.join(f'{touches:,}' for touches in when)}: the body changes "
+            f"within its {num_samples:,} touches, and this run learns from all of them as one "
+            f"body's; follow the change with `selftouch live {run.path / 'experiment.yaml'}`",
+            ChangedBodyWarning,
             stacklevel=3,
         )

@@ -10,6 +10,7 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.living import live
 from selftouch_drake.run.material import Material
+from selftouch_drake.run.touches import ChangedBodyWarning
 from selftouch_drake.show import LifePage, open_meshcat
 from selftouch_drake.show.page import life_figure
 from selftouch_drake.threads import Threads
@@ -28,7 +29,7 @@ def run(tmp_path_factory):
         {
             "skins": {"body": {"surface": surface, "num_receptors": 30}},
             "babbling": {"num_samples": 1200, "walk_size": 600},
-            "representation": {"num_targets": 60},
+            "representation": {"num_targets": 60, "metric": "sensorimotor"},
             "evaluation": {"num_pairs": 1},
             "changes": [{"after": 1000, "skins": {"body": {"dead": [0]}}}],
         },
@@ -81,3 +82,8 @@ def test_a_life_that_was_ended_is_kept_so_far(run):
     with pytest.raises(KeyboardInterrupt):
         live(run, Page(ends_after=500))
     assert LifeCurves.from_arrays(load_arrays(run.life)).block_touches[-1] <= 1000
+
+
+def test_a_run_that_learns_two_bodies_as_one_says_so(run):
+    with pytest.warns(ChangedBodyWarning, match=r"changes\[\].after is 1,000.*`selftouch live "):
+        stages.learn(run)

@@ -3,11 +3,13 @@
 The agent learns what to expect when it has 5000 touches, and again whenever it has twice as many.
 When the alarm is raised, it learns nothing for a while and only collects touches of the changed
 body. Then it finds out what changed, makes the remembered touches into touches of the changed body,
-and lives on. Nobody tells it about the change.
+and lives on. Nobody announces the change. What it found is not always exact: then it looks
+again when it has more touches of the changed body.
 """
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -15,20 +17,21 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.living.learner import LivingLearner
-from selftouch_drake.agent.living.mending import Mending, understand
+from selftouch_drake.agent.living.mending import Mending, learned_again, understand
 from selftouch_drake.agent.living.receptors import Newcomers, Silenced
 from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation, surprise
 
-#: Touches after which the agent learns what to expect, and the factor by which they have grown when
-#: it learns that again.
+#: Touches of a body after which the agent learns what to expect, and the factor by which they have
+#: grown when it learns that again.
 _FIRST, _AGAIN = 5000, 2.0
 
 #: Share of the touches, the last ones, that say what surprise is usual, and their greatest number.
 #: The expectation does not learn from them.
 _USUAL, _MOST_USUAL = 0.2, 10_000
 
-#: Touches of the changed body from which the agent finds out what changed.
-_TO_UNDERSTAND = 2000
+#: Touches of the changed body from which the agent finds out what changed, and from which it learns
+#: a displacement again.
+_TO_UNDERSTAND, _AGAIN_DISPLACED = 1000, (2000, 4000)
 
 #: Touches that the agent takes at a time, so that a life does not depend on the size of its chunks.
 _BLOCK = 500
@@ -42,7 +45,7 @@ class Noticed:
         row: number of the touch at which the agent noticed it.
         since: number of the first touch that the agent takes for one of the changed body.
         mended_at: number of touches of the life when the agent had found out what changed.
-        mending: what it found.
+        mending: what it found; it may become more exact later.
     """
 
     row: int
@@ -86,6 +89,11 @@ class Life:
         self._expects_again_at: float = _FIRST
         # Touches that wait for a full block; the last learned ones; those of a changed body.
         self._waiting = self._last = self._strange = _Touches.none()
+        # Remembered touches from before the last change, as they were, and the numbers of strange
+        # touches at which the agent learns the displacement again.
+        self._before, self._looks = _Touches.none(), list[int]()
+        # Number of the first touch of the body as it is.
+        self._born = 0
         self._raised: tuple[int, int] | None = None
         # Number of the learner's touches from before the change.
         self._num_before = 0
@@ -117,10 +125,16 @@ class Life:
         else:
             strange = block
             self.surprise.append(surprise(self._expected(block.q), block.sensation))
-        self._strange = self._strange.and_then(strange)
-        if self._raised is not None and len(self._strange) >= _TO_UNDERSTAND:
-            self._mend()
-        elif self._raised is None and self.learner.num_touches >= self._expects_again_at:
+        if self._raised is not None:
+            self._strange = self._strange.and_then(strange)
+            if len(self._strange) >= _TO_UNDERSTAND:
+                self._mend()
+            return
+        if self._looks:
+            self._strange = self._strange.and_then(block)
+            if len(self._strange) >= self._looks[0]:
+                self._look_again()
+        if self.num_touches - self._born >= self._expects_again_at:
             self._expect()
 
     def _watched(self, block: _Touches, first: int) -> tuple[_Touches, _Touches]:
@@ -144,6 +158,7 @@ class Life:
         row, test = min(raised, key=lambda one: one[0])
         since = row + 1 - test.since
         self._raised = first + row, first + since
+        self._strange, self._looks = _Touches.none(), []
         self._num_before = self.learner.num_touches + since
         return block[: max(since, 0)], block[max(since, 0) :]
 
@@ -163,24 +178,46 @@ class Life:
         held = self.learner.remembered()
         before = held.row < self._num_before
         q, sensation = held.columns["q"][before], held.columns["sensation"][before]
+        strange = self._strange
         mending = understand(
             self._expectation,
-            np.any(sensation > 0, axis=0),
             self._usual,
-            self._strange.q,
-            self._strange.sensation,
+            (q, sensation),
+            strange.q,
+            strange.sensation,
+            num_steps=self._num_steps,
             seed=self._seed,
         )
-        self.learner = self._make_learner()
-        row, since = self._raised
+        row, self._born = self._raised
         self.noticed.append(
-            Noticed(row=row, since=since, mended_at=self.num_touches, mending=mending)
+            Noticed(row=row, since=self._born, mended_at=self.num_touches, mending=mending)
         )
-        # At once, so that targets are chosen where the body feels now.
-        self._learn(_Touches(*mending.mended(q, sensation)).and_then(self._strange))
-        self._last = self._strange[len(self._strange) // 2 :]
-        self._strange, self._raised, self._tests = _Touches.none(), None, None
+        self._before = _Touches(q, sensation)
+        self._begin_again(mending)
+        self._raised, self._tests = None, None
         self._expect()
+        if mending.displacement:
+            self._looks = list(_AGAIN_DISPLACED)
+        else:
+            self._before = self._strange = _Touches.none()
+
+    def _look_again(self) -> None:
+        """Learns the displacement again, from more touches of the changed body."""
+        found, strange = self.noticed[-1], self._strange
+        mending = learned_again(found.mending, strange.q, strange.sensation, seed=self._seed)
+        self.noticed[-1] = dataclasses.replace(found, mending=mending)
+        self._begin_again(mending)
+        self._looks = self._looks[1:]
+        if not self._looks:
+            self._before = self._strange = _Touches.none()
+
+    def _begin_again(self, mending: Mending) -> None:
+        """A new learner takes the mended touches, and the touches of the changed body."""
+        self.learner = self._make_learner()
+        before, strange = self._before, self._strange
+        # At once, so that targets are chosen where the body feels now.
+        self._learn(_Touches(*mending.mended(before.q, before.sensation)).and_then(strange))
+        self._last = strange[len(strange) // 2 :]
 
     def _expect(self) -> None:
         """Learns what to expect from all remembered touches except the last ones."""
@@ -206,7 +243,7 @@ class Life:
             Silenced.calibrated(expected, felt, false_alarms=chance),
             newcomers,
         )
-        self._expects_again_at = _AGAIN * self.learner.num_touches
+        self._expects_again_at = max(_FIRST, _AGAIN * (self.num_touches - self._born))
 
 
 class _Touches:

@@ -46,19 +46,29 @@ class Expectation:
 
     @classmethod
     def learn(
-        cls, q: np.ndarray, sensation: np.ndarray, *, num_steps: int = NUM_STEPS, seed: int = 0
+        cls,
+        q: np.ndarray,
+        sensation: np.ndarray,
+        *,
+        like: Expectation | None = None,
+        num_steps: int = NUM_STEPS,
+        seed: int = 0,
     ) -> Expectation:
         """Learns from touches.
 
         Args:
             q: `(n, J)` motor configurations, in the robot's units.
             sensation: `(n, S)` N, what was felt there; no row null.
+            like: another expectation, whose middle and scale this one takes over.
             num_steps: number of training steps.
             seed: the same seed and touches give the same bytes, on one machine.
         """
         rng = np.random.default_rng(seed)
-        deviation = q.std(axis=0, dtype=float)
-        middle, scale = q.mean(axis=0, dtype=float), np.where(deviation > 0, deviation, 1.0)
+        if like is not None:
+            middle, scale = like.middle, like.scale
+        else:
+            deviation = q.std(axis=0, dtype=float)
+            middle, scale = q.mean(axis=0, dtype=float), np.where(deviation > 0, deviation, 1.0)
         felt = unit(sensation)
         mean = felt.mean(axis=0)
         spread = np.float32(np.sqrt(np.square(felt - mean).sum(axis=1).mean()))

@@ -7,8 +7,10 @@ import pytest
 from skins import touch
 
 from selftouch_drake.agent.living import Alarm, Expectation, Life, LivingLearner, understand
+from selftouch_drake.agent.living import displacement as displacements
 from selftouch_drake.agent.living import life as module
 from selftouch_drake.agent.living import mending as mends
+from selftouch_drake.agent.living.mending import learned_again
 from selftouch_drake.agent.living.receptors import Newcomers, Silenced
 from selftouch_drake.agent.living.surprise import surprise
 
@@ -41,8 +43,14 @@ def found(expectation, touches, usual, change):
     q, sensation = touches
     new_q, new = change(q[NUM_OLD:].copy(), sensation[NUM_OLD:].copy())
     felt = new.any(axis=1)
-    known = sensation[:NUM_OLD].any(axis=0)
-    return understand(expectation, known, float(usual.mean()), new_q[felt], new[felt])
+    return understand(
+        expectation,
+        float(usual.mean()),
+        (q[:NUM_OLD], sensation[:NUM_OLD]),
+        new_q[felt],
+        new[felt],
+        num_steps=400,
+    )
 
 
 def test_it_expects_what_it_feels(usual):
@@ -106,7 +114,8 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     blind[:, 7] = 0.0
     some = blind.any(axis=1)
     expectation = Expectation.learn(q[:5000][some[:5000]], blind[:5000][some[:5000]], num_steps=400)
-    mending = understand(expectation, blind.any(axis=0), 0.0, q[NUM_OLD:], sensation[NUM_OLD:])
+    before = q[:NUM_OLD], blind[:NUM_OLD]
+    mending = understand(expectation, 1.0, before, q[NUM_OLD:], sensation[NUM_OLD:])
     assert np.flatnonzero(mending.new).tolist() == [7]
     rows, mended = mending.mended(np.arange(1000)[:, None] * np.ones(q.shape[1]), blind[:1000])
     kept = rows[:, 0].astype(int)
@@ -117,27 +126,61 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     assert surprise(mended, sensation[kept]).mean() < before / 3
 
 
-def test_a_bent_arm_is_a_displacement(expectation, touches, usual):
-    def bend(q):
-        return q + 0.2 * np.sin(1.5 * q[:, [1, 0, 2, 3, 4]][:, : q.shape[1]])
+def bend(q):
+    return q + 0.2 * np.sin(1.5 * q[:, [1, 0, 2, 3, 4]][:, : q.shape[1]])
 
-    def change(q, sensation):
-        # Where the joints read q, they act as if they were at bend(q).
-        now = q.copy()
-        for _ in range(30):
-            now = now + q - bend(now)
-        return now.astype(np.float32), sensation
 
-    mending = found(expectation, touches, usual, change)
+def unbent(q):
+    """Where joints read that act as if they were at `q`."""
+    now = q.copy()
+    for _ in range(30):
+        now = now + q - bend(now)
+    return now.astype(np.float32)
+
+
+def test_a_bent_arm_is_a_displacement_which_more_touches_make_exact(
+    expectation, touches, usual, monkeypatch
+):
+    monkeypatch.setattr(displacements, "_NETWORKS", 1)
+    q, sensation = touches[0][:500], touches[1][:500]
+    strength = np.linalg.norm(sensation, axis=1)
+    firm = strength >= np.quantile(strength, 0.25)
+
+    def off(mending):
+        now, _ = mending.mended(q, sensation)
+        return np.abs(now - unbent(q[firm]))[:, :3].mean()
+
+    mending = found(expectation, touches, usual, lambda q, s: (unbent(q)[:700], s[:700]))
     assert mending.displacement
     before, after = mending.surprise
     assert after < before / 2
-    strength = np.linalg.norm(touches[1][:500], axis=1)
-    firm = strength >= np.median(strength)
-    q = touches[0][:500][firm]
-    now, _ = mending.mended(touches[0][:500], touches[1][:500])
-    true, _ = change(q.copy(), None)
-    assert np.abs(now - true)[:, :3].mean() < 0.5 * np.abs(q - true)[:, :3].mean()
+    assert off(mending) < 0.5 * np.abs(q - unbent(q))[firm, :3].mean()
+    again = learned_again(mending, unbent(touches[0][NUM_OLD:]), touches[1][NUM_OLD:])
+    assert off(again) < off(mending)
+
+
+def test_a_life_learns_a_displacement_again(touches, monkeypatch):
+    monkeypatch.setattr(module, "_FIRST", 3000)
+    monkeypatch.setattr(module, "_TO_UNDERSTAND", 600)
+    monkeypatch.setattr(module, "_AGAIN_DISPLACED", (1200,))
+    monkeypatch.setattr(displacements, "_NETWORKS", 1)
+    looked = []
+
+    def again(mending, q, sensation, *, seed):
+        looked.append(len(q))
+        return learned_again(mending, q, sensation, seed=seed)
+
+    monkeypatch.setattr(module, "learned_again", again)
+    q, sensation = touches
+    q = np.concatenate([q[:5000], unbent(q[5000:])])
+    life = Life(lambda: LivingLearner(60), num_steps=200)
+    life.take(q[:6500], sensation[:6500])
+    (noticed,) = life.noticed
+    assert noticed.mending.displacement
+    (num,) = looked
+    assert 1200 <= num < 1800
+    moved, _ = noticed.mending.mended(q[: noticed.since], sensation[: noticed.since])
+    assert life.learner.num_touches == len(moved) + 1500
 
 
 def test_the_alarm_is_silent_on_what_is_usual_and_quick_on_what_is_not():
@@ -212,7 +255,8 @@ def test_silence_does_not_depend_on_how_touches_are_cut():
 def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monkeypatch):
     monkeypatch.setattr(module, "_FIRST", 3000)
     monkeypatch.setattr(module, "_TO_UNDERSTAND", 900)
-    monkeypatch.setattr(mends, "_NETWORKS", 1)
+    monkeypatch.setattr(displacements, "_NETWORKS", 1)
+    monkeypatch.setattr(mends, "_THROUGH", 1)
     q, sensation = touches
     q, sensation = q.copy(), sensation.copy()
     q[4500:, 0] += 0.5
