@@ -61,6 +61,8 @@ def corrected_lengths(
     whole = np.bincount(kernel)[kernel] == 1
     readings = targets[kernel]
     readings = readings[:, (readings * whole[:, None]).max(axis=0) > _LEAST_READING]
+    if not readings.size:
+        return None
     felt = angles(readings, edges)
     inside = kernel[edges[:, 0]] == kernel[edges[:, 1]]
     for _ in range(_ROUNDS):

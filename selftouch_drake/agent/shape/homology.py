@@ -245,9 +245,13 @@ def circumspheres(points: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray
     """
     first = points[simplices[:, 0]]
     sides = points[simplices[:, 1:]] - first[:, None]
-    gram = np.einsum("nix,njx->nij", sides, sides)
-    half = np.einsum("nii->ni", gram)[..., None] / 2
-    centre = np.einsum("nix,ni->nx", sides, np.linalg.solve(gram, half)[..., 0])
+    half = np.square(sides).sum(axis=2)[..., None] / 2
+    if sides.shape[1] == 3:
+        # Not by the products of the sides: those of a very flat tetrahedron are singular.
+        centre = np.linalg.solve(sides, half)[..., 0]
+    else:
+        gram = np.einsum("nix,njx->nij", sides, sides)
+        centre = np.einsum("nix,ni->nx", sides, np.linalg.solve(gram, half)[..., 0])
     return first + centre, np.square(centre).sum(axis=1)
 
 

@@ -76,3 +76,9 @@ def test_pieces_of_a_kernel_keep_their_place(nodes):
     targets = sensations(np.concatenate([places[:1], places[2:]]))
     corrected = corrected_lengths(targets, kernel, edges, true)
     assert off(edges, corrected, true) < 0.025
+
+
+def test_kernels_that_are_all_cut_have_no_model(nodes):
+    places, edges, true = nodes
+    kernel = np.arange(300) // 2
+    assert corrected_lengths(sensations(places[::2]), kernel, edges, true) is None

@@ -160,3 +160,10 @@ def test_errors(points, message):
     with pytest.raises(ValueError, match="points") as error:
         topology(points)
     assert str(error.value) == message
+
+
+def test_a_tetrahedron_that_is_almost_flat_has_a_sphere():
+    corners = np.array([[0, 0, 0], [0.2, 0.1, 0], [0.1, 0.2, 0], [0.15, 0.15, 1e-9]], dtype=float)
+    centre, radius2 = circumspheres(corners, np.array([[0, 1, 2, 3]]))
+    apart = np.linalg.norm(corners - centre, axis=1)
+    np.testing.assert_allclose(apart, np.sqrt(radius2[0]), rtol=1e-6)
