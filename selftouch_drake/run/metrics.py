@@ -218,7 +218,7 @@ _TRUTH = (
     (
         "surface_rms_fraction",
         "%",
-        "the same with places on the surface of the skin; contacts lie deeper, where the skin gives",
+        "the same with places on the surface of the skin: contacts lie inside, where it gives way",
         "below 5 %",
     ),
     ("shape_rms_fraction_by_skin", "%", "shape error of each skin", "below 6 %"),
