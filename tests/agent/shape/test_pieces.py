@@ -13,7 +13,7 @@ def cells_on_a_sphere(centres, points):
     return points[order], np.concatenate([[0], np.cumsum(counts)])
 
 
-def test_a_cell_as_large_as_two_is_cut_in_parts_and_others_are_left():
+def test_a_wide_cell_is_cut_in_parts_and_others_are_left():
     centres, points = sphere(200), sphere(20_000)
     around = np.argsort(-centres @ centres[100])[1:7]
     left = np.delete(centres, around, axis=0)
@@ -22,10 +22,10 @@ def test_a_cell_as_large_as_two_is_cut_in_parts_and_others_are_left():
     cut, part_offsets, kernel = cut_wide_cells(coordinates, offsets, Cells.of(coordinates, offsets))
     assert (np.diff(kernel) >= 0).all()
     number = np.bincount(kernel)
-    assert number[wide] == 2
+    assert number[wide] == 3
     assert (np.delete(number, wide) == 1).all()
     sizes = np.diff(part_offsets)
-    assert sizes[kernel == wide].min() > 0.5 * np.median(sizes)
+    assert sizes[kernel == wide].min() > 0.4 * np.median(sizes)
     # The rows of a kernel stay together.
     for k in (0, wide, len(left) - 1):
         rows = np.concatenate(
