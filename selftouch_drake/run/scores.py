@@ -153,11 +153,11 @@ def _shape_metrics(
     on_surface = truth.on_surface([skin.fields for skin in world.skins])
     errors = {name: shape_errors(body.positions, part, truth) for name, body in bodies.items()}
     sizes = {entry.skin: len(entry.kernels) for entry in parts_on_skins(part, truth)}
-    mean = {
-        name: _weighted([(error, sizes[skin]) for skin, error in found.items()])
-        for name, found in errors.items()
-        if found
-    }
+
+    def over_skins(found: dict[int, float]) -> float:
+        return _weighted([(error, sizes[skin]) for skin, error in found.items()])
+
+    mean = {name: over_skins(found) for name, found in errors.items() if found}
     near = [
         (
             neighbour_agreement(
@@ -171,9 +171,8 @@ def _shape_metrics(
     metrics: Metrics = {"neighbour_agreement": _weighted(near)} if near else {}
     if chosen in mean:
         metrics["shape_rms_fraction"] = mean[chosen]
-        found = shape_errors(bodies[chosen].positions, part, on_surface)
-        metrics["surface_rms_fraction"] = _weighted(
-            [(error, sizes[skin]) for skin, error in found.items()]
+        metrics["surface_rms_fraction"] = over_skins(
+            shape_errors(bodies[chosen].positions, part, on_surface)
         )
     if len(world.skins) > 1:
         metrics["shape_rms_fraction_by_skin"] = {

@@ -79,8 +79,7 @@ def corrected_lengths(
 
 def angles(sensations: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     """`(E,)` rad, angles between rows of `(N, S)` sensations of unit norm, for `(E, 2)` pairs."""
-    chord = np.linalg.norm(sensations[pairs[:, 0]] - sensations[pairs[:, 1]], axis=1)
-    return 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0))
+    return 2.0 * np.arcsin(np.minimum(_steps(sensations, pairs) / 2.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -182,5 +181,5 @@ def _plane(points: np.ndarray) -> np.ndarray:
 
 
 def _steps(positions: np.ndarray, pairs: np.ndarray) -> np.ndarray:
-    """`(E,)` distances between `(E, 2)` pairs."""
+    """`(E,)` distances between the rows of `(E, 2)` pairs."""
     return np.linalg.norm(positions[pairs[:, 0]] - positions[pairs[:, 1]], axis=1)
