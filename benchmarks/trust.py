@@ -37,7 +37,7 @@ LUCK = (
     ("torus", "whole", 923),
     ("double_torus", "whole", 921),
     ("cube", "worn", 922),
-    ("torus", "worn", 922),
+    ("torus", "worn", 931),
 )
 
 #: What `confidence` recovers: bodies, skins, touches and targets, drawn at random, and whether the
