@@ -17,6 +17,9 @@ from scipy.spatial import Delaunay, cKDTree
 #: Bars between these lengths, in spacings, may be true or false.
 _UNSURE = (1.0, 1.3)
 
+#: Stands for the length of no bar.
+_NO_LENGTH = 1e-100
+
 #: Bars born later than this, in spacings, are not holes of the body. On sampled surfaces, loops are
 #: born when neighbours meet, measured at 1 to 1.4, and voids when faces close, at 1.7 to 2.5.
 _LATE = 4.0
@@ -122,9 +125,9 @@ def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
     falling = np.sort(length)[::-1]
     # Cut c calls the first c bars true; sentinels stand for a bar that is just true and for no bar.
     above = np.concatenate([[np.inf], falling])
-    below = np.concatenate([falling, [np.finfo(float).tiny]])
+    below = np.concatenate([falling, [_NO_LENGTH]])
     allowed = (above >= surely_false) & (below <= surely_true)
-    ratio = np.where(np.isinf(above), surely_true, above) / np.maximum(below, np.finfo(float).tiny)
+    ratio = np.where(np.isinf(above), surely_true, above) / np.maximum(below, _NO_LENGTH)
     cut = int(np.where(allowed, ratio, -np.inf).argmax())
     shortest = surely_true if np.isinf(above[cut]) else float(above[cut])
     margin = float(ratio[cut])
