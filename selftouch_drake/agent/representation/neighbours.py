@@ -65,6 +65,13 @@ def _among(columns: np.ndarray) -> np.ndarray:
     return among
 
 
+def one_ring(edges: np.ndarray, num_kernels: int) -> csr_array:
+    """`(K, K)` 1 where two kernels are the same or neighbours, 0 elsewhere; powers are rings."""
+    (i, j), here = edges.T, np.arange(num_kernels)
+    ends = np.r_[i, j, here], np.r_[j, i, here]
+    return csr_array((np.ones(len(ends[0])), ends), shape=(num_kernels, num_kernels))
+
+
 def component_labels(edges: np.ndarray, num_kernels: int) -> np.ndarray:
     """`(K,)` the component of each kernel; 0 is the largest."""
     _, label = connected_components(_sparse(edges, np.ones(len(edges)), num_kernels), False)

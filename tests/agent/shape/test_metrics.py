@@ -185,3 +185,16 @@ def test_errors(touched):
     assert str(error.value) == (
         "q has 8 joints, more than the 7 of the revolute reference: choose the learned metric"
     )
+
+
+def test_lengths_follow_the_map_only_where_it_differs_locally():
+    points = sphere(600)
+    edges = neighbour_edges(np.linalg.norm(points[:, None] - points, axis=2))
+    felt = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+    middle = points[edges].mean(axis=1)
+    stretched = metrics.BodyGraph(edges=edges, length=felt * np.exp(0.3 * middle[:, 2]))
+    np.testing.assert_allclose(metrics._with_rims(felt, stretched), felt, rtol=0.02)
+    across = (points[edges, 2] > 0).sum(axis=1) == 1
+    cut_short = metrics.BodyGraph(edges=edges, length=felt * np.where(across, 0.7, 1.0))
+    followed = metrics._with_rims(felt, cut_short)[across] / felt[across]
+    assert 0.7 ** (1 / 3) < followed.mean() < 0.7 ** (1 / 6)
