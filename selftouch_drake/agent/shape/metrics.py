@@ -55,13 +55,10 @@ _LITTLE_APART = 0.07
 #: From this share on the map itself is in doubt, and another network is trained.
 _MOST_APART = 0.12
 
-#: Weight of the map in the logarithm of a length. Corrected lengths are several times as exact, but
-#: they run along the skin: across a rim, which the finger cuts short, those of the map are better.
-_OF_MAP = 1 / 3
-
-#: Rings of neighbours beyond which the map does not count: a rim is narrow, but a bad network
-#: stretches wide parts of the body.
-_RINGS = 2
+#: Corrected lengths run along the skin, which the finger cuts short at a rim. An edge crosses a rim
+#: where the map is shorter by more than this share than they are, compared with so many rings of
+#: neighbours around: a rim is narrow, but a bad network stretches wide parts of the body.
+_CUT_SHORT, _RINGS = 0.2, 2
 
 #: Configurations of each set whose nearest neighbours the literal metric searches: all 1e12 pairs
 #: of 1000 sets of 1000 take minutes, and change the minima only by a common factor.
@@ -135,10 +132,9 @@ def sensorimotor(
 def learned(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
     """Neighbours in a quotient map learned from motor kernels; lengths from map and sensations.
 
-    Lengths from sensations are corrected for where the receptors lie. Where those of the map differ
-    from them locally, they follow the map by a third, unless both differ everywhere. Then the
-    network may be bad, and another is trained. If no network finds the neighbours, the
-    `sensorimotor` metric is used.
+    Lengths from sensations are corrected for where the receptors lie, and shortened where the map
+    shows a rim, unless both measures differ everywhere. Then the network may be bad, and another is
+    trained. If no network finds the neighbours, the `sensorimotor` metric is used.
     """
 
     def of_network(number: int) -> Progress:
@@ -198,7 +194,7 @@ def _felt_lengths(targets: np.ndarray, graph: BodyGraph) -> np.ndarray:
 
 
 def _with_rims(felt: np.ndarray, graph: BodyGraph) -> np.ndarray:
-    """`(E,)` lengths from sensations, nearer to those of the map where the two differ locally."""
+    """`(E,)` lengths from sensations, shortened where the map is much shorter than around."""
     num_nodes = int(graph.edges.max()) + 1
     ring, ends = one_ring(graph.edges, num_nodes), graph.edges.T.ravel()
     ratio = np.log(graph.length / felt)
@@ -207,7 +203,7 @@ def _with_rims(felt: np.ndarray, graph: BodyGraph) -> np.ndarray:
     for _ in range(_RINGS):
         total, number = ring @ total, ring @ number
     around = (total / number)[graph.edges].mean(axis=1)
-    return felt * np.exp(_OF_MAP * (ratio - around))
+    return felt * np.exp(np.minimum(ratio - around + _CUT_SHORT, 0.0))
 
 
 def _disagreement(graph: BodyGraph, felt: np.ndarray) -> float:
