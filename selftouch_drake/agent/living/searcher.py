@@ -44,7 +44,12 @@ class Searcher(Explorer):
         # The more parts a body has, the more places the agent may not have met.
         parts = 1 if self._agent is None else max(self._agent.representation.num_parts, 1)
         while True:
-            yield from self._meet()
+            import os
+            row = self._surprising() if self._rng.random() < float(os.environ.get("S1", 0)) else None
+            if row is None:
+                yield from self._meet()
+            else:
+                self._touch = self._agent.representation.kernel_q[row].astype(float)
             yield from self._look_about(self._touch, _ABOUT, max(_TOUCHES // parts, 2) - 1)
             if self._agent is not None and len(self._agent.representation.edges):
                 for _ in range(_GAPS // parts):
@@ -69,14 +74,24 @@ class Searcher(Explorer):
     def _look_between(self, agent: Agent) -> Moves:
         """Tries postures between firm touches of both ends of a link."""
         known = agent.representation
-        tail, head = self._rng.permutation(self._rng.choice(known.edges))
-        mode = int(self._rng.choice(known.kernel_mode[known.members(tail)]))
+        import os
+        row = self._surprising() if self._rng.random() < float(os.environ.get("S2", 0)) else None
+        if row is not None:
+            tail = int(np.searchsorted(known.kernel_offsets, row, side="right")) - 1
+            mode = int(known.kernel_mode[row])
+            others = known.edges[(known.edges == tail).any(axis=1)]
+            if not len(others):
+                return
+            head = int(self._rng.choice(others).sum()) - tail
+        else:
+            tail, head = self._rng.permutation(self._rng.choice(known.edges))
+            mode = int(self._rng.choice(known.kernel_mode[known.members(tail)]))
         if mode == NO_MODE:
             return
         firm, ahead = firm_members(known, tail, mode), firm_members(known, head, mode)
         if not len(ahead):
             return
-        start = known.kernel_q[self._rng.choice(firm)].astype(float)
+        start = known.kernel_q[self._rng.choice(firm) if row is None else row].astype(float)
         matters = known.mode_joints[mode]
         near = cdist(
             known.scaled(start)[None, matters], known.scaled(known.kernel_q[ahead])[:, matters]

@@ -1,10 +1,13 @@
 """The explorer stays in touch, and goes where it knows least."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner, Searcher
+from selftouch_drake.agent.living.recall import recalled
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
@@ -78,6 +81,48 @@ def test_it_goes_where_it_was_rarely():
     q = q[felt.any(axis=1)]
     assert len(q) > 0.6 * 3000
     assert np.mean(q[:, 2] < 0) > 0.5
+
+
+def test_it_goes_where_its_predictions_failed():
+    """It was surprised on one cap of a ball that it knows equally well all round."""
+    points = np.random.default_rng(0).normal(size=(4000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    agent = who_knows(points, ball_feels(points))
+    cap = agent.representation.kernel_q[:, 2] > 0.7
+    nowhere = np.zeros(3)
+
+    def goals(surprise):
+        rng = np.random.default_rng(0)
+        explorer = Explorer(agent, JOINTS, MANNER, nowhere, nowhere, rng, surprise)
+        rows, kernels = zip(*(explorer._goal(agent) for _ in range(1000)), strict=True)
+        offsets = agent.representation.kernel_offsets
+        assert (offsets[list(kernels)] <= rows).all()
+        assert (rows < offsets[np.add(kernels, 1)]).all()
+        return cap[list(rows)].mean()
+
+    unsurprised = goals(None)
+    assert goals(np.zeros(len(cap))) == pytest.approx(unsurprised, abs=0.05)
+    assert goals(1.0 * cap) > unsurprised + 0.12
+
+
+def test_it_recalls_the_most_similar_touch_in_the_joints_that_matter():
+    points = np.random.default_rng(0).normal(size=(2000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    felt = ball_feels(points)
+    agent = who_knows(points, felt)
+    known, kept = agent.representation, agent.kernel_sensation
+    np.testing.assert_allclose(
+        recalled(known, kept, known.kernel_q[::7]), kept[::7].toarray(), atol=1e-6
+    )
+    # A fourth joint that turns freely matters in no mode.
+    free = dataclasses.replace(
+        known,
+        kernel_q=np.hstack([known.kernel_q, np.random.default_rng(1).normal(size=(known.num_rows, 1))]),
+        joint_scale=np.append(known.joint_scale, 1.0),
+        mode_joints=np.hstack([known.mode_joints, np.zeros((len(known.mode_joints), 1), bool)]),
+    )
+    turned = np.hstack([known.kernel_q[::7], np.full((len(known.kernel_q[::7]), 1), 5.0)])
+    np.testing.assert_allclose(recalled(free, kept, turned), kept[::7].toarray(), atol=1e-6)
 
 
 def test_where_only_touches_count_it_looks_about_places_met_anywhere():
