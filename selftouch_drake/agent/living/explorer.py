@@ -1,11 +1,11 @@
 """Exploration: the agent decides from what it knows where to go (naive).
 
-The agent stays in contact as much as it can. It goes to what it knows least: a sensation that it
-seldom felt, or a link for which it has no good step. It goes through the air, or by its own plan
-along its skin. There it slides about: it walks at random, bent along the skin, so that it meets the
-same sensations in other postures. From how the last steps changed what it felt, it learns which way
-is into the skin and which way is out. Before it knows anything it moves at random, and slides about
-from any touch.
+The agent stays in contact as much as it can. It goes to what it knows least: a touch that it did
+not expect, a sensation that it seldom felt, or a link for which it has no good step. It goes
+through the air, or by its own plan along its skin. There it slides about: it walks at random, bent
+along the skin, so that it meets the same sensations in other postures. From how the last steps
+changed what it felt, it learns which way is into the skin and which way is out. Before it knows
+anything it moves at random, and slides about from any touch.
 
 A move is a few configurations. The explorer yields it, and is sent what was felt on the way. It
 does not know what makes the move.
@@ -200,7 +200,7 @@ class Explorer:
         """A touch of a kernel of which the agent knows little: its row, and the kernel."""
         known = agent.representation
         if self._rng.random() < _SURPRISING and (row := self._surprising()) is not None:
-            return row, int(np.searchsorted(known.kernel_offsets, row, side="right")) - 1
+            return row, kernel_of(known, row)
         goal = self._unknown(known)
         rows = known.members(goal)
         return int(self._rng.integers(rows.start, rows.stop)), goal
@@ -321,3 +321,8 @@ class Explorer:
 
     def _within(self, q: np.ndarray) -> np.ndarray:
         return q.clip(self._joints.lower, self._joints.upper)
+
+
+def kernel_of(known: QuotientRepresentation, row: int) -> int:
+    """The kernel to which a row of `kernel_q` belongs."""
+    return int(np.searchsorted(known.kernel_offsets, row, side="right")) - 1

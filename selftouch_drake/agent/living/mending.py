@@ -257,8 +257,9 @@ class _Touches:
 
 def _reach(*qs: np.ndarray) -> np.ndarray:
     """`(2, J)` least and greatest reading of each joint in arrays `(n, J)`."""
-    return np.array([np.min([q.min(axis=0) for q in qs], axis=0),
-                     np.max([q.max(axis=0) for q in qs], axis=0)])
+    return np.array(
+        [np.min([q.min(axis=0) for q in qs], axis=0), np.max([q.max(axis=0) for q in qs], axis=0)]
+    )
 
 
 def _of_new(felt: np.ndarray, new: np.ndarray) -> np.ndarray:

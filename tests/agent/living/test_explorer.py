@@ -7,6 +7,7 @@ import pytest
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner, Searcher
+from selftouch_drake.agent.living.explorer import kernel_of
 from selftouch_drake.agent.living.recall import recalled
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
@@ -117,7 +118,9 @@ def test_it_recalls_the_most_similar_touch_in_the_joints_that_matter():
     # A fourth joint that turns freely matters in no mode.
     free = dataclasses.replace(
         known,
-        kernel_q=np.hstack([known.kernel_q, np.random.default_rng(1).normal(size=(known.num_rows, 1))]),
+        kernel_q=np.hstack(
+            [known.kernel_q, np.random.default_rng(1).normal(size=(known.num_rows, 1))]
+        ),
         joint_scale=np.append(known.joint_scale, 1.0),
         mode_joints=np.hstack([known.mode_joints, np.zeros((len(known.mode_joints), 1), bool)]),
     )
@@ -145,6 +148,25 @@ def test_it_looks_between_neighbours_on_the_skin():
     # Neighbouring targets are half a radius apart; those of which one was drawn at random, 1.4.
     apart = np.linalg.norm(np.array(tried)[:, None] - points, axis=2).min(axis=1)
     assert np.quantile(apart, 0.9) < 0.2
+
+
+def test_half_of_the_gaps_begin_where_its_predictions_failed():
+    points = np.random.default_rng(0).normal(size=(1000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    agent, nowhere = who_knows(points, ball_feels(points)), np.zeros(3)
+    known = agent.representation
+    failed = known.kernel_q[:, 2] > 0.8
+
+    def share(surprise):
+        rng = np.random.default_rng(0)
+        searcher = Searcher(agent, NARROW, MANNER, nowhere, nowhere, rng, surprise)
+        gaps = [searcher._gap(known) for _ in range(400)]
+        linked = {tuple(edge) for edge in known.edges.tolist()}
+        assert all(tuple(sorted((kernel_of(known, row), end))) in linked for row, end in gaps)
+        return failed[[row for row, _ in gaps]].mean()
+
+    assert share(None) < 0.2
+    assert share(1.0 * failed) > 0.5
 
 
 def test_moves_stay_within_the_limits_of_the_joints():

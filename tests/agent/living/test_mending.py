@@ -168,11 +168,13 @@ def test_a_bent_arm_is_a_displacement_which_more_touches_make_exact(
     # The light ones are forgotten, and those at readings that the joints never had; no others.
     had = np.concatenate([touches[0][:NUM_OLD], unbent(touches[0][NUM_OLD:][:700])])
     lower, upper = had.min(axis=0), had.max(axis=0)
-    assert ((now >= lower) & (now <= upper)).all()
-    assert firm[rows].all()
-    far_inside = np.all((unbent(q) > lower + 0.2) & (unbent(q) < upper - 0.2), axis=1)
-    assert np.isin(np.flatnonzero(firm & far_inside), rows).all()
-    assert len(rows) < firm.sum()
+    anywhere = np.array([[-np.inf], [np.inf]]) * np.ones(q.shape[1])
+    all_rows, all_now = moved(dataclasses.replace(mending, reach=anywhere))
+    assert np.array_equal(all_rows, np.flatnonzero(firm))
+    within = ((all_now >= lower) & (all_now <= upper)).all(axis=1)
+    assert 0.5 < within.mean() < 1.0
+    assert np.array_equal(rows, all_rows[within])
+    assert np.array_equal(now, all_now[within])
 
 
 def test_a_life_learns_a_displacement_again(touches, monkeypatch):
