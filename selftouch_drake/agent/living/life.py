@@ -1,11 +1,10 @@
 """A life: the agent learns from touches as they come, notices that its body changed, and mends.
 
 The agent learns what to expect when it has 5000 touches, and again whenever it has half as many
-more.
-When the alarm is raised, it learns nothing for a while and only collects touches of the changed
-body. Then it finds out what changed, makes the remembered touches into touches of the changed body,
-and lives on. Nobody announces the change. What it found is not always exact: then it looks
-again when it has more touches of the changed body.
+more. When the alarm is raised, it learns nothing for a while and only collects touches of the
+changed body. Then it finds out what changed, makes the remembered touches into touches of the
+changed body, and lives on. Nobody announces the change. What it found is not always exact: then it
+looks again when it has more touches of the changed body.
 """
 
 from __future__ import annotations
@@ -23,7 +22,8 @@ from selftouch_drake.agent.living.receptors import Newcomers, Silenced
 from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation, with_unit_norm
 
 #: Touches of a body after which the agent learns what to expect, and the factor by which they have
-#: grown when it learns that again.
+#: grown when it learns that again. With a factor of 2, an agent that explores actively expects as
+#: badly at 8000 touches as it did at 5000: its mean surprise is 0.44, not 0.10.
 _FIRST, _AGAIN = 5000, 1.5
 
 #: Share of the touches, the last ones, that say what surprise is usual, and their greatest number.
