@@ -6,7 +6,11 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation, row_joints
+from selftouch_drake.agent.representation.quotient import (
+    NO_MODE,
+    QuotientRepresentation,
+    row_joints,
+)
 
 
 def recalled(
@@ -14,7 +18,8 @@ def recalled(
 ) -> np.ndarray:
     """`(n, S)` what the agent felt at the stored configurations most similar to `q`.
 
-    Of each stored touch, only the joints that matter to it are compared.
+    Of each stored touch, only the joints that matter to it are compared. Touches of which that is
+    not known yet count only if it is known of none: among many joints, the search takes long.
 
     Args:
         known: what the agent knows.
@@ -23,7 +28,8 @@ def recalled(
     """
     x, stored = known.scaled(q), known.scaled(known.kernel_q)
     least, nearest = np.full(len(q), np.inf), np.zeros(len(q), dtype=int)
-    for mode in np.unique(known.kernel_mode):
+    modes = np.unique(known.kernel_mode)
+    for mode in modes[modes != NO_MODE] if len(modes) > 1 else modes:
         (joints,) = row_joints(np.array([mode]), known.mode_joints)
         rows = np.flatnonzero(known.kernel_mode == mode)
         off, row = cKDTree(stored[rows][:, joints]).query(x[:, joints])

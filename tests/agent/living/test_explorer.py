@@ -9,6 +9,7 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner, Searcher
 from selftouch_drake.agent.living.explorer import kernel_of
 from selftouch_drake.agent.living.recall import recalled
+from selftouch_drake.agent.representation.quotient import NO_MODE
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
@@ -126,6 +127,16 @@ def test_it_recalls_the_most_similar_touch_in_the_joints_that_matter():
     )
     turned = np.hstack([known.kernel_q[::7], np.full((len(known.kernel_q[::7]), 1), 5.0)])
     np.testing.assert_allclose(recalled(free, kept, turned), kept[::7].toarray(), atol=1e-6)
+    # Touches of unknown mode do not count beside others.
+    unknown = np.zeros(known.num_rows, dtype=bool)
+    unknown[::7] = True
+    partly = dataclasses.replace(known, kernel_mode=np.where(unknown, NO_MODE, known.kernel_mode))
+    found = recalled(partly, kept, known.kernel_q[::7])
+    assert not np.allclose(found, kept[::7].toarray(), atol=1e-3)
+    assert np.median(np.einsum("ns,ns->n", found, kept[::7].toarray())) > 0.9
+    nothing = dataclasses.replace(known, kernel_mode=np.full(known.num_rows, NO_MODE))
+    found = recalled(nothing, kept, known.kernel_q[::7])
+    np.testing.assert_allclose(found, kept[::7].toarray(), atol=1e-6)
 
 
 def test_where_only_touches_count_it_looks_about_places_met_anywhere():
