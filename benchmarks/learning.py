@@ -152,7 +152,7 @@ def grid(largest: int) -> list[tuple[str, int, int, int]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("run", type=Path)
-    parser.add_argument("--sets", type=int, default=12, help="of which nearest are searched")
+    parser.add_argument("--sets", type=int, default=12, help="whose nearest are searched")
     parser.add_argument("--turns", type=int, default=5)
     parser.add_argument("--largest", type=int, default=10_000_000, help="most touches")
     parser.add_argument("--data", type=Path, default=Path("learning.csv"))

@@ -19,8 +19,9 @@ Needs `pip install 'selftouch-drake[bench]'`. Each way lays out the kernels in s
 - `random`: anywhere.
 
 All but `motor` and `literal` use sensations; only ours use motor configurations. A rival sees all
-the touches. Scores are those of a run: error of the shape, holes with their margin, dimension, and
-share of the six nearest kernels that truly are among the twelve nearest. Seconds are of CPU time.
+the touches. Scores are those of a run: error of the shape, the same from the nearest points of the
+surface, holes with their margin, dimension, and share of the six nearest kernels that truly are
+among the twelve nearest. Seconds are of CPU time.
 """
 
 from __future__ import annotations
@@ -49,7 +50,18 @@ from selftouch_drake.run.directory import RunDirectory
 #: Touches that a rival learns from at most, where more only take longer.
 _MOST_ROWS = 20_000
 
-COLUMNS = ("body", "touches", "way", "error", "holes", "margin", "dimension", "neighbours", "CPU s")
+COLUMNS = (
+    "body",
+    "touches",
+    "way",
+    "error",
+    "surface error",
+    "holes",
+    "margin",
+    "dimension",
+    "neighbours",
+    "CPU s",
+)
 
 Layout = tuple[np.ndarray, np.ndarray]
 Rival = Callable[[QuotientRepresentation, np.ndarray, int], Layout]
@@ -172,10 +184,9 @@ def main() -> None:
     parser.add_argument("--cache", type=Path, default=Path("shape-cache"))
     parser.add_argument("--out", type=Path, default=Path("rivals.csv"))
     arguments = parser.parse_args()
-    print(
-        "| body | touches | way | shape error | holes | margin | dimension | neighbours | CPU s |"
-    )
-    print("|---|---|---|---|---|---|---|---|---|")
+    print("| body | touches | way | shape error | surface error | holes | margin ", end="")
+    print("| dimension | neighbours | CPU s |")
+    print("|---" * len(COLUMNS) + "|")
     with arguments.out.open("w", newline="") as file:
         table = csv.writer(file)
         table.writerow(COLUMNS)
@@ -201,6 +212,7 @@ def rows(experience: Experience, touches: int, arguments: argparse.Namespace):
     felt, q, contacts = experience.felt(case)
     representation, _ = learned_representation(case, felt, q, arguments.cache)
     truth = kernel_truth(representation, contacts.take(representation.kernel_row))
+    on_surface = truth.on_surface(experience.fields)
     for way in arguments.ways:
         began = time.process_time()
         with warnings.catch_warnings():
@@ -212,7 +224,10 @@ def rows(experience: Experience, touches: int, arguments: argparse.Namespace):
             case.body,
             touches,
             way,
-            round(max(shape_errors(positions, representation.part, truth).values()), 4),
+            *(
+                round(max(shape_errors(positions, representation.part, where).values()), 4)
+                for where in (truth, on_surface)
+            ),
             " ".join(map(str, holes.betti)),
             round(holes.margin, 1),
             round(intrinsic_dimension(distances), 2),
@@ -222,10 +237,10 @@ def rows(experience: Experience, touches: int, arguments: argparse.Namespace):
 
 
 def line(row: tuple) -> str:
-    body, touches, way, error, betti, margin, dimension, neighbours, seconds = row
+    body, touches, way, error, from_surface, betti, margin, dimension, neighbours, seconds = row
     return (
-        f"| {body} | {touches:,} | {way} | {error:.1%} | {betti} | {margin} | {dimension} "
-        f"| {neighbours:.0%} | {seconds} |"
+        f"| {body} | {touches:,} | {way} | {error:.1%} | {from_surface:.1%} | {betti} "
+        f"| {margin} | {dimension} | {neighbours:.0%} | {seconds} |"
     )
 
 

@@ -37,7 +37,7 @@ LUCK = (
     ("torus", "whole", 923),
     ("double_torus", "whole", 921),
     ("cube", "worn", 922),
-    ("torus", "worn", 922),
+    ("torus", "worn", 931),
 )
 
 #: What `confidence` recovers: bodies, skins, touches and targets, drawn at random, and whether the
@@ -52,22 +52,28 @@ HOLES = {"sphere": "1 0 1", "cube": "1 0 1", "torus": "1 2 1", "double_torus": "
 def luck(arguments: argparse.Namespace) -> None:
     table = arguments.out / "luck.csv"
     networks = [("learned", 10 * number) for number in range(arguments.networks)]
-    print("| body | skin | networks | error, median / worst | worst over median | holes |")
-    print("|---|---|---|---|---|---|")
+    columns = ("body", "skin", "networks", "shape error, median / worst", "worst over median")
+    print("|", " | ".join([*columns, "error from the surface, median / worst", "holes"]), "|")
+    print("|---" * 7 + "|")
     for body, skin, seed in LUCK:
         size = {"seed": seed, "babbling": {"num_samples": arguments.touches}}
         run = babbled(arguments.out / f"{body}_{seed}", load_experiment(body, size))
         case = Case.of(run, skin=skin, samples=arguments.touches, targets=arguments.targets)
         measure(run, [case], networks, table, arguments.out / "cache")
         found = [row for row in read(table) if (row["body"], row["skin"]) == (body, skin)]
-        error = np.array([float(row["error"]) for row in found])
-        median, worst = np.median(error), error.max()
         holes = "; ".join(f"{b} ({sum(r['betti'] == b for r in found)})" for b in _sets(found))
+        (error, worst), surface = (_scatter(found, name) for name in ("error", "surface_error"))
         print(
-            f"| {body} | {skin} | {len(found)} | {median:.1%} / {worst:.1%} "
-            f"| {worst / median:.2f} | {holes} |",
+            f"| {body} | {skin} | {len(found)} | {error:.1%} / {worst:.1%} | {worst / error:.2f} "
+            f"| {surface[0]:.1%} / {surface[1]:.1%} | {holes} |",
             flush=True,
         )
+
+
+def _scatter(found: list[dict[str, str]], name: str) -> tuple[float, float]:
+    """Median and worst."""
+    values = [float(row[name]) for row in found]
+    return float(np.median(values)), max(values)
 
 
 def _sets(found: list[dict[str, str]]) -> list[str]:

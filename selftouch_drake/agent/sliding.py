@@ -1,8 +1,8 @@
 """Sliding: from one touch to another without losing contact, by feel (naive).
 
 The straight way between two touching configurations may leave the skin. The agent does not know how
-to bend it. But at any touch it can try small movements and notice which of them change how strong
-the touch is; along all others it slides. So it moves as straight as it can, and presses more or
+to bend it. But at any touch it can try small movements and notice which ones change how strong the
+touch is; along all others it slides. So it moves as straight as it can, and presses more or
 less when the touch is weaker or stronger than wanted.
 """
 

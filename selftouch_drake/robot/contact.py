@@ -49,15 +49,21 @@ class Touches:
             total: `(C, 4)` N and N m: force, and the sum of force times position in the frame of
                 the pressed skin's link. Contacts without force are left out.
         """
-        order = np.lexsort([toucher, skin, row])
-        key = np.stack([row, skin, toucher], axis=1)[order]
-        first = np.flatnonzero(np.any(np.diff(key, axis=0, prepend=-1) != 0, axis=1))
-        if len(first):
+        # Mostly there is one contact at an instant, and the instants are in order.
+        if not (row[1:] > row[:-1]).all():
+            order = np.lexsort([toucher, skin, row])
+            key = np.stack([row, skin, toucher], axis=1)[order]
+            first = np.flatnonzero(np.any(np.diff(key, axis=0, prepend=-1) != 0, axis=1))
             total = np.add.reduceat(total[order], first, axis=0)
+            row, skin, toucher = key[first].T
         pressed = total[:, 0] > 0
-        row, skin, toucher = key[first[pressed]].T
-        p_LC = total[pressed, 1:] / total[pressed, :1]
-        return Touches(sensation=sensation, row=row, skin=skin, toucher=toucher, p_LC=p_LC)
+        return Touches(
+            sensation=sensation,
+            row=row[pressed],
+            skin=skin[pressed],
+            toucher=toucher[pressed],
+            p_LC=total[pressed, 1:] / total[pressed, :1],
+        )
 
     def of_rows(self, rows: np.ndarray) -> Touches:
         """The touches at some of the instants, given in ascending order."""

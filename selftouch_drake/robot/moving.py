@@ -20,7 +20,7 @@ def fix_joints(plant: MultibodyPlant, experiment: Experiment, model: RobotModel)
     """Welds joints that do not move at their default positions, and checks those that move.
 
     Each joint that moves gets one actuator, if its model gives it none. Joints move independently:
-    where a model couples joints, `robot.joints` says which of them move; the coupling is ignored.
+    where a model couples joints, `robot.joints` says which ones move; the coupling is ignored.
 
     Args:
         plant: holds the robot, and is not yet finalized.

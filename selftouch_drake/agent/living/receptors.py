@@ -17,8 +17,8 @@ _TOGETHER = 10
 _LIKELY = 0.05
 
 #: A receptor is surely expected if its reading is at least this share of a sensation. On a torus
-#: with 100 receptors this happens in 20 to 25 encounters per 1000 touches, of which the receptor
-#: misses one in a hundred (median; one in twenty at the worst receptor).
+#: with 100 receptors this happens in 20 to 25 encounters per 1000 touches; the receptor misses one
+#: in a hundred of them (median; one in twenty at the worst receptor).
 _SURELY = 0.2
 
 #: Least share of encounters that a receptor is believed to miss. Misses come in runs: on a cube, in

@@ -50,7 +50,10 @@ class RouteGraph:
             a link in one direction.
         link_kernel: `(2L,)` the kernel that each way leads to.
         link_row: `(2L,)` the link of each way.
-        nearest: for each way, the nearest firm configuration to each one of the kernel it leaves.
+        step_offsets: `(K + 1,)` kernel k owns steps `step_offsets[k]:step_offsets[k + 1]`: for
+            each of its firm configurations, one along each way that leaves it.
+        step_row: where each step leads: to the nearest firm configuration of the other kernel.
+        step_squared: float32 rad^2, the squared length of each step.
         cost: `(F + 2,)` scratch of searches; infinite between them.
         before: `(F + 2,)` scratch of searches.
     """
@@ -64,7 +67,9 @@ class RouteGraph:
     link_offsets: np.ndarray
     link_kernel: np.ndarray
     link_row: np.ndarray
-    nearest: LinkedNearest
+    step_offsets: np.ndarray
+    step_row: np.ndarray
+    step_squared: np.ndarray
     cost: np.ndarray
     before: np.ndarray
 
@@ -90,6 +95,9 @@ class RouteGraph:
         tail, head = np.concatenate([links[usable], links[usable, ::-1]]).T
         order = np.lexsort((head, tail))
         ways = np.stack([tail, head], axis=1)[order]
+        link_offsets = np.searchsorted(ways[:, 0], np.arange(num_kernels + 1))
+        nearest = find_nearest(firm_x, firm_offsets, ways)
+        step_offsets = nearest.offsets[link_offsets]
         return cls(
             joints=joints,
             firm_row=firm_row,
@@ -97,10 +105,12 @@ class RouteGraph:
             firm_kernel=np.repeat(np.arange(num_kernels), sizes),
             firm_offsets=firm_offsets,
             component=np.where(sizes > 0, component, -1),
-            link_offsets=np.searchsorted(ways[:, 0], np.arange(num_kernels + 1)),
+            link_offsets=link_offsets,
             link_kernel=np.ascontiguousarray(ways[:, 1]),
             link_row=np.tile(usable, 2)[order],
-            nearest=find_nearest(firm_x, firm_offsets, ways),
+            step_offsets=step_offsets,
+            step_row=_by_configuration(nearest.row, step_offsets, sizes),
+            step_squared=_by_configuration(nearest.squared, step_offsets, sizes),
             cost=np.full(len(firm_x) + 2, np.inf),
             before=np.empty(len(firm_x) + 2, dtype=np.int32),
         )
@@ -112,6 +122,23 @@ class RouteGraph:
     def joins(self, start: int, goal: int) -> bool:
         """Whether links lead from one kernel to the other."""
         return bool(self.component[start] == self.component[goal] >= 0)
+
+
+def _by_configuration(entries: np.ndarray, offsets: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Entries of `LinkedNearest` by the configuration that a step leaves, instead of by the link.
+
+    A search leaves a configuration along all ways at once, so its steps should be in one place.
+
+    Args:
+        entries: for each kernel, one per way that leaves it and configuration.
+        offsets: `(K + 1,)` kernel k owns `offsets[k]:offsets[k + 1]`.
+        sizes: `(K,)` number of configurations of each kernel.
+    """
+    moved = np.empty_like(entries)
+    for start, end, size in zip(offsets[:-1], offsets[1:], sizes, strict=True):
+        if end > start:
+            moved[start:end] = entries[start:end].reshape(-1, size).T.ravel()
+    return moved
 
 
 def leap_penalty(
@@ -179,9 +206,9 @@ def carried_route(
         graph.firm_offsets,
         graph.link_offsets,
         graph.link_kernel,
-        graph.nearest.offsets,
-        graph.nearest.row,
-        graph.nearest.squared,
+        graph.step_offsets,
+        graph.step_row,
+        graph.step_squared,
         factor.astype(np.float64),
         np.asarray(x_start, dtype=np.float32),
         start,
@@ -224,9 +251,9 @@ def _carry(
     firm_offsets,
     link_offsets,
     link_kernel,
-    nearest_offsets,
-    nearest_row,
-    nearest_squared,
+    step_offsets,
+    step_row,
+    step_squared,
     factor,
     x_start,
     start,
@@ -265,7 +292,9 @@ def _carry(
                 continue
             visited[kernel, visits[kernel]] = place
             visits[kernel] += 1
-        for way in range(link_offsets[kernel], link_offsets[kernel + 1]):
+        first_way, last_way = link_offsets[kernel], link_offsets[kernel + 1]
+        entry = step_offsets[kernel] + (place - firm_offsets[kernel]) * (last_way - first_way)
+        for way in range(first_way, last_way):
             there = link_kernel[way]
             if there == goal:
                 to, step = at_goal, least_square_step(x, goal_x)[1]
@@ -276,8 +305,7 @@ def _carry(
                 nearest, step = least_square_step(x, firm)
                 to = firm_offsets[there] + nearest
             else:
-                entry = nearest_offsets[way] + place - firm_offsets[kernel]
-                to, step = nearest_row[entry], nearest_squared[entry]
+                to, step = step_row[entry + way - first_way], step_squared[entry + way - first_way]
             onward = through + factor[way] * step * np.sqrt(step)
             if onward < cost[to] and onward < cost[at_goal]:
                 cost[to], before[to] = onward, place

@@ -58,7 +58,8 @@ class Way:
             `(W, J)` scaled configurations.
         """
         x = np.concatenate([self._chosen(*stretch) for stretch in self._stretches])
-        slides = slides or Slides.none(x.shape[1])
+        if slides is None or not len(slides.ends):
+            return self.nodes, np.arange(len(x) - 1), x
         nodes, waypoints, of_step = [self.nodes[0]], [x[0]], list[int]()
         for step, node in enumerate(self.nodes[1:]):
             passed, felt = slides.all_between(x[step], x[step + 1])

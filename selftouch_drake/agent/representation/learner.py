@@ -14,7 +14,11 @@ from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.graphs import surface_neighbours, unlike
 from selftouch_drake.agent.representation.joints import joint_scale
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
+from selftouch_drake.agent.representation.kernels import (
+    KernelReservoir,
+    KernelSample,
+    quick_to_sort,
+)
 from selftouch_drake.agent.representation.neighbours import (
     NUM_MUTUAL,
     component_labels,
@@ -418,7 +422,7 @@ def firm(sample: KernelSample, offsets: np.ndarray) -> tuple[np.ndarray, np.ndar
 
     A firm touch is deep in the skin, so small motion errors do not lose contact.
     """
-    order = np.lexsort((-sample.columns["strength"], sample.kernel))
+    order = np.lexsort((-sample.columns["strength"], quick_to_sort(sample.kernel)))
     rank = np.arange(len(order)) - offsets[sample.kernel]
     sizes = (np.diff(offsets) + 1) // 2
     firm = np.sort(order[rank < sizes[sample.kernel]])

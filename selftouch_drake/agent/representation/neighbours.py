@@ -53,11 +53,23 @@ def neighbour_edges(
     """
     distance = np.array(distance, dtype=float)
     np.fill_diagonal(distance, np.inf)
-    rank = np.argsort(np.argsort(distance, axis=1, kind="stable"), axis=1)
-    np.fill_diagonal(rank, len(distance))
-    near = np.maximum(rank, rank.T) < num_mutual
-    kept = np.minimum(rank, rank.T) < num_kept
-    return np.argwhere(np.triu((near | kept) & np.isfinite(distance), 1))
+    order = np.argsort(distance, axis=1, kind="stable")
+    near, kept = (_among(order[:, :num]) for num in (num_mutual, num_kept))
+    return np.argwhere(np.triu(((near & near.T) | kept | kept.T) & np.isfinite(distance), 1))
+
+
+def _among(columns: np.ndarray) -> np.ndarray:
+    """`(K, K)` true in the given `(K, n)` columns of each row."""
+    among = np.zeros((len(columns), len(columns)), dtype=bool)
+    np.put_along_axis(among, columns, True, axis=1)
+    return among
+
+
+def one_ring(edges: np.ndarray, num_kernels: int) -> csr_array:
+    """`(K, K)` 1 where two kernels are the same or neighbours, 0 elsewhere; powers are rings."""
+    (i, j), here = edges.T, np.arange(num_kernels)
+    ends = np.r_[i, j, here], np.r_[j, i, here]
+    return csr_array((np.ones(len(ends[0])), ends), shape=(num_kernels, num_kernels))
 
 
 def component_labels(edges: np.ndarray, num_kernels: int) -> np.ndarray:

@@ -8,7 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numba
 import numpy as np
+
+from selftouch_drake.threads import mapped
 
 #: Skin is a surface: cells are wide in two directions and thin in the third. Measured on the torus,
 #: the third width of a cell is a fifth of its second.
@@ -49,13 +52,11 @@ class Cells:
     @classmethod
     def of(cls, coordinates: np.ndarray, offsets: np.ndarray) -> Cells:
         """Measures the cells of `(R, D)` coordinates grouped by kernel, without outliers."""
-        groups = np.split(coordinates, offsets[1:-1])
-        pooled = np.mean([_covariance(group) for group in groups], axis=0)
+        groups = np.split(np.asarray(coordinates, dtype=float), offsets[1:-1])
+        pooled = np.mean([_scatter(group, _mean(group)) / len(group) for group in groups], axis=0)
         pooled += 1e-9 * np.trace(pooled) * np.eye(len(pooled))
-        mean, covariance = (
-            np.array(part)
-            for part in zip(*[_without_strays(g, pooled) for g in groups], strict=True)
-        )
+        measured = mapped(lambda group: _moments(group, pooled), groups)
+        mean, covariance = (np.array(part) for part in zip(*measured, strict=True))
         variance, directions = np.linalg.eigh(covariance)
         return cls(
             mean=mean,
@@ -98,22 +99,36 @@ class Cells:
         return length / np.sinc(2.0 * bent / np.pi)
 
 
-def _covariance(points: np.ndarray) -> np.ndarray:
-    apart = points - points.mean(axis=0)
-    return apart.T @ apart / len(points)
+@numba.njit(nogil=True, cache=True, error_model="numpy")
+def _moments(points: np.ndarray, pooled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of a cell's `(n, D)` coordinates, after dropping outliers twice.
 
+    The covariance is shrunk towards the pooled one.
+    """
 
-def _without_strays(points: np.ndarray, pooled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean and covariance of a cell's `(n, D)` coordinates, after dropping outliers twice."""
-
-    def shrunk(kept: np.ndarray) -> np.ndarray:
-        return (len(kept) * _covariance(kept) + _PRIOR * pooled) / (len(kept) + _PRIOR)
+    def shrunk(kept: np.ndarray, mean: np.ndarray) -> np.ndarray:
+        return (_scatter(kept, mean) + _PRIOR * pooled) / (len(kept) + _PRIOR)
 
     last = int((1.0 - _STRAYS) * (len(points) - 1))
-    middle, covariance = np.median(points, axis=0), shrunk(points)
+    middle = np.empty(points.shape[1])
+    for d in range(len(middle)):
+        middle[d] = np.median(points[:, d])
+    covariance = shrunk(points, _mean(points))
     for _ in range(2):
         apart = points - middle
-        squared = np.einsum("nd,nd->n", apart @ np.linalg.inv(covariance), apart)
+        squared = (apart @ np.linalg.inv(covariance) * apart).sum(axis=1)
         kept = points[squared <= np.partition(squared, last)[last]]
-        middle, covariance = kept.mean(axis=0), shrunk(kept)
+        middle = _mean(kept)
+        covariance = shrunk(kept, middle)
     return middle, covariance
+
+
+@numba.njit(nogil=True, cache=True)
+def _mean(points: np.ndarray) -> np.ndarray:
+    return points.sum(axis=0) / len(points)
+
+
+@numba.njit(nogil=True, cache=True)
+def _scatter(points: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    apart = points - mean
+    return apart.T @ apart

@@ -134,19 +134,37 @@ def unbent_embedding(
         num_iterations: of majorisation, in each pass.
     """
     found = stress_embedding(distances)
-    weights = _weights(distances)
-    transform = _majoriser(weights)
+    unbend = unbending(edges, distances, num_iterations=num_iterations)
     for number in range(most_passes):
-        laid = _lengths(found.positions)
-        along = geodesics(edges, laid[edges[:, 0], edges[:, 1]], len(laid))
-        straight = distances * np.divide(laid, along, out=np.ones_like(laid), where=along > 0)
-        positions = transform(found.positions, straight, num_iterations)
-        stress = _stress(positions, straight, weights)
+        positions, stress = unbend(found.positions)
         least_lowered = _LEAST_LOWERED if number < 2 else _LEAST_LOWERED_WITH_RIMS
         if stress > least_lowered * found.stress:
             break
         found = replace(found, positions=positions, stress=stress)
     return found
+
+
+def unbending(
+    edges: np.ndarray, distances: np.ndarray, *, num_iterations: int
+) -> Callable[[np.ndarray], tuple[np.ndarray, float]]:
+    """Builds one pass of `unbent_embedding`: from `(K, 3)` positions to better ones and a stress.
+
+    Args:
+        edges: `(E, 2)` pairs of neighbours that connect all points.
+        distances: `(K, K)` shortest paths over these edges, whatever the edge lengths.
+        num_iterations: of majorisation.
+    """
+    weights = _weights(distances)
+    transform = _majoriser(weights)
+
+    def unbend(positions: np.ndarray) -> tuple[np.ndarray, float]:
+        laid = _lengths(positions)
+        along = geodesics(edges, laid[edges[:, 0], edges[:, 1]], len(laid))
+        straight = distances * np.divide(laid, along, out=np.ones_like(laid), where=along > 0)
+        positions = transform(positions, straight, num_iterations)
+        return positions, _stress(positions, straight, weights)
+
+    return unbend
 
 
 def warn_of_misfit(embedding: Embedding) -> None:

@@ -19,10 +19,15 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from selftouch_drake.agent.representation.neighbours import geodesics
-from selftouch_drake.agent.shape.embedding import unbent_embedding
+from selftouch_drake.agent.shape.embedding import stress_embedding, unbending
 
 #: Rounds of layout and model. More change lengths by less than 2 %.
 _ROUNDS = 2
+
+#: Iterations of the first layout, and those that straighten a layout in each round. To the end,
+#: they take 2.5 times as long; errors change by less than 0.03 percentage points.
+_FIRST_LAYOUT = {"num_trial_iterations": 15, "num_iterations": 40}
+_NUM_ITERATIONS = 20
 
 #: Steps in which receptors are placed and the curve is fitted, in each round.
 _NUM_STEPS = 4
@@ -65,8 +70,12 @@ def corrected_lengths(
         return None
     felt = angles(readings, edges)
     inside = kernel[edges[:, 0]] == kernel[edges[:, 1]]
+    positions = None
     for _ in range(_ROUNDS):
-        positions = unbent_embedding(edges, geodesics(edges, length, len(kernel))).positions
+        along = geodesics(edges, length, len(kernel))
+        if positions is None:
+            positions = stress_embedding(along, **_FIRST_LAYOUT).positions
+        positions, _ = unbending(edges, along, num_iterations=_NUM_ITERATIONS)(positions)
         model = _model(readings, whole, positions, edges)
         if model is None:
             return None

@@ -17,6 +17,9 @@ from scipy.spatial import Delaunay, cKDTree
 #: Bars between these lengths, in spacings, may be true or false.
 _UNSURE = (1.0, 1.3)
 
+#: Stands for the length of no bar.
+_NO_LENGTH = 1e-100
+
 #: Bars born later than this, in spacings, are not holes of the body. On sampled surfaces, loops are
 #: born when neighbours meet, measured at 1 to 1.4, and voids when faces close, at 1.7 to 2.5.
 _LATE = 4.0
@@ -59,6 +62,9 @@ def topology(points: np.ndarray) -> Topology:
     Where the points around the place at which a bar dies are farther apart than the median, r is
     larger in proportion: a wide stretch of skin that feels alike leaves a gap that is no hole.
 
+    A closed surface has its void when its last gap is filled. So a loop that dies before the void
+    is born is a gap, however long its bar.
+
     Bars born late are ignored: the void of a bowl, whose mouth closes before the bowl is filled,
     does not count. Components are counted at a radius at which all true bars are born and no
     missing kernel splits the body.
@@ -75,8 +81,11 @@ def topology(points: np.ndarray) -> Topology:
     bars = np.concatenate([h1, h2])
     length = (bars[:, 1] - bars[:, 0]) / spacing / _sparsity(points, found[1] + found[2])
     early = bars[:, 0] <= _LATE * spacing
-    least, margin = _least_true(length[early])
-    true = early & (length >= least)
+    voids = h2[(early & (length > _UNSURE[1]))[len(h1) :]]
+    closed = voids[:, 0].min() if len(voids) else 0.0
+    gap = bars[:, 1] <= closed
+    least, margin = _least_true(length[early & ~gap], length[gap].max(initial=0.0))
+    true = early & ~gap & (length >= least)
     loops = int(true[: len(h1)].sum())
     covered = 2.0 * spacing
     last_birth = float(bars[true, 0].max()) if true.any() else covered
@@ -103,20 +112,26 @@ def spacings(points: np.ndarray, num_neighbours: int) -> np.ndarray:
     return np.median(distance[:, 1:], axis=1)
 
 
-def _least_true(length: np.ndarray) -> tuple[float, float]:
+def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
     """Splits bar lengths, in spacings; returns the shortest true one and the margin.
 
     If no bar is true: infinity, and the margin of a bar that would just have been true.
+
+    Args:
+        length: of the bars that may be true.
+        longest_gap: length of the longest bar that is surely false; the margin counts it.
     """
     surely_false, surely_true = _UNSURE
     falling = np.sort(length)[::-1]
     # Cut c calls the first c bars true; sentinels stand for a bar that is just true and for no bar.
     above = np.concatenate([[np.inf], falling])
-    below = np.concatenate([falling, [np.finfo(float).tiny]])
+    below = np.concatenate([falling, [_NO_LENGTH]])
     allowed = (above >= surely_false) & (below <= surely_true)
-    ratio = np.where(np.isinf(above), surely_true, above) / np.maximum(below, np.finfo(float).tiny)
+    ratio = np.where(np.isinf(above), surely_true, above) / np.maximum(below, _NO_LENGTH)
     cut = int(np.where(allowed, ratio, -np.inf).argmax())
-    return float(above[cut]), float(ratio[cut])
+    shortest = surely_true if np.isinf(above[cut]) else float(above[cut])
+    margin = float(ratio[cut])
+    return float(above[cut]), min(margin, shortest / longest_gap) if longest_gap else margin
 
 
 def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -19,6 +19,7 @@ from selftouch_drake.agent.representation.neighbours import (
     geodesics,
     locally_scaled,
     neighbour_edges,
+    one_ring,
 )
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import set_distances
@@ -54,9 +55,10 @@ _LITTLE_APART = 0.07
 #: From this share on the map itself is in doubt, and another network is trained.
 _MOST_APART = 0.12
 
-#: Weight of the map in the logarithm of a length. Corrected lengths are several times as exact, but
-#: they run along the skin: across a rim, which the finger cuts short, those of the map are better.
-_OF_MAP = 1 / 3
+#: Corrected lengths run along the skin, which the finger cuts short at a rim. An edge crosses a rim
+#: where the map is shorter by more than this share than they are, compared with so many rings of
+#: neighbours around: a rim is narrow, but a bad network stretches wide parts of the body.
+_CUT_SHORT, _RINGS = 0.2, 2
 
 #: Configurations of each set whose nearest neighbours the literal metric searches: all 1e12 pairs
 #: of 1000 sets of 1000 take minutes, and change the minima only by a common factor.
@@ -130,8 +132,8 @@ def sensorimotor(
 def learned(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
     """Neighbours in a quotient map learned from motor kernels; lengths from map and sensations.
 
-    Lengths from sensations are corrected for where the receptors lie, and averaged with those of
-    the map unless these differ. If both differ much, the network may be bad, and another is
+    Lengths from sensations are corrected for where the receptors lie, and shortened where the map
+    shows a rim, unless both measures differ everywhere. Then the network may be bad, and another is
     trained. If no network finds the neighbours, the `sensorimotor` metric is used.
     """
 
@@ -165,7 +167,7 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
         return replace(graph, doubt=f"{doubt}; the sensorimotor metric is used instead")
     apart, graph, felt = min(tries, key=lambda one: one[0])
     if apart < _LITTLE_APART:
-        return replace(graph, length=felt ** (1.0 - _OF_MAP) * graph.length**_OF_MAP)
+        return replace(graph, length=_with_rims(felt, graph))
     if apart < _MOST_APART:
         return replace(graph, length=felt)
     doubt = f"lengths from the learned map and from sensations differ by {apart:.1%}"
@@ -189,6 +191,19 @@ def _felt_lengths(targets: np.ndarray, graph: BodyGraph) -> np.ndarray:
     if corrected is None:
         return felt
     return np.where(one, graph.length, corrected * first[~one].mean() / corrected[~one].mean())
+
+
+def _with_rims(felt: np.ndarray, graph: BodyGraph) -> np.ndarray:
+    """`(E,)` lengths from sensations, shortened where the map is much shorter than around."""
+    num_nodes = int(graph.edges.max()) + 1
+    ring, ends = one_ring(graph.edges, num_nodes), graph.edges.T.ravel()
+    ratio = np.log(graph.length / felt)
+    # Means over all edges at a node and at its rings, and at both ends of each edge.
+    total, number = np.bincount(ends, np.r_[ratio, ratio]), np.bincount(ends)
+    for _ in range(_RINGS):
+        total, number = ring @ total, ring @ number
+    around = (total / number)[graph.edges].mean(axis=1)
+    return felt * np.exp(np.minimum(ratio - around + _CUT_SHORT, 0.0))
 
 
 def _disagreement(graph: BodyGraph, felt: np.ndarray) -> float:

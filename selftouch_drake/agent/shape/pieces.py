@@ -10,9 +10,8 @@ from __future__ import annotations
 from itertools import pairwise
 
 import numpy as np
-from scipy.sparse import csr_array
 
-from selftouch_drake.agent.representation.neighbours import neighbour_edges
+from selftouch_drake.agent.representation.neighbours import neighbour_edges, one_ring
 from selftouch_drake.agent.shape.cells import Cells
 
 #: Largest area of a piece, over the area of the cells around it. Cut from 1.5 times that area on,
@@ -58,14 +57,8 @@ def cut_wide_cells(
 
 def _times_larger(cells: Cells) -> np.ndarray:
     """`(K,)` area of each cell over the median area of itself and two rings of neighbours."""
-    num_cells = len(cells.area)
-    i, j = neighbour_edges(cells.distances()).T
-    here = np.arange(num_cells)
-    step = csr_array(
-        (np.ones(2 * len(i) + num_cells), (np.r_[i, j, here], np.r_[j, i, here])),
-        shape=(num_cells, num_cells),
-    )
-    rings = (step @ step).tocsr()
+    ring = one_ring(neighbour_edges(cells.distances()), len(cells.area))
+    rings = (ring @ ring).tocsr()
     typical = [
         np.median(cells.area[rings.indices[start:stop]])
         for start, stop in pairwise(rings.indptr.tolist())

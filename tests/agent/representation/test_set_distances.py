@@ -48,6 +48,14 @@ def test_by_hand():
     assert [distance[0, 1] for distance in found] == [1.0, 2.0, 3.0]
 
 
+@given(st.integers(1, 130), st.integers(0, 99))
+def test_quantile_is_that_of_numpy_to_the_bit(num_queries, seed):
+    near = np.random.default_rng(seed).random((num_queries, 5), dtype=np.float32)
+    found = SET_DISTANCES["quantile"].reduce(near)
+    assert found.dtype == np.float32
+    assert np.array_equal(found, np.quantile(near, 0.1, axis=0))
+
+
 def test_few_queries_stand_for_many():
     _, q, offsets = random_sets([700, 900, 800], 3, 0)
     (all_ask,) = set_distances(q, offsets, "mean_nearest", max_queries=1000)

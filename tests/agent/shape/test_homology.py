@@ -68,6 +68,23 @@ def test_a_stretch_of_skin_that_feels_alike_is_no_loop():
     assert found.margin > 2.0
 
 
+def test_gaps_of_a_closed_body_are_no_loops():
+    points = torus(1000)
+    for middle in points[[100, 500, 800]]:
+        missing = np.argsort(np.linalg.norm(points - middle, axis=1))[:6]
+        points = np.delete(points, missing, axis=0)
+    found = topology(points)
+    assert found.betti == (1, 2, 1)
+    _, loops, ((closed, _), *_) = (
+        bars[np.argsort(bars[:, 0] - bars[:, 1])] for bars in found.diagram
+    )
+    length = loops[:, 1] - loops[:, 0]
+    # Of three gaps in a closed surface, two leave a loop; each is filled before the void is born.
+    assert (length[2:4] > 1.3 * found.spacing).all()
+    assert (loops[2:4, 1] <= closed).all()
+    assert found.margin == pytest.approx(length[1] / length[2], rel=0.25)
+
+
 def test_an_open_bowl_is_no_void():
     points = sphere(400)
     bowl = points[points[:, 2] < 0.7]

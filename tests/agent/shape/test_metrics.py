@@ -185,3 +185,17 @@ def test_errors(touched):
     assert str(error.value) == (
         "q has 8 joints, more than the 7 of the revolute reference: choose the learned metric"
     )
+
+
+def test_lengths_are_shortened_where_the_map_shows_a_rim():
+    points = sphere(600)
+    edges = neighbour_edges(np.linalg.norm(points[:, None] - points, axis=2))
+    felt = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+    middle = points[edges].mean(axis=1)
+    stretched = metrics.BodyGraph(edges=edges, length=felt * np.exp(0.3 * middle[:, 2]))
+    np.testing.assert_array_equal(metrics._with_rims(felt, stretched), felt)
+    across = (points[edges, 2] > 0).sum(axis=1) == 1
+    cut_short = metrics.BodyGraph(edges=edges, length=felt * np.where(across, 0.6, 1.0))
+    shorter = metrics._with_rims(felt, cut_short) / felt
+    assert (shorter[~across] == 1.0).all()
+    assert 0.6 < shorter[across].mean() < 0.9
