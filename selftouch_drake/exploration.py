@@ -19,6 +19,8 @@ import yaml
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner, Searcher
+from selftouch_drake.agent.living.recall import recalled
+from selftouch_drake.agent.living.surprise import surprise
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.experience import (
     ExperienceReader,
@@ -77,12 +79,27 @@ class Exploration:
         self.learner = LivingLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
         self.round = 0
         self._q: np.ndarray | None = None
+        #: What the agent knows, and how much each of its touches surprised it.
+        self._agent: Agent | None = None
+        self._surprise: np.ndarray | None = None
 
     def remember(self, q: np.ndarray, sensation: np.ndarray) -> None:
         """Learns from the next round, as stored: `q` `(n, J)` and `sensation` `(n, S)` N."""
+        surprised = None
+        if self._agent is not None:
+            known = self._agent.representation
+            expected = recalled(known, self.learner.kernel_sensation, q)
+            surprised = surprise(expected, sensation).clip(0.0)
+        first = self.learner.num_touches
         self.learner.take(q, sensation)
         self._q = q[-1]
         self.round += 1
+        # Asked for once a round, also when stored rounds are read again: what the learner
+        # measures again depends on when it was last asked.
+        self._agent = self._knows()
+        if self._agent is not None and surprised is not None:
+            row = self._agent.representation.kernel_row - first
+            self._surprise = np.where(row >= 0, surprised[row.clip(0)], 0.0)
 
     def explore(self, num_rows: int) -> Shard:
         """The next round: explores until `num_rows` configurations that the robot can take touch.
@@ -95,7 +112,10 @@ class Exploration:
         start = rng.uniform(joints.lower, joints.upper) if self._q is None else self._q
         source.rest_at(start)
         nothing = np.zeros(self.experiment.num_receptors)
-        moves = self._explorer(self._agent(), joints, self.manner, start, nothing, rng).moves()
+        explorer = self._explorer(
+            self._agent, joints, self.manner, start, nothing, rng, self._surprise
+        )
+        moves = explorer.moves()
         path = next(moves)
 
         def next_steps() -> Steps:
@@ -107,7 +127,7 @@ class Exploration:
 
         return keep_touches(next_steps, source.possible, self.experiment, self.round, num_rows)
 
-    def _agent(self) -> Agent | None:
+    def _knows(self) -> Agent | None:
         """What the agent knows; None before it has enough touches to go by."""
         if self.learner.num_touches < _AT_RANDOM or not self.learner.knows:
             return None

@@ -90,6 +90,35 @@ def test_a_lost_round_is_lived_again_to_the_same_bytes(reference):
     assert shards(run) == wanted
 
 
+def test_what_it_knows_does_not_depend_on_where_it_was_stopped():
+    """The learner measures distances again only where enough is new since it was last asked."""
+    whole, rounds = exploration.Exploration(active(3000)), []
+    for _ in range(8):
+        shard = whole.explore(300)
+        whole.remember(shard.q, shard.sensation)
+        rounds.append((shard.q, shard.sensation))
+    again = exploration.Exploration(active(3000))
+    for q, sensation in rounds:
+        again.remember(q, sensation)
+    np.testing.assert_array_equal(again.explore(300).q, whole.explore(300).q)
+
+
+def test_touches_that_surprised_are_those_that_it_did_not_expect(reference):
+    life = exploration.Exploration(active(750))
+    reader = ExperienceReader(reference[0].experience)
+    q, sensation = reader.read("q"), reader.read("sensation")
+    life.remember(q[:500], sensation[:500])
+    assert life._surprise is None
+    # It has felt the first half before, and the receptors change places for the second half.
+    sensation = np.concatenate([sensation[:100], sensation[100:200, ::-1]])
+    life.remember(q[:200], sensation)
+    known = life._agent.representation
+    assert len(life._surprise) == known.num_rows
+    assert (life._surprise[known.kernel_row < 500] == 0.0).all()
+    assert life._surprise[(known.kernel_row >= 500) & (known.kernel_row < 600)].max() < 1e-5
+    assert life._surprise[known.kernel_row >= 600].mean() > 0.3
+
+
 def test_the_agent_is_naive(reference):
     """Without the truth of the rounds before it does the same."""
     life = exploration.Exploration(active(750))

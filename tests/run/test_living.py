@@ -1,12 +1,16 @@
 """An agent lives through the experience of a run, watched or not, and its life is kept."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
+from selftouch_drake.agent.living import Life
+from selftouch_drake.agent.living import life as life_module
 from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays
-from selftouch_drake.run import stages
+from selftouch_drake.run import living, stages
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.living import live
 from selftouch_drake.run.material import Material
@@ -21,25 +25,30 @@ pytestmark = [
 ]
 
 
-@pytest.fixture(scope="module")
-def run(tmp_path_factory):
+def babbled(path, strategy):
+    """A run whose body changes after 1000 of 1200 touches."""
     surface = {"shape": "sphere", "radius": 0.25, "resolution": 0.05}
     experiment = load_experiment(
         "sphere",
         {
             "skins": {"body": {"surface": surface, "num_receptors": 30}},
-            "babbling": {"num_samples": 1200, "walk_size": 600},
+            "babbling": {"num_samples": 1200, "walk_size": 600, "strategy": strategy},
             "representation": {"num_targets": 60, "metric": "sensorimotor"},
             "evaluation": {"num_pairs": 1},
             "changes": [{"after": 1000, "skins": {"body": {"dead": [0]}}}],
         },
     )
-    run = RunDirectory.create(tmp_path_factory.mktemp("life") / "run", experiment)
+    run = RunDirectory.create(path, experiment)
     with pytest.raises(RunError, match="half-finished"):
         live(run)
     with Threads(1) as executor:
         stages.babble(run, stages.make_world(run), executor)
     return run
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    return babbled(tmp_path_factory.mktemp("life") / "run", "random")
 
 
 class Page(LifePage):
@@ -76,6 +85,18 @@ def test_a_life_is_shown_and_kept_as_curves(run):
         for name, array in curves.to_arrays().items()
     )
     assert len(life_figure.life(kept).axes) == 4
+
+
+def test_an_active_life_goes_on_in_a_changed_body(tmp_path, monkeypatch):
+    monkeypatch.setattr(life_module, "_FIRST", 500)
+    monkeypatch.setattr(living, "Life", partial(Life, num_steps=200))
+    run = babbled(tmp_path / "run", "active")
+    curves = live(run)
+    assert curves.changed.tolist() == [1000]
+    # Of a body that stayed as it was, no change was noticed.
+    assert (curves.noticed > 1000).all()
+    assert np.isfinite(curves.surprise[-1])
+    assert np.array_equal(live(run).surprise, curves.surprise, equal_nan=True)
 
 
 def test_a_life_that_was_ended_is_kept_so_far(run):

@@ -36,8 +36,8 @@ def displacement(
             configurations.
         x: `(n, J)` float32, standardised configurations.
         start: `(n, J)` float32, standardised configurations to which the displacement is added.
-        wanted: `(n, S)` float32 of unit L2 norm, what was felt.
-        counts: `(S,)` float32, 1 where a reading counts and 0 elsewhere.
+        wanted: `(n, S + 1)` float32, what was felt, as the networks give it.
+        counts: `(S + 1,)` float32, 1 where a reading counts and 0 elsewhere.
         seed: for the training.
 
     Returns:

@@ -1,11 +1,11 @@
 """Exploration: the agent decides from what it knows where to go (naive).
 
-The agent stays in contact as much as it can. It goes to what it knows least: a sensation that it
-seldom felt, or a link for which it has no good step. It goes through the air, or by its own plan
-along its skin. There it slides about: it walks at random, bent along the skin, so that it meets the
-same sensations in other postures. From how the last steps changed what it felt, it learns which way
-is into the skin and which way is out. Before it knows anything it moves at random, and slides about
-from any touch.
+The agent stays in contact as much as it can. It goes to what it knows least: a touch that it did
+not expect, a sensation that it seldom felt, or a link for which it has no good step. It goes
+through the air, or by its own plan along its skin. There it slides about: it walks at random, bent
+along the skin, so that it meets the same sensations in other postures. From how the last steps
+changed what it felt, it learns which way is into the skin and which way is out. Before it knows
+anything it moves at random, and slides about from any touch.
 
 A move is a few configurations. The explorer yields it, and is sent what was felt on the way. It
 does not know what makes the move.
@@ -20,6 +20,7 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Plan
+from selftouch_drake.agent.representation import QuotientRepresentation
 
 #: What the explorer is sent: `(n, J)` configurations that were passed, and `(n, S)` N, what was
 #: felt there.
@@ -53,8 +54,9 @@ _MOST_LOST, _MOST_RETURNS, _MOST_STEPS = 2, 4, 10
 #: of the goals, 122 with none.
 _BY_PLAN = 0.25
 
-#: Share of the goals that are ends of poor links; the others are sensations seldom felt.
-_LINKS = 0.3
+#: Share of the goals that are touches which surprised the agent. Of the others, share of those that
+#: are ends of poor links; the rest are sensations seldom felt.
+_SURPRISING, _LINKS = 0.2, 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,6 +104,8 @@ class Explorer:
         q: `(J,)` where the joints are.
         felt: `(S,)` N, what is felt there.
         rng: from which all randomness comes.
+        surprise: `(R,)` how much each configuration that the agent knows surprised it in the last
+            round, 0 if it was not met there; None if the agent expected nothing.
     """
 
     def __init__(
@@ -112,7 +116,9 @@ class Explorer:
         q: np.ndarray,
         felt: np.ndarray,
         rng: np.random.Generator,
+        surprise: np.ndarray | None = None,
     ) -> None:
+        self._surprise = surprise
         self._agent, self._joints, self._manner, self._rng = agent, joints, manner, rng
         self._q, self._felt = np.asarray(q, dtype=float), felt
         self._walk = np.zeros(len(q))
@@ -133,7 +139,7 @@ class Explorer:
             if self._agent is None or self._rng.random() < self._manner.air:
                 yield from self._wander()
             elif not self._manner.hops and self._felt.any() and self._rng.random() < _BY_PLAN:
-                yield from self._journey(self._agent, self._goal(self._agent))
+                yield from self._journey(self._agent)
             else:
                 yield from self._search(self._agent)
             if self._felt.any():
@@ -141,9 +147,7 @@ class Explorer:
 
     def _search(self, agent: Agent) -> Moves:
         """Goes through the air to a remembered touch."""
-        goal = self._goal(agent)
-        rows = agent.representation.members(goal)
-        row = int(self._rng.integers(rows.start, rows.stop))
+        row, goal = self._goal(agent)
         self._visits[goal] += 1.0
         self._slope[:] = 0.0
         yield from self._come_to(agent.representation.kernel_q[row].astype(float))
@@ -192,9 +196,24 @@ class Explorer:
         share = np.linspace(0.0, 1.0, count + 1)[1:, None]
         yield from self._go(self._q + share * (q - self._q))
 
-    def _goal(self, agent: Agent) -> int:
-        """A kernel of which the agent knows little."""
+    def _goal(self, agent: Agent) -> tuple[int, int]:
+        """A touch of a kernel of which the agent knows little: its row, and the kernel."""
         known = agent.representation
+        if self._rng.random() < _SURPRISING and (row := self._surprising()) is not None:
+            return row, kernel_of(known, row)
+        goal = self._unknown(known)
+        rows = known.members(goal)
+        return int(self._rng.integers(rows.start, rows.stop)), goal
+
+    def _surprising(self) -> int | None:
+        """A touch of the last round, drawn by how much it surprised; None if none did."""
+        if self._surprise is None or not self._surprise.any():
+            return None
+        share = self._surprise / self._surprise.sum()
+        return int(self._rng.choice(len(share), p=share))
+
+    def _unknown(self, known: QuotientRepresentation) -> int:
+        """A kernel that was seldom visited, or an end of a poor link."""
         if self._rng.random() < _LINKS and len(known.edges):
             # The ends of a poor link have no postures near each other; there are better ones in
             # between.
@@ -203,8 +222,9 @@ class Explorer:
         need = 1.0 / (1.0 + self._visits) ** 2
         return int(self._rng.choice(len(need), p=need / need.sum()))
 
-    def _journey(self, agent: Agent, goal: int) -> Moves:
+    def _journey(self, agent: Agent) -> Moves:
         """Goes to a kernel by a plan, and bends its steps along the skin."""
+        _, goal = self._goal(agent)
         try:
             plan = agent.plan_from(self._q, self._felt, goal)
         except ValueError:
@@ -301,3 +321,8 @@ class Explorer:
 
     def _within(self, q: np.ndarray) -> np.ndarray:
         return q.clip(self._joints.lower, self._joints.upper)
+
+
+def kernel_of(known: QuotientRepresentation, row: int) -> int:
+    """The kernel to which a row of `kernel_q` belongs."""
+    return int(np.searchsorted(known.kernel_offsets, row, side="right")) - 1

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
 from selftouch_drake.agent.living.displacement import displacement
-from selftouch_drake.agent.living.surprise import NUM_STEPS, Expectation, surprise
+from selftouch_drake.agent.living.surprise import NUM_STEPS, Expectation, with_unit_norm
 from selftouch_drake.agent.network import Network
 from selftouch_drake.agent.representation.quantise import unit
 
@@ -70,6 +70,7 @@ class Mending:
         displacement: networks from standardised configurations to a further difference, in standard
             deviations; their mean counts. There are none if the offset explains all.
         through: expectations through which the displacement was learned.
+        reach: `(2, J)` least and greatest reading of each joint, before and after the change.
         surprise: mean surprise of touches since the change, without and with this explanation.
         expectation: what was expected before the change.
     """
@@ -81,12 +82,18 @@ class Mending:
     offset: np.ndarray
     displacement: tuple[Network, ...]
     through: tuple[Expectation, ...]
+    reach: np.ndarray
     surprise: tuple[float, float]
     expectation: Expectation
 
     def expected(self, q: np.ndarray) -> np.ndarray:
-        """`(n, S)` what is expected now at `q` `(n, J)`; of unit L2 norm if no readings changed."""
+        """`(n, S)` N, what is expected now at `q` `(n, J)`."""
         return self._readings(self.expectation(self._as_before(q)))
+
+    def left(self, touches: _Touches) -> float:
+        """Mean surprise of touches of the changed body."""
+        expected = self.expected(touches.q)
+        return float(self.expectation.surprise(expected, touches.sensation).mean())
 
     def mended(self, q: np.ndarray, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Makes touches from before the change into touches of the changed body.
@@ -96,8 +103,8 @@ class Mending:
             sensation: `(n, S)` what was felt there.
 
         Returns:
-            `(m, J)` and `(m, S)`, without touches in which nothing would be felt now, and without
-            the lightest if there is a displacement.
+            `(m, J)` and `(m, S)`, without touches in which nothing would be felt now. If there is a
+            displacement, the lightest are missing too, and those at readings that no joint had.
         """
         felt = self._readings(sensation)
         # A touch of which only a faint receptor at its rim remains says little of its place.
@@ -107,7 +114,12 @@ class Mending:
         holds &= np.linalg.norm(felt[:, self.new], axis=1) <= _GUESSED * strength
         if self.displacement:
             holds &= strength >= np.quantile(strength[holds], _LIGHTEST)
-        return self._as_now(q[holds]), felt[holds]
+        now, felt = self._as_now(q[holds]), felt[holds]
+        if self.displacement:
+            lower, upper = self.reach
+            reached = np.all((now >= lower) & (now <= upper), axis=1)
+            now, felt = now[reached], felt[reached]
+        return now, felt
 
     @property
     def in_words(self) -> str:
@@ -175,13 +187,9 @@ def understand(
     """
     # Every third touch judges explanations that were found from the others.
     judge = np.arange(len(q)) % 3 == 2
-    felt = unit(sensation)
-    fit = _Touches(q=q[~judge], felt=felt[~judge])
+    fit, others = _Touches(q[~judge], sensation[~judge]), _Touches(q[judge], sensation[judge])
     known = np.any(before[1] > 0, axis=0)
     new = ~known & ((fit.felt > _FELT).sum(axis=0) >= _SURELY)
-
-    def judged(one: Mending) -> float:
-        return float(surprise(one.expected(q[judge]), felt[judge]).mean())
 
     nothing = Mending(
         source=np.arange(len(known)),
@@ -191,6 +199,7 @@ def understand(
         offset=np.zeros(q.shape[1]),
         displacement=(),
         through=(),
+        reach=_reach(before[0], q),
         surprise=(0.0, 0.0),
         expectation=expectation,
     )
@@ -202,17 +211,17 @@ def understand(
         )
         return _displaced(dataclasses.replace(one, through=through), touches, seed)
 
-    at_first = judged(nothing)
+    at_first = nothing.left(others)
     best, least = nothing, at_first
     for explained in (_rewired, _with_offset, displaced):
         if least <= _ENOUGH * usual:
             break
         found = explained(best, fit)
-        if (left := judged(found)) < _WORTH * least:
+        if (left := found.left(others)) < _WORTH * least:
             best, least = found, left
     # One silent receptor of many leaves hardly any surprise.
-    best = dataclasses.replace(best, silent=best.silent | _silent(best.expected(q), felt))
-    best = dataclasses.replace(best, surprise=(at_first, judged(best)))
+    best = dataclasses.replace(best, silent=best.silent | _silent(best, _Touches(q, sensation)))
+    best = dataclasses.replace(best, surprise=(at_first, best.left(others)))
     return learned_again(best, q, sensation, seed=seed)
 
 
@@ -229,15 +238,28 @@ def learned_again(
     """
     if not mending.displacement:
         return mending
-    return _displaced(mending, _Touches(q=q, felt=unit(sensation)), seed)
+    mending = dataclasses.replace(mending, reach=_reach(mending.reach, q))
+    return _displaced(mending, _Touches(q, sensation), seed)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class _Touches:
-    """Touches since the change: `(n, J)` configurations, and `(n, S)` felt, of unit L2 norm."""
+    """Touches since the change: `(n, J)` configurations, and `(n, S)` N, what was felt there."""
 
     q: np.ndarray
-    felt: np.ndarray
+    sensation: np.ndarray
+
+    @property
+    def felt(self) -> np.ndarray:
+        """`(n, S)` unit L2 norm."""
+        return unit(self.sensation)
+
+
+def _reach(*qs: np.ndarray) -> np.ndarray:
+    """`(2, J)` least and greatest reading of each joint in arrays `(n, J)`."""
+    return np.array(
+        [np.min([q.min(axis=0) for q in qs], axis=0), np.max([q.max(axis=0) for q in qs], axis=0)]
+    )
 
 
 def _of_new(felt: np.ndarray, new: np.ndarray) -> np.ndarray:
@@ -249,7 +271,7 @@ def _of_new(felt: np.ndarray, new: np.ndarray) -> np.ndarray:
 
 def _rewired(mending: Mending, touches: _Touches) -> Mending:
     """Finds silent receptors, and readings that changed places."""
-    expected, felt = mending.expected(touches.q), touches.felt
+    expected, felt = with_unit_norm(mending.expected(touches.q)), touches.felt
     both = expected.T @ felt
     both /= np.outer(np.linalg.norm(expected, axis=0), np.linalg.norm(felt, axis=0)) + 1e-9
     _, was = linear_sum_assignment(-both.T)
@@ -259,12 +281,13 @@ def _rewired(mending: Mending, touches: _Touches) -> Mending:
     while moved.any() and (lost := moved & ~np.isin(reading, was[moved])).any():
         moved &= ~lost
     source = np.where(moved, was, reading)
-    return dataclasses.replace(mending, source=source, silent=_silent(expected, felt))
+    return dataclasses.replace(mending, source=source, silent=_silent(mending, touches))
 
 
-def _silent(expected: np.ndarray, felt: np.ndarray) -> np.ndarray:
+def _silent(mending: Mending, touches: _Touches) -> np.ndarray:
     """`(S,)` bool, receptors that should have felt and never did."""
-    return ((expected > _FELT).sum(axis=0) >= _SURELY) & ~felt.any(axis=0)
+    expected = with_unit_norm(mending.expected(touches.q))
+    return ((expected > _FELT).sum(axis=0) >= _SURELY) & ~touches.sensation.any(axis=0)
 
 
 def _with_offset(mending: Mending, touches: _Touches) -> Mending:
@@ -272,8 +295,8 @@ def _with_offset(mending: Mending, touches: _Touches) -> Mending:
     scale = mending.expectation.scale
 
     def left(offset: np.ndarray, num: int | None = None) -> float:
-        expected = dataclasses.replace(mending, offset=offset).expected(touches.q[:num])
-        return float(surprise(expected, touches.felt[:num]).mean())
+        some = _Touches(touches.q[:num], touches.sensation[:num])
+        return dataclasses.replace(mending, offset=offset).left(some)
 
     best, least = mending.offset, left(mending.offset)
     for _ in range(len(scale)):
@@ -301,10 +324,13 @@ def _with_offset(mending: Mending, touches: _Touches) -> Mending:
 def _displaced(mending: Mending, touches: _Touches, seed: int) -> Mending:
     """Learns where the joints would have to be for the agent to expect what it feels."""
     expectation = mending.expectation
-    # What readings would have been before they changed places; silent and new ones say nothing.
-    wanted, counts = np.empty_like(touches.felt), np.empty(touches.felt.shape[1], np.float32)
-    wanted[:, mending.source] = touches.felt
-    counts[mending.source] = ~(mending.silent | mending.new)
+    # What readings would have been before they changed places; silent and new ones say nothing,
+    # nor does firmness if there are any.
+    unknown = mending.silent | mending.new
+    wanted = expectation.felt(touches.sensation)
+    counts = np.full(wanted.shape[1], not unknown.any(), np.float32)
+    wanted[:, mending.source] = wanted[:, :-1].copy()
+    counts[mending.source] = ~unknown
     networks = displacement(
         [one.network for one in mending.through],
         expectation.standardised(touches.q),

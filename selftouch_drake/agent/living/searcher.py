@@ -4,7 +4,8 @@ Places that are met at random lie far apart in motor space. The agent then knows
 the skin in very different postures, and takes them for farther apart than they are. So it looks
 about each place that it meets. What it knows still has gaps: two kernels are linked, but their
 nearest postures are far apart, and a plan that leaps from one to the other may leave the skin on
-the way. So the agent also looks between the postures of linked kernels.
+the way. So the agent also looks between the postures of linked kernels: of any, and of those in
+which its predictions failed.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living.explorer import Explorer, Moves
+from selftouch_drake.agent.living.explorer import Explorer, Moves, kernel_of
 from selftouch_drake.agent.planning.members import firm_members
-from selftouch_drake.agent.representation.quotient import NO_MODE
+from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 
 #: Touches about each place that is met at random, and length of a small move there, strides in each
 #: joint. 8 to 40 touches at 0.2 rad make good shapes of torus and cube, from 5000 touches and from
@@ -28,6 +29,9 @@ _TOUCHES, _ABOUT = 20, 1.33
 #: are 2.5 and 2.4 %, and 99.3 and 99.0 %. With one touch in each gap the errors are 2.6 and 2.7 %,
 #: as the nearest postures are then nearer by design.
 _IN_GAP, _BETWEEN, _GAPS = 4, 0.67, 5
+
+#: Share of the gaps that begin at touches which surprised the agent.
+_SURPRISING = 0.5
 
 #: Small moves per wanted touch after which the agent gives up.
 _TRIES = 12
@@ -67,16 +71,16 @@ class Searcher(Explorer):
                 return
 
     def _look_between(self, agent: Agent) -> Moves:
-        """Tries postures between firm touches of both ends of a link."""
+        """Tries postures between a touch of one end of a link and firm touches of the other."""
         known = agent.representation
-        tail, head = self._rng.permutation(self._rng.choice(known.edges))
-        mode = int(self._rng.choice(known.kernel_mode[known.members(tail)]))
+        row, head = self._gap(known)
+        mode = int(known.kernel_mode[row])
         if mode == NO_MODE:
             return
-        firm, ahead = firm_members(known, tail, mode), firm_members(known, head, mode)
+        ahead = firm_members(known, head, mode)
         if not len(ahead):
             return
-        start = known.kernel_q[self._rng.choice(firm)].astype(float)
+        start = known.kernel_q[row].astype(float)
         matters = known.mode_joints[mode]
         near = cdist(
             known.scaled(start)[None, matters], known.scaled(known.kernel_q[ahead])[:, matters]
@@ -84,3 +88,14 @@ class Searcher(Explorer):
         end = known.kernel_q[ahead[near.argmin()]]
         between = np.where(matters, (start + end) / 2, start)
         yield from self._look_about(between, _BETWEEN, _IN_GAP)
+
+    def _gap(self, known: QuotientRepresentation) -> tuple[int, int]:
+        """The row of a touch of one end of a link, and the kernel at the other end."""
+        if self._rng.random() < _SURPRISING and (row := self._surprising()) is not None:
+            tail = kernel_of(known, row)
+            links = known.edges[(known.edges == tail).any(axis=1)]
+            if len(links):
+                return row, int(self._rng.choice(links).sum()) - tail
+        tail, head = self._rng.permutation(self._rng.choice(known.edges)).tolist()
+        mode = int(self._rng.choice(known.kernel_mode[known.members(tail)]))
+        return int(self._rng.choice(firm_members(known, tail, mode))), head

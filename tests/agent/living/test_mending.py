@@ -35,7 +35,7 @@ def expectation(touches):
 @pytest.fixture(scope="module")
 def usual(touches, expectation):
     q, sensation = touches
-    return surprise(expectation(q[5000:NUM_OLD]), sensation[5000:NUM_OLD])
+    return expectation.surprise(expectation(q[5000:NUM_OLD]), sensation[5000:NUM_OLD])
 
 
 def found(expectation, touches, usual, change):
@@ -146,17 +146,35 @@ def test_a_bent_arm_is_a_displacement_which_more_touches_make_exact(
     strength = np.linalg.norm(sensation, axis=1)
     firm = strength >= np.quantile(strength, 0.25)
 
+    def moved(mending):
+        """The rows that are left, and where they are now."""
+        now, felt = mending.mended(q, sensation)
+        same = (felt[:, None] == sensation).all(axis=2)
+        assert (same.sum(axis=1) == 1).all()
+        return same.argmax(axis=1), now
+
     def off(mending):
-        now, _ = mending.mended(q, sensation)
-        return np.abs(now - unbent(q[firm]))[:, :3].mean()
+        rows, now = moved(mending)
+        return np.abs(now - unbent(q[rows]))[:, :3].mean()
 
     mending = found(expectation, touches, usual, lambda q, s: (unbent(q)[:700], s[:700]))
     assert mending.displacement
     before, after = mending.surprise
     assert after < before / 2
-    assert off(mending) < 0.5 * np.abs(q - unbent(q))[firm, :3].mean()
+    rows, now = moved(mending)
+    assert off(mending) < 0.5 * np.abs(q - unbent(q))[rows, :3].mean()
     again = learned_again(mending, unbent(touches[0][NUM_OLD:]), touches[1][NUM_OLD:])
     assert off(again) < off(mending)
+    # The light ones are forgotten, and those at readings that the joints never had; no others.
+    had = np.concatenate([touches[0][:NUM_OLD], unbent(touches[0][NUM_OLD:][:700])])
+    lower, upper = had.min(axis=0), had.max(axis=0)
+    anywhere = np.array([[-np.inf], [np.inf]]) * np.ones(q.shape[1])
+    all_rows, all_now = moved(dataclasses.replace(mending, reach=anywhere))
+    assert np.array_equal(all_rows, np.flatnonzero(firm))
+    within = ((all_now >= lower) & (all_now <= upper)).all(axis=1)
+    assert 0.5 < within.mean() < 1.0
+    assert np.array_equal(rows, all_rows[within])
+    assert np.array_equal(now, all_now[within])
 
 
 def test_a_life_learns_a_displacement_again(touches, monkeypatch):
@@ -183,23 +201,53 @@ def test_a_life_learns_a_displacement_again(touches, monkeypatch):
     assert life.learner.num_touches == len(moved) + 1500
 
 
+def test_a_touch_that_is_felt_more_firmly_surprises(expectation, touches):
+    q, sensation = touches[0][5000:], touches[1][5000:]
+    expected = expectation(q)
+    for factor in (1 / 4, 4):
+        firmer = expectation.surprise(expected, factor * sensation)
+        assert firmer.mean() > expectation.surprise(expected, sensation).mean() + 0.02
+        np.testing.assert_allclose(
+            surprise(expected, factor * sensation), surprise(expected, sensation), atol=1e-6
+        )
+
+
+def alike(num):
+    """The novelty of touches that are equally novel on average."""
+    return np.random.default_rng(7).random(num)
+
+
 def test_the_alarm_is_silent_on_what_is_usual_and_quick_on_what_is_not():
     rng = np.random.default_rng(0)
     for _ in range(5):
-        alarm = Alarm.calibrated(rng.exponential(size=2000))
-        assert alarm.watch(rng.exponential(size=100_000)) is None
-        row = alarm.watch(2.0 * rng.exponential(size=500))
+        alarm = Alarm.calibrated(rng.exponential(size=2000), alike(2000))
+        assert alarm.watch(rng.exponential(size=100_000), alike(100_000)) is None
+        row = alarm.watch(2.0 * rng.exponential(size=500), alike(500))
         assert row is not None
         assert row < 150
         assert abs(alarm.since - row - 1) < 50
 
 
+def test_novel_touches_surprise_and_raise_no_alarm():
+    rng = np.random.default_rng(0)
+
+    def touched(num, novel, rise=1.0):
+        novelty = np.where(rng.random(num) < novel, rng.uniform(1, 2, num), rng.uniform(0, 1, num))
+        return rise * rng.exponential(size=num) * np.where(novelty > 1, 5.0, 1.0), novelty
+
+    alarm = Alarm.calibrated(*touched(2000, 0.5))
+    assert alarm.watch(*touched(50_000, 0.8)) is None
+    row = alarm.watch(*touched(500, 0.5, rise=2.0))
+    assert row is not None
+    assert row < 150
+
+
 def test_touches_that_come_in_runs_count_for_less():
     rng = np.random.default_rng(1)
-    runs = np.repeat(rng.exponential(size=20_000), 5)
-    alarm = Alarm.calibrated(runs[:4000])
+    runs, novelty = np.repeat(rng.exponential(size=20_000), 5), np.repeat(alike(20_000), 5)
+    alarm = Alarm.calibrated(runs[:4000], novelty[:4000])
     assert alarm.correlation > 3
-    assert alarm.watch(runs[4000:]) is None
+    assert alarm.watch(runs[4000:], novelty[4000:]) is None
 
 
 def test_receptors_that_are_rare_are_not_new_and_those_that_begin_to_feel_are():
