@@ -14,6 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+#: How the name of a file ends that is being written.
+_ASIDE = ".part"
+
 
 @contextlib.contextmanager
 def written_whole(path: Path) -> Iterator[Path]:
@@ -24,7 +27,7 @@ def written_whole(path: Path) -> Iterator[Path]:
     Raises:
         OSError: it cannot be written, as when the disk is full; the text names it.
     """
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    aside = path.with_name(f".{path.name}.{os.getpid()}{_ASIDE}")
     try:
         yield aside
         with aside.open("rb") as file:
@@ -36,6 +39,12 @@ def written_whole(path: Path) -> Iterator[Path]:
             raise
         raise OSError(f"{path} cannot be written: {error.strerror or error}") from error
     finally:
+        aside.unlink(missing_ok=True)
+
+
+def remove_unfinished(folder: Path) -> None:
+    """Removes the files that killed processes were writing into a folder; nobody else may write."""
+    for aside in folder.glob(f".*{_ASIDE}"):
         aside.unlink(missing_ok=True)
 
 

@@ -468,6 +468,9 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(whole_run, tmp_
                 os.kill(victim.process.process.pid, signal.SIGKILL)
             stored.append(num_rows)
 
+        for folder in ("experience", "truth"):
+            (run.path / folder).mkdir(exist_ok=True)
+            (run.path / folder / ".part-00002.parquet.1.part").write_bytes(b"left by a killed one")
         collect_into(run, executor, progress=kill_one)
     assert stored == [300] * NUM_SHARDS
     assert shards(run.path) == shards(whole_run)

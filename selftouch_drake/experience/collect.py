@@ -23,6 +23,7 @@ from selftouch_drake.experience.store import (
 )
 from selftouch_drake.experience.walk import RandomWalk
 from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
+from selftouch_drake.files import remove_unfinished
 from selftouch_drake.robot import Robot, World
 from selftouch_drake.robot.joints import remembered
 
@@ -210,6 +211,8 @@ def collect(
     finally:
         for job in futures:
             job.cancel()
+    for part in ("experience", "truth"):
+        remove_unfinished(folder / part)
     return counts
 
 
