@@ -30,7 +30,7 @@ from selftouch_drake.show.style import GREEN, INK, ORANGE, styled
 #: Touches that a run has; cases take some of the first.
 MOST_TOUCHES = 400_000
 
-#: Bodies, skins and seeds of the touches, none of which chose a method.
+#: Bodies, skins and seeds of the touches; no method was chosen on them.
 LUCK = (
     ("sphere", "whole", 921),
     ("cube", "whole", 921),

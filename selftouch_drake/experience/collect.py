@@ -1,4 +1,4 @@
-"""Collects experience: random walks, of which the touching configurations are kept."""
+"""Collects experience: random walks, and keeps their touching configurations."""
 
 from __future__ import annotations
 

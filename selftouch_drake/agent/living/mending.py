@@ -107,7 +107,7 @@ class Mending:
             displacement, the lightest are missing too, and those at readings that no joint had.
         """
         felt = self._readings(sensation)
-        # A touch of which only a faint receptor at its rim remains says little of its place.
+        # If only a faint receptor at the rim of a touch remains, it says little of its place.
         strength = np.linalg.norm(felt, axis=1)
         holds = strength > 2 * _FELT * np.linalg.norm(sensation, axis=1)
         # What new receptors would have felt is a guess.

@@ -154,7 +154,7 @@ def _knots(num_intervals: int) -> np.ndarray:
 
 
 def _repeated(knots: np.ndarray, times: int) -> np.ndarray:
-    """Knots of which the outer ones are repeated."""
+    """Knots; the outer ones are repeated."""
     return np.concatenate([knots[:1].repeat(times), knots, knots[-1:].repeat(times)])
 
 

@@ -130,8 +130,7 @@ def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
     ratio = np.where(np.isinf(above), surely_true, above) / np.maximum(below, _NO_LENGTH)
     cut = int(np.where(allowed, ratio, -np.inf).argmax())
     shortest = surely_true if np.isinf(above[cut]) else float(above[cut])
-    margin = float(ratio[cut])
-    return float(above[cut]), min(margin, shortest / longest_gap) if longest_gap else margin
+    return float(above[cut]), shortest / max(float(below[cut]), longest_gap, _NO_LENGTH)
 
 
 def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
