@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.graphs import unlike
@@ -55,10 +56,10 @@ _LITTLE_APART = 0.07
 #: From this share on the map itself is in doubt, and another network is trained.
 _MOST_APART = 0.12
 
-#: Corrected lengths run along the skin, which the finger cuts short at a rim. An edge crosses a rim
-#: where the map is shorter by more than this share than they are, compared with so many rings of
-#: neighbours around: a rim is narrow, but a bad network stretches wide parts of the body.
-_CUT_SHORT, _RINGS = 0.2, 2
+#: Corrected lengths run along the skin, which the finger cuts short at a rim. An edge is compared
+#: with so many rings of neighbours: a rim is narrow, but a bad network stretches wide parts of the
+#: body. It crosses a rim if it is shorter than around by more than the noise, times this factor.
+_RINGS, _OVER_NOISE = 2, 1.5
 
 #: Configurations of each set whose nearest neighbours the literal metric searches: all 1e12 pairs
 #: of 1000 sets of 1000 take minutes, and change the minima only by a common factor.
@@ -167,7 +168,7 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
         return replace(graph, doubt=f"{doubt}; the sensorimotor metric is used instead")
     apart, graph, felt = min(tries, key=lambda one: one[0])
     if apart < _LITTLE_APART:
-        return replace(graph, length=_with_rims(felt, graph))
+        return replace(graph, length=_with_rims(felt, graph, representation.set_distance))
     if apart < _MOST_APART:
         return replace(graph, length=felt)
     doubt = f"lengths from the learned map and from sensations differ by {apart:.1%}"
@@ -193,17 +194,37 @@ def _felt_lengths(targets: np.ndarray, graph: BodyGraph) -> np.ndarray:
     return np.where(one, graph.length, corrected * first[~one].mean() / corrected[~one].mean())
 
 
-def _with_rims(felt: np.ndarray, graph: BodyGraph) -> np.ndarray:
-    """`(E,)` lengths from sensations, shortened where the map is much shorter than around."""
+def _with_rims(felt: np.ndarray, graph: BodyGraph, set_distance: np.ndarray) -> np.ndarray:
+    """`(E,)` lengths from sensations, shortened where the finger cuts short.
+
+    Both the map and the `(K, K)` set distances show it, and err independently: what they share is
+    taken for rims, the rest for noise. Their mean is shortened by a threshold that is the variance
+    of the noise over the standard deviation of the rims (BayesShrink: Chang, Yu, Vetterli 2000).
+    """
     num_nodes = int(graph.edges.max()) + 1
-    ring, ends = one_ring(graph.edges, num_nodes), graph.edges.T.ravel()
-    ratio = np.log(graph.length / felt)
-    # Means over all edges at a node and at its rings, and at both ends of each edge.
-    total, number = np.bincount(ends, np.r_[ratio, ratio]), np.bincount(ends)
+    ends = graph.edges if graph.kernel is None else graph.kernel[graph.edges]
+    by_sets = set_distance[ends[:, 0], ends[:, 1]]
+    # Pieces of one kernel have no distance between sets.
+    by_sets = np.where(by_sets > 0, by_sets, felt * np.median(by_sets / felt))
+    ring = one_ring(graph.edges, num_nodes)
+    shorter = np.array(
+        [_above_around(np.log(by / felt), graph.edges, ring) for by in (graph.length, by_sets)]
+    )
+    mean, rims = shorter.mean(axis=0), np.cov(shorter)[0, 1]
+    if rims <= 0:
+        return felt
+    noise = np.var(shorter[0] - shorter[1]) / 4  # of the mean
+    threshold = _OVER_NOISE * noise / np.sqrt(rims)
+    return felt * np.exp(np.minimum(mean + threshold, 0.0))
+
+
+def _above_around(value: np.ndarray, edges: np.ndarray, ring: csr_array) -> np.ndarray:
+    """`(E,)` values of edges less their means over the rings of neighbours around both ends."""
+    ends = edges.T.ravel()
+    total, number = np.bincount(ends, np.r_[value, value]), np.bincount(ends)
     for _ in range(_RINGS):
         total, number = ring @ total, ring @ number
-    around = (total / number)[graph.edges].mean(axis=1)
-    return felt * np.exp(np.minimum(ratio - around + _CUT_SHORT, 0.0))
+    return value - (total / number)[edges].mean(axis=1)
 
 
 def _disagreement(graph: BodyGraph, felt: np.ndarray) -> float:

@@ -187,15 +187,27 @@ def test_errors(touched):
     )
 
 
-def test_lengths_are_shortened_where_the_map_shows_a_rim():
+def test_lengths_are_shortened_where_map_and_sets_show_a_rim():
+    rng = np.random.default_rng(0)
     points = sphere(600)
     edges = neighbour_edges(np.linalg.norm(points[:, None] - points, axis=2))
     felt = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
-    middle = points[edges].mean(axis=1)
-    stretched = metrics.BodyGraph(edges=edges, length=felt * np.exp(0.3 * middle[:, 2]))
-    np.testing.assert_array_equal(metrics._with_rims(felt, stretched), felt)
     across = (points[edges, 2] > 0).sum(axis=1) == 1
-    cut_short = metrics.BodyGraph(edges=edges, length=felt * np.where(across, 0.6, 1.0))
-    shorter = metrics._with_rims(felt, cut_short) / felt
-    assert (shorter[~across] == 1.0).all()
+    rims, stretched = np.where(across, 0.6, 1.0), np.exp(0.3 * points[edges, 2].mean(axis=1))
+
+    def shortened(by_map, by_sets):
+        by_map, by_sets = (
+            felt * by * np.exp(rng.normal(0, noise, len(felt)))
+            for by, noise in ((by_map, 0.1), (by_sets, 0.2))
+        )
+        set_distance = np.zeros((600, 600))
+        set_distance[edges[:, 0], edges[:, 1]] = by_sets
+        graph = metrics.BodyGraph(edges=edges, length=by_map)
+        return metrics._with_rims(felt, graph, set_distance) / felt
+
+    assert (shortened(1.0, 1.0) < 1).mean() < 0.02
+    assert (shortened(stretched, stretched) < 1).mean() < 0.02  # all around is stretched alike
+    assert (shortened(rims, 1.0) < 1).mean() < 0.02  # a bad network alone shows no rim
+    shorter = shortened(rims, rims)
+    assert shorter[~across].mean() > 0.99
     assert 0.6 < shorter[across].mean() < 0.9
