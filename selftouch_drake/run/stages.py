@@ -112,7 +112,7 @@ def babble(
 
     gather: Callable[..., WalkCounts] = collect
     if run.experiment.babbling.strategy == "active":
-        # Imports scikit-learn, which other stages than this one need not wait for.
+        # Other stages need not wait for its imports.
         from selftouch_drake.exploration import explore
 
         gather = explore
