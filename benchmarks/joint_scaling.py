@@ -82,7 +82,7 @@ def measured(run: RunDirectory, scaling: Scaling, arguments: argparse.Namespace)
     sensation, q = reader.read("sensation"), (reader.read("q") * unit).astype(np.float32)
     learner = QuotientLearner(arguments.targets, random_state=0)
     with (
-        mock.patch("selftouch_drake.agent.representation.learner.joint_scale", scaling),
+        mock.patch("selftouch_drake.agent.representation.learning.joint_scale", scaling),
         warnings.catch_warnings(action="ignore"),
     ):
         known = learner.fit(sensation, q).representation_

@@ -58,6 +58,13 @@ def test_no_module_of_the_agent_loads_what_it_must_not_know():
     assert guilty == []
 
 
+def test_only_the_estimator_loads_scikit_learn():
+    estimator = "selftouch_drake.agent.representation.learner"
+    others = [name for name in MODULES if name != estimator]
+    assert "sklearn" not in imported(*others, "selftouch_drake.run.stages")
+    assert "sklearn" in imported(estimator)
+
+
 def test_the_search_sees_what_is_loaded():
     assert "selftouch_drake.files" in imported(*MODULES, "selftouch_drake.files")
 

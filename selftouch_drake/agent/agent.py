@@ -29,6 +29,7 @@ from selftouch_drake.agent.representation import (
     QuotientRepresentation,
     felt_kernels,
     kernel_sensations,
+    learn,
     linked_nearest,
 )
 from selftouch_drake.agent.sliding import Slider
@@ -115,15 +116,13 @@ class Agent:
         Args:
             batches: called three times, returns the same `(sensation, q)` batches each time.
             seed: the same seed and experience give the same bytes, whatever the batches.
-            parameters: as for `QuotientLearner`.
+            parameters: as for `representation.learn`.
 
         Raises:
             ValueError: the experience cannot be learned from; the text says why.
         """
-        from selftouch_drake.agent.representation import QuotientLearner  # not needed to plan
-
-        learner = QuotientLearner(**{"num_targets": 500} | parameters, random_state=seed)
-        representation = learner.fit_batches(batches).representation_
+        sizes = {"num_targets": 500, "max_kernel_size": 1000}
+        representation = learn(batches, **sizes | parameters, seed=seed).representation
         sensations = (sensation for sensation, _ in batches())
         return cls.of(
             representation, kernel_sensation=kernel_sensations(representation, sensations)

@@ -15,7 +15,7 @@ from selftouch_drake.evaluation.shape import shape_errors
 from selftouch_drake.experience import Contacts
 from selftouch_drake.robot import World
 
-if TYPE_CHECKING:  # imports scikit-learn, which takes a second
+if TYPE_CHECKING:
     from selftouch_drake.agent.living import LivingLearner
 
 # No luck of a network's start is in this metric, and it takes a few seconds.

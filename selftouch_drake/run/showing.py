@@ -177,7 +177,7 @@ def show_live(
     Raises:
         ValueError: the run has not babbled, or the port is taken.
     """
-    from selftouch_drake.run.living import live  # imports scikit-learn, which takes a second
+    from selftouch_drake.run.living import live  # needed here alone
 
     show_life(lambda page: live(run, page), port=port, announce=announce)
 

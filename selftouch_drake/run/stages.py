@@ -112,7 +112,7 @@ def babble(
 
     gather: Callable[..., WalkCounts] = collect
     if run.experiment.babbling.strategy == "active":
-        # Imports scikit-learn, which other stages than this one need not wait for.
+        # Other stages need not wait for its imports.
         from selftouch_drake.exploration import explore
 
         gather = explore
@@ -152,7 +152,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     Warns:
         ChangedBodyWarning: the body changed in the middle of the experience.
     """
-    from selftouch_drake.agent.representation import QuotientLearner
+    from selftouch_drake.agent.representation import learn as learn_quotient
     from selftouch_drake.agent.shape import recover
     from selftouch_drake.run.scores import found_metrics
 
@@ -160,26 +160,24 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     require_experience(run)
     warn_of_changes(run)
     settings, seed = run.experiment.representation, run.experiment.seed
-    learner = QuotientLearner(
+    learned = learn_quotient(
+        ExperienceReader(run.experience).touches,
         num_targets=settings.num_targets,
         max_kernel_size=settings.max_kernel_size,
-        random_state=seed,
-    )
-    learner.fit_batches(
-        ExperienceReader(run.experience).touches,
+        seed=seed,
         progress=lambda fraction, doing: progress(0.6 * fraction, doing),
     )
     body = recover(
-        learner.representation_,
+        learned.representation,
         settings.metric,
         seed=seed,
         progress=lambda fraction: progress(0.6 + 0.35 * fraction, "shape and holes"),
     )
-    representation = body.embed(learner.representation_)
+    representation = body.embed(learned.representation)
     body.warn_of_misfit()
     save_learned(run, representation, body, forget=lambda: _forget_learning(run))
     sizes = np.diff(representation.kernel_offsets)
-    bridges = learner.bridges_.tolist()
+    bridges = learned.bridges.tolist()
     run.add_metrics(
         {
             "representation_num_targets": representation.num_targets,
@@ -187,7 +185,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
             "kernel_size_min": int(sizes.min()),
             "kernel_size_median": float(np.median(sizes)),
             "kernel_size_max": int(sizes.max()),
-            "graph_component_sizes": np.bincount(learner.component_).tolist(),
+            "graph_component_sizes": np.bincount(learned.component).tolist(),
             **({"graph_bridges": bridges} if bridges else {}),
             **found_metrics(run, body),
             "learning_wall_s": time.perf_counter() - began,

@@ -24,7 +24,7 @@ from selftouch_drake.agent.living.distances import remeasured
 from selftouch_drake.agent.representation.graphs import surface_edges
 from selftouch_drake.agent.representation.joints import joint_scale
 from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
-from selftouch_drake.agent.representation.learner import (
+from selftouch_drake.agent.representation.learning import (
     MAX_ROWS,
     common_targets,
     firm,

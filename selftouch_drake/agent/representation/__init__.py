@@ -1,6 +1,6 @@
 """Learns the quotient representation from experience (paper, sections II, III).
 
-The learner, which needs scikit-learn, is imported on first use.
+The estimator, which needs scikit-learn, is imported on first use.
 """
 
 from typing import TYPE_CHECKING, Any
@@ -13,6 +13,7 @@ from selftouch_drake.agent.representation.graphs import (
 )
 from selftouch_drake.agent.representation.joints import joint_scale
 from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
+from selftouch_drake.agent.representation.learning import Batches, Learned, learn
 from selftouch_drake.agent.representation.neighbours import (
     DisconnectedWarning,
     complete_edges,
@@ -36,7 +37,7 @@ from selftouch_drake.agent.representation.set_distances import (
 from selftouch_drake.agent.representation.touches import felt_kernels
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.representation.learner import Batches, QuotientLearner
+    from selftouch_drake.agent.representation.learner import QuotientLearner
 
 __all__ = [
     "LEAST_KERNELS",
@@ -45,6 +46,7 @@ __all__ = [
     "DisconnectedWarning",
     "KernelReservoir",
     "KernelSample",
+    "Learned",
     "LinkedNearest",
     "QuotientLearner",
     "QuotientRepresentation",
@@ -57,6 +59,7 @@ __all__ = [
     "geodesics",
     "joint_scale",
     "kernel_sensations",
+    "learn",
     "linked_nearest",
     "locally_scaled",
     "neighbour_edges",
@@ -71,8 +74,8 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    if name not in ("Batches", "QuotientLearner"):
+    if name != "QuotientLearner":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from selftouch_drake.agent.representation import learner
+    from selftouch_drake.agent.representation.learner import QuotientLearner
 
-    return getattr(learner, name)
+    return QuotientLearner

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
+from selftouch_drake.agent.clusters import clusters
 from selftouch_drake.agent.network import Network, standardised, train_to_expect
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 
@@ -224,15 +224,12 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
     of modes rises as long as no set of joints contains another: configurations between two modes
     need the joints of both. Modes that leave many configurations unassigned are rejected.
     """
-    from sklearn.cluster import KMeans  # takes half a second, which planning need not wait for
-
     each = np.eye(expected.x.shape[1], dtype=bool)
     change = np.sqrt([expected.change(rows, joint, rng) for joint in each]).T
     share = change / np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)
     found = _matter(_costs(expected, rows, rng)[None])
     for count in range(2, _MOST_MODES + 1):
-        with threadpool_limits(limits=1):
-            cluster = KMeans(count, n_init=4, random_state=0).fit_predict(np.log(share + 1e-3))
+        cluster = clusters(np.log(share + 1e-3), count)
         cost = np.array([_costs(expected, rows[cluster == c], rng) for c in range(count)])
         guess = cost >= cost.max(axis=0) / 2
         given = _modes_of(expected, rows, guess, rng)

@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from selftouch_drake.agent.clusters import clusters
 from selftouch_drake.agent.representation.neighbours import neighbour_edges, one_ring
 from selftouch_drake.agent.shape.cells import Cells
 
@@ -42,13 +43,11 @@ def cut_wide_cells(
     number = np.minimum((_times_larger(cells) / _LARGEST).astype(int), sizes // _LEAST_SIZE)
     if number.max() < 2:
         return coordinates, offsets, np.arange(len(sizes))
-    from sklearn.cluster import KMeans  # takes half a second
-
     piece = np.zeros(len(coordinates), dtype=int)
     for kernel in np.flatnonzero(number > 1):
         rows = slice(offsets[kernel], offsets[kernel + 1])
         along = (coordinates[rows] - cells.mean[kernel]) @ cells.tangent[kernel]
-        piece[rows] = KMeans(number[kernel], n_init=4, random_state=0).fit_predict(along)
+        piece[rows] = clusters(along, number[kernel])
     owner = np.repeat(np.arange(len(sizes)), sizes)
     order = np.lexsort((piece, owner))
     first = np.flatnonzero(np.diff(owner, prepend=-1) | np.diff(piece[order], prepend=-1))

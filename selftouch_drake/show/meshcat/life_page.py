@@ -22,7 +22,7 @@ from selftouch_drake.show.recovered import laid_on_skins
 from selftouch_drake.show.skins import surfaces_of
 from selftouch_drake.show.style import INK, RECOVERED
 
-if TYPE_CHECKING:  # imports scikit-learn, which takes a second
+if TYPE_CHECKING:
     from selftouch_drake.agent.living import Life
 
 END = "end"

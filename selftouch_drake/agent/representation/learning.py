@@ -1,0 +1,420 @@
+"""Learns the quotient representation from experience (paper, section III)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.sparse import issparse
+from threadpoolctl import threadpool_limits
+
+from selftouch_drake.agent.representation.graphs import surface_neighbours, unlike
+from selftouch_drake.agent.representation.joints import joint_scale
+from selftouch_drake.agent.representation.kernels import (
+    KernelReservoir,
+    KernelSample,
+    quick_to_sort,
+)
+from selftouch_drake.agent.representation.neighbours import (
+    NUM_MUTUAL,
+    component_labels,
+    connected_edges,
+)
+from selftouch_drake.agent.representation.quantise import (
+    assign,
+    rare_cells,
+    strength,
+    target_sensations,
+)
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation, mattering
+from selftouch_drake.agent.representation.relevance import touch_modes
+from selftouch_drake.agent.representation.set_distances import (
+    MAX_QUERIES,
+    SET_DISTANCES,
+    linked_nearest,
+    set_distances,
+)
+from selftouch_drake.agent.representation.touches import (
+    by_chance,
+    kernel_parts,
+    nearby,
+    overlapping,
+    set_aside,
+)
+from selftouch_drake.threads import Threads
+
+#: Rows that target sensations are learned from: 40 a target, when there are 1000.
+MAX_ROWS = 40_000
+
+# Rows that are worked on at a time, to bound the memory.
+_BLOCK = 16_384
+
+#: Targets are chosen anew so often at most, without the touches that hardly any other is like.
+_MOST_ROUNDS = 6
+
+#: Called with the fraction done and what is being done.
+Progress = Callable[[float, str], None]
+
+#: Gives the experience from its first row on, each time it is called: `(n, S)` sensations in N and
+#: `(n, J)` motor configurations in the robot's units, in batches of any size.
+Batch = tuple[np.ndarray, np.ndarray]
+Batches = Callable[[], Iterable[Batch]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Learned:
+    """What was learned from experience.
+
+    Attributes:
+        representation: not embedded yet.
+        component: `(K,)` the component of the quotient graph of each kernel before bridges were
+            added; 0 is the largest.
+        bridges: `(B, 2)` pairs of kernels i < j, the edges that join components of one part.
+    """
+
+    representation: QuotientRepresentation
+    component: np.ndarray
+    bridges: np.ndarray
+
+
+# Sums in another order, by another number of threads, would give other bytes.
+@threadpool_limits.wrap(limits=1, user_api="blas")
+def learn(
+    batches: Batches,
+    *,
+    num_targets: int,
+    max_kernel_size: int,
+    set_distance: str = "quantile",
+    num_neighbours: int = NUM_MUTUAL,
+    max_queries: int = MAX_QUERIES,
+    seed: int = 0,
+    progress: Progress = lambda fraction, stage: None,
+) -> Learned:
+    """Learns from experience of any size in bounded memory; batch sizes do not matter.
+
+    Experience is read twice: for the target sensations, and for the kernel of each.
+
+    Args:
+        batches: called twice, returns the same experience each time, as
+            `ExperienceReader.touches` does.
+        num_targets: K, number of target sensations.
+        max_kernel_size: most motor configurations kept per kernel.
+        set_distance: the set distance used for shape, a name in `SET_DISTANCES`.
+        num_neighbours: number of mutual nearest kernels that the quotient graph joins.
+        max_queries: most configurations per set whose nearest neighbours are searched.
+        seed: the same seed and experience give the same bytes.
+        progress: called with the fraction done and the stage.
+
+    Raises:
+        ValueError: a parameter is invalid, the experience cannot be learned from, or the second
+            reading has a different number of rows.
+    """
+    _check_parameters(
+        set_distance,
+        num_targets=num_targets,
+        max_kernel_size=max_kernel_size,
+        num_neighbours=num_neighbours,
+        max_queries=max_queries,
+    )
+    quantise_seed, sample_seed, mode_seed = np.random.SeedSequence(seed).generate_state(3)
+
+    some = KernelReservoir(1, MAX_ROWS, seed=int(quantise_seed))
+    for sensation, q in _in_blocks(_checked(batches())):
+        some.add(np.zeros(len(sensation), dtype=int), sensation=sensation, q=q.astype(np.float32))
+        progress(0.0, "target sensations")
+    if some.num_rows < num_targets:
+        raise ValueError(
+            f"num_targets is {num_targets}, but there are only {some.num_rows} "
+            "sensations: give a smaller number, or babble longer"
+        )
+    sample = some.sample().columns
+    overlap = overlapping(sample["sensation"])
+    chance = by_chance(sample["sensation"], overlap)
+    overlap = nearby(sample["sensation"], overlap)
+    kept = ~set_aside(sample["sensation"], overlap, chance)
+    if not kept.any():
+        raise ValueError(
+            "sensation has touches on several parts of the body in every row: babble until "
+            "each part is touched alone"
+        )
+    sensation, q = sample["sensation"][kept], sample["q"][kept]
+    with Threads(1) as beside:
+        scaling = beside.submit(joint_scale, q, sensation)
+        targets = common_targets(
+            sensation,
+            num_targets,
+            overlap if chance else None,
+            progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
+        )
+    scale = scaling.result()
+    kernels = KernelReservoir(num_targets, max_kernel_size, seed=int(sample_seed))
+    num_set_aside = 0
+    for sensation, q in _in_blocks(batches()):
+        label, error = assign(sensation, targets)
+        left_out = set_aside(sensation, overlap, chance)
+        num_set_aside += int(left_out.sum())
+        label[left_out] = -1
+        kernels.add(
+            label,
+            q=q.astype(np.float32),
+            strength=strength(sensation).astype(np.float32),
+            error=error,
+        )
+        done = min(kernels.num_rows / some.num_rows, 1.0)
+        progress(0.2 + 0.1 * done, "motor kernels")
+    if kernels.num_rows != some.num_rows:
+        raise ValueError(
+            f"batches gave {some.num_rows} rows, then {kernels.num_rows}: give the same "
+            "experience each time"
+        )
+    return _with_graph(
+        kernels.sample(),
+        progress,
+        set_distance=set_distance,
+        num_neighbours=num_neighbours,
+        max_queries=max_queries,
+        seed=int(mode_seed),
+        target_sensations=targets,
+        joint_scale=scale,
+        overlap=overlap,
+        num_touches=some.num_rows,
+        num_set_aside=num_set_aside,
+    )
+
+
+def _with_graph(
+    sample: KernelSample,
+    progress: Progress,
+    *,
+    set_distance: str,
+    num_neighbours: int,
+    max_queries: int,
+    seed: int,
+    target_sensations: np.ndarray,
+    joint_scale: np.ndarray,
+    overlap: np.ndarray,
+    **counts: int,
+) -> Learned:
+    targets, offsets = target_sensations, sample.offsets(len(target_sensations))
+    part = kernel_parts(targets, overlap)
+    x = (sample.columns["q"] * joint_scale).astype(np.float32)
+    mode, mode_joints = touch_modes(
+        x,
+        offsets,
+        targets,
+        part,
+        seed=seed,
+        progress=lambda fraction: progress(0.3 + 0.3 * fraction, "joints that matter"),
+    )
+    kernel_x = mattering(x, mode, mode_joints)
+    (distance,) = set_distances(
+        kernel_x,
+        offsets,
+        set_distance,
+        max_queries=max_queries,
+        rough=unlike(targets),
+        progress=lambda fraction: progress(0.6 + 0.4 * fraction, "set distances"),
+    )
+    neighbours, near = surface_neighbours(distance, targets, part, num_neighbours)
+    edges = connected_edges(neighbours, near)
+    progress(1.0, "quotient graph")
+
+    component = component_labels(neighbours, len(targets))
+    i, j = edges.T
+    representation = QuotientRepresentation(
+        target_sensations=targets,
+        kernel_offsets=offsets,
+        kernel_q=sample.columns["q"],
+        kernel_row=sample.row,
+        kernel_strength=sample.columns["strength"],
+        kernel_error=sample.columns["error"],
+        kernel_mode=mode,
+        mode_joints=mode_joints,
+        joint_scale=joint_scale,
+        overlap=overlap,
+        part=part,
+        set_distance=distance,
+        edges=edges,
+        edge_cost=firm_steps(kernel_x, *firm(sample, offsets), edges),
+        embedding=np.full((len(targets), 3), np.nan),
+        **counts,
+    )
+    bridges = edges[component[i] != component[j]]
+    return Learned(representation=representation, component=component, bridges=bridges)
+
+
+def common_targets(
+    sensation: np.ndarray,
+    num_targets: int,
+    overlap: np.ndarray | None,
+    *,
+    or_fewer: bool = False,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> np.ndarray:
+    """`(K, S)` target sensations, without those of touches at two places by chance.
+
+    If two places are touched at once by chance, some of these places are so close that the touches
+    cannot be recognised. They are rare and unlike all others, so farthest points would choose them.
+    So targets with hardly any touches are dropped, together with their touches.
+
+    Args:
+        sensation: `(n, S)` N, no row null.
+        num_targets: K.
+        overlap: `(S, S)` bool, of `touches.nearby`; None if no touches come together by chance.
+        or_fewer: as of `target_sensations`.
+        progress: called with the fraction done.
+    """
+    for _ in range(_MOST_ROUNDS):
+        targets = target_sensations(sensation, num_targets, or_fewer=or_fewer, progress=progress)
+        if overlap is None:
+            break
+        label, _ = assign(sensation, targets)
+        rare = rare_cells(label, kernel_parts(targets, overlap))
+        if not rare.any():
+            break
+        sensation = sensation[~rare[label]]
+    return targets
+
+
+#: The text of an error.
+NO_ROWS = "sensation has 0 rows: babble until the finger touches the body"
+
+
+def _check_parameters(set_distance: str, **numbers: Any) -> None:
+    for name, value in numbers.items():
+        lowest = 2 if name == "num_targets" else 1
+        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lowest:
+            raise ValueError(f"{name} is {value!r}: give a whole number, {lowest} or more")
+    if set_distance not in SET_DISTANCES:
+        raise ValueError(
+            f"set_distance is {set_distance!r}: choose one of {', '.join(SET_DISTANCES)}"
+        )
+
+
+def _checked(
+    batches: Iterable[Batch],
+) -> Iterator[Batch]:
+    """The same batches, each checked when it is read."""
+    row, widths = 0, None
+    for given, given_q in batches:
+        sensation, q = as_numbers("sensation", given), as_numbers("q", given_q)
+        check_sensation(sensation, row)
+        _check_configurations(q, len(sensation), row)
+        if widths is None:
+            widths = sensation.shape[1], q.shape[1]
+        for name, parts, width, found in zip(
+            ("sensation", "q"),
+            ("receptors", "joints"),
+            widths,
+            (sensation.shape[1], q.shape[1]),
+            strict=True,
+        ):
+            if found != width:
+                raise ValueError(
+                    f"{name} row {row} has {found} {parts}, earlier rows have {width}: give "
+                    "experience of one robot"
+                )
+        row += len(sensation)
+        yield sensation, q
+    if row == 0:
+        raise ValueError(NO_ROWS)
+
+
+def _in_blocks(
+    batches: Iterable[Batch],
+) -> Iterator[Batch]:
+    """The same rows in blocks that are not large."""
+    for sensation, q in batches:
+        for start in range(0, len(sensation), _BLOCK):
+            block = slice(start, start + _BLOCK)
+            yield np.asarray(sensation)[block], np.asarray(q)[block]
+
+
+def firm_steps(
+    kernel_x: np.ndarray, firm: np.ndarray, firm_offsets: np.ndarray, edges: np.ndarray
+) -> np.ndarray:
+    """`(E,)` rad, mean nearest distance between the firm configurations of both ends.
+
+    The mean over both directions, as in the paper's mean nearest distance.
+    """
+    ways = np.concatenate([edges, edges[:, ::-1]])
+    nearest = linked_nearest(kernel_x[firm], firm_offsets, ways)
+    step = np.sqrt(nearest.squared)
+    there, back = (
+        np.split(np.add.reduceat(step, nearest.offsets[:-1]), 2)
+        if len(edges)
+        else (
+            np.empty(0),
+            np.empty(0),
+        )
+    )
+    sizes = np.diff(firm_offsets)
+    i, j = edges.T
+    return ((there / sizes[i] + back / sizes[j]) / 2).astype(np.float32)
+
+
+def firm(sample: KernelSample, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The more strongly felt half of each kernel: its rows of the sample, and offsets.
+
+    A firm touch is deep in the skin, so small motion errors do not lose contact.
+    """
+    order = np.lexsort((-sample.columns["strength"], quick_to_sort(sample.kernel)))
+    rank = np.arange(len(order)) - offsets[sample.kernel]
+    sizes = (np.diff(offsets) + 1) // 2
+    firm = np.sort(order[rank < sizes[sample.kernel]])
+    return firm, np.concatenate([[0], np.cumsum(sizes)])
+
+
+def as_numbers(name: str, rows: Any) -> np.ndarray:
+    """The rows as an array.
+
+    Raises:
+        TypeError: they are sparse.
+        ValueError: they are no real numbers.
+    """
+    if issparse(rows):
+        raise TypeError(f"{name} is sparse: give it dense, as {name}.toarray() is")
+    array = np.asarray(rows)
+    if array.dtype.kind not in "fiu":
+        raise ValueError(f"{name} holds {array.dtype}: give real numbers")
+    return array
+
+
+def check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
+    """Rejects sensations that no skin can produce."""
+    if sensation.ndim != 2 or sensation.shape[1] == 0:
+        raise ValueError(
+            f"sensation has shape {sensation.shape}: give sensations as (rows, receptors)"
+        )
+    felt = strength(sensation).astype(np.float32)
+    if (bad := np.flatnonzero(~np.isfinite(felt))).size:
+        raise ValueError(
+            f"sensation row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})"
+        )
+    if (lowest := sensation.min(initial=0)) < 0:
+        raise ValueError(
+            f"sensation holds {lowest:g}, a negative reading: give pressures, without the "
+            "receptors' offset"
+        )
+    if (null := np.flatnonzero(felt == 0)).size:
+        raise ValueError(
+            f"sensation row {first_row + null[0]} is null: keep only rows that touch "
+            f"({null.size} do not)"
+        )
+
+
+def _check_configurations(q: np.ndarray, num_rows: int, first_row: int = 0) -> None:
+    """Rejects motor configurations that do not match `num_rows` sensations."""
+    if q.ndim != 2 or q.shape[1] == 0:
+        raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints)")
+    if len(q) != num_rows:
+        raise ValueError(
+            f"q has {len(q)} rows and sensation {num_rows}: give one motor configuration "
+            "for each sensation"
+        )
+    if (bad := np.flatnonzero(~np.isfinite(q).all(axis=1))).size:
+        raise ValueError(
+            f"q row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})"
+        )
