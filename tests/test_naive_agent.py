@@ -44,7 +44,7 @@ def test_every_module_is_looked_at():
         "selftouch_drake.agent.motions",
         "selftouch_drake.agent.rehearsal",
         "selftouch_drake.agent.planning.planner",
-        "selftouch_drake.agent.representation.learner",
+        "selftouch_drake.agent.representation.estimator",
         "selftouch_drake.agent.shape.body",
     } <= set(MODULES)
 
@@ -59,7 +59,7 @@ def test_no_module_of_the_agent_loads_what_it_must_not_know():
 
 
 def test_only_the_estimator_loads_scikit_learn():
-    estimator = "selftouch_drake.agent.representation.learner"
+    estimator = "selftouch_drake.agent.representation.estimator"
     others = [name for name in MODULES if name != estimator]
     assert "sklearn" not in imported(*others, "selftouch_drake.run.stages")
     assert "sklearn" in imported(estimator)

@@ -1,4 +1,4 @@
-"""Clusters of few points by k-means: importing scikit-learn takes longer than scipy's clustering."""
+"""Clusters of few points by k-means: scikit-learn takes longer to import than to work."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ from selftouch_drake.agent.representation.set_distances import (
 from selftouch_drake.agent.representation.touches import felt_kernels
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.representation.learner import QuotientLearner
+    from selftouch_drake.agent.representation.estimator import QuotientLearner
 
 __all__ = [
     "LEAST_KERNELS",
@@ -76,6 +76,6 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name != "QuotientLearner":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from selftouch_drake.agent.representation.learner import QuotientLearner
+    from selftouch_drake.agent.representation.estimator import QuotientLearner
 
     return QuotientLearner
