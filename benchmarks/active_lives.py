@@ -6,7 +6,8 @@ All lives are in the kinematic world, with `babbling.strategy: active`: the agen
 it knows, also by what it mended. For each body and seed an agent lives `--touches` touches. Then,
 for each kind of change, this life goes on with the changed body until the agent has regained its
 quality and is as good as one that learned the changed body anew, also by active exploration, or for
-`--watched` touches. Quality is what it is in `mending.py`, measured every 1000 touches. `none` is a body that does not change, and goes on for `--watched` touches; then each alarm is false.
+`--watched` touches. Quality is what it is in `mending.py`, measured every 1000 touches. `none` is a
+body that does not change, and goes on for `--watched` touches; then each alarm is false.
 
 Every life is a row of the CSV file. Rows that are already in the file are not computed again.
 """
