@@ -261,17 +261,19 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
 
 @styled
 def picture(rows: list[dict[str, str]]) -> Figure:
-    """The error of the shape, over touches and over simulated minutes."""
+    """The error of the shape, over touches (mean of the seeds) and over simulated minutes."""
     figure = Figure(figsize=(10, 4), layout="constrained")
     panels = (("touches", "touches", "log"), ("clock", "minutes", "linear"))
     for axes, (what, x, scale) in zip(figure.subplots(1, 2), panels, strict=True):
-        curves: dict[str, list[tuple[float, float]]] = {}
+        curves: dict[str, dict[float, list[float]]] = {}
         for row in rows:
             if row["what"] == what and row["error_sensorimotor"]:
-                point = float(row[x]), 100 * float(row["error_sensorimotor"])
-                curves.setdefault(f"{row['body']} {row['seed']}, {row['way']}", []).append(point)
+                seed = f" {row['seed']}" if what == "clock" else ""
+                points = curves.setdefault(f"{row['body']}{seed}, {row['way']}", {})
+                points.setdefault(float(row[x]), []).append(100 * float(row["error_sensorimotor"]))
         for name, points in sorted(curves.items()):
-            axes.plot(*zip(*sorted(points), strict=True), "o-", label=name)
+            at = sorted(points)
+            axes.plot(at, [np.mean(points[one]) for one in at], "o-", label=name)
         axes.set(xscale=scale, xlabel=x, ylabel="shape error, % (sensorimotor)", ylim=(0, None))
         if curves:
             axes.legend(fontsize=7)
