@@ -267,7 +267,8 @@ def picture(rows: list[dict[str, str]]) -> Figure:
     for axes, (what, x, scale) in zip(figure.subplots(1, 2), panels, strict=True):
         curves: dict[str, dict[float, list[float]]] = {}
         for row in rows:
-            if row["what"] == what and row["error_sensorimotor"]:
+            scored = row["what"] == what and row["error_sensorimotor"]
+            if scored and row["way"] in ("active", "random"):
                 seed = f" {row['seed']}" if what == "clock" else ""
                 points = curves.setdefault(f"{row['body']}{seed}, {row['way']}", {})
                 points.setdefault(float(row[x]), []).append(100 * float(row["error_sensorimotor"]))
