@@ -11,6 +11,8 @@ Each life is scored along the way:
 
 - error of the shape by each metric, holes, and share of planned paths between 60 random pairs that
   is in contact (kinematic, straight from the planner: nothing is practised);
+- with `--executed`, contact of so many random pairs under dynamics, mean and worst: first tries as
+  `selftouch evaluate` makes them, without rehearsal;
 - share of the samples in contact, receptors that felt something, parts of the body that were
   touched (BabyBench's score of self-touch), and CPU seconds of the agent and its world.
 
@@ -58,6 +60,8 @@ from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.first_tries import FirstTries
+from selftouch_drake.run.trials import random_pairs
 from selftouch_drake.show.style import styled
 
 #: Numbers of touches, and simulated minutes, at which a life is scored.
@@ -140,6 +144,7 @@ class Score:
 
     world: World
     num_targets: int
+    num_executed: int
 
     def __call__(self, shards: list[Shard], metrics: list[str]) -> dict[str, Any]:
         q = np.concatenate([shard.q for shard in shards])
@@ -161,7 +166,21 @@ class Score:
         found["parts"] = representation.num_parts
         if not metrics:
             return found
-        return found | scores(representation, contacts, self.world, metrics)
+        found |= scores(representation, contacts, self.world, metrics)
+        return found | executed(representation, self.world, self.num_executed)
+
+
+def executed(
+    representation: QuotientRepresentation, world: World, num_pairs: int
+) -> dict[str, float]:
+    """Contact under dynamics, mean and worst, of first tries between random pairs."""
+    pairs = random_pairs(world.experiment, representation)[:num_pairs]
+    if not pairs:
+        return {}
+    tries = FirstTries(world, Agent.of(representation))
+    made = (tries.first(*pair) for pair in pairs)
+    kept = [0.0 if one is None else one[0].executed.contact for one in made]
+    return {"executed": round(float(np.mean(kept)), 4), "executed_worst": round(min(kept), 4)}
 
 
 def scores(
@@ -190,8 +209,10 @@ def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespa
     """The rows of one life."""
     mode = "dynamic" if what == "clock" else "kinematic"
     experiment = load_experiment(body, {"seed": seed, "babbling": {"mode": mode}})
-    score = Score(world=World(experiment), num_targets=arguments.targets)
-    all_marks = {"clock": MINUTES, "infant": INFANT}.get(what, TOUCHES)
+    score = Score(
+        world=World(experiment), num_targets=arguments.targets, num_executed=arguments.executed
+    )
+    all_marks = arguments.at or {"clock": MINUTES, "infant": INFANT}.get(what, TOUCHES)
     marks = [mark for mark in all_marks if mark <= arguments.until]
     shards, began, scoring = list[Shard](), time.process_time(), 0.0
     ends = () if what == "clock" else marks
@@ -207,7 +228,7 @@ def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespa
         row = {"what": what, "body": body, "seed": seed, "way": way, "touches": touches}
         row |= {"minutes": round(minutes, 2) if what == "clock" else None}
         row |= {"cpu_s": round(here - began - scoring, 1)} | score(
-            shards, arguments.metrics if not marks else arguments.metrics[:1]
+            shards, arguments.metrics if arguments.at or not marks else arguments.metrics[:1]
         )
         scoring += time.process_time() - here
         yield row
@@ -240,17 +261,20 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
 
 @styled
 def picture(rows: list[dict[str, str]]) -> Figure:
-    """The error of the shape, over touches and over simulated minutes."""
+    """The error of the shape, over touches (mean of the seeds) and over simulated minutes."""
     figure = Figure(figsize=(10, 4), layout="constrained")
     panels = (("touches", "touches", "log"), ("clock", "minutes", "linear"))
     for axes, (what, x, scale) in zip(figure.subplots(1, 2), panels, strict=True):
-        curves: dict[str, list[tuple[float, float]]] = {}
+        curves: dict[str, dict[float, list[float]]] = {}
         for row in rows:
-            if row["what"] == what and row["error_sensorimotor"]:
-                point = float(row[x]), 100 * float(row["error_sensorimotor"])
-                curves.setdefault(f"{row['body']} {row['seed']}, {row['way']}", []).append(point)
+            scored = row["what"] == what and row["error_sensorimotor"]
+            if scored and row["way"] in ("active", "random"):
+                seed = f" {row['seed']}" if what == "clock" else ""
+                points = curves.setdefault(f"{row['body']}{seed}, {row['way']}", {})
+                points.setdefault(float(row[x]), []).append(100 * float(row["error_sensorimotor"]))
         for name, points in sorted(curves.items()):
-            axes.plot(*zip(*sorted(points), strict=True), "o-", label=name)
+            at = sorted(points)
+            axes.plot(at, [np.mean(points[one]) for one in at], "o-", label=name)
         axes.set(xscale=scale, xlabel=x, ylabel="shape error, % (sensorimotor)", ylim=(0, None))
         if curves:
             axes.legend(fontsize=7)
@@ -260,6 +284,7 @@ def picture(rows: list[dict[str, str]]) -> Figure:
 FIELDS = (
     *("what", "body", "seed", "way", "touches", "minutes", "cpu_s", "share", "last_share"),
     *("receptors_felt", "skins_touched", "pairs_touched", "parts", "contact"),
+    *("executed", "executed_worst"),
     *("error_sensorimotor", "betti_sensorimotor", "error_learned", "betti_learned"),
 )
 
@@ -277,6 +302,10 @@ def main() -> None:
     parser.add_argument(
         "--metrics", nargs="*", default=["sensorimotor"], help="the first along the way, all last"
     )
+    parser.add_argument(
+        "--at", nargs="+", type=int, help="touches, or minutes, to score at, by all metrics"
+    )
+    parser.add_argument("--executed", type=int, default=0, help="pairs to execute under dynamics")
     parser.add_argument("--targets", type=int, default=300)
     parser.add_argument("--out", type=Path, default=Path("docs/data/exploration.csv"))
     arguments = parser.parse_args()

@@ -2,6 +2,9 @@
 
 What the agent knows in a round depends on the rounds stored before and on nothing else. So a
 stopped run reads the stored rounds again and goes on, to the same bytes.
+
+If the body may change in the course of the experiment, the agent watches for that: it lives a
+`Life`, and explores by what it knows after it mended. Nothing tells it when the body changes.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ import dataclasses
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Executor
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
 
@@ -18,7 +21,7 @@ import numpy as np
 import yaml
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner, Searcher
+from selftouch_drake.agent.living import Explorer, Joints, Life, LivingLearner, Manner, Searcher
 from selftouch_drake.agent.living.recall import recalled
 from selftouch_drake.agent.living.surprise import surprise
 from selftouch_drake.agent.representation import DisconnectedWarning
@@ -31,11 +34,11 @@ from selftouch_drake.experience import (
 )
 from selftouch_drake.experience.collect import WORLD_LOCK, keep_touches, kept_world, step_sizes
 from selftouch_drake.experience.sources import SAMPLE_PERIOD, KinematicSource, LedSource, Steps
-from selftouch_drake.experiment import Experiment, experiment_from_fields
+from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
 from selftouch_drake.robot import World
 
-#: Number of target sensations, and most touches of each, that the agent uses while it explores. The
-#: learn stage has its own numbers.
+#: Number of target sensations, and most touches of each, that the agent uses while it explores a
+#: body that stays as it is. The learn stage and a life have their own numbers.
 _NUM_TARGETS, _KERNEL_SIZE = 150, 300
 
 #: Touches before the agent goes by what it knows.
@@ -48,6 +51,16 @@ KINEMATIC = Manner(pace=1.0, dwell=0, air=0.95, walked=20, hops=2)
 DYNAMIC = Manner(pace=0.2, dwell=750, air=0.1, walked=1, hops=0)
 
 
+def new_life(experiment: Experiment) -> Life:
+    """The life of an experiment's agent, at birth."""
+    settings, seed = experiment.representation, experiment.seed
+
+    def learner() -> LivingLearner:
+        return LivingLearner(settings.num_targets, settings.max_kernel_size, seed=seed)
+
+    return Life(learner, seed=seed)
+
+
 class Exploration:
     """An agent in its world, which explores in rounds and learns from each.
 
@@ -55,6 +68,11 @@ class Exploration:
         experiment: decides everything that happens.
         explorer: decides where the agent goes; by default the one that suits the world.
         world: the world of the experiment; built by default.
+
+    Attributes:
+        mind: takes the touches; a life if the body changes in the course of the experiment.
+        round: number of the next round.
+        num_touches: number of touches in the rounds before.
     """
 
     def __init__(
@@ -63,41 +81,58 @@ class Exploration:
         explorer: type[Explorer] | None = None,
         world: World | None = None,
     ):
-        world = world or World(experiment)
         dynamic = experiment.babbling.mode == "dynamic"
         self._explorer = explorer or (Explorer if dynamic else Searcher)
         self.experiment = experiment
-        self.source = LedSource(world) if dynamic else KinematicSource(world)
         self.manner = KINEMATIC
         if dynamic:
             # Each sample decides on the next step; the agent moves as fast as random babbling.
             pace = SAMPLE_PERIOD / experiment.babbling.step_duration
             self.manner = dataclasses.replace(DYNAMIC, pace=pace)
-        lower, upper = world.robot.babbled_range
-        self._joints = Joints(lower=lower, upper=upper, stride=step_sizes(experiment, world.robot))
+        self.enter(world or World(experiment))
         (seed,) = experiment.random_stream("explorer").generate_state(1)
-        self.learner = LivingLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
-        self.round = 0
+        self.mind: Life | LivingLearner = (
+            new_life(experiment)
+            if any(change.after > 0 for change in experiment.changes)
+            else LivingLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
+        )
+        self.round = self.num_touches = 0
         self._q: np.ndarray | None = None
         #: What the agent knows, and how much each of its touches surprised it.
         self._agent: Agent | None = None
         self._surprise: np.ndarray | None = None
 
+    def enter(self, world: World) -> None:
+        """From now on, the agent has the body of this world."""
+        dynamic, robot = self.experiment.babbling.mode == "dynamic", world.robot
+        self.world, self.source = world, LedSource(world) if dynamic else KinematicSource(world)
+        lower, upper = robot.babbled_range
+        self._joints = Joints(lower=lower, upper=upper, stride=step_sizes(self.experiment, robot))
+
+    @property
+    def learner(self) -> LivingLearner:
+        """What the agent learned; another one each time that it mended."""
+        return self.mind.learner if isinstance(self.mind, Life) else self.mind
+
     def remember(self, q: np.ndarray, sensation: np.ndarray) -> None:
         """Learns from the next round, as stored: `q` `(n, J)` and `sensation` `(n, S)` N."""
-        surprised = None
+        surprised, learner = None, self.learner
         if self._agent is not None:
             known = self._agent.representation
-            expected = recalled(known, self.learner.kernel_sensation, q)
+            expected = recalled(known, learner.kernel_sensation, q)
             surprised = surprise(expected, sensation).clip(0.0)
-        first = self.learner.num_touches
-        self.learner.take(q, sensation)
+        # A life takes touches in blocks: some of the last round may still wait.
+        first = learner.num_touches + self.num_touches - self.mind.num_touches
+        self.mind.take(q, sensation)
+        self.num_touches += len(q)
         self._q = q[-1]
         self.round += 1
         # Asked for once a round, also when stored rounds are read again: what the learner
         # measures again depends on when it was last asked.
         self._agent = self._knows()
-        if self._agent is not None and surprised is not None:
+        if self.learner is not learner:
+            self._surprise = None  # it has mended: now it would have expected something else
+        elif self._agent is not None and surprised is not None:
             row = self._agent.representation.kernel_row - first
             self._surprise = np.where(row >= 0, surprised[row.clip(0)], 0.0)
 
@@ -156,23 +191,25 @@ def explore(
         executor=executor,
         progress=progress,
         world=world,
-        make=_explore_and_store,
+        make=partial(_explore_and_store, dump_experiment(experiment)),
         in_turn=True,
     )
 
 
 def _explore_and_store(
-    text: str, run: str, number: int, num_rows: int, fingerprint: str
+    whole: str, body: str, run: str, number: int, num_rows: int, fingerprint: str
 ) -> WalkCounts:
     with WORLD_LOCK:
-        life = _life(text, run)
+        life = _life(whole, run)
         if life.round > number:  # a stored round is missing: begin the life again
             _life.cache_clear()
-            life = _life(text, run)
+            life = _life(whole, run)
         if life.round < number:
             stored = ExperienceReader(Path(run) / "experience").touches()
             for sensation, q in islice(stored, life.round, number):
                 life.remember(q, sensation)
+        if (world := _world(body)) is not life.world:
+            life.enter(world)
         shard = life.explore(num_rows)
         life.remember(shard.q, shard.sensation)
     write_shard(Path(run), shard, fingerprint=fingerprint)
@@ -183,4 +220,9 @@ def _explore_and_store(
 def _life(text: str, run: str) -> Exploration:
     """The life of a run, begun once per process."""
     experiment = experiment_from_fields(yaml.safe_load(text))
-    return Exploration(experiment, world=kept_world(text, experiment))
+    return Exploration(experiment, world=_world(dump_experiment(experiment.after(0))))
+
+
+def _world(body: str) -> World:
+    """The world of an experiment with a body as it is for a time."""
+    return kept_world(body, experiment_from_fields(yaml.safe_load(body)))

@@ -1,11 +1,15 @@
 """Active babbling: rounds that follow from the rounds before, in both worlds."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from selftouch_drake import exploration
+from selftouch_drake.agent.living import Life
+from selftouch_drake.agent.living import life as life_module
 from selftouch_drake.experience import ExperienceReader, shard_name, walk_sizes
-from selftouch_drake.experiment import ExperimentError, dump_experiment, load_experiment
+from selftouch_drake.experiment import Change, ExperimentError, dump_experiment, load_experiment
 from selftouch_drake.exploration import explore
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.fingerprint import experience_fingerprint
@@ -117,6 +121,63 @@ def test_touches_that_surprised_are_those_that_it_did_not_expect(reference):
     assert (life._surprise[known.kernel_row < 500] == 0.0).all()
     assert life._surprise[(known.kernel_row >= 500) & (known.kernel_row < 600)].max() < 1e-5
     assert life._surprise[known.kernel_row >= 600].mean() > 0.3
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Lives that expect sooner, and less exactly."""
+    monkeypatch.setattr(life_module, "_FIRST", 1000)
+    monkeypatch.setattr(life_module, "_TO_UNDERSTAND", 500)
+    monkeypatch.setitem(Life.__init__.__kwdefaults__, "num_steps", 600)
+
+
+def changing(num_samples, **change):
+    return dataclasses.replace(active(num_samples), changes=[Change(**change)])
+
+
+def test_in_a_changed_body_it_explores_by_what_it_mended(tmp_path, quick):
+    experiment = changing(3250, after=2000, joints={"elbow_pitch": 0.6})
+    run, counts = explored(tmp_path / "whole", experiment)
+    life = exploration._life(*_key(run))
+    (noticed,) = life.mind.noticed
+    assert 2000 <= noticed.row < 2500 < noticed.mended_at
+    assert noticed.mending.offset.any()
+    known = life._agent.representation
+    assert known is life.mind.learner.representation
+    assert life.world.experiment.changes
+    # What it remembers from before the change touches again.
+    before = ExperienceReader(run.experience).read("q")[:2000]
+    unmended, mended = (
+        life.world.probe.sensations(q).any(axis=1).mean() for q in (before, known.kernel_q)
+    )
+    assert unmended < 0.6
+    assert mended > 0.8
+    # Stopped while it only collects touches of the changed body, it goes on to the same bytes.
+    wanted = shards(run)
+    again = RunDirectory.create(tmp_path / "again", experiment)
+    stopped = np.flatnonzero(np.cumsum(walk_sizes(experiment)) <= 2500)
+    for folder in ("experience", "truth"):
+        (again.path / folder).mkdir(exist_ok=True)
+        for number in stopped:
+            name = f"{folder}/{shard_name(number)}"
+            (again.path / name).write_bytes(wanted[name])
+    assert explored_into(again) == counts
+    assert shards(again) == wanted
+
+
+def test_a_life_learns_from_the_touches_of_a_round_what_surprised(quick):
+    """A life takes blocks of 500 touches; of a round of 300, some wait for the next one."""
+    life = exploration.Exploration(changing(9000, after=8000))
+    for _ in range(3):
+        shard = life.explore(300)
+        life.remember(shard.q, shard.sensation)
+    # 500 of 900 touches are learned; the fourth round makes it 1000, of which 200 wait.
+    shard = life.explore(300)
+    life.remember(shard.q, shard.sensation[:, ::-1])
+    known = life._agent.representation
+    assert life.learner.num_touches == 1000
+    assert (life._surprise[known.kernel_row < 900] == 0.0).all()
+    assert life._surprise[known.kernel_row >= 900].mean() > 0.3
 
 
 def test_the_agent_is_naive(reference):

@@ -7,9 +7,10 @@ from typing import Protocol
 
 import numpy as np
 
-from selftouch_drake.agent.living import Life, LivingLearner
+from selftouch_drake.agent.living import Life
 from selftouch_drake.evaluation.life import LifeCurves, Quality, quality
 from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.exploration import new_life
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
@@ -77,12 +78,7 @@ class _Biography:
 
     def __init__(self, run: RunDirectory, watcher: Watcher | None):
         self._experiment, self._watcher = run.experiment, watcher
-        settings, seed = run.experiment.representation, run.experiment.seed
-
-        def learner() -> LivingLearner:
-            return LivingLearner(settings.num_targets, settings.max_kernel_size, seed=seed)
-
-        self.life = Life(learner, seed=seed)
+        self.life = new_life(run.experiment)
         self._changes = [c.after for c in run.experiment.changes if c.after > 0]
         self._due, self._taken = float(_FIRST), 0
         self._felt = np.zeros(run.experiment.num_receptors, dtype=bool)

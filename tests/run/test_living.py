@@ -1,16 +1,15 @@
 """An agent lives through the experience of a run, watched or not, and its life is kept."""
 
-from functools import partial
-
 import numpy as np
 import pytest
 
+from selftouch_drake import exploration
 from selftouch_drake.agent.living import Life
 from selftouch_drake.agent.living import life as life_module
 from selftouch_drake.evaluation.life import LifeCurves
-from selftouch_drake.experiment import load_experiment
+from selftouch_drake.experiment import dump_experiment, load_experiment
 from selftouch_drake.files import load_arrays
-from selftouch_drake.run import living, stages
+from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.living import live
 from selftouch_drake.run.material import Material
@@ -89,13 +88,17 @@ def test_a_life_is_shown_and_kept_as_curves(run):
 
 def test_an_active_life_goes_on_in_a_changed_body(tmp_path, monkeypatch):
     monkeypatch.setattr(life_module, "_FIRST", 500)
-    monkeypatch.setattr(living, "Life", partial(Life, num_steps=200))
+    monkeypatch.setitem(Life.__init__.__kwdefaults__, "num_steps", 200)
     run = babbled(tmp_path / "run", "active")
     curves = live(run)
     assert curves.changed.tolist() == [1000]
     # Of a body that stayed as it was, no change was noticed.
     assert (curves.noticed > 1000).all()
     assert np.isfinite(curves.surprise[-1])
+    # It is the life of the agent that explored.
+    explorer = exploration._life(dump_experiment(run.experiment), str(run.path.resolve()))
+    surprise = [block.mean() for block in explorer.mind.surprise]
+    assert np.array_equal(surprise, curves.surprise, equal_nan=True)
     assert np.array_equal(live(run).surprise, curves.surprise, equal_nan=True)
 
 

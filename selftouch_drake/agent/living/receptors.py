@@ -94,12 +94,18 @@ class Newcomers:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Silenced:
-    """A cumulative sum test of each receptor: has it fallen silent?
+    """A cumulative sum test: have receptors fallen silent?
 
     In a body that stays as it is, a receptor misses few of the encounters in which it is surely
-    expected. Each miss adds the log likelihood ratio of a receptor that feels nothing any more;
-    when the receptor feels, its sum is 0 again. In a body that stays as it is, the sum of a
-    receptor passes h once in e^h encounters or less often (Lorden, 1971).
+    expected. Each miss adds the log likelihood ratio of a receptor that feels nothing any more to
+    its sum; when the receptor feels, its sum is 0 again. In a body that stays as it is, the sum of
+    a receptor passes h once in e^h encounters or less often (Lorden, 1971).
+
+    Receptors may fall silent one at a time or together. If each of S does so with a chance of 1 /
+    S, independently of the others, the likelihood ratio is the product of 1 + (e^sum - 1) / S over
+    all receptors. The alarm is raised when the log of this product passes h. After 10 of 100
+    receptors died in an actively explored torus, that took 189 touches (median of 13 moments), and
+    377 when the sum of one receptor had to pass h + log S.
 
     Attributes:
         weight: `(S,)` what a missed encounter adds: log of 1 / share missed in usual touches.
@@ -108,7 +114,7 @@ class Silenced:
         unfelt: `(S,)` number of touches since each receptor felt.
         unexpected: `(S,)` number of touches since each was surely expected, at most 10.
         since: touches since the change, up to and including the one that raised the alarm.
-        doubt: greatest sum in the touches last watched, as a share of the threshold.
+        doubt: greatest log of the product in the touches last watched, as a share of the threshold.
     """
 
     weight: np.ndarray
@@ -140,7 +146,7 @@ class Silenced:
         num = expected.shape[1]
         test = cls(
             weight=np.zeros(num),
-            threshold=math.log(num * lifetime / false_alarms),
+            threshold=math.log(lifetime / false_alarms),
             level=np.zeros(num),
             unfelt=np.zeros(num, dtype=int),
             unexpected=np.full(num, _TOGETHER),
@@ -159,9 +165,10 @@ class Silenced:
         for row in range(len(felt)):
             self.level = np.where(felt[row], 0.0, self.level + added[row])
             self.unfelt = np.where(felt[row], 0, self.unfelt + 1)
-            self.doubt = max(self.doubt, float(self.level.max()) / self.threshold)
+            together = float(np.log1p(np.expm1(self.level) / len(self.level)).sum())
+            self.doubt = max(self.doubt, together / self.threshold)
             if self.doubt > 1.0:
-                self.since = int(self.unfelt[self.level > self.threshold / 2].min())
+                self.since = int(self.unfelt[self.level > self.level.max() / 2].min())
                 return row
         return None
 

@@ -289,6 +289,20 @@ def test_receptors_that_miss_now_and_then_are_not_silent_and_those_that_always_m
         assert 0 <= test.since - (row + 1 - 400) < 300
 
 
+def test_receptors_that_fall_silent_together_are_noticed_sooner_than_one():
+    rng = np.random.default_rng(2)
+    test = Silenced.calibrated(*encounters(rng, 2000, 0.2))
+    expected, felt = encounters(rng, 2000, 0.2)
+    noticed = []
+    for dead in (1, 10):
+        silent = felt.copy()
+        silent[400:, :dead] = 0.0
+        watching = dataclasses.replace(test, unfelt=test.unfelt.copy())
+        noticed.append(watching.watch(expected, silent) - 400)
+        assert 0 <= watching.since - (noticed[-1] + 1) < 100
+    assert 0 < noticed[1] < noticed[0] / 4
+
+
 def test_silence_does_not_depend_on_how_touches_are_cut():
     rng = np.random.default_rng(1)
     expected, felt = encounters(rng, 3000, 0.1)
