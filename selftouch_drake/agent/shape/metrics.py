@@ -49,8 +49,8 @@ _MOST_NETWORKS = 2
 #: joints), 0.2 to 0.9 where it was not (nine joints and more).
 _MOST_UNLIKE = 0.015
 
-#: Lengths in the map count only if paths measured by map and by sensation differ by less than this
-#: share (standard deviation): 0.03 to 0.065 on most bodies with good maps.
+#: Rims count only if paths measured in the map and by sensation, with rims, differ by less than
+#: this share (standard deviation): 0.03 to 0.06 on most bodies with good maps.
 _LITTLE_APART = 0.07
 
 #: From this share on the map itself is in doubt, and another network is trained.
@@ -159,7 +159,8 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
         if share > _MOST_UNLIKE:
             continue
         felt = _felt_lengths(targets, graph)
-        tries.append((_disagreement(graph, felt), graph, felt))
+        shortened = replace(graph, length=_with_rims(felt, graph, representation.set_distance))
+        tries.append((_disagreement(graph, shortened.length), shortened, felt))
         if tries[-1][0] < _MOST_APART:
             break
     if not tries:
@@ -172,7 +173,7 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
         )
     apart, graph, felt = min(tries, key=lambda one: one[0])
     if apart < _LITTLE_APART:
-        return replace(graph, length=_with_rims(felt, graph, representation.set_distance))
+        return graph
     if apart < _MOST_APART:
         return replace(graph, length=felt)
     doubt = f"lengths from the learned map and from sensations differ by {apart:.1%}"
