@@ -135,7 +135,7 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
 
     Lengths from sensations are corrected for where the receptors lie, and shortened where the map
     shows a rim, unless both measures differ everywhere. Then the network may be bad, and another is
-    trained. If no network finds the neighbours, they are those of the `sensorimotor` metric.
+    trained. If no network finds the neighbours, the `sensorimotor` metric is used.
     """
 
     def of_network(number: int) -> Progress:
@@ -166,11 +166,7 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
     if not tries:
         graph = sensorimotor(representation, seed, progress)
         doubt = f"{share_unlike:.0%} of the neighbours in the learned map feel nothing in common"
-        return replace(
-            graph,
-            length=_felt_lengths(targets, graph),
-            doubt=f"{doubt}; those of the sensorimotor metric are used instead",
-        )
+        return replace(graph, doubt=f"{doubt}; the sensorimotor metric is used instead")
     apart, graph, felt = min(tries, key=lambda one: one[0])
     if apart < _LITTLE_APART:
         return graph

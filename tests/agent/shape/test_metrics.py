@@ -100,16 +100,15 @@ def test_another_network_is_tried_where_the_first_folds(touched, maps):
     assert shape_error(part.positions, true_positions(*touched)) < 0.03
 
 
-def test_without_a_map_that_knows_neighbours_they_are_those_of_sensorimotor(touched, maps):
+def test_without_a_map_that_knows_neighbours_the_metric_is_sensorimotor(touched, maps):
     representation, _ = touched
     rng = np.random.default_rng(0)
     maps += list(rng.normal(size=(2, representation.num_rows, 3)))
-    with pytest.warns(DistrustWarning, match="feel nothing in common; those of the sensorimotor"):
+    with pytest.warns(DistrustWarning, match="feel nothing in common; the sensorimotor metric is"):
         part = recover(representation, "learned", holes=False).parts[0]
     assert part.doubt is not None
     instead = recover(representation, "sensorimotor", holes=False).parts[0]
-    true = true_positions(*touched)
-    assert shape_error(part.positions, true) < shape_error(instead.positions, true)
+    np.testing.assert_array_equal(part.positions, instead.positions)
 
 
 def test_lengths_are_felt_where_a_map_is_distorted(touched, maps, monkeypatch):
