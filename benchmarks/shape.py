@@ -267,6 +267,7 @@ def summary(path: Path) -> str:
         *columns,
         "times",
         "error, median / worst",
+        "from the surface",
         "Betti numbers",
         "least margin",
         "dimension",
@@ -277,12 +278,18 @@ def summary(path: Path) -> str:
     for group, found in sorted(groups.items()):
         figure = {
             name: np.array([float(row[name]) for row in found])
-            for name in ("error", "margin", "dimension", "fourth_eigenvalue", "metric_cpu_s")
+            for name in (
+                *("error", "surface_error", "margin"),
+                *("dimension", "fourth_eigenvalue", "metric_cpu_s"),
+            )
         }
         cells = (
             *group,
             str(len(found)),
-            f"{np.median(figure['error']):.1%} / {figure['error'].max():.1%}",
+            *(
+                f"{np.median(figure[name]):.1%} / {figure[name].max():.1%}"
+                for name in ("error", "surface_error")
+            ),
             "; ".join(sorted({row["betti"] for row in found})),
             f"{figure['margin'].min():.1f}",
             f"{figure['dimension'].min():.2f} to {figure['dimension'].max():.2f}",
