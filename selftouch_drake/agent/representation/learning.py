@@ -57,9 +57,10 @@ _MOST_ROUNDS = 6
 #: Called with the fraction done and what is being done.
 Progress = Callable[[float, str], None]
 
-#: Gives the experience from its first row on, each time it is called: `(n, S)` sensations in N and
-#: `(n, J)` motor configurations in the robot's units, in batches of any size.
+#: `(n, S)` sensations in N and `(n, J)` motor configurations in the robot's units.
 Batch = tuple[np.ndarray, np.ndarray]
+
+#: Gives the experience from its first row on, each time it is called, in batches of any size.
 Batches = Callable[[], Iterable[Batch]]
 
 
