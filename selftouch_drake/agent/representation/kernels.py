@@ -140,7 +140,8 @@ class KernelReservoir:
         keep[order[rank < self._max_size]] = True
         last = order[rank == self._max_size - 1]
         self._highest[kernel[last]] = priority[last]
-        self._settled = {name: column[keep] for name, column in rows.items()}
+        all_kept = keep.all()
+        self._settled = rows if all_kept else {n: column[keep] for n, column in rows.items()}
         self._waiting = []
 
 

@@ -21,15 +21,15 @@ from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 #: sensations), training steps in each of two lessons, and configurations per step.
 _HIDDEN = (128, 128, 128)
 _MOST_OUTPUTS = 24
-_LESSONS = (300, 900)
-_BATCH = 2048
+_LESSONS = (360, 1080)
+_BATCH = 1024
 
 #: The second lesson is skipped if the mean squared error on every part is below this share of the
 #: variance. This holds for one body touched by one arm with six joints.
 _WELL_LEARNED = 0.35
 
 #: Fewest configurations per training step: with little data, more steps only overfit.
-_ROWS_A_STEP = 40
+_ROWS_A_STEP = 32
 
 #: If permuting any single joint raises the mean squared error by less than this share of the
 #: variance, too little was learned on that part, and all joints matter there.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numba
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.neighbours import geodesics
-from selftouch_drake.threads import mapped
+from selftouch_drake.threads import Threads, mapped
 
 # The number of threads changes the order of sums, and with it the axes of a symmetric body.
 _one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
@@ -30,6 +31,9 @@ _LEAST_LOWERED, _LEAST_LOWERED_WITH_RIMS = 2 / 3, 0.95
 
 #: Stands for the square of a distance of zero.
 _TINY = 1e-300
+
+# Points that one thread pulls at once.
+_ROWS = 256
 
 
 class MisfitWarning(UserWarning):
@@ -57,6 +61,47 @@ class Embedding:
         return float(self.spectrum[3])
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Majoriser:
+    """Lowers the weighted stress of layouts: SMACOF, overrelaxed (de Leeuw and Heiser).
+
+    Attributes:
+        weights: `(K, K)` of the squared misfits.
+        inverse: `(K, K)` of the linear system, which is the same at each step.
+    """
+
+    weights: np.ndarray
+    inverse: np.ndarray
+
+    @classmethod
+    @_one_thread
+    def of(cls, distances: np.ndarray) -> Majoriser:
+        """Weights pairs by 1 / d^2, by `(K, K)` distances."""
+        weights = _weights(distances)
+        laplacian = np.diag(weights.sum(axis=1)) - weights
+        # Adding a constant everywhere fixes the centroid and does not change the solution.
+        return cls(weights, inv(laplacian + weights.mean()))
+
+    @_one_thread
+    def __call__(
+        self, positions: np.ndarray, distances: np.ndarray, num_iterations: int
+    ) -> np.ndarray:
+        """Moves `(K, 3)` positions toward `(K, K)` distances (Guttman transform)."""
+        pull, laid = self.weights * distances, positions.T.copy()
+        total = np.empty_like(laid)
+        with Threads() as pool:
+            for left in reversed(range(num_iterations)):
+                add_pulls = partial(_add_pulls, laid, pull, total)
+                list(pool.map(add_pulls, range(0, len(pull), _ROWS)))
+                moved = total @ self.inverse
+                laid = 2.0 * moved - laid if left else moved
+        return laid.T
+
+    def stress(self, positions: np.ndarray, distances: np.ndarray) -> float:
+        """Weighted squared misfit over weighted squared distance, at the best common scale."""
+        return _stress(positions, distances, self.weights)
+
+
 @_one_thread
 def classical_embedding(distances: np.ndarray) -> Embedding:
     """Lays out points by classical multidimensional scaling.
@@ -77,6 +122,7 @@ def stress_embedding(
     starts: Sequence[tuple[int, int, int]] = ((0, 1, 2), (0, 1, 3), (0, 1, 4), (0, 1, 5)),
     num_trial_iterations: int = 30,
     num_iterations: int = 100,
+    majoriser: Majoriser | None = None,
 ) -> Embedding:
     """Lays out points by weighted stress, `sum((d_ij - |x_i - x_j|)^2 / d_ij^2)`, by majorisation.
 
@@ -90,6 +136,7 @@ def stress_embedding(
         starts: triples of classical axes to start from.
         num_trial_iterations: iterations for each start.
         num_iterations: iterations for the best start.
+        majoriser: of these distances, if it is there already.
 
     Raises:
         ValueError: there are fewer than 4 points, or no path joins two of them.
@@ -102,16 +149,15 @@ def stress_embedding(
         raise ValueError("distances are infinite where no path exists: connect the graph first")
     num_axes = min(1 + max(max(start) for start in starts), len(distances))
     axes, spectrum = _classical_axes(distances, num_axes)
-    weights = _weights(distances)
-    transform = _majoriser(weights)
+    majoriser = majoriser or Majoriser.of(distances)
     trials = mapped(
-        lambda start: transform(axes[:, start], distances, num_trial_iterations),
+        lambda start: majoriser(axes[:, start], distances, num_trial_iterations),
         [start for start in starts if max(start) < num_axes],
     )
-    best = min(trials, key=lambda positions: _stress(positions, distances, weights))
-    positions = transform(best, distances, num_iterations)
+    best = min(trials, key=lambda positions: majoriser.stress(positions, distances))
+    positions = majoriser(best, distances, num_iterations)
     return Embedding(
-        positions=positions, stress=_stress(positions, distances, weights), spectrum=spectrum
+        positions=positions, stress=majoriser.stress(positions, distances), spectrum=spectrum
     )
 
 
@@ -136,8 +182,9 @@ def unbent_embedding(
         most_passes: 0 keeps the layout of `stress_embedding`.
         num_iterations: of majorisation, in each pass.
     """
-    found = stress_embedding(distances)
-    unbend = unbending(edges, distances, num_iterations=num_iterations)
+    majoriser = Majoriser.of(distances)
+    found = stress_embedding(distances, majoriser=majoriser)
+    unbend = unbending(edges, distances, majoriser, num_iterations=num_iterations)
     for number in range(most_passes):
         positions, stress = unbend(found.positions)
         least_lowered = _LEAST_LOWERED if number < 2 else _LEAST_LOWERED_WITH_RIMS
@@ -148,24 +195,23 @@ def unbent_embedding(
 
 
 def unbending(
-    edges: np.ndarray, distances: np.ndarray, *, num_iterations: int
+    edges: np.ndarray, distances: np.ndarray, majoriser: Majoriser, *, num_iterations: int
 ) -> Callable[[np.ndarray], tuple[np.ndarray, float]]:
     """Builds one pass of `unbent_embedding`: from `(K, 3)` positions to better ones and a stress.
 
     Args:
         edges: `(E, 2)` pairs of neighbours that connect all points.
         distances: `(K, K)` shortest paths over these edges, whatever the edge lengths.
+        majoriser: of these distances.
         num_iterations: of majorisation.
     """
-    weights = _weights(distances)
-    transform = _majoriser(weights)
 
     def unbend(positions: np.ndarray) -> tuple[np.ndarray, float]:
         laid = _lengths(positions)
         along = geodesics(edges, laid[edges[:, 0], edges[:, 1]], len(laid))
         straight = distances * np.divide(laid, along, out=np.ones_like(laid), where=along > 0)
-        positions = transform(positions, straight, num_iterations)
-        return positions, _stress(positions, straight, weights)
+        positions = majoriser(positions, straight, num_iterations)
+        return positions, majoriser.stress(positions, straight)
 
     return unbend
 
@@ -219,42 +265,20 @@ def _lengths(positions: np.ndarray) -> np.ndarray:
     return cdist(positions, positions)
 
 
-def _majoriser(
-    weights: np.ndarray,
-) -> Callable[[np.ndarray, np.ndarray, int], np.ndarray]:
-    """Builds the SMACOF iteration (Guttman transform), overrelaxed (de Leeuw and Heiser).
-
-    The linear system is the same at each step, so its matrix is inverted once.
-
-    Returns:
-        A function of `(K, 3)` positions, `(K, K)` distances and the number of iterations.
-    """
-    laplacian = np.diag(weights.sum(axis=1)) - weights
-    # Adding a constant everywhere fixes the centroid and does not change the solution.
-    solve = inv(laplacian + weights.mean())
-
-    def iterate(positions: np.ndarray, distances: np.ndarray, num_iterations: int) -> np.ndarray:
-        pull, laid = weights * distances, positions.T.copy()
-        for _ in range(num_iterations - 1):
-            laid = 2.0 * (_pulled(laid, pull) @ solve) - laid
-        return (_pulled(laid, pull) @ solve).T
-
-    return iterate
-
-
 # Sums in vector lanes: in any order, but in the same one each time. Each pair is seen from both
 # ends: to write to the other end would prevent vector lanes, and take twice as long.
 @numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"reassoc", "nsz"})
-def _pulled(positions: np.ndarray, pull: np.ndarray) -> np.ndarray:
-    """`(3, K)` sum over all other points of the unit vector from there, times `pull` `(K, K)`.
+def _add_pulls(positions: np.ndarray, pull: np.ndarray, total: np.ndarray, start: int) -> None:
+    """Sums the unit vectors from all other points, times `pull`, at `_ROWS` points from `start`.
 
     Args:
         positions: `(3, K)`.
-        pull: zero on the diagonal.
+        pull: `(K, K)`, zero on the diagonal.
+        total: `(3, K)`, written.
+        start: the first point.
     """
     x, y, z = positions
-    total = np.empty_like(positions)
-    for i in range(len(x)):
+    for i in range(start, min(start + _ROWS, len(x))):
         sum_x = sum_y = sum_z = 0.0
         for j in range(len(x)):
             dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
@@ -264,4 +288,3 @@ def _pulled(positions: np.ndarray, pull: np.ndarray) -> np.ndarray:
             sum_y += ratio * dy
             sum_z += ratio * dz
         total[0, i], total[1, i], total[2, i] = sum_x, sum_y, sum_z
-    return total

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from selftouch_drake.agent.representation.neighbours import geodesics
-from selftouch_drake.agent.shape.embedding import stress_embedding, unbending
+from selftouch_drake.agent.shape.embedding import Majoriser, stress_embedding, unbending
 
 #: Rounds of layout and model. More change lengths by less than 2 %.
 _ROUNDS = 2
@@ -73,9 +73,10 @@ def corrected_lengths(
     positions = None
     for _ in range(_ROUNDS):
         along = geodesics(edges, length, len(kernel))
+        majoriser = Majoriser.of(along)
         if positions is None:
-            positions = stress_embedding(along, **_FIRST_LAYOUT).positions
-        positions, _ = unbending(edges, along, num_iterations=_NUM_ITERATIONS)(positions)
+            positions = stress_embedding(along, **_FIRST_LAYOUT, majoriser=majoriser).positions
+        positions, _ = unbending(edges, along, majoriser, num_iterations=_NUM_ITERATIONS)(positions)
         model = _model(readings, whole, positions, edges)
         if model is None:
             return None

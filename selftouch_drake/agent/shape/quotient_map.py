@@ -19,6 +19,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from selftouch_drake.agent.network import Network, standardised, train, train_to_expect
+from selftouch_drake.threads import mapped
 
 #: Three hidden layers of 128, 16 outputs. With 10 outputs some networks fold the torus: they learn
 #: finer waves around its ring, and do not separate its top from its bottom.
@@ -41,6 +42,9 @@ _LEAST_DIRECTIONS = 3
 
 #: Rounding error of the scatter in single (4 bytes) and double precision, over its mean variance.
 _FLOOR = {4: 1e-5, 8: 1e-11}
+
+# Rows that one thread works on at once.
+_ROWS = 16_384
 
 
 def quotient_coordinates(
@@ -201,11 +205,30 @@ def discriminants(
     sizes = np.diff(offsets)
     kernel = np.repeat(np.arange(len(sizes)), sizes)
     mean = np.add.reduceat(outputs, offsets[:-1], dtype=float) / sizes[:, None]
-    apart = outputs - mean.astype(outputs.dtype)[kernel]
-    apart *= np.sqrt(1.0 / sizes / len(sizes)).astype(outputs.dtype)[kernel, None]
+    weight = np.sqrt(1.0 / sizes / len(sizes)).astype(outputs.dtype)
+    apart = np.empty_like(outputs)
+
+    def centre(rows: slice) -> None:
+        np.subtract(outputs[rows], mean.astype(outputs.dtype)[kernel[rows]], out=apart[rows])
+        apart[rows] *= weight[kernel[rows], None]
+
+    _in_blocks(centre, len(outputs))
     within = (apart.T @ apart).astype(float)
     total = within + np.cov(mean.T, bias=True)
     floor = _FLOOR[outputs.dtype.itemsize] * np.trace(total) / len(total) * np.eye(len(total))
     share, directions = eigh(within + floor, total + floor)
     kept = max(int(np.sum(share < _MOST_WITHIN)), _LEAST_DIRECTIONS)
-    return (outputs - mean.mean(axis=0)) @ directions[:, : min(kept, max_directions)]
+    directions = directions[:, : min(kept, max_directions)]
+    found, middle = np.empty((len(outputs), directions.shape[1])), mean.mean(axis=0)
+
+    def turn(rows: slice) -> None:
+        np.matmul(outputs[rows] - middle, directions, out=found[rows])
+
+    _in_blocks(turn, len(outputs))
+    return found
+
+
+def _in_blocks(work: Callable[[slice], None], num_rows: int) -> None:
+    """Calls `work` with all rows, some at a time: large arrays are slow to get from the system."""
+    for _ in mapped(lambda start: work(slice(start, start + _ROWS)), range(0, num_rows, _ROWS)):
+        pass
