@@ -60,8 +60,15 @@ class Network:
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         """Maps `(n, inputs)` to `(n, outputs)`, in chunks that bound the memory."""
-        starts = range(0, max(len(x), 1), _CHUNK)
-        return np.concatenate(list(mapped(lambda i: self._outputs(x[i : i + _CHUNK]), starts)))
+        outputs = np.empty((len(x), len(self.biases[-1])), np.result_type(x, np.float32))
+
+        def fill(start: int) -> None:
+            rows = slice(start, start + _CHUNK)
+            outputs[rows] = self._outputs(x[rows])
+
+        for _ in mapped(fill, range(0, len(x), _CHUNK)):
+            pass
+        return outputs
 
     def _outputs(self, x: np.ndarray) -> np.ndarray:
         for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):

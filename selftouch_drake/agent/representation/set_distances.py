@@ -21,6 +21,8 @@ MAX_QUERIES = 120
 #: Most queries where a rough distance is enough, and sets whose few queries are compared together.
 _FEW_QUERIES = 16
 _TOGETHER = 8
+# Links along which one thread searches at once.
+_LINKS = 32
 _NOT_TOLD = np.empty((0, 0), dtype=np.int32)
 
 
@@ -170,20 +172,22 @@ def linked_nearest(
     row, squared = np.empty(offsets[-1], np.int32), np.empty(offsets[-1], np.float32)
     search = _nearest_squared(members.shape[1], True)
 
-    def along(link: int) -> None:
-        tail, head = links[link]
-        queries = members[slice(*kernel_offsets[tail : tail + 2])]
-        entries = slice(*offsets[link : link + 2])
-        search(
-            np.ascontiguousarray(queries.T),
-            members,
-            kernel_offsets[head : head + 1],
-            kernel_offsets[head + 1 : head + 2],
-            squared[None, entries],
-            row[None, entries],
-        )
+    def along(some: range) -> None:
+        for link in some:
+            tail, head = links[link]
+            queries = members[slice(*kernel_offsets[tail : tail + 2])]
+            entries = slice(*offsets[link : link + 2])
+            search(
+                np.ascontiguousarray(queries.T),
+                members,
+                kernel_offsets[head : head + 1],
+                kernel_offsets[head + 1 : head + 2],
+                squared[None, entries],
+                row[None, entries],
+            )
 
-    for _ in mapped(along, range(len(links))):
+    every = range(len(links))
+    for _ in mapped(along, [every[start : start + _LINKS] for start in every[::_LINKS]]):
         pass
     return LinkedNearest(offsets=offsets, row=row, squared=squared)
 
