@@ -5,12 +5,14 @@ the skin in very different postures, and takes them for farther apart than they 
 about each place that it meets. What it knows still has gaps: two kernels are linked, but their
 nearest postures are far apart, and a plan that leaps from one to the other may leave the skin on
 the way. So the agent also looks between the postures of linked kernels: of any, and of those in
-which its predictions failed.
+which its predictions failed. On a body of several parts, some receptors are hard to reach: it looks
+about touches of receptors that seldom felt anything, as the way to others leads there.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy.sparse import csc_array
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.agent import Agent
@@ -45,14 +47,20 @@ class Searcher(Explorer):
 
     def moves(self) -> Moves:
         """Explores without end."""
+        agent = self._agent
         # The more parts a body has, the more places the agent may not have met.
-        parts = 1 if self._agent is None else max(self._agent.representation.num_parts, 1)
+        parts = 1 if agent is None else max(agent.representation.num_parts, 1)
+        about = max(_TOUCHES // parts, 2) - 1
         while True:
             yield from self._meet()
-            yield from self._look_about(self._touch, _ABOUT, max(_TOUCHES // parts, 2) - 1)
-            if self._agent is not None and len(self._agent.representation.edges):
+            yield from self._look_about(self._touch, _ABOUT, about)
+            if agent is None:
+                continue
+            if parts > 1:
+                yield from self._look_about(self._seldom_felt(agent), _ABOUT, about)
+            if len(agent.representation.edges):
                 for _ in range(_GAPS // parts):
-                    yield from self._look_between(self._agent)
+                    yield from self._look_between(agent)
 
     def _meet(self) -> Moves:
         """Tries postures at random until one touches."""
@@ -60,6 +68,15 @@ class Searcher(Explorer):
         shape = _AT_ONCE, len(self._q)
         while self._touch is before:
             yield from self._go(self._rng.uniform(self._joints.lower, self._joints.upper, shape))
+
+    def _seldom_felt(self, agent: Agent) -> np.ndarray:
+        """`(J,)` a remembered touch of a receptor that seldom felt anything."""
+        felt = csc_array(agent.kernel_sensation)
+        often = np.diff(felt.indptr).astype(float)
+        need = np.divide(1.0, np.square(often), out=np.zeros_like(often), where=often > 0)
+        receptor = self._rng.choice(len(need), p=need / need.sum())
+        row = self._rng.choice(felt.indices[slice(*felt.indptr[receptor : receptor + 2])])
+        return agent.representation.kernel_q[row].astype(float)
 
     def _look_about(self, q: np.ndarray, strides: float, num_touches: int) -> Moves:
         """Tries postures about `q` until `num_touches` of them touched."""

@@ -180,6 +180,20 @@ def test_half_of_the_gaps_begin_where_its_predictions_failed():
     assert share(1.0 * failed) > 0.5
 
 
+def test_it_starts_from_touches_of_receptors_that_seldom_felt_anything():
+    rng = np.random.default_rng(0)
+    points = rng.normal(size=(1000, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    # Below, only few places are known; there all receptors were felt, though seldom.
+    points = np.concatenate([points[points[:, 2] > -0.2], points[points[:, 2] <= -0.2][:20]])
+    agent, nowhere = who_knows(points, ball_feels(points)), np.zeros(3)
+    searcher = Searcher(agent, NARROW, MANNER, nowhere, nowhere, np.random.default_rng(0))
+    starts = np.array([searcher._seldom_felt(agent) for _ in range(300)])
+    assert (np.linalg.norm(starts[:, None] - points, axis=2).min(axis=1) < 1e-6).all()
+    assert (points[:, 2] <= -0.2).mean() < 0.05
+    assert (starts[:, 2] <= -0.2).mean() > 0.5
+
+
 def test_moves_stay_within_the_limits_of_the_joints():
     q, _ = explored(None, 2000)
     assert (q >= JOINTS.lower).all()
