@@ -10,6 +10,7 @@ few modes, and each mode has its own set of joints that matter.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -18,11 +19,11 @@ from selftouch_drake.agent.network import Network, standardised, train_to_expect
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 
 #: The network that predicts sensations: hidden layers, outputs (principal components of target
-#: sensations), training steps in each of two lessons, and configurations per step.
+#: sensations), and training steps in each of two lessons, with configurations per step. At first
+#: many small steps teach more; modes are told apart more sharply after large ones.
 _HIDDEN = (128, 128, 128)
 _MOST_OUTPUTS = 24
-_LESSONS = (360, 1080)
-_BATCH = 1024
+_LESSONS = ((360, 1024), (900, 2048))
 
 #: The second lesson is skipped if the mean squared error on every part is below this share of the
 #: variance. This holds for one body touched by one arm with six joints.
@@ -158,26 +159,27 @@ class _Expectation:
         sizes = sizes[sizes > 0]
         first = np.cumsum(sizes) - sizes
 
-        def draw() -> np.ndarray:
-            some = rng.integers(len(sizes), size=_BATCH // 2)
+        def draw(count: int) -> np.ndarray:
+            some = rng.integers(len(sizes), size=count // 2)
             return np.concatenate(
                 [
-                    trained[rng.integers(len(trained), size=_BATCH // 2)],
+                    trained[rng.integers(len(trained), size=count // 2)],
                     by_part[first[some] + (rng.random(len(some)) * sizes[some]).astype(int)],
                 ]
             )
 
         network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
         expected = cls(network, x, kernel, outputs)
-        affordable = min(sum(_LESSONS), len(x) // _ROWS_A_STEP)
+        affordable = min(sum(steps for steps, _ in _LESSONS), len(x) // _ROWS_A_STEP)
         done = 0
-        for lesson in _LESSONS:
-            num_steps = min(lesson, affordable - done)
+        for most_steps, count in _LESSONS:
+            num_steps = min(most_steps, affordable - done)
 
             def of_lesson(fraction: float, done: int = done, num_steps: int = num_steps) -> None:
                 progress((done + fraction * num_steps) / affordable)
 
-            train_to_expect(network, x, kernel, outputs, draw, num_steps, of_lesson)
+            drawn = partial(draw, count)
+            train_to_expect(network, x, kernel, outputs, drawn, num_steps, of_lesson)
             done += num_steps
             if done == affordable or expected.learned_well(tested, rng):
                 break
