@@ -21,7 +21,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from mending import BODIES, LADDER, LOOK, Bench, as_good, changes, kept, scored, store
+from mending import (
+    BODIES,
+    LADDER,
+    LOOK,
+    Bench,
+    as_good,
+    changes,
+    kept,
+    qualities,
+    scored,
+    store,
+)
 
 from selftouch_drake.agent.living import Life, LivingLearner
 from selftouch_drake.evaluation.life import planned_contact
@@ -109,19 +120,7 @@ def measure(
         "false_before": num_before,
         "alarms": len(alarms) + life.has_doubts,
         "surprise": float(np.nanmean(np.concatenate(life.surprise)[start : start + 1000])),
-        "error_before": was["error"],
-        "error": now["error"],
-        "holes_before": was["holes"],
-        "holes": now["holes"],
-        "contact_before": was["contact"],
-        "contact_unmended": at_once,
-        "contact": now["contact"],
-        "touches": reached.get("touches", ""),
-        "anew": next((one["touches"] for one in others if as_good(one, was, right)), ""),
-        "error_anew": new["error"],
-        "holes_anew": new["holes"],
-        "contact_anew": new["contact"],
-        "touches_as_anew": reached.get("touches_as_anew", ""),
+        **qualities(was, at_once, now, others, reached, was, right),
         "cpu_s": time.process_time() - began,
     }
 

@@ -106,6 +106,45 @@ def as_good(one: dict[str, Any], other: dict[str, Any], right: str) -> bool:
     )
 
 
+def qualities(
+    was: dict[str, Any],
+    at_once: float,
+    now: dict[str, Any],
+    anew: list[dict[str, Any]],
+    reached: dict[str, int],
+    wanted: dict[str, Any],
+    right: str,
+) -> dict[str, Any]:
+    """Columns of a row: how good the agent was and is, beside one that learns the body anew.
+
+    Args:
+        was: quality before the change.
+        at_once: contact in the changed body before the agent mends.
+        now: quality at the end.
+        anew: qualities of an agent that learns anew, in order; if none, `was` takes their place.
+        reached: number of touches since the change after which quality was as good as before the
+            change (`touches`), and as good as that of the other agent (`touches_as_anew`).
+        wanted: quality that the agent that learns anew is to reach.
+        right: true holes.
+    """
+    last = anew[-1] if anew else was
+    return {
+        "error_before": was["error"],
+        "error": now["error"],
+        "holes_before": was["holes"],
+        "holes": now["holes"],
+        "contact_before": was["contact"],
+        "contact_unmended": at_once,
+        "contact": now["contact"],
+        "touches": reached.get("touches", ""),
+        "anew": next((one["touches"] for one in anew if as_good(one, wanted, right)), ""),
+        "error_anew": last["error"],
+        "holes_anew": last["holes"],
+        "contact_anew": last["contact"],
+        "touches_as_anew": reached.get("touches_as_anew", ""),
+    }
+
+
 class Bench:
     """The lives of one body and seed."""
 
@@ -193,19 +232,7 @@ class Bench:
             "touch": touch,
             "off_at_once": off_at_once,
             "off": off,
-            "error_before": was["error"],
-            "error": now["error"],
-            "holes_before": was["holes"],
-            "holes": now["holes"],
-            "contact_before": was["contact"],
-            "contact_unmended": at_once,
-            "contact": now["contact"],
-            "touches": reached.get("touches", ""),
-            "anew": next((row["touches"] for row in anew if as_good(row, wanted, right)), ""),
-            "error_anew": anew[-1]["error"],
-            "holes_anew": anew[-1]["holes"],
-            "contact_anew": anew[-1]["contact"],
-            "touches_as_anew": reached.get("touches_as_anew", ""),
+            **qualities(was, at_once, now, anew, reached, wanted, right),
             "false": was["false"] + max(len(noticed) - 1, 0) + life.has_doubts,
             "cpu_s": time.process_time() - began,
         }

@@ -86,7 +86,6 @@ class Life:
         self.num_touches = 0
         self._expectation: Expectation | None = None
         self._tests: tuple[Alarm, Silenced, Newcomers] | None = None
-        self._usual = 0.0
         self._expects_again_at: float = _FIRST
         # Touches that wait for a full block; the last learned ones; those of a changed body.
         self._waiting = self._last = self._strange = _Touches.none()
@@ -183,7 +182,7 @@ class Life:
         strange = self._strange
         mending = understand(
             self._expectation,
-            self._usual,
+            (self._last.q, self._last.sensation),
             (q, sensation),
             strange.q,
             strange.sensation,
@@ -233,7 +232,6 @@ class Life:
         )
         expected, felt = expectation(self._last.q), self._last.sensation
         usual = expectation.surprise(expected, felt)
-        self._usual = float(usual.mean())
         chance = self._false_alarms
         if self._tests is None:
             silent = ~np.any(held.columns["sensation"] > 0, axis=0)

@@ -39,8 +39,10 @@ _BETTER = 0.3
 #: Standard deviations to either side within which offsets of a joint are tried, and their number.
 _REACH, _TRIED = 1.0, 41
 
-#: A more complicated explanation is taken if it leaves less than this share of the surprise. The
-#: search ends if surprise is at most the second factor times the usual one.
+#: Surprise is compared with that of touches from before the change, to which the same explanation
+#: was fitted: any fit lowers surprise, the more so the worse the agent expects. A more complicated
+#: explanation is taken if it leaves less than this share of this ratio. The search ends if the
+#: ratio is at most the second number.
 _WORTH, _ENOUGH = 0.9, 1.1
 
 #: Touches for the first search of each joint's zero.
@@ -165,7 +167,7 @@ class Mending:
 
 def understand(
     expectation: Expectation,
-    usual: float,
+    usual: tuple[np.ndarray, np.ndarray],
     before: tuple[np.ndarray, np.ndarray],
     q: np.ndarray,
     sensation: np.ndarray,
@@ -177,7 +179,8 @@ def understand(
 
     Args:
         expectation: what was expected before the change.
-        usual: mean surprise before the change.
+        usual: `(k, J)` motor configurations and `(k, S)` N, the last touches from before the
+            change, in order, from which the expectation did not learn. At most `n` of them count.
         before: `(m, J)` motor configurations and `(m, S)` N, remembered touches from before the
             change.
         q: `(n, J)` motor configurations since the change.
@@ -185,9 +188,8 @@ def understand(
         num_steps: training steps of an expectation.
         seed: for the training of a displacement.
     """
-    # Every third touch judges explanations that were found from the others.
-    judge = np.arange(len(q)) % 3 == 2
-    fit, others = _Touches(q[~judge], sensation[~judge]), _Touches(q[judge], sensation[judge])
+    fit, others = _Touches(q, sensation).divided
+    usual_fit, usual_others = _Touches(usual[0][-len(q) :], usual[1][-len(q) :]).divided
     known = np.any(before[1] > 0, axis=0)
     new = ~known & ((fit.felt > _FELT).sum(axis=0) >= _SURELY)
 
@@ -204,25 +206,31 @@ def understand(
         expectation=expectation,
     )
 
+    def usual_left(one: Mending) -> float:
+        return max(one.left(usual_others), 1e-9)
+
     def displaced(one: Mending, touches: _Touches) -> Mending:
-        through = tuple(
-            Expectation.learn(*before, like=expectation, num_steps=num_steps, seed=seed + number)
-            for number in range(_THROUGH)
-        )
-        return _displaced(dataclasses.replace(one, through=through), touches, seed)
+        return _displaced(dataclasses.replace(one, through=(expectation,)), touches, seed)
 
     at_first = nothing.left(others)
-    best, least = nothing, at_first
+    best, by_chance = nothing, nothing
+    least = at_first / usual_left(nothing)
     for explained in (_rewired, _with_offset, displaced):
-        if least <= _ENOUGH * usual:
+        if least <= _ENOUGH:
             break
-        found = explained(best, fit)
-        if (left := found.left(others)) < _WORTH * least:
-            best, least = found, left
+        found, chance = explained(best, fit), explained(by_chance, usual_fit)
+        if (ratio := found.left(others) / usual_left(chance)) < _WORTH * least:
+            best, by_chance, least = found, chance, ratio
     # One silent receptor of many leaves hardly any surprise.
     best = dataclasses.replace(best, silent=best.silent | _silent(best, _Touches(q, sensation)))
     best = dataclasses.replace(best, surprise=(at_first, best.left(others)))
-    return learned_again(best, q, sensation, seed=seed)
+    if not best.displacement:
+        return best
+    through = tuple(
+        Expectation.learn(*before, like=expectation, num_steps=num_steps, seed=seed + number)
+        for number in range(_THROUGH)
+    )
+    return learned_again(dataclasses.replace(best, through=through), q, sensation, seed=seed)
 
 
 def learned_again(
@@ -253,6 +261,13 @@ class _Touches:
     def felt(self) -> np.ndarray:
         """`(n, S)` unit L2 norm."""
         return unit(self.sensation)
+
+    @property
+    def divided(self) -> tuple[_Touches, _Touches]:
+        """Those that explanations are found from, and every third one, which judges them."""
+        judge = np.arange(len(self.q)) % 3 == 2
+        parts = [_Touches(self.q[rows], self.sensation[rows]) for rows in (~judge, judge)]
+        return parts[0], parts[1]
 
 
 def _reach(*qs: np.ndarray) -> np.ndarray:

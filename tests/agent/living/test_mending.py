@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 from skins import touch
 
 from selftouch_drake.agent.living import Alarm, Expectation, Life, LivingLearner, understand
@@ -29,7 +30,7 @@ def touches():
 @pytest.fixture(scope="module")
 def expectation(touches):
     q, sensation = touches
-    return Expectation.learn(q[:5000], sensation[:5000], num_steps=400)
+    return Expectation.learn(q[:5000], sensation[:5000], num_steps=800)
 
 
 @pytest.fixture(scope="module")
@@ -45,11 +46,11 @@ def found(expectation, touches, usual, change):
     felt = new.any(axis=1)
     return understand(
         expectation,
-        float(usual.mean()),
+        (q[5000:NUM_OLD], sensation[5000:NUM_OLD]),
         (q[:NUM_OLD], sensation[:NUM_OLD]),
         new_q[felt],
         new[felt],
-        num_steps=400,
+        num_steps=800,
     )
 
 
@@ -113,9 +114,10 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     blind = sensation.copy()
     blind[:, 7] = 0.0
     some = blind.any(axis=1)
-    expectation = Expectation.learn(q[:5000][some[:5000]], blind[:5000][some[:5000]], num_steps=400)
+    expectation = Expectation.learn(q[:5000][some[:5000]], blind[:5000][some[:5000]], num_steps=800)
     before = q[:NUM_OLD], blind[:NUM_OLD]
-    mending = understand(expectation, 1.0, before, q[NUM_OLD:], sensation[NUM_OLD:])
+    usual = q[5000:NUM_OLD][some[5000:NUM_OLD]], blind[5000:NUM_OLD][some[5000:NUM_OLD]]
+    mending = understand(expectation, usual, before, q[NUM_OLD:], sensation[NUM_OLD:])
     assert np.flatnonzero(mending.new).tolist() == [7]
     rows, mended = mending.mended(np.arange(1000)[:, None] * np.ones(q.shape[1]), blind[:1000])
     kept = rows[:, 0].astype(int)
@@ -124,6 +126,30 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     assert np.all(mended[:, 7] < 0.5 * np.linalg.norm(mended, axis=1))
     before = surprise(blind[:1000], sensation[:1000])[some[:1000]].mean()
     assert surprise(mended, sensation[kept]).mean() < before / 3
+
+
+def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(touches):
+    q, sensation = (column.copy() for column in touches)
+    # Place by place: the last places are not those that the agent learned from.
+    _, place = cKDTree(q[:150]).query(q)
+    order = np.argsort(place, kind="stable")
+    q, sensation = q[order], sensation[order]
+    poor = Expectation.learn(q[:5000], sensation[:5000], num_steps=100)
+    before = q[:NUM_OLD], sensation[:NUM_OLD]
+    usual = q[5000:NUM_OLD], sensation[5000:NUM_OLD]
+    q, sensation = q[NUM_OLD:], sensation[NUM_OLD:]
+    dead = np.argsort(sensation.sum(axis=0))[-8:]
+    sensation[:, dead] = 0.0
+    felt = sensation.any(axis=1)
+    q, sensation = q[felt], sensation[felt]
+
+    mending = understand(poor, usual, before, q, sensation, num_steps=100)
+    assert np.array_equal(np.flatnonzero(mending.silent), np.sort(dead))
+    assert not mending.displacement
+    # A displacement would explain a good part of the surprise.
+    fit, others = mends._Touches(q, sensation).divided
+    displaced = mends._displaced(dataclasses.replace(mending, through=(poor,)), fit, 0)
+    assert displaced.left(others) < 0.8 * mending.left(others)
 
 
 def bend(q):
