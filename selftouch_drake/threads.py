@@ -49,6 +49,12 @@ def mapped(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Re
         yield from pool.map(work, items)
 
 
+def in_slices(work: Callable[[slice], object], num_rows: int, most: int) -> None:
+    """Calls `work` with slices of at most `most` of `num_rows` rows; it releases the GIL."""
+    for _ in mapped(work, [slice(start, start + most) for start in range(0, num_rows, most)]):
+        pass
+
+
 def _skip_older(pools: int) -> None:
     global _pools
     with _lock:

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from selftouch_drake.threads import Threads, mapped
+from selftouch_drake.threads import Threads, in_slices
 
 #: Initial learning rates: of hidden layers, whose steps are orthogonal, and of all other weights.
 #: Measured on torus, cube and sphere: half or twice either rate gives a higher loss.
@@ -62,12 +62,10 @@ class Network:
         """Maps `(n, inputs)` to `(n, outputs)`, in chunks that bound the memory."""
         outputs = np.empty((len(x), len(self.biases[-1])), np.result_type(x, np.float32))
 
-        def fill(start: int) -> None:
-            rows = slice(start, start + _CHUNK)
+        def fill(rows: slice) -> None:
             outputs[rows] = self._outputs(x[rows])
 
-        for _ in mapped(fill, range(0, len(x), _CHUNK)):
-            pass
+        in_slices(fill, len(x), _CHUNK)
         return outputs
 
     def _outputs(self, x: np.ndarray) -> np.ndarray:

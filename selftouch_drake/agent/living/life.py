@@ -23,7 +23,8 @@ from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation,
 
 #: Touches of a body after which the agent learns what to expect, and the factor by which they have
 #: grown when it learns that again. With a factor of 2, an agent that explores actively expects as
-#: badly at 8000 touches as it did at 5000: its mean surprise is 0.44, not 0.10.
+#: badly at 8000 touches as it did at 5000: with networks of 5000 steps its mean surprise is 0.44,
+#: not 0.10.
 _FIRST, _AGAIN = 5000, 1.5
 
 #: Share of the touches, the last ones, that say what surprise is usual, and their greatest number.
@@ -161,6 +162,9 @@ class Life:
         self._raised = first + row, first + since
         self._strange, self._looks = _Touches.none(), []
         self._num_before = self.learner.num_touches + since
+        if since < 0:
+            # The last touches that it learned may be of the changed body.
+            self._last = self._last[: max(len(self._last) + since, _BLOCK)]
         return block[: max(since, 0)], block[max(since, 0) :]
 
     def _surprised(self, block: _Touches) -> np.ndarray:

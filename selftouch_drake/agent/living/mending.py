@@ -8,6 +8,8 @@ feels. It first tries one number for one joint; if that is not enough, a smooth 
 depends on the configuration.
 
 The expectation does not change meanwhile: it says what the body before the change would have felt.
+An explanation counts only if it explains more than one like it, fitted to touches from before the
+change, explains there.
 """
 
 from __future__ import annotations
@@ -41,14 +43,18 @@ _REACH, _TRIED = 1.0, 41
 
 #: Surprise is compared with that of touches from before the change, to which the same explanation
 #: was fitted: any fit lowers surprise, the more so the worse the agent expects. A more complicated
-#: explanation is taken if it leaves less than this share of this ratio. The search ends if the
-#: ratio is at most the second number.
-_WORTH, _ENOUGH = 0.9, 1.1
+#: explanation is taken if it leaves less than this share of this ratio: a stretched sphere leaves
+#: 0.88. The search ends if the ratio is at most the second number: after receptors died and were
+#: found, it was 1.12 and 1.13 (two active lives).
+_WORTH, _ENOUGH = 0.95, 1.15
+
+#: The zero of one more joint is taken if it leaves less than this share of the surprise.
+_WORTH_A_JOINT = 0.9
 
 #: Touches for the first search of each joint's zero.
 _FEW = 400
 
-#: Number of expectations through which a displacement is learned.
+#: Number of expectations through which a displacement is learned, once there is one.
 _THROUGH = 2
 
 #: Share of the touches from before the change, the lightest, that are forgotten if they were moved
@@ -93,7 +99,7 @@ class Mending:
         return self._readings(self.expectation(self._as_before(q)))
 
     def left(self, touches: _Touches) -> float:
-        """Mean surprise of touches of the changed body."""
+        """Mean surprise of touches, if this is what changed."""
         expected = self.expected(touches.q)
         return float(self.expectation.surprise(expected, touches.sensation).mean())
 
@@ -180,7 +186,7 @@ def understand(
     Args:
         expectation: what was expected before the change.
         usual: `(k, J)` motor configurations and `(k, S)` N, the last touches from before the
-            change, in order, from which the expectation did not learn. At most `n` of them count.
+            change, in order, from which the expectation did not learn. The last `n` count.
         before: `(m, J)` motor configurations and `(m, S)` N, remembered touches from before the
             change.
         q: `(n, J)` motor configurations since the change.
@@ -213,8 +219,10 @@ def understand(
         return _displaced(dataclasses.replace(one, through=(expectation,)), touches, seed)
 
     at_first = nothing.left(others)
-    best, by_chance = nothing, nothing
-    least = at_first / usual_left(nothing)
+    # Before the change, receptors that are new felt nothing.
+    no_new = {"new": np.zeros_like(new), "of_new": np.zeros_like(nothing.of_new)}
+    best, by_chance = nothing, dataclasses.replace(nothing, **no_new)
+    least = at_first / usual_left(by_chance)
     for explained in (_rewired, _with_offset, displaced):
         if least <= _ENOUGH:
             break
@@ -252,7 +260,7 @@ def learned_again(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Touches:
-    """Touches since the change: `(n, J)` configurations, and `(n, S)` N, what was felt there."""
+    """Touches: `(n, J)` configurations, and `(n, S)` N, what was felt there."""
 
     q: np.ndarray
     sensation: np.ndarray
@@ -264,10 +272,10 @@ class _Touches:
 
     @property
     def divided(self) -> tuple[_Touches, _Touches]:
-        """Those that explanations are found from, and every third one, which judges them."""
+        """Two thirds, from which explanations are found, and every third touch, to judge them."""
         judge = np.arange(len(self.q)) % 3 == 2
-        parts = [_Touches(self.q[rows], self.sensation[rows]) for rows in (~judge, judge)]
-        return parts[0], parts[1]
+        fit, others = (_Touches(self.q[rows], self.sensation[rows]) for rows in (~judge, judge))
+        return fit, others
 
 
 def _reach(*qs: np.ndarray) -> np.ndarray:
@@ -330,7 +338,7 @@ def _with_offset(mending: Mending, touches: _Touches) -> Mending:
             options={"maxiter": 12},
         )
         found = found + refined.x * np.eye(len(scale))[joint]
-        if refined.fun > _WORTH * least:
+        if refined.fun > _WORTH_A_JOINT * least:
             break
         best, least = found, refined.fun
     return dataclasses.replace(mending, offset=best)

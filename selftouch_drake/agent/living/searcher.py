@@ -11,6 +11,8 @@ about touches of receptors that seldom felt anything, as the way to others leads
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.sparse import csc_array
 from scipy.spatial.distance import cdist
@@ -51,14 +53,13 @@ class Searcher(Explorer):
         # The more parts a body has, the more places the agent may not have met.
         parts = 1 if agent is None else max(agent.representation.num_parts, 1)
         about = max(_TOUCHES // parts, 2) - 1
+        seldom_felt = self._seldom_felt(agent) if agent is not None and parts > 1 else None
         while True:
             yield from self._meet()
             yield from self._look_about(self._touch, _ABOUT, about)
-            if agent is None:
-                continue
-            if parts > 1:
-                yield from self._look_about(self._seldom_felt(agent), _ABOUT, about)
-            if len(agent.representation.edges):
+            if seldom_felt is not None:
+                yield from self._look_about(next(seldom_felt), _ABOUT, about)
+            if agent is not None and len(agent.representation.edges):
                 for _ in range(_GAPS // parts):
                     yield from self._look_between(agent)
 
@@ -69,14 +70,15 @@ class Searcher(Explorer):
         while self._touch is before:
             yield from self._go(self._rng.uniform(self._joints.lower, self._joints.upper, shape))
 
-    def _seldom_felt(self, agent: Agent) -> np.ndarray:
-        """`(J,)` a remembered touch of a receptor that seldom felt anything."""
+    def _seldom_felt(self, agent: Agent) -> Iterator[np.ndarray]:
+        """Yields `(J,)` remembered touches of receptors that seldom felt anything."""
         felt = csc_array(agent.kernel_sensation)
         often = np.diff(felt.indptr).astype(float)
         need = np.divide(1.0, np.square(often), out=np.zeros_like(often), where=often > 0)
-        receptor = self._rng.choice(len(need), p=need / need.sum())
-        row = self._rng.choice(felt.indices[slice(*felt.indptr[receptor : receptor + 2])])
-        return agent.representation.kernel_q[row].astype(float)
+        while True:
+            receptor = self._rng.choice(len(need), p=need / need.sum())
+            row = self._rng.choice(felt.indices[slice(*felt.indptr[receptor : receptor + 2])])
+            yield agent.representation.kernel_q[row].astype(float)
 
     def _look_about(self, q: np.ndarray, strides: float, num_touches: int) -> Moves:
         """Tries postures about `q` until `num_touches` of them touched."""

@@ -140,8 +140,9 @@ class KernelReservoir:
         keep[order[rank < self._max_size]] = True
         last = order[rank == self._max_size - 1]
         self._highest[kernel[last]] = priority[last]
-        all_kept = keep.all()
-        self._settled = rows if all_kept else {n: column[keep] for n, column in rows.items()}
+        if not keep.all():
+            rows = {name: column[keep] for name, column in rows.items()}
+        self._settled = rows
         self._waiting = []
 
 

@@ -14,7 +14,7 @@ from functools import lru_cache
 import numba
 import numpy as np
 
-from selftouch_drake.threads import mapped
+from selftouch_drake.threads import in_slices, mapped
 
 #: Most queries per set. More of them change distances by less than 2 %.
 MAX_QUERIES = 120
@@ -172,8 +172,8 @@ def linked_nearest(
     row, squared = np.empty(offsets[-1], np.int32), np.empty(offsets[-1], np.float32)
     search = _nearest_squared(members.shape[1], True)
 
-    def along(some: range) -> None:
-        for link in some:
+    def along(some: slice) -> None:
+        for link in range(len(links))[some]:
             tail, head = links[link]
             queries = members[slice(*kernel_offsets[tail : tail + 2])]
             entries = slice(*offsets[link : link + 2])
@@ -186,9 +186,7 @@ def linked_nearest(
                 row[None, entries],
             )
 
-    every = range(len(links))
-    for _ in mapped(along, [every[start : start + _LINKS] for start in every[::_LINKS]]):
-        pass
+    in_slices(along, len(links), _LINKS)
     return LinkedNearest(offsets=offsets, row=row, squared=squared)
 
 

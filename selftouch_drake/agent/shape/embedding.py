@@ -67,7 +67,7 @@ class Majoriser:
 
     Attributes:
         weights: `(K, K)` of the squared misfits.
-        inverse: `(K, K)` of the linear system, which is the same at each step.
+        inverse: `(K, K)` of the matrix of the linear system, which is the same in each step.
     """
 
     weights: np.ndarray
@@ -76,7 +76,7 @@ class Majoriser:
     @classmethod
     @_one_thread
     def of(cls, distances: np.ndarray) -> Majoriser:
-        """Weights pairs by 1 / d^2, by `(K, K)` distances."""
+        """For `(K, K)` distances; a pair at distance d has the weight 1 / d^2."""
         weights = _weights(distances)
         laplacian = np.diag(weights.sum(axis=1)) - weights
         # Adding a constant everywhere fixes the centroid and does not change the solution.
@@ -86,7 +86,7 @@ class Majoriser:
     def __call__(
         self, positions: np.ndarray, distances: np.ndarray, num_iterations: int
     ) -> np.ndarray:
-        """Moves `(K, 3)` positions toward `(K, K)` distances (Guttman transform)."""
+        """Moves `(K, 3)` positions, step by step, toward `(K, K)` distances (Guttman transform)."""
         pull, laid = self.weights * distances, positions.T.copy()
         total = np.empty_like(laid)
         with Threads() as pool:
@@ -136,7 +136,7 @@ def stress_embedding(
         starts: triples of classical axes to start from.
         num_trial_iterations: iterations for each start.
         num_iterations: iterations for the best start.
-        majoriser: of these distances, if it is there already.
+        majoriser: of these distances; None makes one.
 
     Raises:
         ValueError: there are fewer than 4 points, or no path joins two of them.

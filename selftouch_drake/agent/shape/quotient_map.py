@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from selftouch_drake.agent.network import Network, standardised, train, train_to_expect
-from selftouch_drake.threads import mapped
+from selftouch_drake.threads import in_slices
 
 #: Three hidden layers of 128, 16 outputs. With 10 outputs some networks fold the torus: they learn
 #: finer waves around its ring, and do not separate its top from its bottom.
@@ -43,7 +43,7 @@ _LEAST_DIRECTIONS = 3
 #: Rounding error of the scatter in single (4 bytes) and double precision, over its mean variance.
 _FLOOR = {4: 1e-5, 8: 1e-11}
 
-# Rows that one thread works on at once.
+# Rows that one thread works on at once: large arrays are slow to get from the system.
 _ROWS = 16_384
 
 
@@ -205,14 +205,15 @@ def discriminants(
     sizes = np.diff(offsets)
     kernel = np.repeat(np.arange(len(sizes)), sizes)
     mean = np.add.reduceat(outputs, offsets[:-1], dtype=float) / sizes[:, None]
+    near = mean.astype(outputs.dtype)
     weight = np.sqrt(1.0 / sizes / len(sizes)).astype(outputs.dtype)
     apart = np.empty_like(outputs)
 
     def centre(rows: slice) -> None:
-        np.subtract(outputs[rows], mean.astype(outputs.dtype)[kernel[rows]], out=apart[rows])
+        np.subtract(outputs[rows], near[kernel[rows]], out=apart[rows])
         apart[rows] *= weight[kernel[rows], None]
 
-    _in_blocks(centre, len(outputs))
+    in_slices(centre, len(outputs), _ROWS)
     within = (apart.T @ apart).astype(float)
     total = within + np.cov(mean.T, bias=True)
     floor = _FLOOR[outputs.dtype.itemsize] * np.trace(total) / len(total) * np.eye(len(total))
@@ -224,11 +225,5 @@ def discriminants(
     def turn(rows: slice) -> None:
         np.matmul(outputs[rows] - middle, directions, out=found[rows])
 
-    _in_blocks(turn, len(outputs))
+    in_slices(turn, len(outputs), _ROWS)
     return found
-
-
-def _in_blocks(work: Callable[[slice], None], num_rows: int) -> None:
-    """Calls `work` with all rows, some at a time: large arrays are slow to get from the system."""
-    for _ in mapped(lambda start: work(slice(start, start + _ROWS)), range(0, num_rows, _ROWS)):
-        pass
