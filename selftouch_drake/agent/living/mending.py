@@ -54,7 +54,7 @@ _WORTH_A_JOINT = 0.9
 #: Touches for the first search of each joint's zero.
 _FEW = 400
 
-#: Number of expectations through which a displacement is learned, once there is one.
+#: Number of expectations through which a displacement is learned.
 _THROUGH = 2
 
 #: Share of the touches from before the change, the lightest, that are forgotten if they were moved
@@ -216,7 +216,13 @@ def understand(
         return max(one.left(usual_others), 1e-9)
 
     def displaced(one: Mending, touches: _Touches) -> Mending:
-        return _displaced(dataclasses.replace(one, through=(expectation,)), touches, seed)
+        # Touches from before the change are compared with; new networks would learn from them.
+        numbers = range(_THROUGH if touches is fit else 0)
+        through = tuple(
+            Expectation.learn(*before, like=expectation, num_steps=num_steps, seed=seed + number)
+            for number in numbers
+        ) or (expectation,)
+        return _displaced(dataclasses.replace(one, through=through), touches, seed)
 
     at_first = nothing.left(others)
     # Before the change, receptors that are new felt nothing.
@@ -232,13 +238,7 @@ def understand(
     # One silent receptor of many leaves hardly any surprise.
     best = dataclasses.replace(best, silent=best.silent | _silent(best, _Touches(q, sensation)))
     best = dataclasses.replace(best, surprise=(at_first, best.left(others)))
-    if not best.displacement:
-        return best
-    through = tuple(
-        Expectation.learn(*before, like=expectation, num_steps=num_steps, seed=seed + number)
-        for number in range(_THROUGH)
-    )
-    return learned_again(dataclasses.replace(best, through=through), q, sensation, seed=seed)
+    return learned_again(best, q, sensation, seed=seed)
 
 
 def learned_again(
