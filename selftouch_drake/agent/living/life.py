@@ -23,8 +23,7 @@ from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation,
 
 #: Touches of a body after which the agent learns what to expect, and the factor by which they have
 #: grown when it learns that again. With a factor of 2, an agent that explores actively expects as
-#: badly at 8000 touches as it did at 5000: with networks of 5000 steps its mean surprise is 0.44,
-#: not 0.10.
+#: badly at 8000 touches as it did at 5000: its mean surprise is 0.44, not 0.10.
 _FIRST, _AGAIN = 5000, 1.5
 
 #: Share of the touches, the last ones, that say what surprise is usual, and their greatest number.

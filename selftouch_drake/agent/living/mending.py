@@ -43,13 +43,9 @@ _REACH, _TRIED = 1.0, 41
 
 #: Surprise is compared with that of touches from before the change, to which the same explanation
 #: was fitted: any fit lowers surprise, the more so the worse the agent expects. A more complicated
-#: explanation is taken if it leaves less than this share of this ratio: a stretched sphere leaves
-#: 0.88. The search ends if the ratio is at most the second number: after receptors died and were
-#: found, it was 1.12 and 1.13 (two active lives).
-_WORTH, _ENOUGH = 0.95, 1.15
-
-#: The zero of one more joint is taken if it leaves less than this share of the surprise.
-_WORTH_A_JOINT = 0.9
+#: explanation is taken if it leaves less than this share of this ratio. The search ends if the
+#: ratio is at most the second number.
+_WORTH, _ENOUGH = 0.9, 1.1
 
 #: Touches for the first search of each joint's zero.
 _FEW = 400
@@ -338,7 +334,7 @@ def _with_offset(mending: Mending, touches: _Touches) -> Mending:
             options={"maxiter": 12},
         )
         found = found + refined.x * np.eye(len(scale))[joint]
-        if refined.fun > _WORTH_A_JOINT * least:
+        if refined.fun > _WORTH * least:
             break
         best, least = found, refined.fun
     return dataclasses.replace(mending, offset=best)
