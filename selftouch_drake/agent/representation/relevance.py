@@ -19,8 +19,8 @@ from selftouch_drake.agent.network import Network, standardised, train_to_expect
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 
 #: The network that predicts sensations: hidden layers, outputs (principal components of target
-#: sensations), and training steps in each of two lessons, with configurations per step. At first
-#: many small steps teach more; modes are told apart more sharply after large ones.
+#: sensations), and training steps in each of two lessons, with configurations per step. Many
+#: small steps teach more at first; large steps separate the modes better in the second lesson.
 _HIDDEN = (128, 128, 128)
 _MOST_OUTPUTS = 24
 _LESSONS = ((360, 1024), (900, 2048))
