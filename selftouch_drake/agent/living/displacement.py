@@ -8,9 +8,9 @@ import numpy as np
 
 from selftouch_drake.agent.network import Network, train
 
-#: Number of networks learned through each expectation; the mean of all counts. Six networks through
-#: one expectation leave 9.3 to 21 % of the touches of before off the skin (three changes, 1000
-#: touches since); three through each of two leave 7.8 to 20 %.
+#: Number of networks learned through each series; the mean of all counts. Six networks through one
+#: expectation leave 9.3 to 21 % of the touches of before off the skin (three changes, 1000 touches
+#: since); three through each of two leave 7.8 to 20 %.
 _NETWORKS = 3
 
 #: Hidden units of such a network and training steps, for 1000 touches; both grow with the square
@@ -21,7 +21,7 @@ _HIDDEN, _NUM_STEPS, _BATCH = 32, 500, 512
 
 
 def displacement(
-    through: Sequence[Network],
+    through: Sequence[Sequence[Network]],
     x: np.ndarray,
     start: np.ndarray,
     wanted: np.ndarray,
@@ -31,9 +31,12 @@ def displacement(
 ) -> tuple[Network, ...]:
     """Learns what to add to `start`, depending on `x`, so that what is wanted is expected there.
 
+    A blunt network shows from farther away where to go, a sharp one where exactly. So the
+    displacement is learned through one after the other.
+
     Args:
-        through: networks of what is expected, which do not change; their inputs are standardised
-            configurations.
+        through: series of networks of what is expected, each from blunt to sharp, which do not
+            change; their inputs are standardised configurations.
         x: `(n, J)` float32, standardised configurations.
         start: `(n, J)` float32, standardised configurations to which the displacement is added.
         wanted: `(n, S + 1)` float32, what was felt, as the networks give it.
@@ -52,15 +55,17 @@ def displacement(
         rows = rng.integers(len(x), size=_BATCH)
         return x[rows]
 
-    def trained(expected: Network) -> Network:
-        def slope(displaced: np.ndarray) -> np.ndarray:
-            outputs, _, slopes = expected.forward(start[rows] + displaced)
-            off = 2.0 * counts * (outputs - wanted[rows]) / len(rows)
-            return expected.slope_of_inputs(off, slopes)
-
+    def trained(series: Sequence[Network]) -> Network:
         network = Network.random([num_joints, round(_HIDDEN * growth), num_joints], rng)
         network.weights[-1][:] = 0.0
-        train(network, batch, slope, round(_NUM_STEPS * growth))
+        for expected in series:
+
+            def slope(displaced: np.ndarray, expected: Network = expected) -> np.ndarray:
+                outputs, _, slopes = expected.forward(start[rows] + displaced)
+                off = 2.0 * counts * (outputs - wanted[rows]) / len(rows)
+                return expected.slope_of_inputs(off, slopes)
+
+            train(network, batch, slope, round(_NUM_STEPS * growth))
         return network
 
-    return tuple(trained(expected) for expected in through for _ in range(_NETWORKS))
+    return tuple(trained(series) for series in through for _ in range(_NETWORKS))

@@ -50,8 +50,9 @@ _WORTH, _ENOUGH = 0.9, 1.1
 #: Touches for the first search of each joint's zero.
 _FEW = 400
 
-#: Number of expectations through which a displacement is learned.
-_THROUGH = 2
+#: Number of series of expectations through which a displacement is learned, and what is divided by
+#: the training steps of a blunt one.
+_THROUGH, _BLUNT = 2, 2
 
 #: Share of the touches from before the change, the lightest, that are forgotten if they were moved
 #: by a displacement: it is not exact, and a small error leads a light touch off the skin. Without
@@ -73,7 +74,8 @@ class Mending:
         offset: `(J,)` difference between where each joint is and what it reads.
         displacement: networks from standardised configurations to a further difference, in standard
             deviations; their mean counts. There are none if the offset explains all.
-        through: expectations through which the displacement was learned.
+        through: series of expectations, from blunt to sharp, through which the displacement was
+            learned; none before it is.
         reach: `(2, J)` least and greatest reading of each joint, before and after the change.
         surprise: mean surprise of touches since the change, without and with this explanation.
         expectation: what was expected before the change.
@@ -85,7 +87,7 @@ class Mending:
     of_new: np.ndarray
     offset: np.ndarray
     displacement: tuple[Network, ...]
-    through: tuple[Expectation, ...]
+    through: tuple[tuple[Expectation, ...], ...]
     reach: np.ndarray
     surprise: tuple[float, float]
     expectation: Expectation
@@ -212,18 +214,27 @@ def understand(
         return max(one.left(usual_others), 1e-9)
 
     def displaced(one: Mending, touches: _Touches) -> Mending:
-        # Touches from before the change are compared with; new networks would learn from them.
-        numbers = range(_THROUGH if touches is fit else 0)
-        through = tuple(
-            Expectation.learn(*before, like=expectation, num_steps=num_steps, seed=seed + number)
-            for number in numbers
-        ) or (expectation,)
+        through = one.through or tuple(
+            tuple(
+                Expectation.learn(*before, like=expectation, num_steps=steps, seed=seed + number)
+                for steps in (num_steps // _BLUNT, num_steps)
+            )
+            for number in range(_THROUGH)
+        )
         return _displaced(dataclasses.replace(one, through=through), touches, seed)
 
     at_first = nothing.left(others)
-    # Before the change, receptors that are new felt nothing.
-    no_new = {"new": np.zeros_like(new), "of_new": np.zeros_like(nothing.of_new)}
-    best, by_chance = nothing, dataclasses.replace(nothing, **no_new)
+    best, by_chance = (
+        nothing,
+        dataclasses.replace(
+            nothing,
+            # Before the change, receptors that are new felt nothing.
+            new=np.zeros_like(new),
+            of_new=np.zeros_like(nothing.of_new),
+            # Other networks would learn from the touches that are compared with.
+            through=((expectation,),),
+        ),
+    )
     least = at_first / usual_left(by_chance)
     for explained in (_rewired, _with_offset, displaced):
         if least <= _ENOUGH:
@@ -351,7 +362,7 @@ def _displaced(mending: Mending, touches: _Touches, seed: int) -> Mending:
     wanted[:, mending.source] = wanted[:, :-1].copy()
     counts[mending.source] = ~unknown
     networks = displacement(
-        [one.network for one in mending.through],
+        [[one.network for one in series] for series in mending.through],
         expectation.standardised(touches.q),
         expectation.standardised(touches.q + mending.offset),
         wanted,

@@ -24,8 +24,8 @@ from selftouch_drake.agent.representation.quantise import strength, unit
 #: is felt is 0.13 with 2000 steps of 1024 touches, and 0.05 with 5000 steps of 256 touches, which
 #: take 1.3 times as long.
 _HIDDEN = (128, 128, 128)
-_BATCH = 256
-NUM_STEPS = 5000
+_BATCH = 128
+NUM_STEPS = 10_000
 
 #: Rise of surprise that the test looks for, in standard deviations of usual surprise. For a rise
 #: half as large, the test needs twice as many touches.

@@ -148,7 +148,7 @@ def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(tou
     assert not mending.displacement
     # A displacement would explain a good part of the surprise.
     fit, others = mends._Touches(q, sensation).divided
-    displaced = mends._displaced(dataclasses.replace(mending, through=(poor,)), fit, 0)
+    displaced = mends._displaced(dataclasses.replace(mending, through=((poor,),)), fit, 0)
     assert displaced.left(others) < 0.8 * mending.left(others)
 
 
