@@ -48,9 +48,11 @@ class Network:
     biases: list[np.ndarray]
 
     @classmethod
-    def random(cls, sizes: Sequence[int], rng: np.random.Generator) -> Network:
+    def random(
+        cls, sizes: Sequence[int], rng: np.random.Generator, *, gain: float = _GAIN
+    ) -> Network:
         """An untrained network with layers of the given sizes, inputs first."""
-        spread = [1.0] + [_GAIN * np.sqrt(2.0 / size) for size in sizes[1:-1]]
+        spread = [1.0] + [gain * np.sqrt(2.0 / size) for size in sizes[1:-1]]
         weights = [
             (scale * rng.standard_normal(shape)).astype(np.float32)
             for scale, shape in zip(spread, pairwise(sizes), strict=True)

@@ -31,8 +31,8 @@ _FIRST, _AGAIN = 5000, 1.5
 _USUAL, _MOST_USUAL = 0.2, 10_000
 
 #: Touches of the changed body from which the agent finds out what changed, and from which it learns
-#: a displacement again.
-_TO_UNDERSTAND, _AGAIN_DISPLACED = 1000, (2000, 4000)
+#: again what is a guess.
+_TO_UNDERSTAND, _UNDERSTAND_AGAIN = 1000, (2000, 4000)
 
 #: Touches that the agent takes at a time, so that a life does not depend on the size of its chunks.
 _BLOCK = 500
@@ -90,7 +90,7 @@ class Life:
         # Touches that wait for a full block; the last learned ones; those of a changed body.
         self._waiting = self._last = self._strange = _Touches.none()
         # Remembered touches from before the last change, as they were, and the numbers of strange
-        # touches at which the agent learns the displacement again.
+        # touches at which the agent learns again what is a guess.
         self._before, self._looks = _Touches.none(), list[int]()
         # Number of the first touch of the body as it is.
         self._born = 0
@@ -200,13 +200,13 @@ class Life:
         self._begin_again(mending)
         self._raised, self._tests = None, None
         self._expect()
-        if mending.displacement:
-            self._looks = list(_AGAIN_DISPLACED)
+        if mending.is_a_guess:
+            self._looks = list(_UNDERSTAND_AGAIN)
         else:
             self._before = self._strange = _Touches.none()
 
     def _look_again(self) -> None:
-        """Learns the displacement again, from more touches of the changed body."""
+        """Learns again what is a guess, from more touches of the changed body."""
         found, strange = self.noticed[-1], self._strange
         mending = learned_again(found.mending, strange.q, strange.sensation, seed=self._seed)
         self.noticed[-1] = dataclasses.replace(found, mending=mending)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
+from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.living.displacement import displacement
 from selftouch_drake.agent.living.surprise import NUM_STEPS, Expectation, with_unit_norm
@@ -32,7 +33,10 @@ _SURELY = 20
 _FELT = 0.1
 
 #: A touch from before the change is forgotten if new receptors make up more than this share of it.
-_GUESSED = 0.3
+_GUESSED = 0.98
+
+#: What new receptors would have felt is guessed from so many touches since the change.
+_ALIKE = 3
 
 #: A reading moved if its cosine with what another receptor should feel exceeds by this much the
 #: cosine with what its own receptor should feel.
@@ -68,9 +72,7 @@ class Mending:
     Attributes:
         source: `(S,)` number of the old receptor that each reading now comes from.
         silent: `(S,)` bool, receptors that no longer feel.
-        new: `(S,)` bool, receptors that never felt before.
-        of_new: `(S, S)` what each receptor adds to what new ones would have felt; the columns of
-            all others are zero.
+        new: what receptors that never felt before would have felt; None if there are none.
         offset: `(J,)` difference between where each joint is and what it reads.
         displacement: networks from standardised configurations to a further difference, in standard
             deviations; their mean counts. There are none if the offset explains all.
@@ -83,8 +85,7 @@ class Mending:
 
     source: np.ndarray
     silent: np.ndarray
-    new: np.ndarray
-    of_new: np.ndarray
+    new: _New | None
     offset: np.ndarray
     displacement: tuple[Network, ...]
     through: tuple[tuple[Expectation, ...], ...]
@@ -116,8 +117,9 @@ class Mending:
         # If only a faint receptor at the rim of a touch remains, it says little of its place.
         strength = np.linalg.norm(felt, axis=1)
         holds = strength > 2 * _FELT * np.linalg.norm(sensation, axis=1)
-        # What new receptors would have felt is a guess.
-        holds &= np.linalg.norm(felt[:, self.new], axis=1) <= _GUESSED * strength
+        if self.new is not None:
+            guessed = np.linalg.norm(felt[:, self.new.receptors], axis=1)
+            holds &= guessed <= _GUESSED * strength
         if self.displacement:
             holds &= strength >= np.quantile(strength[holds], _LIGHTEST)
         now, felt = self._as_now(q[holds]), felt[holds]
@@ -128,17 +130,22 @@ class Mending:
         return now, felt
 
     @property
+    def is_a_guess(self) -> bool:
+        """Whether more touches of the changed body would make this more exact."""
+        return bool(self.displacement) or self.new is not None
+
+    @property
     def in_words(self) -> str:
         """What the agent found, in one line."""
         swapped = np.flatnonzero(self.source != np.arange(len(self.source)))
         found = [
-            f"{len(rows)} receptors {what}"
-            for rows, what in (
-                (np.flatnonzero(self.silent), "are silent"),
-                (np.flatnonzero(self.new), "are new"),
-                (swapped, "changed places"),
+            f"{num} receptors {what}"
+            for num, what in (
+                (self.silent.sum(), "are silent"),
+                (0 if self.new is None else self.new.receptors.sum(), "are new"),
+                (len(swapped), "changed places"),
             )
-            if len(rows)
+            if num
         ]
         found += [
             f"joint {joint} is {self.offset[joint]:+.4f} from what it reads"
@@ -150,8 +157,9 @@ class Mending:
 
     def _readings(self, sensation: np.ndarray) -> np.ndarray:
         felt = sensation[:, self.source]
-        felt = np.where(self.silent, 0.0, felt + np.maximum(felt @ self.of_new, 0.0))
-        return felt.astype(np.float32)
+        if self.new is not None:
+            felt = self.new.filled_in(felt)
+        return np.where(self.silent, 0.0, felt).astype(np.float32)
 
     def _as_before(self, q: np.ndarray) -> np.ndarray:
         moved = q + self.offset
@@ -200,8 +208,7 @@ def understand(
     nothing = Mending(
         source=np.arange(len(known)),
         silent=np.zeros(len(known), dtype=bool),
-        new=new,
-        of_new=_of_new(fit.felt, new),
+        new=_New.learned(new, fit.felt) if new.any() else None,
         offset=np.zeros(q.shape[1]),
         displacement=(),
         through=(),
@@ -229,8 +236,7 @@ def understand(
         dataclasses.replace(
             nothing,
             # Before the change, receptors that are new felt nothing.
-            new=np.zeros_like(new),
-            of_new=np.zeros_like(nothing.of_new),
+            new=None,
             # Other networks would learn from the touches that are compared with.
             through=((expectation,),),
         ),
@@ -251,7 +257,7 @@ def understand(
 def learned_again(
     mending: Mending, q: np.ndarray, sensation: np.ndarray, *, seed: int = 0
 ) -> Mending:
-    """Learns the displacement again, if there is one, from more touches since the change.
+    """Learns again, from more touches since the change, what `is_a_guess`.
 
     Args:
         mending: what changed, as far as the agent knows.
@@ -259,10 +265,14 @@ def learned_again(
         sensation: `(n, S)` N, what was felt there; no row null.
         seed: for the training.
     """
-    if not mending.displacement:
-        return mending
-    mending = dataclasses.replace(mending, reach=_reach(mending.reach, q))
-    return _displaced(mending, _Touches(q, sensation), seed)
+    touches = _Touches(q, sensation)
+    if mending.new is not None:
+        new = _New.learned(mending.new.receptors, touches.felt)
+        mending = dataclasses.replace(mending, new=new)
+    if mending.displacement:
+        mending = dataclasses.replace(mending, reach=_reach(mending.reach, q))
+        mending = _displaced(mending, touches, seed)
+    return mending
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -285,18 +295,44 @@ class _Touches:
         return fit, others
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _New:
+    """What new receptors feel where the others feel something: as in touches that they felt alike.
+
+    Even in the middle of a patch that was blind, receptors about it feel a little.
+
+    Attributes:
+        receptors: `(S,)` bool, which are new.
+        felt: `(n, S)` touches since the change, of unit L2 norm.
+        by_others: the unit vectors of what all other receptors felt in these touches.
+    """
+
+    receptors: np.ndarray
+    felt: np.ndarray
+    by_others: cKDTree
+
+    @staticmethod
+    def learned(receptors: np.ndarray, felt: np.ndarray) -> _New:
+        """Learns from touches since the change, `(n, S)` of unit norm."""
+        others = np.where(receptors, 0.0, felt)
+        some = others.any(axis=1)
+        return _New(receptors, felt[some], cKDTree(with_unit_norm(others[some])))
+
+    def filled_in(self, sensation: np.ndarray) -> np.ndarray:
+        """`(n, S)` N, sensations with what the new receptors would have felt."""
+        distance, row = self.by_others.query(with_unit_norm(sensation), _ALIKE)
+        weight = 1.0 / np.maximum(distance, 1e-6) ** 2
+        alike = np.einsum("nk,nks->ns", weight, self.felt[row])
+        by_others = np.linalg.norm(alike[:, ~self.receptors], axis=1)
+        times = np.linalg.norm(sensation, axis=1) / by_others
+        return np.where(self.receptors, alike * times[:, None], sensation)
+
+
 def _reach(*qs: np.ndarray) -> np.ndarray:
     """`(2, J)` least and greatest reading of each joint in arrays `(n, J)`."""
     return np.array(
         [np.min([q.min(axis=0) for q in qs], axis=0), np.max([q.max(axis=0) for q in qs], axis=0)]
     )
-
-
-def _of_new(felt: np.ndarray, new: np.ndarray) -> np.ndarray:
-    """`(S, S)` what new receptors feel, linear in what the others feel: ridge regression."""
-    others = np.where(new, 0.0, felt)
-    weights = np.linalg.solve(others.T @ others + np.eye(len(new)), others.T @ felt)
-    return np.where(new, weights, 0.0)
 
 
 def _rewired(mending: Mending, touches: _Touches) -> Mending:
@@ -356,7 +392,7 @@ def _displaced(mending: Mending, touches: _Touches, seed: int) -> Mending:
     expectation = mending.expectation
     # What readings would have been before they changed places; silent and new ones say nothing,
     # nor does firmness if there are any.
-    unknown = mending.silent | mending.new
+    unknown = mending.silent if mending.new is None else mending.silent | mending.new.receptors
     wanted = expectation.felt(touches.sensation)
     counts = np.full(wanted.shape[1], not unknown.any(), np.float32)
     wanted[:, mending.source] = wanted[:, :-1].copy()

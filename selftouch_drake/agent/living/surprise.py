@@ -27,6 +27,13 @@ _HIDDEN = (128, 128, 128)
 _BATCH = 128
 NUM_STEPS = 10_000
 
+#: Standard deviation of initial hidden weights, relative to the one that preserves the variance.
+#: Small ones make a network that expects better between the places that an agent explored. On a
+#: torus and a cube with 6400 active touches, mean surprise at the next 1600 is 0.15 and 0.41 with
+#: 0.7, 0.09 and 0.16 with 0.35, 0.11 and 0.16 with 0.25, 0.09 and 0.14 with 0.15. After 12,000
+#: random touches of a sphere and a torus it is 0.04 and 0.04 with 0.7, 0.04 and 0.03 with 0.25.
+_GAIN = 0.25
+
 #: Rise of surprise that the test looks for, in standard deviations of usual surprise. For a rise
 #: half as large, the test needs twice as many touches.
 _RISE = 0.5
@@ -90,7 +97,9 @@ class Expectation:
             typical = float(np.median(strength(sensation)))
         x = _standardised(q, middle, scale)
         found = cls(
-            network=Network.random([q.shape[1], *_HIDDEN, sensation.shape[1] + 1], rng),
+            network=Network.random(
+                [q.shape[1], *_HIDDEN, sensation.shape[1] + 1], rng, gain=_GAIN
+            ),
             middle=middle,
             scale=scale,
             typical=typical,

@@ -206,7 +206,7 @@ def test_a_bent_arm_is_a_displacement_which_more_touches_make_exact(
 def test_a_life_learns_a_displacement_again(touches, monkeypatch):
     monkeypatch.setattr(module, "_FIRST", 3000)
     monkeypatch.setattr(module, "_TO_UNDERSTAND", 600)
-    monkeypatch.setattr(module, "_AGAIN_DISPLACED", (1200,))
+    monkeypatch.setattr(module, "_UNDERSTAND_AGAIN", (1200,))
     monkeypatch.setattr(displacements, "_NETWORKS", 1)
     looked = []
 
