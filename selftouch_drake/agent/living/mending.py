@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
-from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.living.displacement import displacement
+from selftouch_drake.agent.living.new_receptors import NewReceptors
 from selftouch_drake.agent.living.surprise import NUM_STEPS, Expectation, with_unit_norm
 from selftouch_drake.agent.network import Network
 from selftouch_drake.agent.representation.quantise import unit
@@ -34,9 +34,6 @@ _FELT = 0.1
 
 #: A touch from before the change is forgotten if new receptors make up more than this share of it.
 _GUESSED = 0.98
-
-#: What new receptors would have felt is guessed from so many touches since the change.
-_ALIKE = 3
 
 #: A reading moved if its cosine with what another receptor should feel exceeds by this much the
 #: cosine with what its own receptor should feel.
@@ -72,7 +69,7 @@ class Mending:
     Attributes:
         source: `(S,)` number of the old receptor that each reading now comes from.
         silent: `(S,)` bool, receptors that no longer feel.
-        new: what receptors that never felt before would have felt; None if there are none.
+        new: receptors that never felt before, and what they would have felt.
         offset: `(J,)` difference between where each joint is and what it reads.
         displacement: networks from standardised configurations to a further difference, in standard
             deviations; their mean counts. There are none if the offset explains all.
@@ -80,17 +77,19 @@ class Mending:
             learned; none before it is.
         reach: `(2, J)` least and greatest reading of each joint, before and after the change.
         surprise: mean surprise of touches since the change, without and with this explanation.
+        explains: whether it explains something, or there is nothing to explain.
         expectation: what was expected before the change.
     """
 
     source: np.ndarray
     silent: np.ndarray
-    new: _New | None
+    new: NewReceptors
     offset: np.ndarray
     displacement: tuple[Network, ...]
     through: tuple[tuple[Expectation, ...], ...]
     reach: np.ndarray
     surprise: tuple[float, float]
+    explains: bool
     expectation: Expectation
 
     def expected(self, q: np.ndarray) -> np.ndarray:
@@ -111,15 +110,17 @@ class Mending:
 
         Returns:
             `(m, J)` and `(m, S)`, without touches in which nothing would be felt now. If there is a
-            displacement, the lightest are missing too, and those at readings that no joint had.
+            displacement, the lightest are missing too, and those at readings that no joint had. If
+            nothing explains the change, all are.
         """
+        if not self.explains:
+            return q[:0], sensation[:0]
         felt = self._readings(sensation)
         # If only a faint receptor at the rim of a touch remains, it says little of its place.
         strength = np.linalg.norm(felt, axis=1)
         holds = strength > 2 * _FELT * np.linalg.norm(sensation, axis=1)
-        if self.new is not None:
-            guessed = np.linalg.norm(felt[:, self.new.receptors], axis=1)
-            holds &= guessed <= _GUESSED * strength
+        guessed = np.linalg.norm(felt[:, self.new.receptors], axis=1)
+        holds &= guessed <= _GUESSED * strength
         if self.displacement:
             holds &= strength >= np.quantile(strength[holds], _LIGHTEST)
         now, felt = self._as_now(q[holds]), felt[holds]
@@ -132,7 +133,7 @@ class Mending:
     @property
     def is_a_guess(self) -> bool:
         """Whether more touches of the changed body would make this more exact."""
-        return bool(self.displacement) or self.new is not None
+        return bool(self.displacement) or bool(self.new.receptors.any())
 
     @property
     def in_words(self) -> str:
@@ -142,7 +143,7 @@ class Mending:
             f"{num} receptors {what}"
             for num, what in (
                 (self.silent.sum(), "are silent"),
-                (0 if self.new is None else self.new.receptors.sum(), "are new"),
+                (self.new.receptors.sum(), "are new"),
                 (len(swapped), "changed places"),
             )
             if num
@@ -156,9 +157,7 @@ class Mending:
         return "; ".join(found) or "nothing that explains it"
 
     def _readings(self, sensation: np.ndarray) -> np.ndarray:
-        felt = sensation[:, self.source]
-        if self.new is not None:
-            felt = self.new.filled_in(felt)
+        felt = self.new.filled_in(sensation[:, self.source])
         return np.where(self.silent, 0.0, felt).astype(np.float32)
 
     def _as_before(self, q: np.ndarray) -> np.ndarray:
@@ -208,12 +207,13 @@ def understand(
     nothing = Mending(
         source=np.arange(len(known)),
         silent=np.zeros(len(known), dtype=bool),
-        new=_New.learned(new, fit.felt) if new.any() else None,
+        new=NewReceptors.learned(new, fit.felt),
         offset=np.zeros(q.shape[1]),
         displacement=(),
         through=(),
         reach=_reach(before[0], q),
         surprise=(0.0, 0.0),
+        explains=True,
         expectation=expectation,
     )
 
@@ -236,7 +236,7 @@ def understand(
         dataclasses.replace(
             nothing,
             # Before the change, receptors that are new felt nothing.
-            new=None,
+            new=NewReceptors.learned(np.zeros_like(new), fit.felt),
             # Other networks would learn from the touches that are compared with.
             through=((expectation,),),
         ),
@@ -249,8 +249,10 @@ def understand(
         if (ratio := found.left(others) / usual_left(chance)) < _WORTH * least:
             best, by_chance, least = found, chance, ratio
     # One silent receptor of many leaves hardly any surprise.
-    best = dataclasses.replace(best, silent=best.silent | _silent(best, _Touches(q, sensation)))
-    best = dataclasses.replace(best, surprise=(at_first, best.left(others)))
+    silent = best.silent | _silent(best, _Touches(q, sensation))
+    explains = best is not nothing or bool((silent | new).any()) or least <= _ENOUGH
+    best = dataclasses.replace(best, silent=silent)
+    best = dataclasses.replace(best, surprise=(at_first, best.left(others)), explains=explains)
     return learned_again(best, q, sensation, seed=seed)
 
 
@@ -266,13 +268,9 @@ def learned_again(
         seed: for the training.
     """
     touches = _Touches(q, sensation)
-    if mending.new is not None:
-        new = _New.learned(mending.new.receptors, touches.felt)
-        mending = dataclasses.replace(mending, new=new)
-    if mending.displacement:
-        mending = dataclasses.replace(mending, reach=_reach(mending.reach, q))
-        mending = _displaced(mending, touches, seed)
-    return mending
+    new = NewReceptors.learned(mending.new.receptors, touches.felt)
+    mending = dataclasses.replace(mending, new=new, reach=_reach(mending.reach, q))
+    return _displaced(mending, touches, seed) if mending.displacement else mending
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -293,39 +291,6 @@ class _Touches:
         judge = np.arange(len(self.q)) % 3 == 2
         fit, others = (_Touches(self.q[rows], self.sensation[rows]) for rows in (~judge, judge))
         return fit, others
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _New:
-    """What new receptors feel where the others feel something: as in touches that they felt alike.
-
-    Even in the middle of a patch that was blind, receptors about it feel a little.
-
-    Attributes:
-        receptors: `(S,)` bool, which are new.
-        felt: `(n, S)` touches since the change, of unit L2 norm.
-        by_others: the unit vectors of what all other receptors felt in these touches.
-    """
-
-    receptors: np.ndarray
-    felt: np.ndarray
-    by_others: cKDTree
-
-    @staticmethod
-    def learned(receptors: np.ndarray, felt: np.ndarray) -> _New:
-        """Learns from touches since the change, `(n, S)` of unit norm."""
-        others = np.where(receptors, 0.0, felt)
-        some = others.any(axis=1)
-        return _New(receptors, felt[some], cKDTree(with_unit_norm(others[some])))
-
-    def filled_in(self, sensation: np.ndarray) -> np.ndarray:
-        """`(n, S)` N, sensations with what the new receptors would have felt."""
-        distance, row = self.by_others.query(with_unit_norm(sensation), _ALIKE)
-        weight = 1.0 / np.maximum(distance, 1e-6) ** 2
-        alike = np.einsum("nk,nks->ns", weight, self.felt[row])
-        by_others = np.linalg.norm(alike[:, ~self.receptors], axis=1)
-        times = np.linalg.norm(sensation, axis=1) / by_others
-        return np.where(self.receptors, alike * times[:, None], sensation)
 
 
 def _reach(*qs: np.ndarray) -> np.ndarray:
@@ -392,7 +357,7 @@ def _displaced(mending: Mending, touches: _Touches, seed: int) -> Mending:
     expectation = mending.expectation
     # What readings would have been before they changed places; silent and new ones say nothing,
     # nor does firmness if there are any.
-    unknown = mending.silent if mending.new is None else mending.silent | mending.new.receptors
+    unknown = mending.silent | mending.new.receptors
     wanted = expectation.felt(touches.sensation)
     counts = np.full(wanted.shape[1], not unknown.any(), np.float32)
     wanted[:, mending.source] = wanted[:, :-1].copy()
