@@ -4,8 +4,8 @@ The agent learns what to expect when it has 5000 touches, and again whenever it 
 more. When the alarm is raised, it learns nothing for a while and only collects touches of the
 changed body. Then it finds out what changed, makes the remembered touches into touches of the
 changed body, and lives on. Nobody announces the change. If nothing explains it, or what it found is
-not exact, the agent looks again when it has more touches of the changed body. What it cannot explain
-by then, it learns anew.
+not exact, the agent looks again when it has more touches of the changed body. If nothing explains
+it then, the agent learns its body anew.
 """
 
 from __future__ import annotations
@@ -31,8 +31,9 @@ _FIRST, _AGAIN = 5000, 1.5
 #: The expectation does not learn from them.
 _USUAL, _MOST_USUAL = 0.2, 10_000
 
-#: Numbers of touches of the changed body from which the agent finds out what changed. From later ones
-#: it finds out again if nothing explained it, or learns again what is a guess.
+#: Touches of the changed body from which the agent finds out what changed. If nothing explained it,
+#: the agent tries again after the next number of them; if something did, it learns again what is a
+#: guess.
 _TO_UNDERSTAND = 1000, 2000, 4000
 
 #: Touches that the agent takes at a time, so that a life does not depend on the size of its chunks.

@@ -97,9 +97,7 @@ class Expectation:
             typical = float(np.median(strength(sensation)))
         x = _standardised(q, middle, scale)
         found = cls(
-            network=Network.random(
-                [q.shape[1], *_HIDDEN, sensation.shape[1] + 1], rng, gain=_GAIN
-            ),
+            network=Network.random([q.shape[1], *_HIDDEN, sensation.shape[1] + 1], rng, gain=_GAIN),
             middle=middle,
             scale=scale,
             typical=typical,

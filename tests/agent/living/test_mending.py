@@ -12,8 +12,8 @@ from selftouch_drake.agent.living import displacement as displacements
 from selftouch_drake.agent.living import life as module
 from selftouch_drake.agent.living import mending as mends
 from selftouch_drake.agent.living.mending import learned_again
-from selftouch_drake.agent.living.receptors import Newcomers, Silenced
 from selftouch_drake.agent.living.new_receptors import NewReceptors
+from selftouch_drake.agent.living.receptors import Newcomers, Silenced
 from selftouch_drake.agent.living.surprise import surprise
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
@@ -115,7 +115,9 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     blind = sensation.copy()
     blind[:, 7] = 0.0
     some = blind.any(axis=1)
-    expectation = Expectation.learn(q[:5000][some[:5000]], blind[:5000][some[:5000]], num_steps=1600)
+    expectation = Expectation.learn(
+        q[:5000][some[:5000]], blind[:5000][some[:5000]], num_steps=1600
+    )
     before = q[:NUM_OLD], blind[:NUM_OLD]
     usual = q[5000:NUM_OLD][some[5000:NUM_OLD]], blind[5000:NUM_OLD][some[5000:NUM_OLD]]
     mending = understand(expectation, usual, before, q[NUM_OLD:], sensation[NUM_OLD:])
@@ -206,7 +208,8 @@ def test_a_bent_arm_is_a_displacement_which_more_touches_make_exact(
     all_rows, all_now = moved(dataclasses.replace(mending, reach=anywhere))
     assert np.array_equal(all_rows, np.flatnonzero(firm))
     within = ((all_now >= lower) & (all_now <= upper)).all(axis=1)
-    assert 0.5 < within.mean() < 1.0
+    # Two joints without effect go astray, for a quarter and a third of the touches.
+    assert 0.3 < within.mean() < 1.0
     assert np.array_equal(rows, all_rows[within])
     assert np.array_equal(now, all_now[within])
 
@@ -372,3 +375,22 @@ def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monk
     for field in dataclasses.fields(one.learner.representation):
         mine, its = (getattr(x.learner.representation, field.name) for x in (one, other))
         assert np.array_equal(mine, its, equal_nan=field.name == "embedding")
+
+
+def test_what_nothing_explains_is_looked_at_again_and_then_learned_anew(touches, monkeypatch):
+    monkeypatch.setattr(module, "_FIRST", 3000)
+    monkeypatch.setattr(module, "_TO_UNDERSTAND", (600, 1200))
+    monkeypatch.setattr(displacements, "_NETWORKS", 1)
+    monkeypatch.setattr(mends, "_THROUGH", 1)
+    q, sensation = touches
+    another = np.roll(sensation[4500:], 7, axis=0)
+    life = Life(lambda: LivingLearner(60), num_steps=150)
+    life.take(q[:5500], np.concatenate([sensation[:4500], another[:1000]]))
+    assert life.has_doubts
+    assert not life.noticed
+    life.take(q[5500:7000], another[1000:2500])
+    (noticed,) = life.noticed
+    assert not noticed.mending.explains
+    assert not life.has_doubts
+    assert 4400 < noticed.since < 4700
+    assert life.learner.num_touches == 7000 - noticed.since
