@@ -127,7 +127,7 @@ def test_touches_that_surprised_are_those_that_it_did_not_expect(reference):
 def quick(monkeypatch):
     """Lives that expect sooner, and less exactly."""
     monkeypatch.setattr(life_module, "_FIRST", 1000)
-    monkeypatch.setattr(life_module, "_TO_UNDERSTAND", (600,))
+    monkeypatch.setattr(life_module, "_TO_UNDERSTAND", 600)
     monkeypatch.setitem(Life.__init__.__kwdefaults__, "num_steps", 600)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from selftouch_drake.threads import Threads, in_slices
 
@@ -51,7 +52,14 @@ class Network:
     def random(
         cls, sizes: Sequence[int], rng: np.random.Generator, *, gain: float = _GAIN
     ) -> Network:
-        """An untrained network with layers of the given sizes, inputs first."""
+        """An untrained network.
+
+        Args:
+            sizes: of the layers, inputs first.
+            rng: draws the weights.
+            gain: standard deviation of hidden weights, relative to the one that preserves the
+                variance.
+        """
         spread = [1.0] + [gain * np.sqrt(2.0 / size) for size in sizes[1:-1]]
         weights = [
             (scale * rng.standard_normal(shape)).astype(np.float32)
@@ -108,6 +116,8 @@ class Network:
         return slope @ self.weights[0].T
 
 
+# Each of two threads has its own half of a batch: threads of the library would come on top.
+@threadpool_limits.wrap(limits=1, user_api="blas")
 def train(
     network: Network,
     batch: Callable[[], np.ndarray],

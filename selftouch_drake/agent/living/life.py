@@ -3,9 +3,8 @@
 The agent learns what to expect when it has 5000 touches, and again whenever it has half as many
 more. When the alarm is raised, it learns nothing for a while and only collects touches of the
 changed body. Then it finds out what changed, makes the remembered touches into touches of the
-changed body, and lives on. Nobody announces the change. If nothing explains it, or what it found is
-not exact, the agent looks again when it has more touches of the changed body. If nothing explains
-it then, the agent learns its body anew.
+changed body, and lives on. Nobody announces the change. What it found is not always exact: then it
+looks again when it has more touches of the changed body.
 """
 
 from __future__ import annotations
@@ -31,10 +30,9 @@ _FIRST, _AGAIN = 5000, 1.5
 #: The expectation does not learn from them.
 _USUAL, _MOST_USUAL = 0.2, 10_000
 
-#: Touches of the changed body from which the agent finds out what changed. If nothing explained it,
-#: the agent tries again after the next number of them; if something did, it learns again what is a
-#: guess.
-_TO_UNDERSTAND = 1000, 2000, 4000
+#: Touches of the changed body from which the agent finds out what changed, and from which it makes a
+#: guess more exact.
+_TO_UNDERSTAND, _UNDERSTAND_AGAIN = 1000, (2000, 4000)
 
 #: Touches that the agent takes at a time, so that a life does not depend on the size of its chunks.
 _BLOCK = 500
@@ -92,7 +90,7 @@ class Life:
         # Touches that wait for a full block; the last learned ones; those of a changed body.
         self._waiting = self._last = self._strange = _Touches.none()
         # Remembered touches from before the last change, as they were, and the numbers of strange
-        # touches at which the agent looks again.
+        # touches at which the agent makes a guess more exact.
         self._before, self._looks = _Touches.none(), list[int]()
         # Number of the first touch of the body as it is.
         self._born = 0
@@ -129,7 +127,7 @@ class Life:
             self.surprise.append(self._surprised(block))
         if self._raised is not None:
             self._strange = self._strange.and_then(strange)
-            if len(self._strange) >= self._looks[0]:
+            if len(self._strange) >= _TO_UNDERSTAND:
                 self._mend()
             return
         if self._looks:
@@ -161,7 +159,7 @@ class Life:
         row, test = min(raised, key=lambda one: one[0])
         since = row + 1 - test.since
         self._raised = first + row, first + since
-        self._strange, self._looks = _Touches.none(), list(_TO_UNDERSTAND)
+        self._strange, self._looks = _Touches.none(), []
         self._num_before = self.learner.num_touches + since
         if since < 0:
             # The last touches that it learned may be of the changed body.
@@ -184,7 +182,7 @@ class Life:
         held = self.learner.remembered()
         before = held.row < self._num_before
         q, sensation = held.columns["q"][before], held.columns["sensation"][before]
-        strange, self._looks = self._strange, self._looks[1:]
+        strange = self._strange
         mending = understand(
             self._expectation,
             (self._last.q, self._last.sensation),
@@ -194,8 +192,6 @@ class Life:
             num_steps=self._num_steps,
             seed=self._seed,
         )
-        if not mending.explains and self._looks:
-            return
         row, self._born = self._raised
         self.noticed.append(
             Noticed(row=row, since=self._born, mended_at=self.num_touches, mending=mending)
@@ -204,13 +200,20 @@ class Life:
         self._begin_again(mending)
         self._raised, self._tests = None, None
         self._expect()
+        if mending.is_a_guess:
+            self._looks = list(_UNDERSTAND_AGAIN)
+        else:
+            self._before = self._strange = _Touches.none()
 
     def _look_again(self) -> None:
-        """Learns again what is a guess, from more touches of the changed body."""
-        found, strange, self._looks = self.noticed[-1], self._strange, self._looks[1:]
+        """Makes a guess more exact, with more touches of the changed body."""
+        found, strange = self.noticed[-1], self._strange
         mending = learned_again(found.mending, strange.q, strange.sensation, seed=self._seed)
         self.noticed[-1] = dataclasses.replace(found, mending=mending)
         self._begin_again(mending)
+        self._looks = self._looks[1:]
+        if not self._looks:
+            self._before = self._strange = _Touches.none()
 
     def _begin_again(self, mending: Mending) -> None:
         """A new learner takes the mended touches, and the touches of the changed body."""
@@ -219,9 +222,6 @@ class Life:
         # At once, so that targets are chosen where the body feels now.
         self._learn(_Touches(*mending.mended(before.q, before.sensation)).and_then(strange))
         self._last = strange[len(strange) // 2 :]
-        if not (mending.is_a_guess and self._looks):
-            self._before = self._strange = _Touches.none()
-            self._looks = []
 
     def _expect(self) -> None:
         """Learns what to expect from all remembered touches except the last ones."""

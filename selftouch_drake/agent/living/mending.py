@@ -51,8 +51,8 @@ _WORTH, _ENOUGH = 0.9, 1.1
 #: Touches for the first search of each joint's zero.
 _FEW = 400
 
-#: Number of series of expectations through which a displacement is learned, and what is divided by
-#: the training steps of a blunt one.
+#: Number of series of expectations through which a displacement is learned; a blunt expectation has
+#: the training steps of a sharp one divided by the second number.
 _THROUGH, _BLUNT = 2, 2
 
 #: Share of the touches from before the change, the lightest, that are forgotten if they were moved
@@ -77,7 +77,6 @@ class Mending:
             learned; none before it is.
         reach: `(2, J)` least and greatest reading of each joint, before and after the change.
         surprise: mean surprise of touches since the change, without and with this explanation.
-        explains: whether it explains something, or there is nothing to explain.
         expectation: what was expected before the change.
     """
 
@@ -89,7 +88,6 @@ class Mending:
     through: tuple[tuple[Expectation, ...], ...]
     reach: np.ndarray
     surprise: tuple[float, float]
-    explains: bool
     expectation: Expectation
 
     def expected(self, q: np.ndarray) -> np.ndarray:
@@ -110,11 +108,8 @@ class Mending:
 
         Returns:
             `(m, J)` and `(m, S)`, without touches in which nothing would be felt now. If there is a
-            displacement, the lightest are missing too, and those at readings that no joint had. If
-            nothing explains the change, all are.
+            displacement, the lightest are missing too, and those at readings that no joint had.
         """
-        if not self.explains:
-            return q[:0], sensation[:0]
         felt = self._readings(sensation)
         # If only a faint receptor at the rim of a touch remains, it says little of its place.
         strength = np.linalg.norm(felt, axis=1)
@@ -197,23 +192,21 @@ def understand(
         q: `(n, J)` motor configurations since the change.
         sensation: `(n, S)` N, what was felt there; no row null.
         num_steps: training steps of an expectation.
-        seed: for the training of a displacement.
+        seed: for the training of a displacement and its expectations.
     """
     fit, others = _Touches(q, sensation).divided
     usual_fit, usual_others = _Touches(usual[0][-len(q) :], usual[1][-len(q) :]).divided
     known = np.any(before[1] > 0, axis=0)
-    new = ~known & ((fit.felt > _FELT).sum(axis=0) >= _SURELY)
 
     nothing = Mending(
         source=np.arange(len(known)),
         silent=np.zeros(len(known), dtype=bool),
-        new=NewReceptors.learned(new, fit.felt),
+        new=NewReceptors.learned(~known, fit.felt),
         offset=np.zeros(q.shape[1]),
         displacement=(),
         through=(),
         reach=_reach(before[0], q),
         surprise=(0.0, 0.0),
-        explains=True,
         expectation=expectation,
     )
 
@@ -236,7 +229,7 @@ def understand(
         dataclasses.replace(
             nothing,
             # Before the change, receptors that are new felt nothing.
-            new=NewReceptors.learned(np.zeros_like(new), fit.felt),
+            new=NewReceptors.learned(np.zeros_like(known), fit.felt),
             # Other networks would learn from the touches that are compared with.
             through=((expectation,),),
         ),
@@ -250,16 +243,15 @@ def understand(
             best, by_chance, least = found, chance, ratio
     # One silent receptor of many leaves hardly any surprise.
     silent = best.silent | _silent(best, _Touches(q, sensation))
-    explains = best is not nothing or bool((silent | new).any()) or least <= _ENOUGH
     best = dataclasses.replace(best, silent=silent)
-    best = dataclasses.replace(best, surprise=(at_first, best.left(others)), explains=explains)
+    best = dataclasses.replace(best, surprise=(at_first, best.left(others)))
     return learned_again(best, q, sensation, seed=seed)
 
 
 def learned_again(
     mending: Mending, q: np.ndarray, sensation: np.ndarray, *, seed: int = 0
 ) -> Mending:
-    """Learns again, from more touches since the change, what `is_a_guess`.
+    """Makes a guess more exact, with more touches since the change; see `Mending.is_a_guess`.
 
     Args:
         mending: what changed, as far as the agent knows.
@@ -268,7 +260,7 @@ def learned_again(
         seed: for the training.
     """
     touches = _Touches(q, sensation)
-    new = NewReceptors.learned(mending.new.receptors, touches.felt)
+    new = NewReceptors.learned(mending.new.silent_before, touches.felt)
     mending = dataclasses.replace(mending, new=new, reach=_reach(mending.reach, q))
     return _displaced(mending, touches, seed) if mending.displacement else mending
 

@@ -132,10 +132,19 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     assert off.mean() < surprise(blind[:1000], sensation[:1000])[some[:1000]].mean() / 10
 
 
-def test_a_new_receptor_that_the_others_do_not_overlap_is_not_filled_in():
-    new = np.array([False, False, True])
-    felt = np.array([[1, 0, 0], [0, 1, 0], [0.6, 0.8, 0], [0, 0, 1]], np.float32)
-    assert NewReceptors.learned(new, felt).filled_in(felt[:3]).tolist() == felt[:3].tolist()
+def test_receptors_that_felt_less_often_are_new_too_and_touches_unlike_all_stay_as_they_are():
+    # The last three felt nothing before; one of them still does not.
+    once = np.array([[0.6, 0, 0, 0, 0.8, 0]], np.float32)
+    often = np.repeat(np.array([[0.8, 0, 0, 0.6, 0, 0], [0, 0.6, 0, 0.8, 0, 0]], np.float32), 20, 0)
+    silent_before = np.arange(6) >= 3
+    new = NewReceptors.learned(silent_before, np.concatenate([once, often]))
+    assert np.flatnonzero(new.receptors).tolist() == [3, 4]
+    before = np.array([[0, 3.0, 0, 0, 0, 0], [0, 0, 2.0, 0, 0, 0]], np.float32)
+    assert new.filled_in(before) == pytest.approx(
+        np.array([[0, 3, 0, 4, 0, 0], [0, 0, 2, 0, 0, 0]])
+    )
+    assert not NewReceptors.learned(silent_before, once).receptors.any()
+    assert np.array_equal(NewReceptors.learned(silent_before, once).filled_in(before), before)
 
 
 def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(touches):
@@ -216,7 +225,8 @@ def test_a_bent_arm_is_a_displacement_which_more_touches_make_exact(
 
 def test_a_life_learns_a_displacement_again(touches, monkeypatch):
     monkeypatch.setattr(module, "_FIRST", 3000)
-    monkeypatch.setattr(module, "_TO_UNDERSTAND", (600, 1200))
+    monkeypatch.setattr(module, "_TO_UNDERSTAND", 600)
+    monkeypatch.setattr(module, "_UNDERSTAND_AGAIN", (1200,))
     monkeypatch.setattr(displacements, "_NETWORKS", 1)
     looked = []
 
@@ -352,7 +362,7 @@ def test_silence_does_not_depend_on_how_touches_are_cut():
 
 def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monkeypatch):
     monkeypatch.setattr(module, "_FIRST", 3000)
-    monkeypatch.setattr(module, "_TO_UNDERSTAND", (900,))
+    monkeypatch.setattr(module, "_TO_UNDERSTAND", 900)
     monkeypatch.setattr(displacements, "_NETWORKS", 1)
     monkeypatch.setattr(mends, "_THROUGH", 1)
     q, sensation = touches
@@ -375,22 +385,3 @@ def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monk
     for field in dataclasses.fields(one.learner.representation):
         mine, its = (getattr(x.learner.representation, field.name) for x in (one, other))
         assert np.array_equal(mine, its, equal_nan=field.name == "embedding")
-
-
-def test_what_nothing_explains_is_looked_at_again_and_then_learned_anew(touches, monkeypatch):
-    monkeypatch.setattr(module, "_FIRST", 3000)
-    monkeypatch.setattr(module, "_TO_UNDERSTAND", (600, 1200))
-    monkeypatch.setattr(displacements, "_NETWORKS", 1)
-    monkeypatch.setattr(mends, "_THROUGH", 1)
-    q, sensation = touches
-    another = np.roll(sensation[4500:], 7, axis=0)
-    life = Life(lambda: LivingLearner(60), num_steps=150)
-    life.take(q[:5500], np.concatenate([sensation[:4500], another[:1000]]))
-    assert life.has_doubts
-    assert not life.noticed
-    life.take(q[5500:7000], another[1000:2500])
-    (noticed,) = life.noticed
-    assert not noticed.mending.explains
-    assert not life.has_doubts
-    assert 4400 < noticed.since < 4700
-    assert life.learner.num_touches == 7000 - noticed.since
