@@ -30,8 +30,8 @@ _FIRST, _AGAIN = 5000, 1.5
 #: The expectation does not learn from them.
 _USUAL, _MOST_USUAL = 0.2, 10_000
 
-#: Touches of the changed body from which the agent finds out what changed, and from which it makes a
-#: guess more exact.
+#: Touches of the changed body from which the agent finds out what changed, and from which it makes
+#: a guess more exact.
 _TO_UNDERSTAND, _UNDERSTAND_AGAIN = 1000, (2000, 4000)
 
 #: Touches that the agent takes at a time, so that a life does not depend on the size of its chunks.

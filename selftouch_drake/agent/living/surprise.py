@@ -22,8 +22,8 @@ from selftouch_drake.agent.representation.quantise import strength, unit
 #: Units of the hidden layers, touches per training step, and steps. Steps count more than touches:
 #: on a cube with 100 receptors, with 8000 touches to learn from, the mean cosine distance to what
 #: is felt is 0.13 with 2000 steps of 1024 touches, and 0.05 with 5000 steps of 256 touches, which
-#: take 1.3 times as long. With 10,000 steps of 128 touches, mean surprise at the next touches of two
-#: active agents is 0.11 and 0.27, with 5000 of 256 it is 0.24 and 0.39.
+#: take 1.3 times as long. With 10,000 steps of 128 touches, mean surprise at the next touches of
+#: two active agents is 0.11 and 0.27, with 5000 of 256 it is 0.24 and 0.39.
 _HIDDEN = (128, 128, 128)
 _BATCH = 128
 NUM_STEPS = 10_000
