@@ -130,17 +130,17 @@ def main() -> None:
     parser.add_argument("--bodies", nargs="+", default=["sphere", "cube", "torus"])
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
     parser.add_argument("--kinds", nargs="+", default=["link", "joint", "dead", "none"])
-    parser.add_argument("--touches", type=int, default=8000)
+    parser.add_argument("--touches", type=int, default=15_000)
     parser.add_argument("--watched", type=int, default=6000)
     parser.add_argument("--targets", type=int, default=300)
     parser.add_argument("--pairs", type=int, default=100)
     parser.add_argument("--out", type=Path, default=Path("docs/data/active_lives.csv"))
     args = parser.parse_args()
     rows = kept(args.out)
-    done = {(row["body"], int(row["seed"]), row["kind"]) for row in rows}
+    done = {(row["body"], int(row["seed"]), row["kind"], int(row["before"])) for row in rows}
     for body in args.bodies:
         for seed in args.seeds:
-            kinds = [kind for kind in args.kinds if (body, seed, kind) not in done]
+            kinds = [kind for kind in args.kinds if (body, seed, kind, args.touches) not in done]
             if not kinds:
                 continue
             bench = Bench(body, seed, args)
