@@ -20,11 +20,11 @@ _NETWORKS = 3
 _HIDDEN, _NUM_STEPS, _BATCH = 32, 500, 512
 
 #: Weight of the squared displacement, in standard deviations, beside the squared error of what is
-#: expected, for 1000 touches; it falls with the square root of their number. Without it, joints that
-#: have no effect on a touch go astray, and the touch is forgotten because no joint ever was there.
-#: Of 3000 touches of before, those that are kept and touch are 1510 with 0 and 1681 with 0.3 (an
-#: active life on a cube, 1000 touches since), 1741 and 1854 with 0.1 (a cube, 4000), 1984 and 2018
-#: (a sphere, 4000).
+#: expected, for 1000 touches; it falls with the square root of their number. Without it, joints
+#: without effect on a touch go astray, and the touch is forgotten because no joint ever was there.
+#: Of 3000 touches from before, 1510 are kept and touch with 0, and 1681 with 0.3 (an active life on
+#: a cube, 1000 touches since); 1741 with 0, and 1854 with 0.1 (a cube, 4000); 1984 and 2018 (a
+#: sphere, 4000).
 _SIZE = 0.2
 
 

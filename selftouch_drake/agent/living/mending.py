@@ -48,10 +48,10 @@ _REACH, _TRIED = 1.0, 41
 #: ratio is at most the second number.
 _WORTH, _ENOUGH = 0.9, 1.1
 
-#: Least surprise that counts. The mean is a geometric one, as novel touches surprise much also in a
-#: body that did not change: after a cube's forearm grew in an active life, the ratio falls from 1.43
-#: to 1.06 with a displacement, that of arithmetic means from 1.20 to 1.09. After ten receptors died,
-#: a displacement makes it rise either way (1.20 to 1.39, and 1.24 to 1.53).
+#: Least surprise that counts. The mean is a geometric one, as novel touches surprise much in any
+#: body: after a cube's forearm grew in an active life, a displacement lowers the ratio from 1.43 to
+#: 1.06, and that of arithmetic means only from 1.20 to 1.09. After ten receptors died, the ratio
+#: rises with a displacement, either way (1.20 to 1.39, and 1.24 to 1.53).
 _LEAST = 0.001
 
 #: Touches for the first search of each joint's zero.
@@ -143,20 +143,20 @@ class Mending:
         """What the agent found, in one line."""
         swapped = np.flatnonzero(self.source != np.arange(len(self.source)))
         found = [
-            f"{num} receptors {what}"
-            for num, what in (
-                (self.silent.sum(), "are silent"),
-                (self.new.receptors.sum(), "are new"),
-                (len(swapped), "changed places"),
-            )
+            f"{num} receptor{' is' if num == 1 else 's are'} {what}"
+            for num, what in ((self.silent.sum(), "silent"), (self.new.receptors.sum(), "new"))
             if num
         ]
-        found += [
-            f"joint {joint} is {self.offset[joint]:+.4f} from what it reads"
-            for joint in np.flatnonzero(self.offset)
-        ]
+        if len(swapped):
+            found.append(f"{len(swapped)} receptors changed places")
+        # A displacement says more than numbers that were not enough.
         if self.displacement:
             found.append("all joints act as if they were a little elsewhere")
+        else:
+            found += [
+                f"joint {joint} is {self.offset[joint]:+.4f} from what it reads"
+                for joint in np.flatnonzero(self.offset)
+            ]
         return "; ".join(found) or "nothing that explains it"
 
     def _readings(self, sensation: np.ndarray) -> np.ndarray:

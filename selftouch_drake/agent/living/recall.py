@@ -18,8 +18,9 @@ def recalled(
 ) -> np.ndarray:
     """`(n, S)` what the agent felt at the stored configurations most similar to `q`.
 
-    Of each stored touch, only the joints that matter to it are compared. Touches of which that is
-    not known yet count only if it is known of none: among many joints, the search takes long.
+    Of each stored touch, only the joints that matter to it are compared. Touches for which these
+    are not known yet are left out, unless they are known for none: among many joints, the search
+    takes long.
 
     Args:
         known: what the agent knows.

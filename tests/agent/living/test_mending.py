@@ -94,7 +94,7 @@ def test_one_silent_receptor_is_found(expectation, touches, usual):
         return q, sensation
 
     mending = found(expectation, touches, usual, change)
-    assert mending.in_words == "1 receptors are silent"
+    assert mending.in_words == "1 receptor is silent"
 
 
 def test_a_zero_that_moved_is_one_number(expectation, touches, usual):
