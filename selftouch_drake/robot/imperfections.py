@@ -141,7 +141,7 @@ def _rewires(change: SkinChange) -> bool:
 def _rewire(
     change: SkinChange, source: np.ndarray, alive: np.ndarray, chance: np.random.Generator
 ) -> None:
-    """Makes one change, in place, to the `(S,)` sources of the readings and to who is alive."""
+    """Changes the `(S,)` sources of the readings, and which of them are alive, in place."""
     num_receptors = len(source)
     num_pairs = round(change.swapped_share * num_receptors / 2)
     drawn = chance.permutation(num_receptors)[: 2 * num_pairs].reshape(-1, 2)
