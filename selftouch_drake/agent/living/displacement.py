@@ -25,7 +25,7 @@ _HIDDEN, _NUM_STEPS, _BATCH = 32, 500, 512
 #: Of 3000 touches from before, 1510 are kept and touch with 0, and 1681 with 0.3 (an active life on
 #: a cube, 1000 touches since); 1741 with 0, and 1854 with 0.1 (a cube, 4000); 1984 and 2018 (a
 #: sphere, 4000).
-_SIZE = 0.2
+_PENALTY = 0.2
 
 
 def displacement(
@@ -71,8 +71,8 @@ def displacement(
             def slope(displaced: np.ndarray, expected: Network = expected) -> np.ndarray:
                 outputs, _, slopes = expected.forward(start[rows] + displaced)
                 off = 2.0 * counts * (outputs - wanted[rows]) / len(rows)
-                small = np.float32(2.0 * _SIZE / growth / len(rows)) * displaced
-                return expected.slope_of_inputs(off, slopes) + small
+                pull = np.float32(2.0 * _PENALTY / growth / len(rows)) * displaced
+                return expected.slope_of_inputs(off, slopes) + pull
 
             train(network, batch, slope, round(_NUM_STEPS * growth))
         return network
