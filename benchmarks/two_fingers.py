@@ -144,7 +144,7 @@ def ideal(arguments: argparse.Namespace) -> None:
     num = 4000
     share = np.pi / 2 * rng.uniform(size=20 * num)
     lifted = np.stack([np.cos(share), np.sin(share)], axis=1)
-    # Two fingers, one of which always presses half as hard, are not alike.
+    # Two fingers are not alike if one always presses half as hard.
     unlike = np.tile([1.0, 0.5], (20 * num, 1))
     for name, ends in (("unlike", unlike), ("one or two touches", lifted)):
         found = turns(few(by_sensation(targets(90, ends, num)), arguments.landmarks))

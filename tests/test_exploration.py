@@ -171,7 +171,7 @@ def test_a_life_learns_from_the_touches_of_a_round_what_surprised(quick):
     for _ in range(3):
         shard = life.explore(300)
         life.remember(shard.q, shard.sensation)
-    # 500 of 900 touches are learned; the fourth round makes it 1000, of which 200 wait.
+    # After three rounds 500 touches are learned and 400 wait; after the fourth 1000 and 200.
     shard = life.explore(300)
     life.remember(shard.q, shard.sensation[:, ::-1])
     known = life._agent.representation

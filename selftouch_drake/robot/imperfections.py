@@ -141,7 +141,7 @@ def _rewires(change: SkinChange) -> bool:
 def _rewire(
     change: SkinChange, source: np.ndarray, alive: np.ndarray, chance: np.random.Generator
 ) -> None:
-    """Changes the `(S,)` sources of the readings, and which of them are alive, in place."""
+    """Changes in place which receptor each reading comes from, and which receptors are alive."""
     num_receptors = len(source)
     num_pairs = round(change.swapped_share * num_receptors / 2)
     drawn = chance.permutation(num_receptors)[: 2 * num_pairs].reshape(-1, 2)

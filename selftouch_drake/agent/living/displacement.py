@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -55,7 +56,7 @@ def displacement(
         Networks from `x` to the displacement; their mean counts.
     """
     rng = np.random.default_rng(seed)
-    num_joints, growth = x.shape[1], np.sqrt(len(x) / 1000)
+    num_joints, growth = x.shape[1], math.sqrt(len(x) / 1000)
     rows = np.empty(0, dtype=int)
 
     def batch() -> np.ndarray:
@@ -71,7 +72,7 @@ def displacement(
             def slope(displaced: np.ndarray, expected: Network = expected) -> np.ndarray:
                 outputs, _, slopes = expected.forward(start[rows] + displaced)
                 off = 2.0 * counts * (outputs - wanted[rows]) / len(rows)
-                pull = np.float32(2.0 * _PENALTY / growth / len(rows)) * displaced
+                pull = 2.0 * _PENALTY / growth / len(rows) * displaced
                 return expected.slope_of_inputs(off, slopes) + pull
 
             train(network, batch, slope, round(_NUM_STEPS * growth))

@@ -228,18 +228,15 @@ def understand(
         )
         return _displaced(dataclasses.replace(one, through=through), touches, seed)
 
-    at_first = nothing.left(others)
-    best, by_chance = (
+    by_chance = dataclasses.replace(
         nothing,
-        dataclasses.replace(
-            nothing,
-            # Before the change, receptors that are new felt nothing.
-            new=NewReceptors.learned(np.zeros_like(known), fit.felt),
-            # Other networks would learn from the touches that are compared with. Twice, for as many
-            # steps as through a blunt and a sharp one.
-            through=((expectation, expectation),),
-        ),
+        # Before the change, receptors that are new felt nothing.
+        new=NewReceptors.learned(np.zeros_like(known), fit.felt),
+        # Other networks would learn from the touches that are compared with. Twice, for as many
+        # steps as through a blunt and a sharp one.
+        through=((expectation, expectation),),
     )
+    best, at_first = nothing, nothing.left(others)
     least = at_first / by_chance.left(usual_others)
     for explained in (_rewired, _with_offset, displaced):
         if least <= _ENOUGH:

@@ -70,7 +70,7 @@ class KernelReservoir:
             columns: `(n, ...)` what to keep with the rows; the same names every time.
 
         Returns:
-            `(m,)` which of them are kept for now.
+            `(m,)` numbers of the rows that are kept for now.
         """
         # One draw a row, in order: the i-th row has the i-th draw, however rows are cut.
         priority = self._random.random(len(kernel))

@@ -157,7 +157,7 @@ def test_it_looks_between_neighbours_on_the_skin():
     nowhere = np.zeros(3)
     searcher = Searcher(agent, NARROW, MANNER, nowhere, nowhere, np.random.default_rng(0))
     tried = [next(searcher._look_between(agent))[0] for _ in range(200)]
-    # Neighbouring targets are half a radius apart; those of which one was drawn at random, 1.4.
+    # Neighbouring targets are half a radius apart, a target and a random one 1.4.
     apart = np.linalg.norm(np.array(tried)[:, None] - points, axis=2).min(axis=1)
     assert np.quantile(apart, 0.9) < 0.2
 

@@ -215,9 +215,9 @@ def test_a_bent_arm_is_a_displacement_which_more_touches_make_exact(
     # The light ones are forgotten, and those at readings that the joints never had; no others.
     had = np.concatenate([touches[0][:NUM_OLD], unbent(touches[0][NUM_OLD:][:700])])
     assert mending.reach == pytest.approx(np.array([had.min(axis=0), had.max(axis=0)]))
-    lower, upper = mending.reach * 0.8
-    few_rows, few_now = moved(dataclasses.replace(mending, reach=np.array([lower, upper])))
-    within = ((now >= lower) & (now <= upper)).all(axis=1)
+    narrow = 0.8 * mending.reach
+    few_rows, few_now = moved(dataclasses.replace(mending, reach=narrow))
+    within = ((now >= narrow[0]) & (now <= narrow[1])).all(axis=1)
     assert 0.1 < within.mean() < 0.9
     assert np.array_equal(few_rows, rows[within])
     assert np.array_equal(few_now, now[within])
