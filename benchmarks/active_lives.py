@@ -34,7 +34,7 @@ from mending import (
     store,
 )
 
-from selftouch_drake.agent.living import Life, LivingLearner
+from selftouch_drake.agent.lifelong import Life, OnlineLearner
 from selftouch_drake.evaluation.life import planned_contact
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.exploration import Exploration
@@ -78,7 +78,7 @@ def in_another_body(exploration: Exploration, world: World) -> Exploration:
 def anew(bench: Bench, world: World) -> list[dict[str, Any]]:
     """The quality of an active agent that learns this world's body anew, at several moments."""
     exploration, scores = born(bench, world), []
-    exploration.mind = LivingLearner(bench.args.targets, seed=bench.seed)
+    exploration.mind = OnlineLearner(bench.args.targets, seed=bench.seed)
     for rung in (int(share * bench.args.touches) for share in LADDER):
         explore(exploration, rung)
         scores.append(scored(exploration.learner, world, bench.args.pairs) | {"touches": rung})

@@ -39,7 +39,7 @@ from selftouch_drake.experience import (
 from selftouch_drake.experience.sources import BATCH, KinematicSource
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import MakeDynamicStation, World
-from selftouch_drake.robot.screen import TouchScreen
+from selftouch_drake.robot.broadphase import BroadPhase
 from selftouch_drake.run.executors import local_executor
 
 
@@ -185,7 +185,7 @@ def measure_steps(turns: int) -> dict[str, float]:
         world = World(load_experiment(name))
         walk = random_walk(world.experiment, world.robot, 0)
         q = walk.steps(2 * num_steps).astype(np.float32)
-        away = q[~TouchScreen(world.robot).near(q).any(axis=1)]
+        away = q[~BroadPhase(world.robot).near(q).any(axis=1)]
         away = np.resize(away, (num_steps, q.shape[1]))
         # A probe builds its screen when it has been asked for many configurations.
         world.probe.felt(np.resize(away, (250_000, q.shape[1])))

@@ -49,8 +49,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living import Explorer, LivingLearner
-from selftouch_drake.agent.living.explorer import Moves
+from selftouch_drake.agent.lifelong import Explorer, OnlineLearner
+from selftouch_drake.agent.lifelong.explorer import Moves
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.shape import recover
 from selftouch_drake.evaluation import kernel_truth, shape_errors
@@ -242,7 +242,7 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
     reader = ExperienceReader(run.experience)
     q, sensation = reader.read("q"), reader.read("sensation")
     contacts = Contacts.joined(list(ExperienceReader(run.truth).contacts()))
-    world, learner = World(run.experiment), LivingLearner(num_targets)
+    world, learner = World(run.experiment), OnlineLearner(num_targets)
     taken, cpu_s = 0, 0.0
     for moment in (moment for moment in MOMENTS if moment <= len(q)):
         began = time.process_time()

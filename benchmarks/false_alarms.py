@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from mending import BODIES, kept, store, touches
 
-from selftouch_drake.agent.living import Life, LivingLearner
+from selftouch_drake.agent.lifelong import Life, OnlineLearner
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 
@@ -31,7 +31,7 @@ WALK = 2500
 def lived(body: str, seed: int, args: argparse.Namespace) -> dict[str, Any]:
     """One row of the table."""
     world, began = World(load_experiment(body, {"seed": seed})), time.process_time()
-    life = Life(lambda: LivingLearner(args.targets, seed=seed), seed=seed)
+    life = Life(lambda: OnlineLearner(args.targets, seed=seed), seed=seed)
     walks = touches(world, 0, WALK)
     while life.num_touches < args.touches:
         life.take(*next(walks))

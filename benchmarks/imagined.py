@@ -27,8 +27,8 @@ from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import load_agent
 from selftouch_drake.run.trials import contact_along, random_pairs
 
 #: Rows of a batch, half of them touches; units of each hidden layer; the network's inputs cover

@@ -31,8 +31,8 @@ from selftouch_drake.agent.representation import QuotientLearner, QuotientRepres
 from selftouch_drake.agent.representation.set_distances import _NOT_TOLD, _nearest_squared
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.run import stages
+from selftouch_drake.run.artifacts import load_representation
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import load_representation
 
 # Where one thing grows, the others stay at these.
 NUM_ROWS, NUM_TARGETS, KERNEL_SIZE = 300_000, 300, 300

@@ -17,9 +17,9 @@ from pathlib import Path
 from playwright.sync_api import sync_playwright
 
 from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import load_agent
-from selftouch_drake.run.material import Material
+from selftouch_drake.run.run_data import RunData
 from selftouch_drake.show import LiveShow
 from selftouch_drake.show.meshcat.live import FRAME_S, SPEED
 from selftouch_drake.show.meshcat.server import open_meshcat
@@ -35,7 +35,7 @@ def main() -> None:
     parser.add_argument("--no-browser", action="store_true", help="measure without a browser")
     given = parser.parse_args()
     run = RunDirectory.open(given.run)
-    material, meshcat = Material(run), open_meshcat()
+    material, meshcat = RunData(run), open_meshcat()
     pilot = Pilot(load_agent(run), material.world)
     show = LiveShow(meshcat, material, lambda *query: pilot.plan_feeling(*query).motion)
     with sync_playwright() as driver:

@@ -29,8 +29,8 @@ from typing import Any
 
 import numpy as np
 
-from selftouch_drake.agent.living import Life, LivingLearner
-from selftouch_drake.agent.living.surprise import surprise
+from selftouch_drake.agent.lifelong import Life, OnlineLearner
+from selftouch_drake.agent.lifelong.surprise import surprise
 from selftouch_drake.evaluation.life import planned_contact, quality
 from selftouch_drake.experience import collect_walk
 from selftouch_drake.experience.sources import KinematicSource
@@ -82,7 +82,7 @@ def touches(
         walk += 1
 
 
-def scored(life: Life | LivingLearner, world: World, num_pairs: int) -> dict[str, Any]:
+def scored(life: Life | OnlineLearner, world: World, num_pairs: int) -> dict[str, Any]:
     """Error of the shape, holes, and contact on planned paths, measured in `world`."""
     learner = life.learner if isinstance(life, Life) else life
     found = quality(learner, world, num_pairs)
@@ -164,11 +164,11 @@ class Bench:
     def new_life(self) -> Life:
         """An agent that knows nothing."""
         num_targets = self.args.targets
-        return Life(lambda: LivingLearner(num_targets, seed=self.seed), seed=self.seed)
+        return Life(lambda: OnlineLearner(num_targets, seed=self.seed), seed=self.seed)
 
     def anew(self, world: World) -> list[dict[str, Any]]:
         """The quality of an agent that learns this world's body anew, at several moments."""
-        learner = LivingLearner(self.args.targets, seed=self.seed)
+        learner = OnlineLearner(self.args.targets, seed=self.seed)
         walks, scores = touches(world, 500), []
         for rung in (int(share * self.args.touches) for share in LADDER):
             while learner.num_touches < rung:

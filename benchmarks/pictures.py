@@ -31,9 +31,9 @@ from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.artifacts import load_agent, load_execution
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import load_agent, load_execution
-from selftouch_drake.run.material import Material
+from selftouch_drake.run.run_data import RunData
 from selftouch_drake.show import FIGURES, LiveShow, PostureCamera
 from selftouch_drake.show.meshcat.live import TARGET
 from selftouch_drake.show.meshcat.server import open_meshcat
@@ -56,7 +56,7 @@ LIVE_CLIP = {"x": 160, "y": 180, "width": 730, "height": 285}
 
 
 @functools.cache
-def torus(folder: Path) -> Material:
+def torus(folder: Path) -> RunData:
     """A run of the torus, with one executed plan and one executed tour."""
     material = learned(folder / "torus", load_experiment("torus", SIZE))
     for targets in (TOUR[:2], TOUR):
@@ -66,7 +66,7 @@ def torus(folder: Path) -> Material:
     return material
 
 
-def tutorial_robot(folder: Path) -> Material:
+def tutorial_robot(folder: Path) -> RunData:
     """A run of the robot that the tutorial describes, file by file."""
     files = folder / "tutorial"
     files.mkdir(parents=True, exist_ok=True)
@@ -78,7 +78,7 @@ def tutorial_robot(folder: Path) -> Material:
     return learned(folder / "my_robot", load_experiment(files / "my_robot.yaml"))
 
 
-def learned(folder: Path, experiment: Experiment) -> Material:
+def learned(folder: Path, experiment: Experiment) -> RunData:
     """A run that has learned."""
     run, world = RunDirectory.create(folder, experiment), World(experiment)
     if not stages.has_babbled(run):
@@ -86,10 +86,10 @@ def learned(folder: Path, experiment: Experiment) -> Material:
             stages.babble(run, world, executor)
     if not stages.has_learned(run):
         stages.learn(run)
-    return Material(run, world)
+    return RunData(run, world)
 
 
-def figure(name: str, of: Callable[[Path], Material], runs: Path) -> Figure:
+def figure(name: str, of: Callable[[Path], RunData], runs: Path) -> Figure:
     return FIGURES[name](of(runs))
 
 

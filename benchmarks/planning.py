@@ -31,13 +31,13 @@ from scipy.spatial import cKDTree
 from selftouch_drake.agent.planning import Planner, smooth_path
 from selftouch_drake.agent.planning.members import goal_members
 from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
-from selftouch_drake.experiment import Surface
+from selftouch_drake.experiment import SurfaceSettings
 from selftouch_drake.robot import World
 from selftouch_drake.robot.kinematics import _compose, _move
 from selftouch_drake.robot.timing import TimedPath, time_path
 from selftouch_drake.run import stages
+from selftouch_drake.run.artifacts import load_representation
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import load_representation
 from selftouch_drake.run.trials import random_pairs
 
 # Goal configurations offered to a peer; more slow OMPL's nearest-neighbour search of its goal tree.
@@ -152,7 +152,7 @@ class OnSurface(ob.Constraint):
         return q
 
 
-def dimensions(surface: Surface, depth: float) -> np.ndarray:
+def dimensions(surface: SurfaceSettings, depth: float) -> np.ndarray:
     """Parameters of `surface_distance` for a shape, `depth` m below its surface."""
     if surface.shape == "sphere":
         return np.array([surface.radius - depth])

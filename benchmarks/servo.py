@@ -25,8 +25,8 @@ from selftouch_drake.geometry import hollow_skin
 from selftouch_drake.robot import Simulation, SkinModel
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import NoWayError, Pilot
+from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import load_agent
 from selftouch_drake.run.trials import random_pairs
 
 #: rad; m.

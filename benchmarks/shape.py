@@ -39,7 +39,7 @@ import numpy as np
 
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
-from selftouch_drake.agent.shape import METRICS, Body, intrinsic_dimension, recover, topology
+from selftouch_drake.agent.shape import SHAPE_METRICS, Body, intrinsic_dimension, recover, topology
 from selftouch_drake.agent.shape.confidence import trusted
 from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader
@@ -232,7 +232,7 @@ def main() -> None:
     parser.add_argument("runs", nargs="*", type=Path, help="that have babbled")
     parser.add_argument("--out", type=Path, default=Path("shape.csv"), help="where rows are added")
     parser.add_argument("--cache", type=Path, default=Path("shape-cache"))
-    parser.add_argument("--metrics", nargs="+", choices=METRICS, default=list(METRICS))
+    parser.add_argument("--metrics", nargs="+", choices=SHAPE_METRICS, default=list(SHAPE_METRICS))
     parser.add_argument("--skins", nargs="+", choices=SKINS, default=["whole"])
     parser.add_argument("--samples", nargs="+", type=int, default=[1_000_000])
     parser.add_argument("--targets", nargs="+", type=int, default=[1000])

@@ -16,9 +16,9 @@ import copy
 import numpy as np
 from mending import BODIES, touches
 
-from selftouch_drake.agent.living import Expectation
-from selftouch_drake.agent.living.receptors import Silenced
-from selftouch_drake.agent.living.surprise import with_unit_norm
+from selftouch_drake.agent.lifelong import Expectation
+from selftouch_drake.agent.lifelong.receptors import DeadReceptorTest
+from selftouch_drake.agent.lifelong.surprise import with_unit_norm
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 
@@ -39,7 +39,7 @@ def watched(body: str, seed: int) -> None:
     def expected(q: np.ndarray) -> np.ndarray:
         return with_unit_norm(expectation(q))
 
-    test = Silenced.calibrated(expected(q[LEARNED:KNOWN]), felt[LEARNED:KNOWN])
+    test = DeadReceptorTest.calibrated(expected(q[LEARNED:KNOWN]), felt[LEARNED:KNOWN])
     fresh, doubt = copy.deepcopy(test), 0.0
     for start in range(KNOWN, len(q), 500):
         rows = slice(start, start + 500)

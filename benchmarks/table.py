@@ -29,8 +29,8 @@ from planning import measure_cpu, ompl_planner, questions
 
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.artifacts import load_agent, load_representation
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import load_agent, load_representation
 
 HERE = Path(__file__).resolve().parents[1]
 

@@ -46,10 +46,10 @@ from selftouch_drake.evaluation import cosine_distance, in_link_frames
 from selftouch_drake.experience import Contacts, ExperienceReader, random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
-from selftouch_drake.robot.screen import TouchScreen
+from selftouch_drake.robot.broadphase import BroadPhase
 from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import load_agent
 from selftouch_drake.run.trials import random_pairs
 from selftouch_drake.run.worlds import make_world
 
@@ -161,7 +161,7 @@ def collect(seed: int, num_rows: int) -> dict[str, np.ndarray]:
     experiment = load_experiment("sphere_two_wide_fingers", {"seed": seed})
     world = World(experiment)
     screens = [
-        TouchScreen(World(dataclasses.replace(experiment, touching={name: finger})).robot)
+        BroadPhase(World(dataclasses.replace(experiment, touching={name: finger})).robot)
         for name, finger in experiment.touching.items()
     ]
     kept: dict[bool, list] = {False: [], True: []}

@@ -442,7 +442,7 @@ def live(
     """
     directory, world = _begin(experiment, out, overrides)
 
-    from selftouch_drake.run import living, showing, stages
+    from selftouch_drake.run import lifelong, showing, stages
     from selftouch_drake.run.executors import HereAndInProcesses
 
     if not stages.has_babbled(directory):
@@ -450,7 +450,7 @@ def live(
             _babble(directory, world, executor, None)
     if no_page:
         with _progress("live") as progress:
-            living.live(directory, progress=progress)
+            lifelong.live(directory, progress=progress)
     else:
         showing.show_live(directory, port=port, announce=click.echo)
     click.echo(f"life: {directory.life}; `selftouch report {directory.path}` draws it")

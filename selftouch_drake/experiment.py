@@ -37,7 +37,7 @@ SHAPES = {
 }
 BABBLING_MODES = ("kinematic", "dynamic")
 STRATEGIES = ("random", "active")
-METRICS = ("learned", "sensorimotor", "motor", "literal", "revolute_reference")
+SHAPE_METRICS = ("learned", "sensorimotor", "motor", "literal", "revolute_reference")
 # Fields without a meaning if experience is imported, and if it is not.
 _WITHOUT_ROBOT = ("robot", "skins", "touching", "joints", "execution", "evaluation", "changes")
 _WITHOUT_DATA = ("imported",)
@@ -50,7 +50,7 @@ class ExperimentError(ValueError):
 
 
 @dataclass(kw_only=True, slots=True)
-class Robot:
+class RobotSettings:
     """The robot, as Drake loads it."""
 
     # Drake model directives; the models inside are URDF, SDFormat or MJCF. A package:// URI or a
@@ -66,7 +66,7 @@ class Robot:
 
 
 @dataclass(kw_only=True, slots=True)
-class Surface:
+class SurfaceSettings:
     """A closed surface in the frame of the link that wears it."""
 
     # One of SHAPES. Only the dimensions of that shape are given, in metres.
@@ -124,7 +124,7 @@ class Skin:
 
     # The link that wears it: Drake's scoped name, or the bare name if it is unique.
     link: str = ""
-    surface: Surface = field(default_factory=Surface)
+    surface: SurfaceSettings = field(default_factory=SurfaceSettings)
     # Metres, from the outer face inwards.
     thickness: float = 0.03
     # Number of receptors; the paper uses 20 to 200 on one body.
@@ -141,7 +141,7 @@ class Skin:
 
 
 @dataclass(kw_only=True, slots=True)
-class Toucher:
+class ToucherSettings:
     """Something that presses skins: a ball at a frame, or a link's own geometry."""
 
     # Frame whose origin is the centre of a rigid ball, and the radius of that ball in metres.
@@ -152,7 +152,7 @@ class Toucher:
 
 
 @dataclass(kw_only=True, slots=True)
-class Joints:
+class JointSettings:
     """How well the agent knows its motor configuration; by default exactly."""
 
     # Rad or m, standard deviation of the error in each remembered joint position.
@@ -194,7 +194,7 @@ class Representation:
     num_targets: int = 300
     # Most motor configurations kept in one motor kernel set.
     max_kernel_size: int = 1000
-    # The shape metric from which the body is recovered; one of METRICS.
+    # The shape metric from which the body is recovered; one of SHAPE_METRICS.
     metric: str = "learned"
 
 
@@ -207,7 +207,7 @@ class Planning:
 
 
 @dataclass(kw_only=True, slots=True)
-class Execution:
+class ExecutionSettings:
     """The dynamic world in which plans are executed."""
 
     # Seconds, discrete time step of the plant.
@@ -303,14 +303,14 @@ class Experiment:
     name: str = ""
     # The only source of randomness; the same seed gives the same bytes.
     seed: int = 0
-    robot: Robot = field(default_factory=Robot)
+    robot: RobotSettings = field(default_factory=RobotSettings)
     skins: dict[str, Skin] = field(default_factory=dict)
-    touching: dict[str, Toucher] = field(default_factory=dict)
-    joints: Joints = field(default_factory=Joints)
+    touching: dict[str, ToucherSettings] = field(default_factory=dict)
+    joints: JointSettings = field(default_factory=JointSettings)
     babbling: Babbling = field(default_factory=Babbling)
     representation: Representation = field(default_factory=Representation)
     planning: Planning = field(default_factory=Planning)
-    execution: Execution = field(default_factory=Execution)
+    execution: ExecutionSettings = field(default_factory=ExecutionSettings)
     evaluation: Evaluation = field(default_factory=Evaluation)
     # Changes of the body during its life, in order of time.
     changes: list[Change] = field(default_factory=list)
@@ -535,7 +535,7 @@ def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
 
 def _made(fields: Any, schema: type, *, prefix: str) -> Any:
     """Makes a dataclass of `schema`; errors name unknown keys and wrong types by full path."""
-    if schema is Surface:
+    if schema is SurfaceSettings:
         fields = _spelled_out(fields)
     if not isinstance(fields, Mapping):
         raise ExperimentError(
@@ -675,9 +675,9 @@ def _check_values(e: Experiment) -> None:
         e.representation.num_targets,
         f"give at most {_samples_of(e)}, {e.babbling.num_samples}",
     )
-    _one_of("representation.metric", e.representation.metric, METRICS)
+    _one_of("representation.metric", e.representation.metric, SHAPE_METRICS)
     for number, metric in enumerate(e.evaluation.shape_metrics or []):
-        _one_of(f"evaluation.shape_metrics[{number}]", metric, METRICS)
+        _one_of(f"evaluation.shape_metrics[{number}]", metric, SHAPE_METRICS)
 
 
 def _samples_of(e: Experiment) -> str:
@@ -820,7 +820,7 @@ def _check_skin(name: str, skin: Skin) -> None:
             _require(least <= value <= most, f"{name}.{field_name}", value, f"give {words}")
 
 
-def _check_surface(name: str, surface: Surface) -> None:
+def _check_surface(name: str, surface: SurfaceSettings) -> None:
     _one_of(f"{name}.shape", surface.shape, SHAPES)
     needed = SHAPES[surface.shape]
     for dimension in sorted({entry for shape in SHAPES.values() for entry in shape}):
@@ -845,13 +845,13 @@ def _check_surface(name: str, surface: Surface) -> None:
     _check_triples(name, surface)
 
 
-def _check_triples(name: str, posed: Surface | SkinChange) -> None:
+def _check_triples(name: str, posed: SurfaceSettings | SkinChange) -> None:
     for part in ("translation", "rpy_deg"):
         value = getattr(posed, part)
         _require(len(value) == 3, f"{name}.{part}", value, "give three numbers")
 
 
-def _check_toucher(name: str, toucher: Toucher) -> None:
+def _check_toucher(name: str, toucher: ToucherSettings) -> None:
     both = "give frame and radius for a ball, or link for a link's own geometry"
     kinds = (toucher.frame is not None) + (toucher.link is not None)
     _require(kinds == 1, name, dataclasses.asdict(toucher), both)

@@ -21,9 +21,16 @@ import numpy as np
 import yaml
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living import Explorer, Joints, Life, LivingLearner, Manner, Searcher
-from selftouch_drake.agent.living.recall import recalled
-from selftouch_drake.agent.living.surprise import surprise
+from selftouch_drake.agent.lifelong import (
+    ExplorationSettings,
+    Explorer,
+    JointRanges,
+    Life,
+    OnlineLearner,
+    PostureSampler,
+)
+from selftouch_drake.agent.lifelong.recall import recalled
+from selftouch_drake.agent.lifelong.surprise import surprise
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.experience import (
     ExperienceReader,
@@ -47,16 +54,16 @@ _AT_RANDOM = 500
 #: In the kinematic world the agent searches, and needs no manner. Only goal babbling, which is
 #: measured beside it, walks in this manner before it knows anything. Under dynamics the agent stays
 #: in contact.
-KINEMATIC = Manner(pace=1.0, dwell=0, air=0.95, walked=20, hops=2)
-DYNAMIC = Manner(pace=0.2, dwell=750, air=0.1, walked=1, hops=0)
+KINEMATIC = ExplorationSettings(pace=1.0, dwell=0, air=0.95, walked=20, hops=2)
+DYNAMIC = ExplorationSettings(pace=0.2, dwell=750, air=0.1, walked=1, hops=0)
 
 
 def new_life(experiment: Experiment) -> Life:
     """The life of an experiment's agent, at birth."""
     settings, seed = experiment.representation, experiment.seed
 
-    def learner() -> LivingLearner:
-        return LivingLearner(settings.num_targets, settings.max_kernel_size, seed=seed)
+    def learner() -> OnlineLearner:
+        return OnlineLearner(settings.num_targets, settings.max_kernel_size, seed=seed)
 
     return Life(learner, seed=seed)
 
@@ -82,7 +89,7 @@ class Exploration:
         world: World | None = None,
     ):
         dynamic = experiment.babbling.mode == "dynamic"
-        self._explorer = explorer or (Explorer if dynamic else Searcher)
+        self._explorer = explorer or (Explorer if dynamic else PostureSampler)
         self.experiment = experiment
         self.manner = KINEMATIC
         if dynamic:
@@ -91,10 +98,10 @@ class Exploration:
             self.manner = dataclasses.replace(DYNAMIC, pace=pace)
         self.enter(world or World(experiment))
         (seed,) = experiment.random_stream("explorer").generate_state(1)
-        self.mind: Life | LivingLearner = (
+        self.mind: Life | OnlineLearner = (
             new_life(experiment)
             if any(change.after > 0 for change in experiment.changes)
-            else LivingLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
+            else OnlineLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
         )
         self.round = self.num_touches = 0
         self._q: np.ndarray | None = None
@@ -107,10 +114,12 @@ class Exploration:
         dynamic, robot = self.experiment.babbling.mode == "dynamic", world.robot
         self.world, self.source = world, LedSource(world) if dynamic else KinematicSource(world)
         lower, upper = robot.babbled_range
-        self._joints = Joints(lower=lower, upper=upper, stride=step_sizes(self.experiment, robot))
+        self._joints = JointRanges(
+            lower=lower, upper=upper, stride=step_sizes(self.experiment, robot)
+        )
 
     @property
-    def learner(self) -> LivingLearner:
+    def learner(self) -> OnlineLearner:
         """What the agent learned; another one each time that it mended."""
         return self.mind.learner if isinstance(self.mind, Life) else self.mind
 

@@ -8,13 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.experiment import (
-    METRICS,
+    SHAPE_METRICS,
     SHAPES,
     STREAMS,
     Experiment,
     ExperimentError,
     Skin,
-    Surface,
+    SurfaceSettings,
     dump_experiment,
     experiment_from_fields,
     load_experiment,
@@ -365,15 +365,15 @@ def test_overrides_are_laid_over_the_file_field_by_field():
     expected = load_experiment("cube")
     expected.skins["body"].num_receptors = 50
     assert changed == expected
-    assert changed.skins["body"].surface == Surface(shape="cube", side=0.44)
+    assert changed.skins["body"].surface == SurfaceSettings(shape="cube", side=0.44)
 
 
 @pytest.mark.parametrize(
     ("text", "surface"),
     [
-        ("{shape: sphere, radius: 0.2}", Surface(shape="sphere", radius=0.2)),
-        ("collision", Surface(shape="collision")),
-        ("{mesh: /a.obj, scale: 0.001}", Surface(shape="mesh", mesh="/a.obj", scale=0.001)),
+        ("{shape: sphere, radius: 0.2}", SurfaceSettings(shape="sphere", radius=0.2)),
+        ("collision", SurfaceSettings(shape="collision")),
+        ("{mesh: /a.obj, scale: 0.001}", SurfaceSettings(shape="mesh", mesh="/a.obj", scale=0.001)),
     ],
 )
 def test_a_surface_is_replaced_whole(text, surface):
@@ -418,7 +418,7 @@ def test_numbers_may_be_written_as_people_do():
     )
     assert experiment_from_fields(merged(LEAST, fields)).skins["body"] == Skin(
         link="body",
-        surface=Surface(**BALL),
+        surface=SurfaceSettings(**BALL),
         hydroelastic_modulus=30_000.0,
         thickness=0.02,
         num_receptors=32,
@@ -469,7 +469,9 @@ valid_fields = st.fixed_dictionaries(
     },
     optional={
         "seed": st.integers(0, 2**63 - 1),
-        "representation": st.fixed_dictionaries({}, optional={"metric": st.sampled_from(METRICS)}),
+        "representation": st.fixed_dictionaries(
+            {}, optional={"metric": st.sampled_from(SHAPE_METRICS)}
+        ),
         "execution": st.fixed_dictionaries({}, optional={"stiffness": lengths}),
     },
 )
@@ -508,7 +510,7 @@ scalars = st.one_of(
 known_keys = st.sampled_from(
     sorted(
         {f.name for f in dataclasses.fields(Experiment)}
-        | {f.name for f in dataclasses.fields(Surface)}
+        | {f.name for f in dataclasses.fields(SurfaceSettings)}
         | {f.name for f in dataclasses.fields(Skin)}
     )
 )

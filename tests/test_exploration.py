@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from selftouch_drake import exploration
-from selftouch_drake.agent.living import Life
-from selftouch_drake.agent.living import life as life_module
+from selftouch_drake.agent.lifelong import Life
+from selftouch_drake.agent.lifelong import life as life_module
 from selftouch_drake.experience import ExperienceReader, shard_name, walk_sizes
 from selftouch_drake.experiment import Change, ExperimentError, dump_experiment, load_experiment
 from selftouch_drake.exploration import explore

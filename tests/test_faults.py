@@ -23,9 +23,9 @@ from selftouch_drake.experience import ExperienceReader, StoreError, collect, re
 from selftouch_drake.experiment import load_experiment, parse_overrides
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run import stages
+from selftouch_drake.run.artifacts import load_representation, save_memory
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import dask_executor, local_executor
-from selftouch_drake.run.knowledge import load_representation, save_memory
 from selftouch_drake.threads import Threads
 
 SMALL = (

@@ -43,8 +43,7 @@ from selftouch_drake.experiment import (
 )
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.geometry import mesh_file
-from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.knowledge import (
+from selftouch_drake.run.artifacts import (
     load_body,
     load_execution,
     load_memory,
@@ -52,6 +51,7 @@ from selftouch_drake.run.knowledge import (
     save_memory,
     save_plan,
 )
+from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.sweep import SweepError, load_sweep
 from selftouch_drake.sweep.table import read_table
 

@@ -31,7 +31,7 @@ API = {
     "robot": ("Skins and robots in Drake", ("robot",)),
     "geometry": ("Surfaces, skins and receptors", ("geometry",)),
     "experiment": ("Experiments", ("experiment",)),
-    "run": ("Runs", ("run.directory", "run.knowledge", "run.stages")),
+    "run": ("Runs", ("run.directory", "run.artifacts", "run.stages")),
     "evaluation": ("Scores against the truth", ("evaluation",)),
     "show": ("Pictures, recordings, live agent", ("show",)),
     "sweep": ("Sweeps", ("sweep.design", "sweep.runs", "sweep.table")),

@@ -22,8 +22,7 @@ from selftouch_drake.agent.planning import (
     predict_sensation,
     recall_sensation,
 )
-from selftouch_drake.agent.practice import Passage, go_along, out_of_the_way, practise
-from selftouch_drake.agent.pressing import Pressing, felt_across
+from selftouch_drake.agent.practice import DryRun, go_along, out_of_the_way, practise
 from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge
 from selftouch_drake.agent.representation import (
     QuotientRepresentation,
@@ -33,6 +32,7 @@ from selftouch_drake.agent.representation import (
     linked_nearest,
 )
 from selftouch_drake.agent.sliding import Slider
+from selftouch_drake.agent.touch_profile import TouchProfile, felt_across
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.representation import Batches
@@ -217,7 +217,7 @@ class Agent:
         targets = [self.felt(felt), goal]
         return self.tour(targets, q_start=q_start, aside=aside, lift_off=lift_off, limits=limits)
 
-    def predict(self, plan: Plan, s: np.ndarray, passage: Passage | None = None) -> Prediction:
+    def predict(self, plan: Plan, s: np.ndarray, passage: DryRun | None = None) -> Prediction:
         """The sensation expected at path lengths `s` `(T,)` of a plan, in rad.
 
         If the agent went along the plan before (`passage`), it is what was felt then; else it comes
@@ -235,7 +235,7 @@ class Agent:
         s: np.ndarray,
         q: np.ndarray,
         v: np.ndarray,
-        passage: Passage | None = None,
+        passage: DryRun | None = None,
     ) -> Motion:
         """A plan with times and with the sensations that the agent expects; see `Motion`."""
         expected = self.predict(plan, s, passage)
@@ -253,7 +253,7 @@ class Agent:
         """The agent's own judgement of an executed plan."""
         return judge(execution, self.representation)
 
-    def go_along(self, plan: Plan, slider: Slider) -> Passage:
+    def go_along(self, plan: Plan, slider: Slider) -> DryRun:
         """What happens when the agent follows a plan slowly; see `practice.go_along`."""
         return go_along(plan, self.representation, slider)
 
@@ -261,7 +261,7 @@ class Agent:
         """Where to move joints that obstruct a plan; see `practice.out_of_the_way`."""
         return out_of_the_way(plan, self.representation, slider)
 
-    def felt_across(self, motion: Motion, offsets: np.ndarray, slider: Slider) -> Pressing:
+    def felt_across(self, motion: Motion, offsets: np.ndarray, slider: Slider) -> TouchProfile:
         """The sensations on either side of a motion; see `pressing.felt_across`."""
         return felt_across(motion, offsets, self.representation, slider)
 

@@ -24,7 +24,7 @@ _NUM_ASIDE = 24
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Passage:
+class DryRun:
     """What the agent felt when it followed a plan slowly.
 
     n places, S receptors.
@@ -42,7 +42,7 @@ class Passage:
     impossible: np.ndarray
 
 
-def go_along(plan: Plan, representation: QuotientRepresentation, slider: Slider) -> Passage:
+def go_along(plan: Plan, representation: QuotientRepresentation, slider: Slider) -> DryRun:
     """Follows the smooth path of a plan slowly.
 
     Args:
@@ -59,7 +59,7 @@ def go_along(plan: Plan, representation: QuotientRepresentation, slider: Slider)
     impossible = ~slider.possible(x)
     if not len(plan.in_air):  # a plan to stay
         lost[:] = impossible[:] = False
-    return Passage(
+    return DryRun(
         s=s, felt=felt, lost=np.unique(step[lost]), impossible=np.unique(step[impossible])
     )
 

@@ -16,7 +16,7 @@ from selftouch_drake.experience import Contacts
 from selftouch_drake.robot import World
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.living import LivingLearner
+    from selftouch_drake.agent.lifelong import OnlineLearner
 
 # No luck of a network's start is in this metric, and it takes a few seconds.
 _METRIC = "sensorimotor"
@@ -43,7 +43,7 @@ class Quality:
     contact: float
 
 
-def quality(learner: LivingLearner, world: World, num_pairs: int) -> Quality:
+def quality(learner: OnlineLearner, world: World, num_pairs: int) -> Quality:
     """Scores what a learner knows by now.
 
     Args:
@@ -72,7 +72,7 @@ def quality(learner: LivingLearner, world: World, num_pairs: int) -> Quality:
     )
 
 
-def planned_contact(learner: LivingLearner, world: World, num_pairs: int) -> float:
+def planned_contact(learner: OnlineLearner, world: World, num_pairs: int) -> float:
     """Share of planned paths in contact, in the kinematic world; NaN if there is no path."""
     agent = Agent.of(learner.representation)
     shares = [world.probe.sensations(q).any(axis=1).mean() for q in _paths(agent, num_pairs)]

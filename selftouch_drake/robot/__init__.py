@@ -6,6 +6,7 @@ from selftouch_drake.robot.pairs import WornSkin
 from selftouch_drake.robot.probe import ContactProbe
 from selftouch_drake.robot.robot import MakeRobot, Robot
 from selftouch_drake.robot.simulation import LOG_PERIOD, Log, Simulation
+from selftouch_drake.robot.skin_registration import AddModelsAndSkins, AddSkins, AddTactileSkin
 from selftouch_drake.robot.skins import SkinModel, make_skins
 from selftouch_drake.robot.sources import Babbler, PathSource
 from selftouch_drake.robot.station import MakeDynamicStation, MakeKinematicStation, Station
@@ -16,7 +17,6 @@ from selftouch_drake.robot.tactile_skin import (
     TactileSkin,
     UnfeltContactWarning,
 )
-from selftouch_drake.robot.wearing import AddModelsAndSkins, AddSkins, AddTactileSkin
 from selftouch_drake.robot.world import World
 
 __all__ = [

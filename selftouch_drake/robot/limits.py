@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from selftouch_drake.experiment import Execution
+from selftouch_drake.experiment import ExecutionSettings
 from selftouch_drake.robot.compiled import compiled
 from selftouch_drake.robot.robot import Robot
 
@@ -34,7 +34,7 @@ class JointLimits:
     torque: np.ndarray
 
     @staticmethod
-    def of(robot: Robot, execution: Execution) -> JointLimits:
+    def of(robot: Robot, execution: ExecutionSettings) -> JointLimits:
         """The limits of `robot` and of the plans of `execution`; the tighter one holds."""
         plant = robot.plant
         actuators = [plant.get_joint_actuator(i) for i in plant.GetJointActuatorIndices()]

@@ -10,11 +10,11 @@ import numpy as np
 from pydrake.geometry import HydroelasticContactRepresentation, QueryObject
 
 from selftouch_drake.experiment import Experiment
+from selftouch_drake.robot.broadphase import BroadPhase
 from selftouch_drake.robot.collisions import CollisionCheck
 from selftouch_drake.robot.contact import PressedFaces, SensorModel, Touches
 from selftouch_drake.robot.hydroelastic import RigidTouchers
 from selftouch_drake.robot.imperfections import ImperfectSkins
-from selftouch_drake.robot.screen import TouchScreen
 from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.station import MakeKinematicStation, sensor_model
 
@@ -121,8 +121,8 @@ class ContactProbe:
         return sensor.touches(faces, X_WL[:, : len(self.robot.skins)])
 
     @cached_property
-    def _screen(self) -> TouchScreen:
-        return TouchScreen(self.robot)
+    def _screen(self) -> BroadPhase:
+        return BroadPhase(self.robot)
 
     @cached_property
     def _rigid_touchers(self) -> RigidTouchers:

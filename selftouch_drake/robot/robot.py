@@ -10,13 +10,12 @@ from pydrake.geometry import GeometryId, HydroelasticContactRepresentation, Scen
 from pydrake.multibody.plant import ContactModel, DiscreteContactApproximation, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Joint, PdControllerGains
 
-from selftouch_drake.experiment import Experiment, ExperimentError
-from selftouch_drake.experiment import Toucher as ToucherFields
+from selftouch_drake.experiment import Experiment, ExperimentError, ToucherSettings
 from selftouch_drake.robot.changes import change_joints, frame_after
+from selftouch_drake.robot.fixed_joints import fix_joints
 from selftouch_drake.robot.kinematics import Kinematics, moving_joints
 from selftouch_drake.robot.links import find_frame, find_link, scoped_name
 from selftouch_drake.robot.models import RobotModel, load_model, parse
-from selftouch_drake.robot.moving import fix_joints
 from selftouch_drake.robot.pairs import (
     Neighbours,
     RigidPair,
@@ -27,9 +26,9 @@ from selftouch_drake.robot.pairs import (
     rigid_pairs,
     touching_pairs,
 )
+from selftouch_drake.robot.skin_registration import wear
 from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.touchers import register_ball, register_shapes
-from selftouch_drake.robot.wearing import wear
 
 # rad, how far babbling turns a joint that turns without limits.
 TURN = 2 * np.pi
@@ -183,7 +182,7 @@ def _add_toucher(
     plant: MultibodyPlant,
     scene_graph: SceneGraph,
     name: str,
-    described: ToucherFields,
+    described: ToucherSettings,
     worn: Sequence[WornSkin],
     own: Mapping[BodyIndex, tuple[GeometryId, ...]],
     experiment: Experiment,

@@ -12,7 +12,7 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning import checked_configuration, jerk_reduction
-from selftouch_drake.agent.practice import Passage
+from selftouch_drake.agent.practice import DryRun
 from selftouch_drake.agent.rehearsal import Try, rehearse
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
@@ -219,7 +219,7 @@ class Pilot:
         seconds = time.perf_counter() - began
         return Query(agent=agent, plan=plan, straight=first, motion=motion, seconds=seconds)
 
-    def _motion(self, agent: Agent, plan: Plan, passage: Passage) -> Motion:
+    def _motion(self, agent: Agent, plan: Plan, passage: DryRun) -> Motion:
         """The timed plan, with what the agent expects to feel after it followed it slowly."""
         timed = time_path(
             plan.path,
@@ -237,7 +237,7 @@ class Pilot:
             plan = self.agent.tour(edge)
             self._motion(self.agent, plan, self.agent.go_along(plan, self._slider))
 
-    def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, Passage]:
+    def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, DryRun]:
         """The agent and its plan after practice, and what it felt along the plan.
 
         Parts of the robot that are in the way are moved aside.

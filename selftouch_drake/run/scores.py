@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.shape import METRICS, Body, recover
+from selftouch_drake.agent.shape import SHAPE_METRICS, Body, recover
 from selftouch_drake.evaluation import (
     KernelTruth,
     PartOnSkin,
@@ -133,11 +133,11 @@ def _by_other_metrics(
 ) -> dict[str, Body]:
     asked = run.experiment.evaluation.shape_metrics
     if asked is None:
-        asked = [name for name, metric in METRICS.items() if metric.naive]
+        asked = [name for name, metric in SHAPE_METRICS.items() if metric.naive]
     seed = run.experiment.seed
     return {
         name: recover(representation, name, seed=seed, holes=False)
-        for name in METRICS
+        for name in SHAPE_METRICS
         if name in asked and name != chosen
     }
 

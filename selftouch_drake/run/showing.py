@@ -13,15 +13,15 @@ from selftouch_drake.agent.motions import Motion
 from selftouch_drake.files import write_text_whole
 from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import InTurn, Shared, shared
-from selftouch_drake.run.knowledge import load_agent
-from selftouch_drake.run.material import Material
+from selftouch_drake.run.run_data import RunData
 from selftouch_drake.run.worlds import as_text, known_world, require_robot
 from selftouch_drake.show import (
     MissingError,
     Picture,
-    Recording,
+    Playback,
     draw_figure,
     play_live,
     recording_page,
@@ -61,7 +61,7 @@ def write_figures(
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
-    material = Material(run, world)
+    material = RunData(run, world)
     material.require_sound()
     drawn = _draw_figures(material, progress, vector=vector, executor=InTurn())
     for name, result in drawn.items():
@@ -71,7 +71,7 @@ def write_figures(
 
 
 def _draw_figures(
-    material: Material, progress: Progress, *, vector: bool, executor: Executor
+    material: RunData, progress: Progress, *, vector: bool, executor: Executor
 ) -> dict[str, Path | str]:
     """The file of each figure, in the order of the paper, or why it cannot be drawn."""
     run, drawn = material.run, dict[str, Path | str]()
@@ -84,7 +84,7 @@ def _draw_figures(
     return drawn
 
 
-def _draw_figure(needed: Shared[Material], vector: bool, name: str) -> Path | str:
+def _draw_figure(needed: Shared[RunData], vector: bool, name: str) -> Path | str:
     material = needed.value
     try:
         return draw_figure(material, material.run.figures, name, vector=vector)
@@ -92,8 +92,8 @@ def _draw_figure(needed: Shared[Material], vector: bool, name: str) -> Path | st
         return str(reason)
 
 
-def _material_elsewhere(path: str, text: str) -> Material:
-    return Material(*known_world(path, text))
+def _material_elsewhere(path: str, text: str) -> RunData:
+    return RunData(*known_world(path, text))
 
 
 def write_recording(
@@ -115,7 +115,7 @@ def write_recording(
         MissingError: the plan was not executed.
     """
     path = run.playback if path is None else path
-    write_text_whole(path, recording_page(Material(run, world), targets))
+    write_text_whole(path, recording_page(RunData(run, world), targets))
     return path
 
 
@@ -139,7 +139,7 @@ def write_report(
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
-    material = Material(run, world)
+    material = RunData(run, world)
     material.require_sound()
     drawn = _draw_figures(
         material,
@@ -154,10 +154,10 @@ def write_report(
     progress(0.7, "recording")
     try:
         write_text_whole(run.playback, recording_page(material, material.shown_pair))
-        recording = Recording(file=run.playback.name)
+        recording = Playback(file=run.playback.name)
     except MissingError as reason:
         run.playback.unlink(missing_ok=True)
-        recording = Recording(missing=str(reason))
+        recording = Playback(missing=str(reason))
     progress(0.9, "report")
     write_text_whole(run.report, report_page(material, pictures, recording))
     progress(1.0, "reported")
@@ -177,7 +177,7 @@ def show_live(
     Raises:
         ValueError: the run has not babbled, or the port is taken.
     """
-    from selftouch_drake.run.living import live  # needed here alone
+    from selftouch_drake.run.lifelong import live  # needed here alone
 
     show_life(lambda page: live(run, page), port=port, announce=announce)
 
@@ -198,7 +198,7 @@ def play(
     # Missing parts are reported before a page opens.
     require_robot(run.experiment)
     agent = load_agent(run)
-    material = Material(run)
+    material = RunData(run)
     pilot = Pilot(agent, material.world)
 
     def motion_from(q_start: np.ndarray, felt: np.ndarray, goal: int) -> Motion:

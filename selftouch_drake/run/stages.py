@@ -29,10 +29,7 @@ from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run import acting
 from selftouch_drake.run.acting import Pilot
-from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.executors import InTurn, Shared, shared
-from selftouch_drake.run.imported import timed, write_trajectory
-from selftouch_drake.run.knowledge import (
+from selftouch_drake.run.artifacts import (
     load_agent,
     load_body,
     load_motion,
@@ -41,6 +38,9 @@ from selftouch_drake.run.knowledge import (
     save_memory,
     save_plan,
 )
+from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.executors import InTurn, Shared, shared
+from selftouch_drake.run.imported import timed, write_trajectory
 from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.touches import (

@@ -23,10 +23,10 @@ from selftouch_drake.experience.collect import WORLD_LOCK
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.artifacts import load_agent, save_plan
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import InTurn, Shared, shared
 from selftouch_drake.run.first_tries import FirstTries, FirstTry
-from selftouch_drake.run.knowledge import load_agent, save_plan
 from selftouch_drake.run.worlds import as_text, known_world
 
 # First tries that may wait for the rehearsals of earlier pairs.

@@ -1,6 +1,6 @@
 """Everything for people: figures and the report (page), recordings and live play (meshcat)."""
 
-from selftouch_drake.show.material import Material, MissingError, NoSurfaceError, TouchSample
+from selftouch_drake.show.material import MissingError, NoSurfaceError, RunData, TouchSample
 from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
 from selftouch_drake.show.meshcat.life_page import LifePage, show_life
 from selftouch_drake.show.meshcat.live import LiveShow, play_live
@@ -10,7 +10,7 @@ from selftouch_drake.show.meshcat.server import open_meshcat
 from selftouch_drake.show.meshcat.skin_visualizer import SkinVisualizer
 from selftouch_drake.show.page.figures import FIGURES, draw_figure
 from selftouch_drake.show.page.posture_picture import PostureCamera
-from selftouch_drake.show.page.report import Picture, Recording, report_page
+from selftouch_drake.show.page.report import Picture, Playback, report_page
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import SkinSurface
@@ -20,14 +20,14 @@ __all__ = [
     "FeelingRobot",
     "LifePage",
     "LiveShow",
-    "Material",
     "MissingError",
     "NoSurfaceError",
     "Picture",
+    "Playback",
     "PostureCamera",
-    "Recording",
     "RecoveredSkin",
     "RobotShape",
+    "RunData",
     "SkinSurface",
     "SkinVisualizer",
     "TouchSample",

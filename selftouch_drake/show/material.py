@@ -81,7 +81,7 @@ class Tile(Protocol):
         """What it measures, and which value is good."""
 
 
-class Material(Protocol):
+class RunData(Protocol):
     """The data of a run; each part raises `MissingError` if it is missing."""
 
     @property

@@ -9,7 +9,7 @@ import numpy as np
 from pydrake.geometry import Role
 from pydrake.multibody.tree import Frame, RigidBody
 
-from selftouch_drake.experiment import Toucher
+from selftouch_drake.experiment import ToucherSettings
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot import Robot
 from selftouch_drake.robot.kinematics import Kinematics
@@ -71,7 +71,7 @@ class RobotShape:
         ball_radii: m, of each toucher that is a ball; None of the others.
     """
 
-    def __init__(self, robot: Robot, touching: Mapping[str, Toucher]):
+    def __init__(self, robot: Robot, touching: Mapping[str, ToucherSettings]):
         self.robot = robot
         self.ball_radii = tuple(touching[toucher.name].radius for toucher in robot.touchers)
         self._meshes = _drawn_meshes(robot)

@@ -8,7 +8,7 @@ import robots
 
 from selftouch_drake.agent.planning import smooth_path
 from selftouch_drake.experience import random_walk
-from selftouch_drake.experiment import Joints, load_experiment
+from selftouch_drake.experiment import JointSettings, load_experiment
 from selftouch_drake.robot import LOG_PERIOD, Simulation
 from selftouch_drake.robot.joints import slip
 from selftouch_drake.robot.timing import time_path
@@ -150,7 +150,7 @@ def test_the_log_starts_over_when_it_is_taken(cube_world):
 @pytest.mark.parametrize("name", ["cube", "two_arms"])
 def test_a_robot_whose_joints_slipped_goes_astray_by_as_much(name):
     world = robots.shipped(name)
-    experiment = dataclasses.replace(world.experiment, joints=Joints(offset=0.02))
+    experiment = dataclasses.replace(world.experiment, joints=JointSettings(offset=0.02))
     simulation = Simulation(experiment, world.skins)
     offset = slip(experiment, world.robot.num_joints)
     assert np.abs(offset).min() > 0
@@ -164,7 +164,7 @@ def test_a_robot_whose_joints_slipped_goes_astray_by_as_much(name):
 
 
 def test_joints_have_not_slipped_while_babbling(cube_world):
-    experiment = dataclasses.replace(cube_world.experiment, joints=Joints(offset=0.1))
+    experiment = dataclasses.replace(cube_world.experiment, joints=JointSettings(offset=0.1))
     simulation = Simulation(experiment, cube_world.skins, babbles=True)
     walk = random_walk(experiment, cube_world.robot, 0)
     first = random_walk(experiment, cube_world.robot, 0).steps(1)[0]

@@ -15,9 +15,7 @@ from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import NoWayError, Pilot
-from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.executors import local_executor
-from selftouch_drake.run.knowledge import (
+from selftouch_drake.run.artifacts import (
     load_agent,
     load_execution,
     load_memory,
@@ -27,6 +25,8 @@ from selftouch_drake.run.knowledge import (
     stored_pairs,
     was_executed,
 )
+from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.executors import local_executor
 from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.trial_metrics import trial_metrics, trial_table

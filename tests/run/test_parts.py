@@ -11,8 +11,8 @@ from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.run import scores, stages
+from selftouch_drake.run.artifacts import load_body, load_representation
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import load_body, load_representation
 from selftouch_drake.run.metrics import METRICS, headline, readings
 from selftouch_drake.run.trials import random_pairs
 

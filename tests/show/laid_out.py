@@ -19,8 +19,8 @@ from selftouch_drake.experience import Contacts, Shard, write_shard
 from selftouch_drake.experiment import experiment_from_fields
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import Robot, World
+from selftouch_drake.run.artifacts import save_learned, save_plan
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.knowledge import save_learned, save_plan
 
 PER_KERNEL = 5
 STAGES = ("nothing", "babbled", "learned", "planned", "executed")

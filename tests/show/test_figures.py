@@ -5,7 +5,7 @@ from laid_out import execution_of
 from matplotlib.image import imread
 
 from selftouch_drake.agent.motions import Execution
-from selftouch_drake.run.material import Material
+from selftouch_drake.run.run_data import RunData
 from selftouch_drake.run.showing import write_figures
 from selftouch_drake.show import FIGURES, SkinSurface
 from selftouch_drake.show.page import motion_figures, path_figure, robot_figure
@@ -102,7 +102,7 @@ def test_damage_is_an_error_that_names_the_file(make_run, unrendered):
 
 
 def test_a_skin_that_moves_is_drawn_where_its_link_is(two_skins):
-    material = Material(two_skins)
+    material = RunData(two_skins)
     body, forearm = material.home
     assert body == pytest.approx(np.eye(3, 4))
     # The elbow of an arm that is stretched forward, 0.15 m to the left and 0.35 m above the body.
@@ -110,7 +110,7 @@ def test_a_skin_that_moves_is_drawn_where_its_link_is(two_skins):
 
 
 def test_the_agent_is_drawn_by_its_model(two_skins):
-    material = Material(two_skins)
+    material = RunData(two_skins)
     drawn = material.shape.at(np.zeros(12))
     assert len(drawn.rods) == 0
     assert not any(link.touches for link in drawn.links), "balls touch, and no link"
@@ -125,7 +125,7 @@ def test_the_agent_is_drawn_by_its_model(two_skins):
 
 
 def test_the_legend_names_the_kinds_of_joints(two_skins):
-    material = Material(two_skins)
+    material = RunData(two_skins)
     drawn = material.shape.at(np.zeros(12))
     figure = robot_figure.agent(material.skins, drawn)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
@@ -148,7 +148,7 @@ def ball_at(centre) -> SkinSurface:
 
 
 def test_sensations_are_shown_on_every_skin(two_skins):
-    material = Material(two_skins)
+    material = RunData(two_skins)
     figure = sensations(material.skins, material.representation.target_sensations)
     titles = [ax.get_title(loc="left") for ax in figure.axes[:4]]
     assert [title.split()[-1] for title in titles] == ["body", "forearm", "body", "forearm"]

@@ -7,9 +7,9 @@ import pytest
 from laid_out import motion_of
 
 from selftouch_drake.run.acting import Pilot
+from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.knowledge import load_agent
-from selftouch_drake.run.material import Material
+from selftouch_drake.run.run_data import RunData
 from selftouch_drake.run.showing import play
 from selftouch_drake.show import LiveShow
 from selftouch_drake.show.meshcat.braking import BRAKING_S, braked
@@ -18,8 +18,8 @@ from selftouch_drake.show.meshcat.server import open_meshcat
 
 
 @cache
-def material_of(path) -> Material:
-    return Material(RunDirectory.open(path))
+def material_of(path) -> RunData:
+    return RunData(RunDirectory.open(path))
 
 
 def live(run, motion_from=None):

@@ -3,20 +3,20 @@ import pytest
 import trimesh
 from laid_out import places_of
 
-from selftouch_drake.run.material import Material
+from selftouch_drake.run.run_data import RunData
 from selftouch_drake.show import FIGURES, MissingError
-from selftouch_drake.show.page.report import Picture, Recording, report_page
+from selftouch_drake.show.page.report import Picture, Playback, report_page
 from selftouch_drake.show.skins import all_moved
 
 
 def test_the_mirrored_recovered_body_is_drawn_the_right_way_out(reported):
-    (part,) = Material(reported).recovered
+    (part,) = RunData(reported).recovered
     assert part.closed
     assert trimesh.Trimesh(part.places, part.faces, process=False).volume > 0
 
 
 def test_each_part_lies_on_the_skin_that_it_stands_for(two_skins):
-    material = Material(two_skins)
+    material = RunData(two_skins)
     assert [part.skins for part in material.recovered] == [(0,), (1,)]
     assert [part.closed for part in material.recovered] == [True, False]
     skin, places = places_of("two_skins")
@@ -26,7 +26,7 @@ def test_each_part_lies_on_the_skin_that_it_stands_for(two_skins):
 
 
 def test_a_part_with_a_rim_is_turned_outward(two_skins):
-    material = Material(two_skins)
+    material = RunData(two_skins)
     part = material.recovered[1]
     mesh = trimesh.Trimesh(part.places, part.faces, process=False)
     assert not mesh.is_watertight
@@ -37,14 +37,14 @@ def test_a_part_with_a_rim_is_turned_outward(two_skins):
 
 
 def test_places_on_different_skins_have_no_distance(two_skins):
-    distances = Material(two_skins).true_distances
+    distances = RunData(two_skins).true_distances
     skin, places = places_of("two_skins")
     assert np.isnan(distances[skin == 0][:, skin == 1]).all()
     assert distances[0, 1] == pytest.approx(np.linalg.norm(places[0] - places[1]), abs=1e-6)
 
 
 def test_touches_are_counted_on_their_own_skin(two_skins):
-    material = Material(two_skins)
+    material = RunData(two_skins)
     for skin, density, count in zip(
         material.skins, material.touch_density, (250, 150), strict=True
     ):
@@ -61,20 +61,20 @@ def test_touches_are_counted_on_their_own_skin(two_skins):
 
 
 def test_several_touches_at_once_are_no_surface(reported, monkeypatch):
-    material = Material(reported)
+    material = RunData(reported)
     truth = material.kernel_truth
     vars(material)["kernel_truth"] = type(truth)(
         skin=truth.skin, positions=truth.positions, spread=truth.spread, share_single=0.7
     )
     with pytest.raises(MissingError, match="30% of the touches are at several places at once"):
         _ = material.recovered
-    page = report_page(material, {name: Picture(missing="-") for name in FIGURES}, Recording())
+    page = report_page(material, {name: Picture(missing="-") for name in FIGURES}, Playback())
     assert "No picture of the recovered body:</strong> 30% of the touches" in page
     assert "<strong>The body, the recovered body" not in page
 
 
 def test_the_longest_executed_plan_is_shown(reported):
-    assert Material(reported).shown_pair == (0, 40)
+    assert RunData(reported).shown_pair == (0, 40)
 
 
 def test_the_stored_skins_are_those_of_this_experiment(make_run):
@@ -84,4 +84,4 @@ def test_the_stored_skins_are_those_of_this_experiment(make_run):
     with pytest.raises(
         ValueError, match=r"skin\.npz belongs to another experiment or version; run"
     ):
-        _ = Material(run).skins
+        _ = RunData(run).skins

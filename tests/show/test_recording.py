@@ -8,7 +8,7 @@ import pytest
 from laid_out import execution_of
 from pydrake.geometry import Meshcat
 
-from selftouch_drake.run.material import Material
+from selftouch_drake.run.run_data import RunData
 from selftouch_drake.run.showing import write_recording
 from selftouch_drake.show import MissingError
 from selftouch_drake.show.meshcat.meshcat_scene import firm_touch
@@ -56,7 +56,7 @@ class Recorder:
 
 
 def test_skins_follow_their_links_and_what_stands_still_is_not_recorded(two_skins):
-    material, recorder = Material(two_skins), Recorder()
+    material, recorder = RunData(two_skins), Recorder()
     q = execution_of("two_skins").q_measured[::10]
     poses = material.robot.skin_positions(q)
     drawing = SkinDrawing(Meshcat(), "/skins", material.skins)
@@ -68,7 +68,7 @@ def test_skins_follow_their_links_and_what_stands_still_is_not_recorded(two_skin
 
 
 def test_paths_move_with_their_skin(two_skins):
-    material = Material(two_skins)
+    material = RunData(two_skins)
     meshcat = Meshcat()
     record(meshcat, material, [material.shown_pair, material.shown_pair])
     for number in (0, 1):
@@ -94,7 +94,7 @@ def test_only_executed_plans_are_recorded(make_run):
 
 
 def test_receptors_show_what_is_felt_when_it_is_felt(reported):
-    material = Material(reported)
+    material = RunData(reported)
     meshcat = Meshcat()
     full = record(meshcat, material, [(0, 40), (0, 40)])
     felt = material.execution(0, 40).felt

@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from selftouch_drake.run.material import Material
+from selftouch_drake.run.run_data import RunData
 from selftouch_drake.run.showing import write_report
 from selftouch_drake.show import FIGURES
 from selftouch_drake.show.page import tables
@@ -115,7 +115,7 @@ def test_several_skins_are_listed_with_what_touches_them(two_skins):
 
 
 def test_a_flight_is_no_lost_contact(two_skins):
-    (row,) = tables.plan_rows(Material(two_skins))
+    (row,) = tables.plan_rows(RunData(two_skins))
     assert (row.start, row.goal, row.num_flights) == (64, 8, 1)
     assert row.contact == 1.0
     assert "<th>through the air</th>" in page_of(two_skins)

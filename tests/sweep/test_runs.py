@@ -8,8 +8,8 @@ import pyarrow as pa
 import pytest
 
 from selftouch_drake.run import stages
+from selftouch_drake.run.artifacts import load_representation
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.knowledge import load_representation
 from selftouch_drake.sweep import load_sweep
 from selftouch_drake.sweep.figures import _changes, draw_figures, label
 from selftouch_drake.sweep.runs import RunWarning, SweepDirectory, run_name, run_sweep

@@ -37,11 +37,11 @@ from selftouch_drake.agent.representation.set_distances import (
     set_distances,
 )
 from selftouch_drake.agent.representation.touches import (
+    ambiguous_touches,
     by_chance,
     kernel_parts,
     nearby,
     overlapping,
-    set_aside,
 )
 from selftouch_drake.threads import Threads
 
@@ -134,7 +134,7 @@ def learn(
     overlap = overlapping(sample["sensation"])
     chance = by_chance(sample["sensation"], overlap)
     overlap = nearby(sample["sensation"], overlap)
-    kept = ~set_aside(sample["sensation"], overlap, chance)
+    kept = ~ambiguous_touches(sample["sensation"], overlap, chance)
     if not kept.any():
         raise ValueError(
             "sensation has touches on several parts of the body in every row: babble until "
@@ -154,7 +154,7 @@ def learn(
     num_set_aside = 0
     for sensation, q in _in_blocks(batches()):
         label, error = assign(sensation, targets)
-        left_out = set_aside(sensation, overlap, chance)
+        left_out = ambiguous_touches(sensation, overlap, chance)
         num_set_aside += int(left_out.sum())
         label[left_out] = -1
         kernels.add(

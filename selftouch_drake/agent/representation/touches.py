@@ -158,7 +158,7 @@ def by_chance(sensation: np.ndarray, overlap: np.ndarray) -> bool:
     return bool(0.0 < share < _MOST_BY_CHANCE)
 
 
-def set_aside(sensation: np.ndarray, near: np.ndarray, chance: bool) -> np.ndarray:
+def ambiguous_touches(sensation: np.ndarray, near: np.ndarray, chance: bool) -> np.ndarray:
     """`(n,)` bool, sensations that are excluded from learning.
 
     Sensations on several parts of the body always are: they belong to no single part. Sensations

@@ -6,12 +6,12 @@ from selftouch_drake.agent.shape.embedding import (
     Embedding,
     MisfitWarning,
     classical_embedding,
+    curvature_corrected_mds,
     stress_embedding,
-    unbent_embedding,
     warn_of_misfit,
 )
 from selftouch_drake.agent.shape.homology import Topology, alpha_persistence, topology
-from selftouch_drake.agent.shape.metrics import METRICS, BodyGraph, Metric
+from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, BodyGraph, ShapeMetric
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
 from selftouch_drake.agent.shape.surface import alpha_surface, fitted_surface, rolled_surface
 from selftouch_drake.agent.shape.unrolling import (
@@ -24,20 +24,21 @@ from selftouch_drake.agent.shape.unrolling import (
 )
 
 __all__ = [
-    "METRICS",
+    "SHAPE_METRICS",
     "Body",
     "BodyGraph",
     "DistrustWarning",
     "Embedding",
-    "Metric",
     "MisfitWarning",
     "RecoveredPart",
+    "ShapeMetric",
     "Topology",
     "Torsion",
     "Turns",
     "alpha_persistence",
     "alpha_surface",
     "classical_embedding",
+    "curvature_corrected_mds",
     "double_cover",
     "fitted_surface",
     "intrinsic_dimension",
@@ -49,6 +50,5 @@ __all__ = [
     "topology",
     "torsion",
     "turns",
-    "unbent_embedding",
     "warn_of_misfit",
 ]

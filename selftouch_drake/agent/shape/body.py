@@ -16,7 +16,7 @@ from selftouch_drake.agent.shape.confidence import expected_error, trusted
 from selftouch_drake.agent.shape.dimension import LEAST_KERNELS, intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import Embedding, warn_of_misfit
 from selftouch_drake.agent.shape.homology import Topology, flat, topology
-from selftouch_drake.agent.shape.metrics import METRICS
+from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 
 
 class DistrustWarning(UserWarning):
@@ -61,7 +61,7 @@ class Body:
     """The body as one metric measures it: K kernels.
 
     Attributes:
-        metric: its name in `METRICS`.
+        metric: its name in `SHAPE_METRICS`.
         parts: the parts of the body, largest first, without fragments.
         num_kernels: K.
     """
@@ -90,7 +90,7 @@ class Body:
     @property
     def expected_error(self) -> float | None:
         """Expected error of the worst part, as a fraction of its extent; None if not calibrated."""
-        if not METRICS[self.metric].calibrated:
+        if not SHAPE_METRICS[self.metric].calibrated:
             return None
         return max(expected_error(part.embedding) for part in self.parts)
 
@@ -126,7 +126,7 @@ def recover(
 
     Args:
         representation: K kernels, 4 or more.
-        metric: a name in `METRICS`.
+        metric: a name in `SHAPE_METRICS`.
         seed: for metrics that learn; the same seed gives the same bytes.
         holes: also find holes and dimension.
         progress: called with the fraction done.
@@ -137,8 +137,8 @@ def recover(
     Warns:
         DistrustWarning: the metric cannot be trusted on a part.
     """
-    if metric not in METRICS:
-        raise ValueError(f"metric {metric!r} is unknown: choose one of {', '.join(METRICS)}")
+    if metric not in SHAPE_METRICS:
+        raise ValueError(f"metric {metric!r} is unknown: choose one of {', '.join(SHAPE_METRICS)}")
     num_parts = representation.num_parts
     parts = []
     for number in range(num_parts):
@@ -161,7 +161,9 @@ def _recovered(
     progress: Callable[[float], None],
 ) -> RecoveredPart:
     """Recovers one part from the representation restricted to its `kernels`."""
-    graph = METRICS[metric].graph(representation, seed, lambda fraction: progress(0.9 * fraction))
+    graph = SHAPE_METRICS[metric].graph(
+        representation, seed, lambda fraction: progress(0.9 * fraction)
+    )
     if graph.doubt is not None:
         warnings.warn(
             f"the {metric} metric cannot be trusted on a part of {len(kernels)} kernels: "
@@ -172,7 +174,7 @@ def _recovered(
     num_kernels = len(kernels)
     kernel = np.arange(num_kernels) if graph.kernel is None else graph.kernel
     distances = geodesics(graph.edges, graph.length, len(kernel))
-    layout = METRICS[metric].layout(graph, distances)
+    layout = SHAPE_METRICS[metric].layout(graph, distances)
     # The position and the distances of a kernel are the means over its pieces.
     number = np.bincount(kernel, minlength=num_kernels)
     mean = csr_array(

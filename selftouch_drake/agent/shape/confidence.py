@@ -29,7 +29,7 @@ def expected_error(layout: Embedding) -> float:
     """Expected root mean square error of an unbent layout, as a fraction of its extent.
 
     Args:
-        layout: from `unbent_embedding`; other layouts have higher stress.
+        layout: from `curvature_corrected_mds`; other layouts have higher stress.
     """
     # The floor is needed for layouts of few kernels, without any stress.
     stress, uneven = np.log(np.maximum([layout.stress, unevenness(layout.positions)], 1e-6))

@@ -162,7 +162,7 @@ def stress_embedding(
 
 
 @_one_thread
-def unbent_embedding(
+def curvature_corrected_mds(
     edges: np.ndarray,
     distances: np.ndarray,
     *,
@@ -197,7 +197,7 @@ def unbent_embedding(
 def unbending(
     edges: np.ndarray, distances: np.ndarray, majoriser: Majoriser, *, num_iterations: int
 ) -> Callable[[np.ndarray], tuple[np.ndarray, float]]:
-    """Builds one pass of `unbent_embedding`: from `(K, 3)` positions to better ones and a stress.
+    """Builds one pass: from `(K, 3)` positions to better ones and a stress.
 
     Args:
         edges: `(E, 2)` pairs of neighbours that connect all points.

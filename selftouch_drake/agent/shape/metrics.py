@@ -28,8 +28,8 @@ from selftouch_drake.agent.shape.cells import Cells
 from selftouch_drake.agent.shape.embedding import (
     Embedding,
     classical_embedding,
+    curvature_corrected_mds,
     stress_embedding,
-    unbent_embedding,
 )
 from selftouch_drake.agent.shape.fields import angles, corrected_lengths
 from selftouch_drake.agent.shape.pieces import cut_wide_cells
@@ -84,7 +84,7 @@ class BodyGraph:
 
 
 @dataclass(frozen=True, slots=True)
-class Metric:
+class ShapeMetric:
     """A way to measure a part of the body.
 
     Attributes:
@@ -272,14 +272,14 @@ def _stress(graph: BodyGraph, distances: np.ndarray) -> Embedding:
 
 
 def _unbent(graph: BodyGraph, distances: np.ndarray) -> Embedding:
-    return unbent_embedding(graph.edges, distances)
+    return curvature_corrected_mds(graph.edges, distances)
 
 
 #: The metrics by name.
-METRICS: dict[str, Metric] = {
-    "literal": Metric(literal, _classical, calibrated=False),
-    "motor": Metric(motor, _stress, calibrated=False),
-    "learned": Metric(learned, _unbent),
-    "sensorimotor": Metric(sensorimotor, _unbent),
-    "revolute_reference": Metric(revolute_reference, _unbent, naive=False),
+SHAPE_METRICS: dict[str, ShapeMetric] = {
+    "literal": ShapeMetric(literal, _classical, calibrated=False),
+    "motor": ShapeMetric(motor, _stress, calibrated=False),
+    "learned": ShapeMetric(learned, _unbent),
+    "sensorimotor": ShapeMetric(sensorimotor, _unbent),
+    "revolute_reference": ShapeMetric(revolute_reference, _unbent, naive=False),
 }

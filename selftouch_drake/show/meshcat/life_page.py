@@ -23,7 +23,7 @@ from selftouch_drake.show.skins import surfaces_of
 from selftouch_drake.show.style import INK, RECOVERED
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.living import Life
+    from selftouch_drake.agent.lifelong import Life
 
 END = "end"
 #: s, from frame to frame, and frames of each block of touches.

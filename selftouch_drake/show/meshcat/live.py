@@ -12,7 +12,7 @@ from selftouch_drake.agent.motions import Motion
 from selftouch_drake.evaluation import cosine_distance
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.robot import Simulation
-from selftouch_drake.show.material import Material
+from selftouch_drake.show.material import RunData
 from selftouch_drake.show.meshcat.braking import BRAKING_S, braked
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
 from selftouch_drake.show.meshcat.server import open_meshcat
@@ -57,7 +57,7 @@ class LiveShow:
     def __init__(
         self,
         meshcat: Meshcat,
-        material: Material,
+        material: RunData,
         motion_from: MotionFrom,
         announce: Callable[[str], None] = lambda line: None,
     ):
@@ -232,7 +232,7 @@ class LiveShow:
 
 
 def play_live(
-    material: Material,
+    material: RunData,
     motion_from: MotionFrom,
     *,
     port: int | None = None,

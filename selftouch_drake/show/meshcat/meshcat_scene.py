@@ -19,7 +19,7 @@ from pydrake.perception import BaseField, Fields, PointCloud
 
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.geometry import farthest_points
-from selftouch_drake.show.material import Material, MissingError
+from selftouch_drake.show.material import MissingError, RunData
 from selftouch_drake.show.meshcat.receptors import key_frames, linear_light, rgba
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
 from selftouch_drake.show.meshcat.stage import VIEW, draw_balls, set_stage
@@ -67,7 +67,7 @@ class MeshcatScene:
             if they are on no surface; NaN in fragments.
     """
 
-    def __init__(self, meshcat: Meshcat, material: Material, *, beside_panel: bool = False):
+    def __init__(self, meshcat: Meshcat, material: RunData, *, beside_panel: bool = False):
         self._meshcat = meshcat
         self._skins = material.skins
         home = as_one(all_moved(material.skins, material.home))
@@ -181,7 +181,7 @@ class MeshcatScene:
         width = 0.8 * self.size
         put_legend(self._meshcat, "/legend", full, centre, VIEW, width=width, color=rgba(INK))
 
-    def _draw_recovered(self, material: Material, middle: np.ndarray) -> tuple[np.ndarray, str]:
+    def _draw_recovered(self, material: RunData, middle: np.ndarray) -> tuple[np.ndarray, str]:
         """Draws the recovered body; returns the places of the kernels, and its title."""
         typical = float(np.median([skin.extent for skin in self._skins]))
         self._meshcat.SetTransform(RECOVERED_BODY, RigidTransform(self._aside))
@@ -236,7 +236,7 @@ class MeshcatScene:
         self._write("/titles/felt", "what it feels")
 
 
-def _laid_out(material: Material, middle: np.ndarray, size: float) -> np.ndarray:
+def _laid_out(material: RunData, middle: np.ndarray, size: float) -> np.ndarray:
     """`(K, 3)` m, the kernels as the agent laid them out: parts side by side, scaled to `size`."""
     places = np.full((material.representation.num_targets, 3), np.nan)
     right = 0.0
@@ -249,7 +249,7 @@ def _laid_out(material: Material, middle: np.ndarray, size: float) -> np.ndarray
     return middle + (places - (low + high) / 2) * size / float((high - low).max())
 
 
-def _reach(material: Material, middle: np.ndarray) -> tuple[float, float]:
+def _reach(material: RunData, middle: np.ndarray) -> tuple[float, float]:
     """m, how wide the skins are or mostly move in the picture, and how far below `middle`."""
     home = VIEW.project(as_one(all_moved(material.skins, material.home)).vertices - middle)
     width, lowest = float(np.ptp(home[:, 0])), float(home[:, 1].min())

@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.geometry import Meshcat
 
 from selftouch_drake.agent.motions import Execution
-from selftouch_drake.show.material import Material, Targets
+from selftouch_drake.show.material import RunData, Targets
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
 from selftouch_drake.show.meshcat.receptors import key_frames
 from selftouch_drake.show.meshcat.stage import RobotDrawing
@@ -21,7 +21,7 @@ _REPETITIONS = 1000
 _PAUSE_S = 1.0
 
 
-def record(meshcat: Meshcat, material: Material, tours: Sequence[Targets]) -> float:
+def record(meshcat: Meshcat, material: RunData, tours: Sequence[Targets]) -> float:
     """Draws the agent and records executed plans, one after the other.
 
     Args:
@@ -83,7 +83,7 @@ def frame_rows(time_s: np.ndarray) -> np.ndarray:
     return np.minimum(rows, len(time_s) - 1)
 
 
-def _draw_paths(scene: MeshcatScene, name: str, material: Material, execution: Execution) -> None:
+def _draw_paths(scene: MeshcatScene, name: str, material: RunData, execution: Execution) -> None:
     planned, measured = (
         touch_paths(material.shape, material.touches_at, q)
         for q in (execution.motion.q, execution.q_measured)

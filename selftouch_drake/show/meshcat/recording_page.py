@@ -7,13 +7,13 @@ import html
 
 import numpy as np
 
-from selftouch_drake.show.material import Material, Targets
+from selftouch_drake.show.material import RunData, Targets
 from selftouch_drake.show.meshcat.recording import record
 from selftouch_drake.show.meshcat.server import open_meshcat
 from selftouch_drake.show.style import PRESSURE
 
 
-def recording_page(material: Material, targets: Targets) -> str:
+def recording_page(material: RunData, targets: Targets) -> str:
     """The page, as HTML.
 
     Args:
@@ -30,7 +30,7 @@ def recording_page(material: Material, targets: Targets) -> str:
     return page
 
 
-def _recorded(material: Material, targets: Targets) -> str:
+def _recorded(material: RunData, targets: Targets) -> str:
     material.execution(*targets)
     meshcat = open_meshcat()
     full = record(meshcat, material, [targets])

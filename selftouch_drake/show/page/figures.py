@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
-from selftouch_drake.show.material import Material, MissingError
+from selftouch_drake.show.material import MissingError, RunData
 from selftouch_drake.show.page import (
     coverage_figure,
     graph_figures,
@@ -31,7 +31,7 @@ _NUM_DOTS = 6000
 _NUM_POSTURES = 400
 
 
-def agent(material: Material) -> Figure:
+def agent(material: RunData) -> Figure:
     """The robot touching itself, with its joints well clear of its skins."""
     known, robot = material.representation, material.robot
     q = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
@@ -41,25 +41,25 @@ def agent(material: Material) -> Figure:
     return robot_figure.agent(skins, material.shape.at(q[clear]))
 
 
-def coverage(material: Material) -> Figure:
+def coverage(material: RunData) -> Figure:
     """Where babbling touched the skins."""
     density, sample = material.touch_density, material.touch_sample(_NUM_DOTS)
     return coverage_figure.coverage(_skins(material), density, sample)
 
 
-def sensations(material: Material) -> Figure:
+def sensations(material: RunData) -> Figure:
     """A few target sensations on the skins."""
     targets = material.representation.target_sensations
     return sensation_figures.sensations(_skins(material), targets)
 
 
-def sensation_map(material: Material) -> Figure:
+def sensation_map(material: RunData) -> Figure:
     """Where some of the target sensations are felt, by number."""
     targets = material.representation.target_sensations
     return sensation_figures.sensation_map(_skins(material), targets)
 
 
-def kernels(material: Material) -> Figure:
+def kernels(material: RunData) -> Figure:
     """Sizes, likeness and firmness of the motor kernel sets."""
     known = material.representation
     return sensation_figures.kernels(
@@ -67,7 +67,7 @@ def kernels(material: Material) -> Figure:
     )
 
 
-def distance_matrix(material: Material) -> Figure:
+def distance_matrix(material: RunData) -> Figure:
     """Distances between kernel sets; against the truth, if it is known."""
     known = material.representation
     try:
@@ -77,19 +77,19 @@ def distance_matrix(material: Material) -> Figure:
     return graph_figures.distance_matrix(known.set_distance, true)
 
 
-def quotient_graph(material: Material) -> Figure:
+def quotient_graph(material: RunData) -> Figure:
     """The quotient graph in the embedding."""
     known, parts = material.representation, [part.kernels for part in material.body.parts]
     return graph_figures.quotient_graph(known.embedding, known.edges, known.edge_cost, parts)
 
 
-def body_shape(material: Material) -> Figure:
+def body_shape(material: RunData) -> Figure:
     """The body and the body that the agent recovered (paper, figure 3)."""
     error = material.metrics.get("shape_rms_fraction")
     return shape_figures.body_shape(_skins(material), material.recovered, rms_fraction=error)
 
 
-def persistence(material: Material) -> Figure:
+def persistence(material: RunData) -> Figure:
     """Components, loops and voids of each part of the recovered body."""
     found = {n: part.topology for n, part in enumerate(material.body.parts) if part.topology}
     if not found:
@@ -101,7 +101,7 @@ def persistence(material: Material) -> Figure:
     )
 
 
-def plan_path(material: Material) -> Figure:
+def plan_path(material: RunData) -> Figure:
     """One plan over the skins (paper, figure 4)."""
     motion = material.motion(*material.shown_pair)
     paths, known = (
@@ -116,24 +116,24 @@ def plan_path(material: Material) -> Figure:
     return path_figure.plan_path(_skins(material), paths, known, len(motion.q))
 
 
-def felt_and_predicted(material: Material) -> Figure:
+def felt_and_predicted(material: RunData) -> Figure:
     """Felt and predicted sensations along that plan."""
     return motion_figures.felt_and_predicted(material.execution(*material.shown_pair))
 
 
-def contact_and_tracking(material: Material) -> Figure:
+def contact_and_tracking(material: RunData) -> Figure:
     """Force and tracking along that plan."""
     robot, execution = material.robot, material.execution(*material.shown_pair)
     return motion_figures.contact_and_tracking(execution, robot.joint_names, robot.turns)
 
 
-def life(material: Material) -> Figure:
+def life(material: RunData) -> Figure:
     """The life of the agent, as curves."""
     return life_figure.life(material.life)
 
 
 # In the order of the paper. The name is that of the file.
-FIGURES: dict[str, Callable[[Material], Figure]] = {
+FIGURES: dict[str, Callable[[RunData], Figure]] = {
     "agent": agent,
     "coverage": coverage,
     "sensations": sensations,
@@ -150,7 +150,7 @@ FIGURES: dict[str, Callable[[Material], Figure]] = {
 }
 
 
-def draw_figure(material: Material, folder: Path, name: str, *, vector: bool = False) -> Path:
+def draw_figure(material: RunData, folder: Path, name: str, *, vector: bool = False) -> Path:
     """Draws one of `FIGURES` and returns its PNG file.
 
     Args:
@@ -178,7 +178,7 @@ def draw_figure(material: Material, folder: Path, name: str, *, vector: bool = F
     return path
 
 
-def _skins(material: Material) -> list[SkinSurface]:
+def _skins(material: RunData) -> list[SkinSurface]:
     """The skins where they are drawn."""
     return all_moved(material.skins, material.home)
 

@@ -12,7 +12,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from selftouch_drake.experiment import dump_experiment
-from selftouch_drake.show.material import Material, MissingError, NoSurfaceError
+from selftouch_drake.show.material import MissingError, NoSurfaceError, RunData
 from selftouch_drake.show.page.tables import (
     joint_rows,
     part_rows,
@@ -42,7 +42,7 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recording:
+class Playback:
     """The recording beside the page, or why there is none.
 
     Attributes:
@@ -54,7 +54,7 @@ class Recording:
     missing: str = ""
 
 
-def report_page(material: Material, pictures: Mapping[str, Picture], recording: Recording) -> str:
+def report_page(material: RunData, pictures: Mapping[str, Picture], recording: Playback) -> str:
     """The report of a run as HTML that holds all it shows and asks nothing of a network.
 
     What was not made yet is named, with the command that makes it.
@@ -90,7 +90,7 @@ def report_page(material: Material, pictures: Mapping[str, Picture], recording: 
     )
 
 
-def _robot(material: Material) -> dict[str, Any]:
+def _robot(material: RunData) -> dict[str, Any]:
     try:
         return {
             "joints": joint_rows(material),
@@ -102,7 +102,7 @@ def _robot(material: Material) -> dict[str, Any]:
         return {"joints": [], "skins": [], "touchers": [], "robot_missing": str(reason)}
 
 
-def _parts(material: Material) -> Sequence[Any]:
+def _parts(material: RunData) -> Sequence[Any]:
     """The rows of the table of parts; none where there is one part on one skin."""
     try:
         rows = part_rows(material)

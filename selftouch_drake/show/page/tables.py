@@ -11,7 +11,7 @@ import numpy as np
 
 from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.show.material import Material, MissingError
+from selftouch_drake.show.material import MissingError, RunData
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +107,7 @@ class PlanRow:
     max_force: float | None = None
 
 
-def joint_rows(material: Material) -> list[JointRow]:
+def joint_rows(material: RunData) -> list[JointRow]:
     """The joints that move, in the order of a motor configuration."""
     robot = material.robot
     rows = []
@@ -126,7 +126,7 @@ def joint_rows(material: Material) -> list[JointRow]:
     return rows
 
 
-def skin_rows(material: Material) -> list[SkinRow]:
+def skin_rows(material: RunData) -> list[SkinRow]:
     """The skins, in the order of their readings in a sensation."""
     robot = material.robot
     rows = []
@@ -146,7 +146,7 @@ def skin_rows(material: Material) -> list[SkinRow]:
     return rows
 
 
-def toucher_rows(material: Material) -> list[ToucherRow]:
+def toucher_rows(material: RunData) -> list[ToucherRow]:
     """What touches, and what it may touch."""
     robot = material.robot
     worn = {int(skin.link.index()): skin.model.name for skin in robot.skins}
@@ -165,7 +165,7 @@ def toucher_rows(material: Material) -> list[ToucherRow]:
     return rows
 
 
-def part_rows(material: Material) -> list[PartRow]:
+def part_rows(material: RunData) -> list[PartRow]:
     """The parts of the recovered body."""
     names, metrics = list(material.experiment.skins), material.metrics
     true = metrics.get("topology_betti_true_by_part", [])
@@ -189,7 +189,7 @@ def part_rows(material: Material) -> list[PartRow]:
     return rows
 
 
-def plan_rows(material: Material) -> Iterator[PlanRow]:
+def plan_rows(material: RunData) -> Iterator[PlanRow]:
     """The plans from one sensation to another."""
     for start, goal in material.pairs:
         motion = material.motion(start, goal)

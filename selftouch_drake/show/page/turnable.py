@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from selftouch_drake.geometry import farthest_points
-from selftouch_drake.show.material import Material
+from selftouch_drake.show.material import RunData
 
 # Numbers of sensations that are written on the body; more would cover it.
 _NUM_LABELS = 40
@@ -17,7 +17,7 @@ _DIGITS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Surface:
+class TurnableSurface:
     """One part of the recovered body.
 
     Attributes:
@@ -33,7 +33,7 @@ class Surface:
     closed: bool
 
 
-def turnable_body(material: Material) -> str:
+def turnable_body(material: RunData) -> str:
     """The recovered body as JSON, laid on the real one, in units of its half size.
 
     Raises:
@@ -42,7 +42,7 @@ def turnable_body(material: Material) -> str:
     parts = material.body.parts
     return as_json(
         [
-            Surface(
+            TurnableSurface(
                 kernels=parts[skin.part].kernels,
                 places=skin.places,
                 faces=skin.faces,
@@ -53,7 +53,7 @@ def turnable_body(material: Material) -> str:
     )
 
 
-def as_json(surfaces: list[Surface]) -> str:
+def as_json(surfaces: list[TurnableSurface]) -> str:
     """Parts of a body as JSON for the viewer: places, faces, sensations, and which are named."""
     everything = np.concatenate([surface.places for surface in surfaces])
     low, high = everything.min(axis=0), everything.max(axis=0)

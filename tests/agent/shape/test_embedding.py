@@ -13,8 +13,8 @@ from selftouch_drake.agent.representation import geodesics
 from selftouch_drake.agent.shape import (
     MisfitWarning,
     classical_embedding,
+    curvature_corrected_mds,
     stress_embedding,
-    unbent_embedding,
     warn_of_misfit,
 )
 
@@ -88,12 +88,12 @@ def test_a_layout_unbends_a_cube():
     edges, length = neighbours(points, 12)
     distances = geodesics(edges, length, len(points))
     errors = [
-        shape_error(unbent_embedding(edges, distances, most_passes=n).positions, points)
+        shape_error(curvature_corrected_mds(edges, distances, most_passes=n).positions, points)
         for n in (0, 1, 3)
     ]
     assert errors[0] > 1.2 * errors[1] > 1.2 * errors[2]
     np.testing.assert_array_equal(
-        unbent_embedding(edges, distances, most_passes=0).positions,
+        curvature_corrected_mds(edges, distances, most_passes=0).positions,
         stress_embedding(distances).positions,
     )
 

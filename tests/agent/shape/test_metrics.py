@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_limits
 from selftouch_drake import experiment
 from selftouch_drake.agent.representation import QuotientLearner, neighbour_edges, surface_edges
 from selftouch_drake.agent.shape import (
-    METRICS,
+    SHAPE_METRICS,
     DistrustWarning,
     intrinsic_dimension,
     metrics,
@@ -35,7 +35,7 @@ def true_positions(representation, place):
 
 @pytest.fixture(scope="module")
 def bodies(touched):
-    return {metric: recover(touched[0], metric, holes=False).parts[0] for metric in METRICS}
+    return {metric: recover(touched[0], metric, holes=False).parts[0] for metric in SHAPE_METRICS}
 
 
 @pytest.mark.parametrize(
@@ -65,8 +65,10 @@ def test_every_pruned_metric_finds_topology_and_dimension(bodies, metric):
 
 
 def test_metrics_are_those_of_the_experiment():
-    assert set(METRICS) == set(experiment.METRICS)
-    assert [name for name, metric in METRICS.items() if not metric.naive] == ["revolute_reference"]
+    assert set(SHAPE_METRICS) == set(experiment.SHAPE_METRICS)
+    assert [name for name, metric in SHAPE_METRICS.items() if not metric.naive] == [
+        "revolute_reference"
+    ]
 
 
 def test_the_same_seed_learns_the_same_on_any_number_of_threads(touched, bodies):

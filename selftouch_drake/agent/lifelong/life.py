@@ -16,10 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from selftouch_drake.agent.living.learner import LivingLearner
-from selftouch_drake.agent.living.mending import Mending, learned_again, understand
-from selftouch_drake.agent.living.receptors import Newcomers, Silenced
-from selftouch_drake.agent.living.surprise import NUM_STEPS, Alarm, Expectation, with_unit_norm
+from selftouch_drake.agent.lifelong.body_change import BodyChange, explain_change, learned_again
+from selftouch_drake.agent.lifelong.learner import OnlineLearner
+from selftouch_drake.agent.lifelong.receptors import DeadReceptorTest, NewReceptorTest
+from selftouch_drake.agent.lifelong.surprise import NUM_STEPS, Alarm, Expectation, with_unit_norm
 
 #: Touches of a body after which the agent learns what to expect, and the factor by which they have
 #: grown when it learns that again. With a factor of 2, an agent that explores actively expects as
@@ -52,7 +52,7 @@ class Noticed:
     row: int
     since: int
     mended_at: int
-    mending: Mending
+    mending: BodyChange
 
 
 class Life:
@@ -68,7 +68,7 @@ class Life:
 
     def __init__(
         self,
-        make_learner: Callable[[], LivingLearner] = LivingLearner,
+        make_learner: Callable[[], OnlineLearner] = OnlineLearner,
         *,
         seed: int = 0,
         false_alarms: float = 0.01,
@@ -85,7 +85,7 @@ class Life:
         self.doubts: list[tuple[float, ...]] = []
         self.num_touches = 0
         self._expectation: Expectation | None = None
-        self._tests: tuple[Alarm, Silenced, Newcomers] | None = None
+        self._tests: tuple[Alarm, DeadReceptorTest, NewReceptorTest] | None = None
         self._expects_again_at: float = _FIRST
         # Touches that wait for a full block; the last learned ones; those of a changed body.
         self._waiting = self._last = self._strange = _Touches.none()
@@ -145,7 +145,7 @@ class Life:
         assert self._expectation is not None
         expected = self._expectation(block.q)
         self.surprise.append(self._expectation.surprise(expected, block.sensation))
-        tests: tuple[Alarm | Silenced | Newcomers, ...] = self._tests
+        tests: tuple[Alarm | DeadReceptorTest | NewReceptorTest, ...] = self._tests
         alarm, silenced, newcomers = self._tests
         rows = (
             alarm.watch(self.surprise[-1], self._expectation.novelty(block.q)),
@@ -183,7 +183,7 @@ class Life:
         before = held.row < self._num_before
         q, sensation = held.columns["q"][before], held.columns["sensation"][before]
         strange = self._strange
-        mending = understand(
+        mending = explain_change(
             self._expectation,
             (self._last.q, self._last.sensation),
             (q, sensation),
@@ -215,7 +215,7 @@ class Life:
         if not self._looks:
             self._before = self._strange = _Touches.none()
 
-    def _begin_again(self, mending: Mending) -> None:
+    def _begin_again(self, mending: BodyChange) -> None:
         """A new learner takes the mended touches, and the touches of the changed body."""
         self.learner = self._make_learner()
         before, strange = self._before, self._strange
@@ -238,12 +238,12 @@ class Life:
         chance = self._false_alarms
         if self._tests is None:
             silent = ~np.any(held.columns["sensation"] > 0, axis=0)
-            newcomers = Newcomers.after(self.learner.num_touches, silent, false_alarms=chance)
+            newcomers = NewReceptorTest.after(self.learner.num_touches, silent, false_alarms=chance)
         else:
             newcomers = self._tests[-1]
         self._tests = (
             Alarm.calibrated(usual, expectation.novelty(self._last.q), false_alarms=chance),
-            Silenced.calibrated(with_unit_norm(expected), felt, false_alarms=chance),
+            DeadReceptorTest.calibrated(with_unit_norm(expected), felt, false_alarms=chance),
             newcomers,
         )
         self._expects_again_at = max(_FIRST, _AGAIN * (self.num_touches - self._born))

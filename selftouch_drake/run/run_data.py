@@ -28,8 +28,7 @@ from selftouch_drake.files import load_arrays
 from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot import MakeRobot, Robot, Touches, World
 from selftouch_drake.robot.models import ModelError
-from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.knowledge import (
+from selftouch_drake.run.artifacts import (
     load_body,
     load_execution,
     load_motion,
@@ -39,6 +38,7 @@ from selftouch_drake.run.knowledge import (
     stored_pairs,
     was_executed,
 )
+from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.metrics import Reading, Tile, headline, readings
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import NoWorldError, require_robot
@@ -53,7 +53,7 @@ from selftouch_drake.show import (
 from selftouch_drake.show.recovered import at_poses, laid_on_skins, skins_of
 
 
-class Material:
+class RunData:
     """The data behind figures, report, recording and live play.
 
     Args:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.living.surprise import with_unit_norm
+from selftouch_drake.agent.lifelong.surprise import with_unit_norm
 
 #: Receptors began to feel if one of them makes up this share of a touch or more in so many touches.
 _FELT, _SURELY = 0.1, 20

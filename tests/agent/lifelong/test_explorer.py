@@ -7,17 +7,23 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living import Explorer, Joints, LivingLearner, Manner, Searcher
-from selftouch_drake.agent.living.explorer import kernel_of
-from selftouch_drake.agent.living.recall import recalled
+from selftouch_drake.agent.lifelong import (
+    ExplorationSettings,
+    Explorer,
+    JointRanges,
+    OnlineLearner,
+    PostureSampler,
+)
+from selftouch_drake.agent.lifelong.explorer import kernel_of
+from selftouch_drake.agent.lifelong.recall import recalled
 from selftouch_drake.agent.representation.quotient import NO_MODE
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
-JOINTS = Joints(lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.15))
+JOINTS = JointRanges(lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.15))
 #: A searcher makes moves of some strides at once.
-NARROW = Joints(lower=JOINTS.lower, upper=JOINTS.upper, stride=np.full(3, 0.05))
-MANNER = Manner(pace=0.2, dwell=300, air=0.1, walked=1, hops=0)
+NARROW = JointRanges(lower=JOINTS.lower, upper=JOINTS.upper, stride=np.full(3, 0.05))
+MANNER = ExplorationSettings(pace=0.2, dwell=300, air=0.1, walked=1, hops=0)
 DEPTH = 0.15
 
 
@@ -55,7 +61,7 @@ def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=Explor
 
 
 def who_knows(q, sensation):
-    learner = LivingLearner(30)
+    learner = OnlineLearner(30)
     learner.take(q, sensation)
     return Agent.of(learner.representation, kernel_sensation=learner.kernel_sensation)
 
@@ -141,7 +147,7 @@ def test_it_recalls_the_most_similar_touch_in_the_joints_that_matter():
 
 
 def test_where_only_touches_count_it_looks_about_places_met_anywhere():
-    q, felt = explored(None, 4000, explores=Searcher, joints=NARROW)
+    q, felt = explored(None, 4000, explores=PostureSampler, joints=NARROW)
     q = q[felt.any(axis=1)]
     near = np.linalg.norm(np.diff(q, axis=0), axis=1) < 0.3
     assert np.mean(near) > 0.8
@@ -155,7 +161,7 @@ def test_it_looks_between_neighbours_on_the_skin():
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     agent = who_knows(points, ball_feels(points))
     nowhere = np.zeros(3)
-    searcher = Searcher(agent, NARROW, MANNER, nowhere, nowhere, np.random.default_rng(0))
+    searcher = PostureSampler(agent, NARROW, MANNER, nowhere, nowhere, np.random.default_rng(0))
     tried = [next(searcher._look_between(agent))[0] for _ in range(200)]
     # Neighbouring targets are half a radius apart, a target and a random one 1.4.
     apart = np.linalg.norm(np.array(tried)[:, None] - points, axis=2).min(axis=1)
@@ -171,7 +177,7 @@ def test_half_of_the_gaps_begin_where_its_predictions_failed():
 
     def share(surprise):
         rng = np.random.default_rng(0)
-        searcher = Searcher(agent, NARROW, MANNER, nowhere, nowhere, rng, surprise)
+        searcher = PostureSampler(agent, NARROW, MANNER, nowhere, nowhere, rng, surprise)
         gaps = [searcher._gap(known) for _ in range(400)]
         linked = {tuple(edge) for edge in known.edges.tolist()}
         assert all(tuple(sorted((kernel_of(known, row), end))) in linked for row, end in gaps)
@@ -188,7 +194,7 @@ def test_it_starts_from_touches_of_receptors_that_seldom_felt_anything():
     # Below, only few places are known; there all receptors were felt, though seldom.
     points = np.concatenate([points[points[:, 2] > -0.2], points[points[:, 2] <= -0.2][:20]])
     agent, nowhere = who_knows(points, ball_feels(points)), np.zeros(3)
-    searcher = Searcher(agent, NARROW, MANNER, nowhere, nowhere, np.random.default_rng(0))
+    searcher = PostureSampler(agent, NARROW, MANNER, nowhere, nowhere, np.random.default_rng(0))
     starts = np.array(list(islice(searcher._seldom_felt(agent), 300)))
     assert (np.linalg.norm(starts[:, None] - points, axis=2).min(axis=1) < 1e-6).all()
     assert (points[:, 2] <= -0.2).mean() < 0.05

@@ -20,7 +20,7 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.living.distances import remeasured
+from selftouch_drake.agent.lifelong.distances import remeasured
 from selftouch_drake.agent.representation.graphs import surface_edges
 from selftouch_drake.agent.representation.joints import joint_scale
 from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
@@ -39,11 +39,11 @@ from selftouch_drake.agent.representation.quotient import (
 )
 from selftouch_drake.agent.representation.relevance import touch_modes
 from selftouch_drake.agent.representation.touches import (
+    ambiguous_touches,
     by_chance,
     kernel_parts,
     nearby,
     overlapping,
-    set_aside,
 )
 
 #: Touches before the first targets are chosen, and touches per target until all K are chosen.
@@ -93,7 +93,7 @@ class _Layout:
     num_held_for_modes: int
 
 
-class LivingLearner:
+class OnlineLearner:
     """Learns motor kernel sets and the quotient graph from a stream of touches.
 
     The same touches in the same chunks give the same bytes.
@@ -223,7 +223,7 @@ class LivingLearner:
             row = self._memory.num_rows + np.arange(len(sensation))
             return row % self.num_targets, np.zeros(len(sensation), np.float32)
         label, error = assign(sensation, self._layout.targets)
-        aside = set_aside(sensation, self._layout.overlap, self._layout.chance)
+        aside = ambiguous_touches(sensation, self._layout.overlap, self._layout.chance)
         return np.where(aside, self.num_targets, label), error
 
     @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -238,7 +238,7 @@ class LivingLearner:
         overlap = overlapping(sensation[some])
         chance = by_chance(sensation[some], overlap)
         overlap = nearby(sensation[some], overlap)
-        aside = set_aside(sensation, overlap, chance)
+        aside = ambiguous_touches(sensation, overlap, chance)
         some = some[~aside[some]]
         num_targets = min(len(some) // _TOUCHES_A_TARGET, self.num_targets)
         if num_targets < LEAST_KERNELS:

@@ -1,4 +1,4 @@
-"""Mending: finds what changed in the body, and makes old touches into touches of it (naive).
+"""Finds what changed in the body, and makes old touches into touches of it (naive).
 
 Two kinds of things can change between motor configurations and sensations. First, the readings of
 receptors: receptors fall silent, begin to feel, or change places. Second, what the readings of
@@ -20,9 +20,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
-from selftouch_drake.agent.living.displacement import displacement
-from selftouch_drake.agent.living.new_receptors import NewReceptors
-from selftouch_drake.agent.living.surprise import NUM_STEPS, Expectation, with_unit_norm
+from selftouch_drake.agent.lifelong.displacement import displacement
+from selftouch_drake.agent.lifelong.new_receptors import NewReceptors
+from selftouch_drake.agent.lifelong.surprise import NUM_STEPS, Expectation, with_unit_norm
 from selftouch_drake.agent.network import Network
 from selftouch_drake.agent.representation.quantise import unit
 
@@ -69,7 +69,7 @@ _LIGHTEST = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Mending:
+class BodyChange:
     """What changed in the body, and what becomes of touches from before the change.
 
     Attributes:
@@ -179,7 +179,7 @@ class Mending:
         return now.astype(np.float32)
 
 
-def understand(
+def explain_change(
     expectation: Expectation,
     usual: tuple[np.ndarray, np.ndarray],
     before: tuple[np.ndarray, np.ndarray],
@@ -188,7 +188,7 @@ def understand(
     *,
     num_steps: int = NUM_STEPS,
     seed: int = 0,
-) -> Mending:
+) -> BodyChange:
     """Finds out what changed.
 
     Args:
@@ -206,7 +206,7 @@ def understand(
     usual_fit, usual_others = _Touches(usual[0][-len(q) :], usual[1][-len(q) :]).divided
     known = np.any(before[1] > 0, axis=0)
 
-    nothing = Mending(
+    nothing = BodyChange(
         source=np.arange(len(known)),
         silent=np.zeros(len(known), dtype=bool),
         new=NewReceptors.learned(~known, fit.felt),
@@ -218,7 +218,7 @@ def understand(
         expectation=expectation,
     )
 
-    def displaced(one: Mending, touches: _Touches) -> Mending:
+    def displaced(one: BodyChange, touches: _Touches) -> BodyChange:
         through = one.through or tuple(
             tuple(
                 Expectation.learn(*before, like=expectation, num_steps=steps, seed=seed + number)
@@ -252,9 +252,9 @@ def understand(
 
 
 def learned_again(
-    mending: Mending, q: np.ndarray, sensation: np.ndarray, *, seed: int = 0
-) -> Mending:
-    """Makes a guess more exact, with more touches since the change; see `Mending.is_a_guess`.
+    mending: BodyChange, q: np.ndarray, sensation: np.ndarray, *, seed: int = 0
+) -> BodyChange:
+    """Makes a guess more exact, with more touches since the change; see `BodyChange.is_a_guess`.
 
     Args:
         mending: what changed, as far as the agent knows.
@@ -295,7 +295,7 @@ def _reach(*qs: np.ndarray) -> np.ndarray:
     )
 
 
-def _rewired(mending: Mending, touches: _Touches) -> Mending:
+def _rewired(mending: BodyChange, touches: _Touches) -> BodyChange:
     """Finds silent receptors, and readings that changed places."""
     expected, felt = with_unit_norm(mending.expected(touches.q)), touches.felt
     both = expected.T @ felt
@@ -310,13 +310,13 @@ def _rewired(mending: Mending, touches: _Touches) -> Mending:
     return dataclasses.replace(mending, source=source, silent=_silent(mending, touches))
 
 
-def _silent(mending: Mending, touches: _Touches) -> np.ndarray:
+def _silent(mending: BodyChange, touches: _Touches) -> np.ndarray:
     """`(S,)` bool, receptors that should have felt and never did."""
     expected = with_unit_norm(mending.expected(touches.q))
     return ((expected > _FELT).sum(axis=0) >= _SURELY) & ~touches.sensation.any(axis=0)
 
 
-def _with_offset(mending: Mending, touches: _Touches) -> Mending:
+def _with_offset(mending: BodyChange, touches: _Touches) -> BodyChange:
     """Finds joints whose zeros moved, one after another, as long as surprise falls."""
     scale = mending.expectation.scale
 
@@ -347,7 +347,7 @@ def _with_offset(mending: Mending, touches: _Touches) -> Mending:
     return dataclasses.replace(mending, offset=best)
 
 
-def _displaced(mending: Mending, touches: _Touches, seed: int) -> Mending:
+def _displaced(mending: BodyChange, touches: _Touches, seed: int) -> BodyChange:
     """Learns where the joints would have to be for the agent to expect what it feels."""
     expectation = mending.expectation
     # What readings would have been before they changed places; silent and new ones say nothing,

@@ -18,7 +18,7 @@ from scipy.sparse import csc_array
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.living.explorer import Explorer, Moves, kernel_of
+from selftouch_drake.agent.lifelong.explorer import Explorer, Moves, kernel_of
 from selftouch_drake.agent.planning.members import firm_members
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 
@@ -44,7 +44,7 @@ _TRIES = 12
 _AT_ONCE = 5
 
 
-class Searcher(Explorer):
+class PostureSampler(Explorer):
     """Tries postures anywhere, without a way from one to the next; arguments as for `Explorer`."""
 
     def moves(self) -> Moves:

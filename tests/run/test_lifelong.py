@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from selftouch_drake import exploration
-from selftouch_drake.agent.living import Life
-from selftouch_drake.agent.living import life as life_module
+from selftouch_drake.agent.lifelong import Life
+from selftouch_drake.agent.lifelong import life as life_module
 from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experiment import dump_experiment, load_experiment
 from selftouch_drake.files import load_arrays
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.living import live
-from selftouch_drake.run.material import Material
+from selftouch_drake.run.lifelong import live
+from selftouch_drake.run.run_data import RunData
 from selftouch_drake.run.touches import ChangedBodyWarning
 from selftouch_drake.show import LifePage, open_meshcat
 from selftouch_drake.show.page import life_figure
@@ -78,7 +78,7 @@ def test_a_life_is_shown_and_kept_as_curves(run):
     assert curves.error[-1] < 0.2
     assert curves.changed.tolist() == [1000]
     assert not len(curves.noticed)
-    kept = Material(run).life
+    kept = RunData(run).life
     assert all(
         np.array_equal(array, kept.to_arrays()[name], equal_nan=True)
         for name, array in curves.to_arrays().items()

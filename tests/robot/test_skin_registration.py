@@ -15,7 +15,7 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from selftouch_drake.experiment import Skin, Surface
+from selftouch_drake.experiment import Skin, SurfaceSettings
 from selftouch_drake.robot import AddModelsAndSkins, AddSkins, AddTactileSkin, TactileSkin
 
 INERTIA = '<mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'
@@ -122,7 +122,9 @@ def test_a_skin_takes_the_place_of_its_links_own_geometry(pair):
 
 
 def test_a_skin_of_a_shape_leaves_its_links_geometry_be():
-    skin = Skin(link="upper", surface=Surface(shape="sphere", radius=0.08), num_receptors=20)
+    skin = Skin(
+        link="upper", surface=SurfaceSettings(shape="sphere", radius=0.08), num_receptors=20
+    )
     made = Pair("plant", {"upper": skin}, visible=False)
     inspector = made.scene_graph.model_inspector()
     frame = made.plant.GetBodyFrameIdOrThrow(made.plant.GetBodyByName("upper").index())

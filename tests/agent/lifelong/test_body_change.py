@@ -7,14 +7,14 @@ import pytest
 from scipy.spatial import cKDTree
 from skins import touch
 
-from selftouch_drake.agent.living import Alarm, Expectation, Life, LivingLearner, understand
-from selftouch_drake.agent.living import displacement as displacements
-from selftouch_drake.agent.living import life as module
-from selftouch_drake.agent.living import mending as mends
-from selftouch_drake.agent.living.mending import learned_again
-from selftouch_drake.agent.living.new_receptors import NewReceptors
-from selftouch_drake.agent.living.receptors import Newcomers, Silenced
-from selftouch_drake.agent.living.surprise import surprise
+from selftouch_drake.agent.lifelong import Alarm, Expectation, Life, OnlineLearner, explain_change
+from selftouch_drake.agent.lifelong import body_change as mends
+from selftouch_drake.agent.lifelong import displacement as displacements
+from selftouch_drake.agent.lifelong import life as module
+from selftouch_drake.agent.lifelong.body_change import learned_again
+from selftouch_drake.agent.lifelong.new_receptors import NewReceptors
+from selftouch_drake.agent.lifelong.receptors import DeadReceptorTest, NewReceptorTest
+from selftouch_drake.agent.lifelong.surprise import surprise
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
@@ -45,7 +45,7 @@ def found(expectation, touches, usual, change):
     q, sensation = touches
     new_q, new = change(q[NUM_OLD:].copy(), sensation[NUM_OLD:].copy())
     felt = new.any(axis=1)
-    return understand(
+    return explain_change(
         expectation,
         (q[5000:NUM_OLD], sensation[5000:NUM_OLD]),
         (q[:NUM_OLD], sensation[:NUM_OLD]),
@@ -120,7 +120,7 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     )
     before = q[:NUM_OLD], blind[:NUM_OLD]
     usual = q[5000:NUM_OLD][some[5000:NUM_OLD]], blind[5000:NUM_OLD][some[5000:NUM_OLD]]
-    mending = understand(expectation, usual, before, q[NUM_OLD:], sensation[NUM_OLD:])
+    mending = explain_change(expectation, usual, before, q[NUM_OLD:], sensation[NUM_OLD:])
     assert np.flatnonzero(mending.new.receptors).tolist() == [7]
     rows, mended = mending.mended(np.arange(1000)[:, None] * np.ones(q.shape[1]), blind[:1000])
     kept = rows[:, 0].astype(int)
@@ -162,7 +162,7 @@ def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(tou
     felt = sensation.any(axis=1)
     q, sensation = q[felt], sensation[felt]
 
-    mending = understand(poor, usual, before, q, sensation, num_steps=30)
+    mending = explain_change(poor, usual, before, q, sensation, num_steps=30)
     assert np.array_equal(np.flatnonzero(mending.silent), np.sort(dead))
     assert not mending.displacement
     # A displacement would explain a good part of the surprise.
@@ -243,7 +243,7 @@ def looks(monkeypatch):
 def test_a_life_learns_a_displacement_again(touches, looks):
     q, sensation = touches
     q = np.concatenate([q[:5000], unbent(q[5000:])])
-    life = Life(lambda: LivingLearner(60), num_steps=200)
+    life = Life(lambda: OnlineLearner(60), num_steps=200)
     life.take(q[:6500], sensation[:6500])
     (noticed,) = life.noticed
     assert noticed.mending.displacement
@@ -258,7 +258,7 @@ def test_a_life_fills_in_new_receptors_again(touches, looks):
     sensation[:5000, [7, 8]] = 0.0
     some = sensation.any(axis=1)
     q, sensation = q[some], sensation[some]
-    life = Life(lambda: LivingLearner(60), num_steps=200)
+    life = Life(lambda: OnlineLearner(60), num_steps=200)
     life.take(q[:6500], sensation[:6500])
     (noticed,) = life.noticed
     new = noticed.mending.new
@@ -322,11 +322,11 @@ def test_receptors_that_are_rare_are_not_new_and_those_that_begin_to_feel_are():
     for _ in range(5):
         # What comes in runs is one encounter.
         felt = (rng.random((20_000, 100)) < rate).repeat(5, axis=0).astype(np.float32)
-        watch = Newcomers.after(10_000, ~felt[:10_000].any(axis=0))
+        watch = NewReceptorTest.after(10_000, ~felt[:10_000].any(axis=0))
         assert watch.silent.any()
         assert watch.watch(felt[10_000:]) is None
         felt[:500][:, watch.silent] = rng.random((500, watch.silent.sum())) < 0.03
-        watch = Newcomers.after(10_000, watch.silent)
+        watch = NewReceptorTest.after(10_000, watch.silent)
         row = watch.watch(felt[:500])
         assert row is not None
         assert row < 300
@@ -344,7 +344,7 @@ def test_receptors_that_miss_now_and_then_are_not_silent_and_those_that_always_m
     rng = np.random.default_rng(0)
     miss = np.linspace(0.0, 0.2, 30)
     for dead in (0, 15):
-        test = Silenced.calibrated(*encounters(rng, 2000, miss))
+        test = DeadReceptorTest.calibrated(*encounters(rng, 2000, miss))
         assert test.watch(*encounters(rng, 50_000, miss)) is None
         assert 0.1 < test.doubt < 1.0
         expected, felt = encounters(rng, 2000, miss)
@@ -357,7 +357,7 @@ def test_receptors_that_miss_now_and_then_are_not_silent_and_those_that_always_m
 
 def test_receptors_that_fall_silent_together_are_noticed_sooner_than_one():
     rng = np.random.default_rng(2)
-    test = Silenced.calibrated(*encounters(rng, 2000, 0.2))
+    test = DeadReceptorTest.calibrated(*encounters(rng, 2000, 0.2))
     expected, felt = encounters(rng, 2000, 0.2)
     noticed = []
     for dead in (1, 10):
@@ -373,7 +373,7 @@ def test_silence_does_not_depend_on_how_touches_are_cut():
     rng = np.random.default_rng(1)
     expected, felt = encounters(rng, 3000, 0.1)
     felt[1000:, 3] = 0.0
-    one, other = (Silenced.calibrated(expected[:1000], felt[:1000]) for _ in range(2))
+    one, other = (DeadReceptorTest.calibrated(expected[:1000], felt[:1000]) for _ in range(2))
     row = one.watch(expected[1000:], felt[1000:])
     rows = [other.watch(expected[at : at + 7], felt[at : at + 7]) for at in range(1000, 3000, 7)]
     at, last = next((at, found) for at, found in enumerate(rows) if found is not None)
@@ -390,7 +390,7 @@ def test_a_life_notices_mends_and_does_not_depend_on_how_it_is_cut(touches, monk
     q[4500:, 0] += 0.5
 
     def lived(chunk):
-        life = Life(lambda: LivingLearner(60), num_steps=150)
+        life = Life(lambda: OnlineLearner(60), num_steps=150)
         for start in range(0, 6500, chunk):
             rows = slice(start, min(start + chunk, 6500))
             life.take(q[rows], sensation[rows])

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from skins import touch
 
-from selftouch_drake.agent.living import LivingLearner
-from selftouch_drake.agent.living import learner as module
-from selftouch_drake.agent.living.distances import remeasured
+from selftouch_drake.agent.lifelong import OnlineLearner
+from selftouch_drake.agent.lifelong import learner as module
+from selftouch_drake.agent.lifelong.distances import remeasured
 from selftouch_drake.agent.representation import QuotientLearner, set_distances
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
 
 def lived(q, sensation, *, chunk=250, num_targets=60, **settings):
-    learner = LivingLearner(num_targets, **settings)
+    learner = OnlineLearner(num_targets, **settings)
     for start in range(0, len(q), chunk):
         learner.take(q[start : start + chunk], sensation[start : start + chunk])
     return learner
@@ -37,7 +37,7 @@ def edge_lengths(representation, place):
 
 def test_it_knows_what_the_offline_learner_knows():
     q, sensation, _, place = touch(["sphere"], 4000)
-    learner = LivingLearner(60)
+    learner = OnlineLearner(60)
     for start in range(0, 4000, 200):
         learner.take(q[start : start + 200], sensation[start : start + 200])
         done = start + 200
@@ -54,7 +54,7 @@ def test_it_knows_what_the_offline_learner_knows():
 
 def test_the_same_chunks_give_the_same_bytes_whenever_it_is_asked():
     q, sensation, *_ = touch(["sphere"], 2000)
-    one, other = LivingLearner(60), LivingLearner(60)
+    one, other = OnlineLearner(60), OnlineLearner(60)
     for start in range(0, 2000, 100):
         for learner in (one, other):
             learner.take(q[start : start + 100], sensation[start : start + 100])
@@ -103,7 +103,7 @@ def test_the_work_for_a_touch_does_not_grow(monkeypatch):
             return real(*given)
 
         monkeypatch.setattr(module, name, counted)
-    learner = LivingLearner(30, 40)
+    learner = OnlineLearner(30, 40)
     for start in range(0, len(q), 200):
         work.append(0)
         learner.take(q[start : start + 200], sensation[start : start + 200])

@@ -7,7 +7,7 @@ import pytest
 import robots
 import trimesh
 
-from selftouch_drake.robot.screen import TouchScreen
+from selftouch_drake.robot.broadphase import BroadPhase
 
 SURFACES = {
     "sphere": {"shape": "sphere", "radius": 0.1},
@@ -35,7 +35,7 @@ TOUCHERS = {
 @functools.cache
 def screen_of(world):
     """The screen of a world's robot."""
-    return TouchScreen(world.robot)
+    return BroadPhase(world.robot)
 
 
 def may_touch(world, q):

@@ -65,7 +65,7 @@ class _Chain:
         )
 
 
-class TouchScreen:
+class BroadPhase:
     """The screen of one robot."""
 
     def __init__(self, robot: Robot):

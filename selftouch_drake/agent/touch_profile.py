@@ -26,7 +26,7 @@ _FIRST_ROUNDS = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pressing:
+class TouchProfile:
     """The sensations beside a motion.
 
     K places along it, J joints, G places across.
@@ -44,7 +44,7 @@ class Pressing:
 
 def felt_across(
     motion: Motion, offsets: np.ndarray, representation: QuotientRepresentation, slider: Slider
-) -> Pressing:
+) -> TouchProfile:
     """Measures the sensations of a motion that is displaced towards the skin or away from it.
 
     Args:
@@ -71,7 +71,7 @@ def felt_across(
         if motion.touching[row]:
             felt = slider.feel(slider.within(x[row] + offsets[:, None] * way))
             strength[place] = np.linalg.norm(felt, axis=1)
-    return Pressing(time_s=motion.time_s[rows], across=across, strength=strength)
+    return TouchProfile(time_s=motion.time_s[rows], across=across, strength=strength)
 
 
 def _unit(slope: np.ndarray) -> np.ndarray:

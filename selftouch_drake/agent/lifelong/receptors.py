@@ -27,7 +27,7 @@ _MISSED = 1 / 32
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Newcomers:
+class NewReceptorTest:
     """A test: has a receptor that never felt anything begun to feel?
 
     In a body that stays as it is, touches might have come in any order. Then a receptor that was
@@ -56,7 +56,7 @@ class Newcomers:
     @classmethod
     def after(
         cls, num_touches: int, silent: np.ndarray, *, false_alarms: float = 0.01
-    ) -> Newcomers:
+    ) -> NewReceptorTest:
         """Begins to watch.
 
         Args:
@@ -93,7 +93,7 @@ class Newcomers:
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
-class Silenced:
+class DeadReceptorTest:
     """A cumulative sum test: have receptors fallen silent?
 
     In a body that stays as it is, a receptor misses few of the encounters in which it is surely
@@ -133,7 +133,7 @@ class Silenced:
         *,
         false_alarms: float = 0.01,
         lifetime: int = 100_000,
-    ) -> Silenced:
+    ) -> DeadReceptorTest:
         """Learns how often receptors miss an encounter.
 
         Args:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from selftouch_drake.agent.living import Life
+from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.evaluation.life import LifeCurves, Quality, quality
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.exploration import new_life

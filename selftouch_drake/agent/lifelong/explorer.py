@@ -61,7 +61,7 @@ _SURPRISING, _LINKS = 0.2, 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Joints:
+class JointRanges:
     """What the agent knows about its joints without touch: their limits, and how far they step.
 
     Attributes:
@@ -76,7 +76,7 @@ class Joints:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Manner:
+class ExplorationSettings:
     """How an agent explores; it depends on what costs more, touches or time.
 
     Attributes:
@@ -112,8 +112,8 @@ class Explorer:
     def __init__(
         self,
         agent: Agent | None,
-        joints: Joints,
-        manner: Manner,
+        joints: JointRanges,
+        manner: ExplorationSettings,
         q: np.ndarray,
         felt: np.ndarray,
         rng: np.random.Generator,
