@@ -1,4 +1,4 @@
-"""The table that a benchmark makes: measured from scratch, in `build/` unless it is to be shipped."""
+"""The table of a benchmark: from scratch in `build/`, or with `--update` the shipped one."""
 
 from __future__ import annotations
 
