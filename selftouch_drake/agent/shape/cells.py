@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.threads import mapped
 
 #: Skin is a surface: cells are wide in two directions and thin in the third. Measured on the torus,
@@ -50,9 +51,9 @@ class Cells:
     area: np.ndarray
 
     @classmethod
-    def of(cls, coordinates: np.ndarray, offsets: np.ndarray) -> Cells:
-        """Measures the cells of `(R, D)` coordinates grouped by kernel, without outliers."""
-        groups = np.split(np.asarray(coordinates, dtype=float), offsets[1:-1])
+    def of(cls, sets: KernelSets) -> Cells:
+        """Measures the cells of kernel sets in quotient coordinates, without outliers."""
+        groups = np.split(np.asarray(sets.x, dtype=float), sets.offsets[1:-1])
         pooled = np.mean([_scatter(group, _mean(group)) / len(group) for group in groups], axis=0)
         pooled += 1e-9 * np.trace(pooled) * np.eye(len(pooled))
         measured = mapped(lambda group: _moments(group, pooled), groups)
