@@ -6,10 +6,10 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from selftouch_drake.run.run_data import RunData
-from selftouch_drake.run.showing import write_report
 from selftouch_drake.show import FIGURES
+from selftouch_drake.show.outputs import write_report
 from selftouch_drake.show.page import tables
+from selftouch_drake.show.run_data import RunData
 
 
 class Links(HTMLParser):
