@@ -29,7 +29,7 @@ SHAPES = {
     "collision": (),
     "visual": (),
 }
-ShapeMetric = Literal["learned", "sensorimotor", "motor", "literal", "revolute_reference"]
+ShapeMetric = Literal["learned", "sensorimotor", "motor", "literal"]
 SHAPE_METRICS = typing.get_args(ShapeMetric)
 # Fields without a meaning if experience is imported, and if it is not.
 WITHOUT_ROBOT = ("robot", "skins", "touching", "joints", "execution", "evaluation", "changes")
@@ -315,7 +315,7 @@ class Evaluation(_Settings):
 
     # Number of random pairs of start and goal sensation that are planned and executed.
     num_pairs: Annotated[Whole, Field(ge=0)] = 20
-    # Further shape metrics whose error is reported; null for all naive ones. The learned one takes
+    # Further shape metrics whose error is reported; null for all. The learned one takes
     # about ten seconds.
     shape_metrics: list[ShapeMetric] | None = None
 

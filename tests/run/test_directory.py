@@ -3,6 +3,7 @@ import json
 import os
 import shutil
 
+import numpy as np
 import pytest
 
 from selftouch_drake.experiment import ExperimentError, load_experiment
@@ -174,6 +175,22 @@ def test_figures_are_added_replaced_and_dropped(run):
     }
     run.drop_metrics(["topology_betti", "shape_rms_fraction"])
     assert run.metrics() == {"babbling_num_samples": 6}
+
+
+def test_metrics_are_plain_however_they_were_computed(run):
+    run.add_metrics(
+        {
+            "shape_trusted": np.bool_(True),
+            "babbling_touches_by_skin": {"body": np.int64(3)},
+            "graph_component_sizes": np.array([40, 10]),
+            "babbling_force_max_N": np.float32(0.5),
+        }
+    )
+    found = run.metrics()
+    assert found["shape_trusted"] is True
+    assert found["babbling_touches_by_skin"] == {"body": 3}
+    assert found["graph_component_sizes"] == [40, 10]
+    assert found["babbling_force_max_N"] == 0.5
 
 
 @pytest.mark.parametrize("content", [b"", b'{"a": 1', b"[1, 2]", b"\xff\xfe", b"[" * 100_000])
