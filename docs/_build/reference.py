@@ -152,8 +152,8 @@ def files() -> str:
     text = [
         "# Files of a run\n",
         "A run is a directory of plain files: YAML, JSON, Parquet, NumPy and HTML. "
-        "[Experience](../experience.md) has the columns of the Parquet files and shows how to read "
-        "them; [Faults](../faults.md) says what protects the files.\n",
+        "[Learning](../learning.md#the-store) has the columns of the Parquet files and shows how to read "
+        "them; [Running](../running.md#what-protects-the-files) says what protects the files.\n",
         *_table(("path", "what it holds"), sorted(rows)),
         "\nThe arrays of `representation.npz` are the attributes of "
         "`selftouch_drake.agent.representation.QuotientRepresentation`, those of a plan's file the "
