@@ -146,7 +146,7 @@ def programs() -> Iterator[object]:
                 yield pytest.param(page, number, marks=slow, id=f"{page.stem}-{number}")
 
 
-@pytest.mark.parametrize(("page", "number"), programs())
+@pytest.mark.parametrize(("page", "number"), list(programs()))
 def test_a_program_runs(page, number, folder, monkeypatch):
     monkeypatch.chdir(folder)
     program = blocks(TEXTS[page], "python")[number]

@@ -203,7 +203,7 @@ def _comments(schema: type) -> Iterator[tuple[str, str]]:
 
 def _with_choices(text: str) -> str:
     """Names of constants become what they hold."""
-    for name in ("SHAPES", "METRICS"):
+    for name in ("SHAPES", "SHAPE_METRICS"):
         choices = ", ".join(f"`{choice}`" for choice in getattr(experiment, name))
         text = re.sub(rf"(One of|one of) {name}\b", rf"\1 {choices}", text)
     return text
