@@ -17,8 +17,8 @@ import numpy as np
 from mending import BODIES, touches
 
 from selftouch_drake.agent.lifelong import Expectation
-from selftouch_drake.agent.lifelong.receptors import DeadReceptorTest
-from selftouch_drake.agent.lifelong.surprise import with_unit_norm
+from selftouch_drake.agent.lifelong.alarm import ReceptorTest
+from selftouch_drake.agent.lifelong.expectation import with_unit_norm
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 
