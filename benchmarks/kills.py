@@ -21,7 +21,8 @@ import numpy as np
 
 # Imported once, here.
 from selftouch_drake.cli import cli, exit_status
-from selftouch_drake.run import showing, stages  # noqa: F401
+from selftouch_drake.run import stages  # noqa: F401
+from selftouch_drake.show import outputs  # noqa: F401
 from selftouch_drake.sweep.table import read_table
 
 SMALL = (

@@ -19,10 +19,10 @@ from playwright.sync_api import sync_playwright
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.run_data import RunData
 from selftouch_drake.show import LiveShow
 from selftouch_drake.show.meshcat.live import FRAME_S, SPEED
 from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.run_data import RunData
 
 SPEEDS = (0.5, 1.0, 2.0, 4.0)
 SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
@@ -35,9 +35,9 @@ def main() -> None:
     parser.add_argument("--no-browser", action="store_true", help="measure without a browser")
     given = parser.parse_args()
     run = RunDirectory.open(given.run)
-    material, meshcat = RunData(run), open_meshcat()
-    pilot = Pilot(load_agent(run), material.world)
-    show = LiveShow(meshcat, material, lambda *query: pilot.plan_feeling(*query).motion)
+    data, meshcat = RunData(run), open_meshcat()
+    pilot = Pilot(load_agent(run), data.world)
+    show = LiveShow(meshcat, data, lambda *query: pilot.plan_feeling(*query).motion)
     with sync_playwright() as driver:
         if not given.no_browser:
             path = shutil.which("chromium") or shutil.which("google-chrome")

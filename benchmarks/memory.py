@@ -24,7 +24,7 @@ from selftouch_drake.experience import ExperienceReader, Shard, walk_sizes, writ
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import local_executor
-from selftouch_drake.run.showing import write_report
+from selftouch_drake.show.outputs import write_report
 
 # Walks that are babbled where memory is measured.
 NUM_BABBLED = 10

@@ -33,10 +33,10 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent, load_execution
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.run_data import RunData
 from selftouch_drake.show import FIGURES, LiveShow, PostureCamera
 from selftouch_drake.show.meshcat.live import TARGET
 from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.run_data import RunData
 
 IMAGES = ROOT / "docs" / "images"
 #: What each picture was drawn with: a digest of the code and the data.
@@ -58,12 +58,12 @@ LIVE_CLIP = {"x": 160, "y": 180, "width": 730, "height": 285}
 @functools.cache
 def torus(folder: Path) -> RunData:
     """A run of the torus, with one executed plan and one executed tour."""
-    material = learned(folder / "torus", load_experiment("torus", SIZE))
+    data = learned(folder / "torus", load_experiment("torus", SIZE))
     for targets in (TOUR[:2], TOUR):
-        if not material.run.plan(*targets).exists():
-            stages.plan(material.run, material.world, *targets)
-            stages.execute(material.run, material.world, *targets)
-    return material
+        if not data.run.plan(*targets).exists():
+            stages.plan(data.run, data.world, *targets)
+            stages.execute(data.run, data.world, *targets)
+    return data
 
 
 def tutorial_robot(folder: Path) -> RunData:
@@ -102,11 +102,11 @@ def cropped(pictures: np.ndarray) -> np.ndarray:
 
 def moving(runs: Path) -> None:
     """The executed tour, as an animation."""
-    material = torus(runs)
-    execution = load_execution(material.run, *TOUR)
+    data = torus(runs)
+    execution = load_execution(data.run, *TOUR)
     time_s = execution.motion.time_s
     shown = np.searchsorted(time_s, np.arange(0.0, time_s[-1], 1 / RATE_HZ))
-    camera = PostureCamera(material.world, pixels=PIXELS)
+    camera = PostureCamera(data.world, pixels=PIXELS)
     pictures = [camera.picture(execution.q_measured[i], execution.felt[i]) for i in shown]
     frames = [Image.fromarray(each) for each in cropped(np.array(pictures))]
     # One palette for all, so that colours do not flicker.
@@ -126,9 +126,9 @@ def live(runs: Path) -> None:
     """The live page in the middle of a motion, as a browser shows it."""
     from playwright.sync_api import sync_playwright
 
-    material, meshcat = torus(runs), open_meshcat()
-    pilot = Pilot(load_agent(material.run), material.world)
-    show = LiveShow(meshcat, material, lambda *query: pilot.plan_feeling(*query).motion)
+    data, meshcat = torus(runs), open_meshcat()
+    pilot = Pilot(load_agent(data.run), data.world)
+    show = LiveShow(meshcat, data, lambda *query: pilot.plan_feeling(*query).motion)
     show.simulation.set_rate(0.0)
     meshcat.SetSliderValue(TARGET, TOUR[1])
     for _ in range(NUM_FRAMES):

@@ -50,7 +50,7 @@ def recorded(
     The first three joints place the finger; the others sway, and change nothing that is felt.
     """
     rng = np.random.default_rng(seed)
-    receptors = _fibonacci(num_receptors)
+    receptors = fibonacci(num_receptors)
     place = _wandering(rng, num_rows, 3, 0.95)
     place /= np.linalg.norm(place, axis=1, keepdims=True)
     depth = _wandering(rng, num_rows, 1, 0.95)[:, 0]
@@ -122,7 +122,8 @@ def _wandering(rng: np.random.Generator, num_rows: int, width: int, persistence:
     return walk / walk.std(axis=0)
 
 
-def _fibonacci(num_points: int) -> np.ndarray:
+def fibonacci(num_points: int) -> np.ndarray:
+    """`(num_points, 3)` places spread evenly over the unit sphere."""
     i = np.arange(num_points) + 0.5
     z = 1 - 2 * i / num_points
     turn = i * np.pi * (1 + np.sqrt(5))

@@ -141,8 +141,8 @@ def run(
 
     from selftouch_drake.run import stages
     from selftouch_drake.run.executors import HereAndInProcesses
-    from selftouch_drake.run.showing import write_figures, write_report
     from selftouch_drake.run.worlds import as_text, known_world
+    from selftouch_drake.show.outputs import write_figures, write_report
 
     with HereAndInProcesses(workers) as executor:
         if not stages.has_babbled(directory):
@@ -371,7 +371,7 @@ def record(
     directory = _open(run)
     targets = _targets(start, q_start, goal, through)
 
-    from selftouch_drake.run.showing import write_recording
+    from selftouch_drake.show.outputs import write_recording
 
     path = write_recording(directory, *targets, path=directory.plan(*targets).with_suffix(".html"))
     click.echo(f"recording: {path}")
@@ -405,7 +405,7 @@ def report(run: Path, vector: bool) -> None:
     """
     directory = _open(run)
 
-    from selftouch_drake.run.showing import write_report
+    from selftouch_drake.show.outputs import write_report
 
     with _progress("report") as progress:
         path = write_report(directory, progress, vector=vector)
@@ -442,8 +442,9 @@ def live(
     """
     directory, world = _begin(experiment, out, overrides)
 
-    from selftouch_drake.run import lifelong, showing, stages
+    from selftouch_drake.run import lifelong, stages
     from selftouch_drake.run.executors import HereAndInProcesses
+    from selftouch_drake.show.outputs import show_live
 
     if not stages.has_babbled(directory):
         with HereAndInProcesses(workers) as executor:
@@ -452,7 +453,7 @@ def live(
         with _progress("live") as progress:
             lifelong.live(directory, progress=progress)
     else:
-        showing.show_live(directory, port=port, announce=click.echo)
+        show_live(directory, port=port, announce=click.echo)
     click.echo(f"life: {directory.life}; `selftouch report {directory.path}` draws it")
 
 
@@ -472,7 +473,7 @@ def play(run: Path, port: int | None) -> None:
     """
     directory = _open(run, writing=False)
 
-    from selftouch_drake.run.showing import play as show
+    from selftouch_drake.show.outputs import play as show
 
     show(directory, port=port, announce=click.echo)
 
@@ -726,10 +727,16 @@ def _print_headline(directory) -> None:
 
     from selftouch_drake.run.metrics import headline
 
-    table = Table("metric", "value", title=directory.experiment.name, title_justify="left")
-    for tile in headline(directory.metrics()):
-        table.add_row(tile.name, tile.value)
-    Console().print(table)
+    found, console = headline(directory.metrics()), Console()
+    body = Table("metric", "value", title=directory.experiment.name, title_justify="left")
+    for tile in found.tiles:
+        body.add_row(tile.name, tile.value)
+    console.print(body)
+    if found.motions:
+        motions = Table(*found.columns)
+        for row in found.motions:
+            motions.add_row(row.name, *row.cells)
+        console.print(motions)
 
 
 if __name__ == "__main__":

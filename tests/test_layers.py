@@ -15,8 +15,8 @@ PACKAGE = Path(__file__).parents[1] / "selftouch_drake"
 LAYERS = (
     ("cli",),
     ("sweep", "envs"),
-    ("run",),
     ("show",),
+    ("run",),
     ("evaluation",),
     ("exploration",),
     ("agent",),

@@ -265,7 +265,8 @@ class RunDirectory:
         self._write_metrics({k: v for k, v in self.metrics().items() if k not in names})
 
     def _write_metrics(self, metrics: dict[str, Any]) -> None:
-        text = json.dumps({"made_for": self._experience_stamp()} | metrics, indent=2)
+        made_for = {"made_for": self._experience_stamp()}
+        text = json.dumps(made_for | metrics, indent=2, default=_as_plain)
         write_text_whole(self.path / "metrics.json", text + "\n")
 
     def fingerprint(self) -> str:
@@ -306,6 +307,13 @@ class RunDirectory:
         if found is None or str(found) != str(self.stamp()["made_for"]):
             remedy = remedy or f"run `selftouch learn {self.path}`"
             raise RunError(f"{file} belongs to another experiment or version; {remedy}")
+
+
+def _as_plain(value: Any) -> Any:
+    """What numpy computed, as plain numbers and lists."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    raise TypeError(f"{value!r} is no metric; give numbers, text, lists or mappings")
 
 
 def _of_a_killed_start(path: Path) -> bool:

@@ -1,6 +1,5 @@
 """Everything for people: figures and the report (page), recordings and live play (meshcat)."""
 
-from selftouch_drake.show.material import MissingError, NoSurfaceError, RunData, TouchSample
 from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
 from selftouch_drake.show.meshcat.life_page import LifePage, show_life
 from selftouch_drake.show.meshcat.live import LiveShow, play_live
@@ -13,6 +12,7 @@ from selftouch_drake.show.page.posture_picture import PostureCamera
 from selftouch_drake.show.page.report import Picture, Playback, report_page
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.robot_shape import RobotShape
+from selftouch_drake.show.run_data import MissingError, NoSurfaceError, RunData, TouchSample
 from selftouch_drake.show.skins import SkinSurface
 
 __all__ = [

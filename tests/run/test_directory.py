@@ -1,7 +1,9 @@
+import dataclasses
 import json
 import os
 import shutil
 
+import numpy as np
 import pytest
 
 from selftouch_drake.experiment import ExperimentError, load_experiment
@@ -77,7 +79,8 @@ def test_another_experiment_is_refused_by_the_field_that_differs(run, overrides,
 def test_another_order_of_skins_is_refused(tmp_path):
     experiment = load_experiment("two_arms")
     RunDirectory.create(tmp_path / "run", experiment)
-    experiment.skins = dict(reversed(experiment.skins.items()))
+    other = dict(reversed(experiment.skins.items()))
+    experiment = dataclasses.replace(experiment, skins=other)
     with pytest.raises(RunError, match=r"was begun with the order of skins \['body', 'left_for"):
         RunDirectory.create(tmp_path / "run", experiment)
 
@@ -174,6 +177,22 @@ def test_figures_are_added_replaced_and_dropped(run):
     assert run.metrics() == {"babbling_num_samples": 6}
 
 
+def test_metrics_are_plain_however_they_were_computed(run):
+    run.add_metrics(
+        {
+            "shape_trusted": np.bool_(True),
+            "babbling_touches_by_skin": {"body": np.int64(3)},
+            "graph_component_sizes": np.array([40, 10]),
+            "babbling_force_max_N": np.float32(0.5),
+        }
+    )
+    found = run.metrics()
+    assert found["shape_trusted"] is True
+    assert found["babbling_touches_by_skin"] == {"body": 3}
+    assert found["graph_component_sizes"] == [40, 10]
+    assert found["babbling_force_max_N"] == 0.5
+
+
 @pytest.mark.parametrize("content", [b"", b'{"a": 1', b"[1, 2]", b"\xff\xfe", b"[" * 100_000])
 def test_damaged_figures_are_reported_and_kept(run, content):
     file = run.path / "metrics.json"
@@ -230,7 +249,8 @@ def test_the_fingerprint_is_of_what_decides_the_experience(run, tmp_path):
 def test_the_order_of_skins_counts(tmp_path):
     experiment = load_experiment("two_arms")
     before = RunDirectory(tmp_path, experiment).fingerprint()
-    experiment.skins = dict(reversed(experiment.skins.items()))
+    other = dict(reversed(experiment.skins.items()))
+    experiment = dataclasses.replace(experiment, skins=other)
     assert RunDirectory(tmp_path, experiment).fingerprint() != before
 
 
@@ -274,7 +294,8 @@ def test_models_count_by_content_and_not_by_place(models, tmp_path):
     folder, experiment = models
     before = RunDirectory(tmp_path, experiment).fingerprint()
     folder.rename(tmp_path / "moved")
-    experiment.robot.packages = {"mine": str(tmp_path / "moved")}
+    robot = dataclasses.replace(experiment.robot, packages={"mine": str(tmp_path / "moved")})
+    experiment = dataclasses.replace(experiment, robot=robot)
     assert RunDirectory(tmp_path, experiment).fingerprint() == before
     arm = tmp_path / "moved" / "arm.sdf"
     arm.write_text(arm.read_text().replace("<!--", "<!-- ", 1))

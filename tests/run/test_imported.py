@@ -10,7 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from raw_skin import recorded
+from raw_skin import fibonacci, recorded
 
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience import ExperienceReader
@@ -102,6 +102,25 @@ def test_the_body_is_recovered_from_raw_readings(learned):
     assert metrics["topology_betti"] == [1, 0, 1]
     assert metrics["intrinsic_dimension"] == pytest.approx(2.0, abs=0.25)
     assert metrics["topology_margin"] > 2
+
+
+def test_a_good_shape_is_trusted(tmp_path):
+    """A ball, a finger without error, and a joint that does nothing."""
+    rng = np.random.default_rng(0)
+    place = rng.normal(size=(6000, 3))
+    place /= np.linalg.norm(place, axis=1, keepdims=True)
+    apart = np.linalg.norm(place[:, None] - fibonacci(100), axis=2)
+    data, path = tmp_path / "ball.npz", tmp_path / "run"
+    q = np.hstack([place, rng.uniform(-0.1, 0.1, (6000, 1))])
+    np.savez(data, q=q, touch=np.clip(1.0 - apart / 0.7, 0.0, None))
+    assert (
+        selftouch("import", data, "--offset", 0, "--threshold", 0, "--out", path, "--set", SET) == 0
+    )
+    assert selftouch("learn", path) == 0
+    metrics = RunDirectory.open(path).metrics()
+    assert metrics["shape_trusted"] is True
+    assert 0.0 < metrics["shape_expected_error"] < 0.04
+    assert metrics["topology_betti"] == [1, 0, 1]
 
 
 def test_a_plan_is_a_joint_trajectory(learned, recording):
@@ -220,7 +239,7 @@ def test_limits_without_time_are_the_default(tmp_path):
         ),
         (
             {"robot": {"directives": "a.dmd.yaml"}},
-            "robot is Robot(directives='a.dmd.yaml', packages={}, joints=None, "
+            "robot is RobotSettings(directives='a.dmd.yaml', packages={}, joints=None, "
             "collision_depth=0.005); imported experience has no robot: leave it out",
         ),
         (
@@ -244,7 +263,7 @@ def test_mistakes_leave_no_run(data, tmp_path, capfd):
         ((data, "--q", "angle_*"), "--q is 'angle_*'; "),
         ((data, "--threshold", "300"), "nothing is felt in 29999 rows: "),
         ((data, "--set", "{skins: 3}"), "skins is 3; give a mapping by name"),
-        ((data, "--max-velocity", "0"), "imported.max_velocity is [0.0, "),
+        ((data, "--max-velocity", "0"), "imported.max_velocity[0] is 0.0"),
     ):
         assert selftouch("import", *words, "--out", tmp_path / "run") == 2
         said = capfd.readouterr().err
@@ -255,7 +274,7 @@ def test_mistakes_leave_no_run(data, tmp_path, capfd):
 
 def test_the_program_of_the_page_works(recording, tmp_path, monkeypatch, capsys):
     page = (ROOT / "docs" / "real_robots.md").read_text(encoding="utf-8")
-    (program,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    program, _ = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
     monkeypatch.chdir(tmp_path)
     np.savez("recording.npz", q=recording.q, taxels=recording.raw, time_s=recording.time_s)
     exec(compile(program, "docs/real_robots.md", "exec"), {})

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from pydrake.geometry import Meshcat
 
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.showing import write_report
+from selftouch_drake.show.outputs import write_report
 
 # pytest's importlib mode imports test files alone: this lets them share `laid_out`.
 sys.path.insert(0, str(Path(__file__).parent))

@@ -5,14 +5,14 @@ from laid_out import execution_of
 from matplotlib.image import imread
 
 from selftouch_drake.agent.motions import Execution
-from selftouch_drake.run.run_data import RunData
-from selftouch_drake.run.showing import write_figures
 from selftouch_drake.show import FIGURES, SkinSurface
+from selftouch_drake.show.outputs import write_figures
 from selftouch_drake.show.page import motion_figures, path_figure, robot_figure
 from selftouch_drake.show.page.graph_figures import quotient_graph, spectral_order
 from selftouch_drake.show.page.scene import visible
 from selftouch_drake.show.page.sensation_figures import sensations
 from selftouch_drake.show.paths import SkinPath
+from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.view import View
 
 
@@ -102,16 +102,16 @@ def test_damage_is_an_error_that_names_the_file(make_run, unrendered):
 
 
 def test_a_skin_that_moves_is_drawn_where_its_link_is(two_skins):
-    material = RunData(two_skins)
-    body, forearm = material.home
+    data = RunData(two_skins)
+    body, forearm = data.home
     assert body == pytest.approx(np.eye(3, 4))
     # The elbow of an arm that is stretched forward, 0.15 m to the left and 0.35 m above the body.
     assert forearm[:, 3] == pytest.approx([0.4, 0.15, 0.35])
 
 
 def test_the_agent_is_drawn_by_its_model(two_skins):
-    material = RunData(two_skins)
-    drawn = material.shape.at(np.zeros(12))
+    data = RunData(two_skins)
+    drawn = data.shape.at(np.zeros(12))
     assert len(drawn.rods) == 0
     assert not any(link.touches for link in drawn.links), "balls touch, and no link"
     assert drawn.radii.tolist() == [0.01, 0.01]
@@ -121,13 +121,13 @@ def test_the_agent_is_drawn_by_its_model(two_skins):
         f(np.concatenate([link.vertices for link in drawn.links]), axis=0) for f in (np.min, np.max)
     )
     assert low[0] < 0.0 < 0.9 < high[0]
-    assert material.shape.bare_balls() == {}, "the model draws its fingertips"
+    assert data.shape.bare_balls() == {}, "the model draws its fingertips"
 
 
 def test_the_legend_names_the_kinds_of_joints(two_skins):
-    material = RunData(two_skins)
-    drawn = material.shape.at(np.zeros(12))
-    figure = robot_figure.agent(material.skins, drawn)
+    data = RunData(two_skins)
+    drawn = data.shape.at(np.zeros(12))
+    figure = robot_figure.agent(data.skins, drawn)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["joints that turn", "three in one point", "what touches", "receptors (32)"]
 
@@ -148,8 +148,8 @@ def ball_at(centre) -> SkinSurface:
 
 
 def test_sensations_are_shown_on_every_skin(two_skins):
-    material = RunData(two_skins)
-    figure = sensations(material.skins, material.representation.target_sensations)
+    data = RunData(two_skins)
+    figure = sensations(data.skins, data.representation.target_sensations)
     titles = [ax.get_title(loc="left") for ax in figure.axes[:4]]
     assert [title.split()[-1] for title in titles] == ["body", "forearm", "body", "forearm"]
 

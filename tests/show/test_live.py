@@ -9,29 +9,29 @@ from laid_out import motion_of
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.run_data import RunData
-from selftouch_drake.run.showing import play
 from selftouch_drake.show import LiveShow
 from selftouch_drake.show.meshcat.braking import BRAKING_S, braked
 from selftouch_drake.show.meshcat.live import SPEED, TARGET
 from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.outputs import play
+from selftouch_drake.show.run_data import RunData
 
 
 @cache
-def material_of(path) -> RunData:
+def data_of(path) -> RunData:
     return RunData(RunDirectory.open(path))
 
 
 def live(run, motion_from=None):
     """A live agent at full speed, and the lines that it prints."""
-    material, said = material_of(run.path), []
+    data, said = data_of(run.path), []
     if motion_from is None:
-        pilot = Pilot(load_agent(run), material.world)
+        pilot = Pilot(load_agent(run), data.world)
 
         def motion_from(q_start, felt, goal):
             return pilot.plan_feeling(q_start, felt, goal).motion
 
-    show = LiveShow(open_meshcat(), material, motion_from, said.append)
+    show = LiveShow(open_meshcat(), data, motion_from, said.append)
     show.simulation.set_rate(0.0)
     show.said = said
     return show

@@ -8,13 +8,13 @@ import pytest
 from laid_out import execution_of
 from pydrake.geometry import Meshcat
 
-from selftouch_drake.run.run_data import RunData
-from selftouch_drake.run.showing import write_recording
 from selftouch_drake.show import MissingError
 from selftouch_drake.show.meshcat.meshcat_scene import firm_touch
 from selftouch_drake.show.meshcat.receptors import key_frames
 from selftouch_drake.show.meshcat.recording import FRAMES_PER_S, frame_rows, record
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
+from selftouch_drake.show.outputs import write_recording
+from selftouch_drake.show.run_data import RunData
 
 
 @pytest.fixture(scope="module")
@@ -56,10 +56,10 @@ class Recorder:
 
 
 def test_skins_follow_their_links_and_what_stands_still_is_not_recorded(two_skins):
-    material, recorder = RunData(two_skins), Recorder()
+    data, recorder = RunData(two_skins), Recorder()
     q = execution_of("two_skins").q_measured[::10]
-    poses = material.robot.skin_positions(q)
-    drawing = SkinDrawing(Meshcat(), "/skins", material.skins)
+    poses = data.robot.skin_positions(q)
+    drawing = SkinDrawing(Meshcat(), "/skins", data.skins)
     drawing.record(recorder, poses, np.zeros((len(q), 32)))
     assert set(recorder.places) == {"/skins/forearm"}
     places = recorder.places["/skins/forearm"]
@@ -68,9 +68,9 @@ def test_skins_follow_their_links_and_what_stands_still_is_not_recorded(two_skin
 
 
 def test_paths_move_with_their_skin(two_skins):
-    material = RunData(two_skins)
+    data = RunData(two_skins)
     meshcat = Meshcat()
-    record(meshcat, material, [material.shown_pair, material.shown_pair])
+    record(meshcat, data, [data.shown_pair, data.shown_pair])
     for number in (0, 1):
         assert meshcat.HasPath(f"/skins/forearm/plan_{number}")
         assert meshcat.HasPath(f"/skins/body/plan_{number}")
@@ -94,11 +94,11 @@ def test_only_executed_plans_are_recorded(make_run):
 
 
 def test_receptors_show_what_is_felt_when_it_is_felt(reported):
-    material = RunData(reported)
+    data = RunData(reported)
     meshcat = Meshcat()
-    full = record(meshcat, material, [(0, 40), (0, 40)])
-    felt = material.execution(0, 40).felt
-    assert full == firm_touch(material.representation)
+    full = record(meshcat, data, [(0, 40), (0, 40)])
+    felt = data.execution(0, 40).felt
+    assert full == firm_touch(data.representation)
     assert meshcat.HasPath(f"/skins/body/receptors/{felt.shape[1] - 1}")
 
 

@@ -43,7 +43,7 @@ def trusted(error: float | None, margin: float) -> bool:
         error: the expected error; None if unknown.
         margin: the smallest `Topology.margin` of its parts.
     """
-    return error is not None and error < MOST_ERROR and margin >= LEAST_MARGIN
+    return bool(error is not None and error < MOST_ERROR and margin >= LEAST_MARGIN)
 
 
 def unevenness(positions: np.ndarray) -> float:

@@ -12,11 +12,11 @@ from selftouch_drake.agent.motions import Motion
 from selftouch_drake.evaluation import cosine_distance
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.robot import Simulation
-from selftouch_drake.show.material import RunData
 from selftouch_drake.show.meshcat.braking import BRAKING_S, braked
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
 from selftouch_drake.show.meshcat.server import open_meshcat
 from selftouch_drake.show.paths import SkinPath, touch_paths
+from selftouch_drake.show.run_data import RunData
 
 # Controls, as the browser labels them.
 TARGET, SPEED = "target sensation", "speed"
@@ -46,7 +46,7 @@ class LiveShow:
 
     Args:
         meshcat: where it is shown.
-        material: of a run that has learned.
+        data: of a run that has learned.
         motion_from: the agent's plans.
         announce: called with a line about every motion.
 
@@ -57,17 +57,17 @@ class LiveShow:
     def __init__(
         self,
         meshcat: Meshcat,
-        material: RunData,
+        data: RunData,
         motion_from: MotionFrom,
         announce: Callable[[str], None] = lambda line: None,
     ):
-        self._known = known = material.representation
+        self._known = known = data.representation
         self._motion_from, self._announce, self._meshcat = motion_from, announce, meshcat
-        self._material = material
+        self._data = data
         self._full = firm_touch(known)
-        self._scene = MeshcatScene(meshcat, material, beside_panel=True)
+        self._scene = MeshcatScene(meshcat, data, beside_panel=True)
         self._scene.draw_legend(self._full)
-        self.simulation = Simulation(material.experiment, material.world.skins, meshcat)
+        self.simulation = Simulation(data.experiment, data.world.skins, meshcat)
         self.simulation.rest_at(self._firm_configuration(0))
         targets = known.target_sensations
         self._stops = farthest_points(
@@ -224,7 +224,7 @@ class LiveShow:
         self._motion = None
 
     def _paths(self, q: np.ndarray) -> list[SkinPath]:
-        return touch_paths(self._material.shape, self._material.touches_at, q)
+        return touch_paths(self._data.shape, self._data.touches_at, q)
 
     def _say(self, text: str) -> None:
         self._announce(text.replace("\n", "; "))
@@ -232,7 +232,7 @@ class LiveShow:
 
 
 def play_live(
-    material: RunData,
+    data: RunData,
     motion_from: MotionFrom,
     *,
     port: int | None = None,
@@ -241,7 +241,7 @@ def play_live(
     """Shows an agent live in a browser, until its `end` button or Ctrl-C.
 
     Args:
-        material: of a run that has learned.
+        data: of a run that has learned.
         motion_from: the agent's plans.
         port: of the page; by default the first free one from 7000 on.
         announce: called with where to look, and then with a line about every motion.
@@ -250,8 +250,8 @@ def play_live(
         ValueError: the port is taken.
     """
     meshcat = open_meshcat(port)
-    show = LiveShow(meshcat, material, motion_from, announce)
-    announce(f"{material.experiment.name}, live at {meshcat.web_url()} (Ctrl-C to end)")
+    show = LiveShow(meshcat, data, motion_from, announce)
+    announce(f"{data.experiment.name}, live at {meshcat.web_url()} (Ctrl-C to end)")
     with contextlib.suppress(KeyboardInterrupt):
         while not show.ended:
             show.step()

@@ -19,12 +19,12 @@ from pydrake.perception import BaseField, Fields, PointCloud
 
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.geometry import farthest_points
-from selftouch_drake.show.material import MissingError, RunData
 from selftouch_drake.show.meshcat.receptors import key_frames, linear_light, rgba
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
 from selftouch_drake.show.meshcat.stage import VIEW, draw_balls, set_stage
 from selftouch_drake.show.meshcat.text_meshes import put_legend, put_text
 from selftouch_drake.show.paths import SkinPath, evenly_spaced
+from selftouch_drake.show.run_data import MissingError, RunData
 from selftouch_drake.show.skins import all_moved, as_one, moved
 from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, VERMILION
 
@@ -58,7 +58,7 @@ class MeshcatScene:
 
     Args:
         meshcat: where it is drawn.
-        material: of a run that has learned.
+        data: of a run that has learned.
         beside_panel: whether to leave room on the right for Meshcat's controls.
 
     Attributes:
@@ -67,22 +67,22 @@ class MeshcatScene:
             if they are on no surface; NaN in fragments.
     """
 
-    def __init__(self, meshcat: Meshcat, material: RunData, *, beside_panel: bool = False):
+    def __init__(self, meshcat: Meshcat, data: RunData, *, beside_panel: bool = False):
         self._meshcat = meshcat
-        self._skins = material.skins
-        home = as_one(all_moved(material.skins, material.home))
+        self._skins = data.skins
+        home = as_one(all_moved(data.skins, data.home))
         low, high = home.vertices.min(axis=0), home.vertices.max(axis=0)
         middle = (low + high) / 2
-        width, lowest = _reach(material, middle)
+        width, lowest = _reach(data, middle)
         self.size = max(float((high - low).max()), width / _APART)
         self._under = middle + (lowest - 0.22 * self.size) * VIEW.axes[1]
         self._aside = _APART * self.size * VIEW.axes[0]
-        self._felt = SkinDrawing(meshcat, FELT, material.skins)
-        self._expected = SkinDrawing(meshcat, EXPECTED, material.skins)
+        self._felt = SkinDrawing(meshcat, FELT, data.skins)
+        self._expected = SkinDrawing(meshcat, EXPECTED, data.skins)
         meshcat.SetTransform(EXPECTED, RigidTransform(-self._aside))
-        self.move(material.home)
-        self._balls = draw_balls(meshcat, material.shape)
-        self.kernel_places, title = self._draw_recovered(material, middle)
+        self.move(data.home)
+        self._balls = draw_balls(meshcat, data.shape)
+        self.kernel_places, title = self._draw_recovered(data, middle)
         self._write("/titles/recovered", title, aside=self._aside)
         self._write_titles()
         set_stage(meshcat, VIEW, middle, self.size, beside_panel=beside_panel)
@@ -181,16 +181,16 @@ class MeshcatScene:
         width = 0.8 * self.size
         put_legend(self._meshcat, "/legend", full, centre, VIEW, width=width, color=rgba(INK))
 
-    def _draw_recovered(self, material: RunData, middle: np.ndarray) -> tuple[np.ndarray, str]:
+    def _draw_recovered(self, data: RunData, middle: np.ndarray) -> tuple[np.ndarray, str]:
         """Draws the recovered body; returns the places of the kernels, and its title."""
         typical = float(np.median([skin.extent for skin in self._skins]))
         self._meshcat.SetTransform(RECOVERED_BODY, RigidTransform(self._aside))
         try:
-            parts, places = material.recovered, material.kernel_places
+            parts, places = data.recovered, data.kernel_places
             title = "its body, as it recovered it"
         except MissingError:
             # Without a surface, or without its true place, the agent's own layout is drawn.
-            parts, places = (), _laid_out(material, middle, typical)
+            parts, places = (), _laid_out(data, middle, typical)
             title = "its sensations, as it laid them out"
             cloud = _cloud(places[np.isfinite(places).all(axis=1)], RECOVERED)
             self._meshcat.SetObject(f"{RECOVERED_BODY}/kernels", cloud, point_size=0.025 * typical)
@@ -236,11 +236,11 @@ class MeshcatScene:
         self._write("/titles/felt", "what it feels")
 
 
-def _laid_out(material: RunData, middle: np.ndarray, size: float) -> np.ndarray:
+def _laid_out(data: RunData, middle: np.ndarray, size: float) -> np.ndarray:
     """`(K, 3)` m, the kernels as the agent laid them out: parts side by side, scaled to `size`."""
-    places = np.full((material.representation.num_targets, 3), np.nan)
+    places = np.full((data.representation.num_targets, 3), np.nan)
     right = 0.0
-    for part in material.body.parts:
+    for part in data.body.parts:
         width = float(np.ptp(part.positions, axis=0).max())
         offset = (right + width / 2) * VIEW.axes[0] - part.positions.mean(axis=0)
         places[part.kernels] = part.positions + offset
@@ -249,17 +249,17 @@ def _laid_out(material: RunData, middle: np.ndarray, size: float) -> np.ndarray:
     return middle + (places - (low + high) / 2) * size / float((high - low).max())
 
 
-def _reach(material: RunData, middle: np.ndarray) -> tuple[float, float]:
+def _reach(data: RunData, middle: np.ndarray) -> tuple[float, float]:
     """m, how wide the skins are or mostly move in the picture, and how far below `middle`."""
-    home = VIEW.project(as_one(all_moved(material.skins, material.home)).vertices - middle)
+    home = VIEW.project(as_one(all_moved(data.skins, data.home)).vertices - middle)
     width, lowest = float(np.ptp(home[:, 0])), float(home[:, 1].min())
-    q = material.representation.kernel_q
+    q = data.representation.kernel_q
     some = q[:: max(len(q) // _NUM_POSTURES, 1)].astype(float)
-    poses = material.robot.skin_positions(some)
+    poses = data.robot.skin_positions(some)
     if np.ptp(poses, axis=0).max() < 1e-9:
         return width, lowest
     # No more points than the outline of a picture needs.
-    outlines = [skin.vertices[:: max(len(skin.vertices) // 200, 1)] for skin in material.skins]
+    outlines = [skin.vertices[:: max(len(skin.vertices) // 200, 1)] for skin in data.skins]
     places = [
         moved(outline, pose) for number, outline in enumerate(outlines) for pose in poses[:, number]
     ]

@@ -8,11 +8,11 @@ import numpy as np
 from pydrake.geometry import Meshcat
 
 from selftouch_drake.agent.motions import Execution
-from selftouch_drake.show.material import RunData, Targets
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
 from selftouch_drake.show.meshcat.receptors import key_frames
 from selftouch_drake.show.meshcat.stage import RobotDrawing
 from selftouch_drake.show.paths import touch_paths
+from selftouch_drake.show.run_data import RunData, Targets
 
 FRAMES_PER_S = 30
 # Repetitions of the animation; the controls of the page stop it.
@@ -21,18 +21,18 @@ _REPETITIONS = 1000
 _PAUSE_S = 1.0
 
 
-def record(meshcat: Meshcat, material: RunData, tours: Sequence[Targets]) -> float:
+def record(meshcat: Meshcat, data: RunData, tours: Sequence[Targets]) -> float:
     """Draws the agent and records executed plans, one after the other.
 
     Args:
         meshcat: where to draw.
-        material: of the run.
+        data: of the run.
         tours: the target sensations that name each plan, in order.
 
     Returns:
         N, the reading of a receptor that is shown in the strongest colour.
     """
-    executions = [material.execution(*targets) for targets in tours]
+    executions = [data.execution(*targets) for targets in tours]
     rows = [frame_rows(execution.motion.time_s) for execution in executions]
     q, felt, expected = (
         np.concatenate([array[frames] for array, frames in zip(arrays, rows, strict=True)])
@@ -43,27 +43,27 @@ def record(meshcat: Meshcat, material: RunData, tours: Sequence[Targets]) -> flo
         )
     )
     number = np.repeat(np.arange(len(tours)), [len(r) for r in rows])
-    full = firm_touch(material.representation)
+    full = firm_touch(data.representation)
 
-    scene = MeshcatScene(meshcat, material)
+    scene = MeshcatScene(meshcat, data)
     names = [f"plan_{plan}" for plan in range(len(tours))]
     for name, execution in zip(names, executions, strict=True):
-        _draw_paths(scene, name, material, execution)
+        _draw_paths(scene, name, data, execution)
     # What is set with a time is recorded only; live, the recording is played.
     meshcat.StartRecording(FRAMES_PER_S, set_visualizations_while_recording=False)
     recording = meshcat.get_mutable_recording()
     recording.set_repetitions(_REPETITIONS)
-    drawing = RobotDrawing(meshcat, material.experiment, material.world.skins)
+    drawing = RobotDrawing(meshcat, data.experiment, data.world.skins)
     for frame, configuration in enumerate(q):
         drawing.put(configuration, frame / FRAMES_PER_S)
-    robot = material.robot
+    robot = data.robot
     scene.record(
         recording,
         poses=robot.skin_positions(q),
         p_WT=robot.toucher_positions(q),
         felt=felt / full,
         expected=expected,
-        kernel=_felt_last(felt, material.representation.target_sensations),
+        kernel=_felt_last(felt, data.representation.target_sensations),
     )
     for plan, name in enumerate(names):
         shown = number == plan
@@ -83,9 +83,9 @@ def frame_rows(time_s: np.ndarray) -> np.ndarray:
     return np.minimum(rows, len(time_s) - 1)
 
 
-def _draw_paths(scene: MeshcatScene, name: str, material: RunData, execution: Execution) -> None:
+def _draw_paths(scene: MeshcatScene, name: str, data: RunData, execution: Execution) -> None:
     planned, measured = (
-        touch_paths(material.shape, material.touches_at, q)
+        touch_paths(data.shape, data.touches_at, q)
         for q in (execution.motion.q, execution.q_measured)
     )
     scene.draw_path(name, planned, len(execution.motion.q))

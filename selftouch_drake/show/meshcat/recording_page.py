@@ -7,34 +7,34 @@ import html
 
 import numpy as np
 
-from selftouch_drake.show.material import RunData, Targets
 from selftouch_drake.show.meshcat.recording import record
 from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.run_data import RunData, Targets
 from selftouch_drake.show.style import PRESSURE
 
 
-def recording_page(material: RunData, targets: Targets) -> str:
+def recording_page(data: RunData, targets: Targets) -> str:
     """The page, as HTML.
 
     Args:
-        material: of the run.
+        data: of the run.
         targets: target sensations from the first to the last that the plan leads through; the first
             is a text if it begins in any configuration.
 
     Raises:
         MissingError: the plan was not executed.
     """
-    page = _recorded(material, targets)
+    page = _recorded(data, targets)
     # Drake's diagrams are in reference cycles, and this one held the Meshcat server and its port.
     gc.collect()
     return page
 
 
-def _recorded(material: RunData, targets: Targets) -> str:
-    material.execution(*targets)
+def _recorded(data: RunData, targets: Targets) -> str:
+    data.execution(*targets)
     meshcat = open_meshcat()
-    full = record(meshcat, material, [targets])
-    title = f"{material.experiment.name}: sensation {' to '.join(map(str, targets))}"
+    full = record(meshcat, data, [targets])
+    title = f"{data.experiment.name}: sensation {' to '.join(map(str, targets))}"
     return _with_legend(meshcat.StaticHtml(), title, full)
 
 

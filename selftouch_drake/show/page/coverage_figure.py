@@ -9,7 +9,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from selftouch_drake.show.material import TouchSample
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -19,6 +18,7 @@ from selftouch_drake.show.page.scene import (
     share_scale,
 )
 from selftouch_drake.show.page.solids import surface
+from selftouch_drake.show.run_data import TouchSample
 from selftouch_drake.show.skins import SkinSurface, as_one, moved
 from selftouch_drake.show.style import AMOUNT, styled
 from selftouch_drake.show.view import View

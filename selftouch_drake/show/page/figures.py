@@ -10,7 +10,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
-from selftouch_drake.show.material import MissingError, RunData
 from selftouch_drake.show.page import (
     coverage_figure,
     graph_figures,
@@ -22,6 +21,7 @@ from selftouch_drake.show.page import (
     shape_figures,
 )
 from selftouch_drake.show.paths import touch_paths
+from selftouch_drake.show.run_data import MissingError, RunData
 from selftouch_drake.show.skins import SkinSurface, all_moved
 from selftouch_drake.show.style import DPI
 
@@ -31,67 +31,67 @@ _NUM_DOTS = 6000
 _NUM_POSTURES = 400
 
 
-def agent(material: RunData) -> Figure:
+def agent(data: RunData) -> Figure:
     """The robot touching itself, with its joints well clear of its skins."""
-    known, robot = material.representation, material.robot
+    known, robot = data.representation, data.robot
     q = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
     poses = robot.skin_positions(q)
-    clear = robot_figure.clearest(material.shape.joints(q), material.skins, poses)
-    skins = all_moved(material.skins, poses[clear])
-    return robot_figure.agent(skins, material.shape.at(q[clear]))
+    clear = robot_figure.clearest(data.shape.joints(q), data.skins, poses)
+    skins = all_moved(data.skins, poses[clear])
+    return robot_figure.agent(skins, data.shape.at(q[clear]))
 
 
-def coverage(material: RunData) -> Figure:
+def coverage(data: RunData) -> Figure:
     """Where babbling touched the skins."""
-    density, sample = material.touch_density, material.touch_sample(_NUM_DOTS)
-    return coverage_figure.coverage(_skins(material), density, sample)
+    density, sample = data.touch_density, data.touch_sample(_NUM_DOTS)
+    return coverage_figure.coverage(_skins(data), density, sample)
 
 
-def sensations(material: RunData) -> Figure:
+def sensations(data: RunData) -> Figure:
     """A few target sensations on the skins."""
-    targets = material.representation.target_sensations
-    return sensation_figures.sensations(_skins(material), targets)
+    targets = data.representation.target_sensations
+    return sensation_figures.sensations(_skins(data), targets)
 
 
-def sensation_map(material: RunData) -> Figure:
+def sensation_map(data: RunData) -> Figure:
     """Where some of the target sensations are felt, by number."""
-    targets = material.representation.target_sensations
-    return sensation_figures.sensation_map(_skins(material), targets)
+    targets = data.representation.target_sensations
+    return sensation_figures.sensation_map(_skins(data), targets)
 
 
-def kernels(material: RunData) -> Figure:
+def kernels(data: RunData) -> Figure:
     """Sizes, likeness and firmness of the motor kernel sets."""
-    known = material.representation
+    known = data.representation
     return sensation_figures.kernels(
         np.diff(known.kernel_offsets), known.kernel_error, known.kernel_strength
     )
 
 
-def distance_matrix(material: RunData) -> Figure:
+def distance_matrix(data: RunData) -> Figure:
     """Distances between kernel sets; against the truth, if it is known."""
-    known = material.representation
+    known = data.representation
     try:
-        true = material.true_distances
+        true = data.true_distances
     except MissingError:
         return graph_figures.distance_matrix(known.set_distance)
     return graph_figures.distance_matrix(known.set_distance, true)
 
 
-def quotient_graph(material: RunData) -> Figure:
+def quotient_graph(data: RunData) -> Figure:
     """The quotient graph in the embedding."""
-    known, parts = material.representation, [part.kernels for part in material.body.parts]
+    known, parts = data.representation, [part.kernels for part in data.body.parts]
     return graph_figures.quotient_graph(known.embedding, known.edges, known.edge_cost, parts)
 
 
-def body_shape(material: RunData) -> Figure:
+def body_shape(data: RunData) -> Figure:
     """The body and the body that the agent recovered (paper, figure 3)."""
-    error = material.metrics.get("shape_rms_fraction")
-    return shape_figures.body_shape(_skins(material), material.recovered, rms_fraction=error)
+    error = data.metrics.get("surface_rms_fraction")
+    return shape_figures.body_shape(_skins(data), data.recovered, rms_fraction=error)
 
 
-def persistence(material: RunData) -> Figure:
+def persistence(data: RunData) -> Figure:
     """Components, loops and voids of each part of the recovered body."""
-    found = {n: part.topology for n, part in enumerate(material.body.parts) if part.topology}
+    found = {n: part.topology for n, part in enumerate(data.body.parts) if part.topology}
     if not found:
         raise MissingError("no part of the recovered body is a surface; babble longer")
     return shape_figures.persistence(
@@ -101,35 +101,32 @@ def persistence(material: RunData) -> Figure:
     )
 
 
-def plan_path(material: RunData) -> Figure:
+def plan_path(data: RunData) -> Figure:
     """One plan over the skins (paper, figure 4)."""
-    motion = material.motion(*material.shown_pair)
+    motion = data.motion(*data.shown_pair)
     paths, known = (
-        [
-            path.moved(material.home[path.skin])
-            for path in touch_paths(material.shape, material.touches_at, q)
-        ]
+        [path.moved(data.home[path.skin]) for path in touch_paths(data.shape, data.touches_at, q)]
         for q in (motion.q, motion.waypoints_q)
     )
     if not paths:
         raise MissingError("the plan of this figure touches nothing; evaluate again")
-    return path_figure.plan_path(_skins(material), paths, known, len(motion.q))
+    return path_figure.plan_path(_skins(data), paths, known, len(motion.q))
 
 
-def felt_and_predicted(material: RunData) -> Figure:
+def felt_and_predicted(data: RunData) -> Figure:
     """Felt and predicted sensations along that plan."""
-    return motion_figures.felt_and_predicted(material.execution(*material.shown_pair))
+    return motion_figures.felt_and_predicted(data.execution(*data.shown_pair))
 
 
-def contact_and_tracking(material: RunData) -> Figure:
+def contact_and_tracking(data: RunData) -> Figure:
     """Force and tracking along that plan."""
-    robot, execution = material.robot, material.execution(*material.shown_pair)
+    robot, execution = data.robot, data.execution(*data.shown_pair)
     return motion_figures.contact_and_tracking(execution, robot.joint_names, robot.turns)
 
 
-def life(material: RunData) -> Figure:
+def life(data: RunData) -> Figure:
     """The life of the agent, as curves."""
-    return life_figure.life(material.life)
+    return life_figure.life(data.life)
 
 
 # In the order of the paper. The name is that of the file.
@@ -150,11 +147,11 @@ FIGURES: dict[str, Callable[[RunData], Figure]] = {
 }
 
 
-def draw_figure(material: RunData, folder: Path, name: str, *, vector: bool = False) -> Path:
+def draw_figure(data: RunData, folder: Path, name: str, *, vector: bool = False) -> Path:
     """Draws one of `FIGURES` and returns its PNG file.
 
     Args:
-        material: of a run with any of its stages done.
+        data: of a run with any of its stages done.
         folder: where it goes.
         name: of the figure.
         vector: whether to write it as PDF as well, for papers: words, lines and marks as such,
@@ -168,7 +165,7 @@ def draw_figure(material: RunData, folder: Path, name: str, *, vector: bool = Fa
     # An older PDF may no longer be true.
     for_papers.unlink(missing_ok=True)
     try:
-        figure = FIGURES[name](material)
+        figure = FIGURES[name](data)
     except MissingError:
         path.unlink(missing_ok=True)
         raise
@@ -178,9 +175,9 @@ def draw_figure(material: RunData, folder: Path, name: str, *, vector: bool = Fa
     return path
 
 
-def _skins(material: RunData) -> list[SkinSurface]:
+def _skins(data: RunData) -> list[SkinSurface]:
     """The skins where they are drawn."""
-    return all_moved(material.skins, material.home)
+    return all_moved(data.skins, data.home)
 
 
 def _write(figure: Figure, path: Path, *, dpi: int, metadata: dict[str, None]) -> None:

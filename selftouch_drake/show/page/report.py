@@ -12,7 +12,6 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from selftouch_drake.experiment import dump_experiment
-from selftouch_drake.show.material import MissingError, NoSurfaceError, RunData
 from selftouch_drake.show.page.tables import (
     joint_rows,
     part_rows,
@@ -21,6 +20,7 @@ from selftouch_drake.show.page.tables import (
     toucher_rows,
 )
 from selftouch_drake.show.page.turnable import turnable_body
+from selftouch_drake.show.run_data import MissingError, NoSurfaceError, RunData
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,61 +54,61 @@ class Playback:
     missing: str = ""
 
 
-def report_page(material: RunData, pictures: Mapping[str, Picture], recording: Playback) -> str:
+def report_page(data: RunData, pictures: Mapping[str, Picture], recording: Playback) -> str:
     """The report of a run as HTML that holds all it shows and asks nothing of a network.
 
     What was not made yet is named, with the command that makes it.
 
     Args:
-        material: of the run, with any of its stages done.
+        data: of the run, with any of its stages done.
         pictures: by the names of `FIGURES`.
         recording: of the plan that is shown.
     """
-    plans = list(plan_rows(material))
+    plans = list(plan_rows(data))
     body = no_surface = ""
     try:
-        body = turnable_body(material)
+        body = turnable_body(data)
     except NoSurfaceError as reason:
         no_surface = str(reason)
     except MissingError:
         pass
     return _template().render(
-        experiment=material.experiment,
-        settings=dump_experiment(material.experiment),
+        experiment=data.experiment,
+        settings=dump_experiment(data.experiment),
         pictures=pictures,
-        headline=material.headline,
-        readings=material.readings,
-        parts=_parts(material),
+        headline=data.headline,
+        readings=data.readings,
+        parts=_parts(data),
         body=body,
         no_surface=no_surface,
         viewer=(files(__package__) / "turnable.js").read_text(encoding="utf-8"),
         plans=plans,
         flights=any(plan.num_flights for plan in plans),
-        shown=material.shown_pair if material.pairs else None,
+        shown=data.shown_pair if data.pairs else None,
         recording=recording,
-        **_robot(material),
+        **_robot(data),
     )
 
 
-def _robot(material: RunData) -> dict[str, Any]:
+def _robot(data: RunData) -> dict[str, Any]:
     try:
         return {
-            "joints": joint_rows(material),
-            "skins": skin_rows(material),
-            "touchers": toucher_rows(material),
+            "joints": joint_rows(data),
+            "skins": skin_rows(data),
+            "touchers": toucher_rows(data),
             "robot_missing": "",
         }
     except MissingError as reason:
         return {"joints": [], "skins": [], "touchers": [], "robot_missing": str(reason)}
 
 
-def _parts(material: RunData) -> Sequence[Any]:
+def _parts(data: RunData) -> Sequence[Any]:
     """The rows of the table of parts; none where there is one part on one skin."""
     try:
-        rows = part_rows(material)
+        rows = part_rows(data)
     except MissingError:
         return ()
-    return rows if len(rows) > 1 or len(material.experiment.skins) > 1 else ()
+    return rows if len(rows) > 1 or len(data.experiment.skins) > 1 else ()
 
 
 def _template():

@@ -11,7 +11,7 @@ import numpy as np
 
 from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.show.material import MissingError, RunData
+from selftouch_drake.show.run_data import MissingError, RunData
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,9 +107,9 @@ class PlanRow:
     max_force: float | None = None
 
 
-def joint_rows(material: RunData) -> list[JointRow]:
+def joint_rows(data: RunData) -> list[JointRow]:
     """The joints that move, in the order of a motor configuration."""
-    robot = material.robot
+    robot = data.robot
     rows = []
     for name, turns, low, high in zip(
         robot.joint_names, robot.turns, robot.lower, robot.upper, strict=True
@@ -126,9 +126,9 @@ def joint_rows(material: RunData) -> list[JointRow]:
     return rows
 
 
-def skin_rows(material: RunData) -> list[SkinRow]:
+def skin_rows(data: RunData) -> list[SkinRow]:
     """The skins, in the order of their readings in a sensation."""
-    robot = material.robot
+    robot = data.robot
     rows = []
     for number, skin in enumerate(robot.skins):
         wall = skin.model.wall
@@ -146,13 +146,13 @@ def skin_rows(material: RunData) -> list[SkinRow]:
     return rows
 
 
-def toucher_rows(material: RunData) -> list[ToucherRow]:
+def toucher_rows(data: RunData) -> list[ToucherRow]:
     """What touches, and what it may touch."""
-    robot = material.robot
+    robot = data.robot
     worn = {int(skin.link.index()): skin.model.name for skin in robot.skins}
     rows = []
     for number, toucher in enumerate(robot.touchers):
-        described = material.experiment.touching[toucher.name]
+        described = data.experiment.touching[toucher.name]
         radius = described.radius
         if radius is not None:
             what = f"a ball of {100 * radius:.2g} cm radius at {described.frame}"
@@ -165,16 +165,16 @@ def toucher_rows(material: RunData) -> list[ToucherRow]:
     return rows
 
 
-def part_rows(material: RunData) -> list[PartRow]:
+def part_rows(data: RunData) -> list[PartRow]:
     """The parts of the recovered body."""
-    names, metrics = list(material.experiment.skins), material.metrics
+    names, metrics = list(data.experiment.skins), data.metrics
     true = metrics.get("topology_betti_true_by_part", [])
-    errors = metrics.get("shape_rms_fraction_by_skin", {})
+    errors = metrics.get("surface_rms_fraction_by_skin", {})
     rows = []
-    for number, part in enumerate(material.body.parts):
+    for number, part in enumerate(data.body.parts):
         skins: list[str] = []
         with contextlib.suppress(MissingError):
-            skins = [names[s] for s in material.skins_of(part.kernels)]
+            skins = [names[s] for s in data.skins_of(part.kernels)]
         known = true[number] if number < len(true) else None
         error = errors.get(skins[0]) if skins else None
         rows.append(
@@ -189,10 +189,10 @@ def part_rows(material: RunData) -> list[PartRow]:
     return rows
 
 
-def plan_rows(material: RunData) -> Iterator[PlanRow]:
+def plan_rows(data: RunData) -> Iterator[PlanRow]:
     """The plans from one sensation to another."""
-    for start, goal in material.pairs:
-        motion = material.motion(start, goal)
+    for start, goal in data.pairs:
+        motion = data.motion(start, goal)
         in_air = motion.in_air.astype(int)
         row = PlanRow(
             start=start,
@@ -202,7 +202,7 @@ def plan_rows(material: RunData) -> Iterator[PlanRow]:
             duration=float(np.ptp(motion.time_s)),
         )
         try:
-            execution = material.execution(start, goal)
+            execution = data.execution(start, goal)
         except MissingError:
             yield row
             continue

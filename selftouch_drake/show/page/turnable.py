@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from selftouch_drake.geometry import farthest_points
-from selftouch_drake.show.material import RunData
+from selftouch_drake.show.run_data import RunData
 
 # Numbers of sensations that are written on the body; more would cover it.
 _NUM_LABELS = 40
@@ -33,13 +33,13 @@ class TurnableSurface:
     closed: bool
 
 
-def turnable_body(material: RunData) -> str:
+def turnable_body(data: RunData) -> str:
     """The recovered body as JSON, laid on the real one, in units of its half size.
 
     Raises:
         MissingError: nothing was learned, or the recovered body is not a surface.
     """
-    parts = material.body.parts
+    parts = data.body.parts
     return as_json(
         [
             TurnableSurface(
@@ -48,7 +48,7 @@ def turnable_body(material: RunData) -> str:
                 faces=skin.faces,
                 closed=skin.closed,
             )
-            for skin in material.recovered
+            for skin in data.recovered
         ]
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
 
@@ -39,18 +40,38 @@ from selftouch_drake.run.artifacts import (
     was_executed,
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.metrics import Reading, Tile, headline, readings
+from selftouch_drake.run.metrics import Headline, Reading, headline, readings
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import NoWorldError, require_robot
-from selftouch_drake.show import (
-    MissingError,
-    NoSurfaceError,
-    RecoveredSkin,
-    RobotShape,
-    SkinSurface,
-    TouchSample,
-)
-from selftouch_drake.show.recovered import at_poses, laid_on_skins, skins_of
+from selftouch_drake.show.recovered import RecoveredSkin, at_poses, laid_on_skins, skins_of
+from selftouch_drake.show.robot_shape import RobotShape
+from selftouch_drake.show.skins import SkinSurface
+
+#: The targets that name a plan, in order; the first is a text if it begins in any configuration.
+Targets = tuple[int | str, ...]
+
+
+class MissingError(ValueError):
+    """Something to show is missing; the text says why, and what makes it."""
+
+
+class NoSurfaceError(MissingError):
+    """The recovered body is not a surface in space, so it has no picture."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TouchSample:
+    """True places of some touches.
+
+    Attributes:
+        places: `(n, 3)` m, with the skins at home.
+        num_drawn: number of touches in the sample; some have several places.
+        num_touches: number of all touches.
+    """
+
+    places: np.ndarray
+    num_drawn: int
+    num_touches: int
 
 
 class RunData:
@@ -98,7 +119,7 @@ class RunData:
         return readings(self.metrics)
 
     @property
-    def headline(self) -> list[Tile]:
+    def headline(self) -> Headline:
         """The few metrics that summarise the run."""
         return headline(self.metrics)
 

@@ -3,9 +3,9 @@ import pytest
 import trimesh
 from laid_out import places_of
 
-from selftouch_drake.run.run_data import RunData
 from selftouch_drake.show import FIGURES, MissingError
 from selftouch_drake.show.page.report import Picture, Playback, report_page
+from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import all_moved
 
 
@@ -16,21 +16,21 @@ def test_the_mirrored_recovered_body_is_drawn_the_right_way_out(reported):
 
 
 def test_each_part_lies_on_the_skin_that_it_stands_for(two_skins):
-    material = RunData(two_skins)
-    assert [part.skins for part in material.recovered] == [(0,), (1,)]
-    assert [part.closed for part in material.recovered] == [True, False]
+    data = RunData(two_skins)
+    assert [part.skins for part in data.recovered] == [(0,), (1,)]
+    assert [part.closed for part in data.recovered] == [True, False]
     skin, places = places_of("two_skins")
-    pose = material.home[skin]
+    pose = data.home[skin]
     true = np.einsum("nij,nj->ni", pose[:, :, :3], places) + pose[:, :, 3]
-    assert material.kernel_places == pytest.approx(true, abs=1e-6)
+    assert data.kernel_places == pytest.approx(true, abs=1e-6)
 
 
 def test_a_part_with_a_rim_is_turned_outward(two_skins):
-    material = RunData(two_skins)
-    part = material.recovered[1]
+    data = RunData(two_skins)
+    part = data.recovered[1]
     mesh = trimesh.Trimesh(part.places, part.faces, process=False)
     assert not mesh.is_watertight
-    forearm = all_moved(material.skins, material.home)[1]
+    forearm = all_moved(data.skins, data.home)[1]
     outward = mesh.triangles_center - forearm.vertices.mean(axis=0)
     outward[:, 0] = 0.0  # the forearm lies along x
     assert (np.einsum("fi,fi->f", mesh.face_normals, outward) > 0).all()
@@ -44,10 +44,8 @@ def test_places_on_different_skins_have_no_distance(two_skins):
 
 
 def test_touches_are_counted_on_their_own_skin(two_skins):
-    material = RunData(two_skins)
-    for skin, density, count in zip(
-        material.skins, material.touch_density, (250, 150), strict=True
-    ):
+    data = RunData(two_skins)
+    for skin, density, count in zip(data.skins, data.touch_density, (250, 150), strict=True):
         area = trimesh.Trimesh(skin.vertices, skin.faces, process=False).area
         weights = np.bincount(
             skin.faces.ravel(),
@@ -55,20 +53,20 @@ def test_touches_are_counted_on_their_own_skin(two_skins):
         )
         mean = (density * weights).sum() / weights.sum()
         assert mean * area * 1e4 == pytest.approx(count, rel=0.1)
-    sample = material.touch_sample(100)
+    sample = data.touch_sample(100)
     assert (sample.num_drawn, sample.num_touches) == (100, 400)
     assert len(sample.places) == 100
 
 
 def test_several_touches_at_once_are_no_surface(reported, monkeypatch):
-    material = RunData(reported)
-    truth = material.kernel_truth
-    vars(material)["kernel_truth"] = type(truth)(
+    data = RunData(reported)
+    truth = data.kernel_truth
+    vars(data)["kernel_truth"] = type(truth)(
         skin=truth.skin, positions=truth.positions, spread=truth.spread, share_single=0.7
     )
     with pytest.raises(MissingError, match="30% of the touches are at several places at once"):
-        _ = material.recovered
-    page = report_page(material, {name: Picture(missing="-") for name in FIGURES}, Playback())
+        _ = data.recovered
+    page = report_page(data, {name: Picture(missing="-") for name in FIGURES}, Playback())
     assert "No picture of the recovered body:</strong> 30% of the touches" in page
     assert "<strong>The body, the recovered body" not in page
 

@@ -16,19 +16,13 @@ from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import InTurn, Shared, shared
-from selftouch_drake.run.run_data import RunData
 from selftouch_drake.run.worlds import as_text, known_world, require_robot
-from selftouch_drake.show import (
-    MissingError,
-    Picture,
-    Playback,
-    draw_figure,
-    play_live,
-    recording_page,
-    report_page,
-    show_life,
-)
+from selftouch_drake.show.meshcat.life_page import show_life
+from selftouch_drake.show.meshcat.live import play_live
+from selftouch_drake.show.meshcat.recording_page import recording_page
 from selftouch_drake.show.page import figures
+from selftouch_drake.show.page.report import Picture, Playback, report_page
+from selftouch_drake.show.run_data import MissingError, RunData
 
 # Called with the fraction done and what is being drawn.
 Progress = Callable[[float, str], None]
@@ -61,9 +55,9 @@ def write_figures(
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
-    material = RunData(run, world)
-    material.require_sound()
-    drawn = _draw_figures(material, progress, vector=vector, executor=InTurn())
+    data = RunData(run, world)
+    data.require_sound()
+    drawn = _draw_figures(data, progress, vector=vector, executor=InTurn())
     for name, result in drawn.items():
         if isinstance(result, str):
             skipped(name, result)
@@ -71,12 +65,12 @@ def write_figures(
 
 
 def _draw_figures(
-    material: RunData, progress: Progress, *, vector: bool, executor: Executor
+    data: RunData, progress: Progress, *, vector: bool, executor: Executor
 ) -> dict[str, Path | str]:
     """The file of each figure, in the order of the paper, or why it cannot be drawn."""
-    run, drawn = material.run, dict[str, Path | str]()
+    run, drawn = data.run, dict[str, Path | str]()
     run.figures.mkdir(exist_ok=True)
-    with shared(material, _material_elsewhere, *as_text(run)) as needed:
+    with shared(data, _elsewhere, *as_text(run)) as needed:
         results = executor.map(partial(_draw_figure, needed, vector), figures.FIGURES)
         for number, name in enumerate(figures.FIGURES):
             progress(number / len(figures.FIGURES), name.replace("_", " "))
@@ -85,14 +79,14 @@ def _draw_figures(
 
 
 def _draw_figure(needed: Shared[RunData], vector: bool, name: str) -> Path | str:
-    material = needed.value
+    data = needed.value
     try:
-        return draw_figure(material, material.run.figures, name, vector=vector)
+        return figures.draw_figure(data, data.run.figures, name, vector=vector)
     except MissingError as reason:
         return str(reason)
 
 
-def _material_elsewhere(path: str, text: str) -> RunData:
+def _elsewhere(path: str, text: str) -> RunData:
     return RunData(*known_world(path, text))
 
 
@@ -139,10 +133,10 @@ def write_report(
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
-    material = RunData(run, world)
-    material.require_sound()
+    data = RunData(run, world)
+    data.require_sound()
     drawn = _draw_figures(
-        material,
+        data,
         lambda fraction, doing: progress(0.7 * fraction, doing),
         vector=vector,
         executor=executor or InTurn(),
@@ -153,13 +147,13 @@ def write_report(
     }
     progress(0.7, "recording")
     try:
-        write_text_whole(run.playback, recording_page(material, material.shown_pair))
+        write_text_whole(run.playback, recording_page(data, data.shown_pair))
         recording = Playback(file=run.playback.name)
     except MissingError as reason:
         run.playback.unlink(missing_ok=True)
         recording = Playback(missing=str(reason))
     progress(0.9, "report")
-    write_text_whole(run.report, report_page(material, pictures, recording))
+    write_text_whole(run.report, report_page(data, pictures, recording))
     progress(1.0, "reported")
     return run.report
 
@@ -198,10 +192,10 @@ def play(
     # Missing parts are reported before a page opens.
     require_robot(run.experiment)
     agent = load_agent(run)
-    material = RunData(run)
-    pilot = Pilot(agent, material.world)
+    data = RunData(run)
+    pilot = Pilot(agent, data.world)
 
     def motion_from(q_start: np.ndarray, felt: np.ndarray, goal: int) -> Motion:
         return pilot.plan_feeling(q_start, felt, goal).motion
 
-    play_live(material, motion_from, port=port, announce=announce)
+    play_live(data, motion_from, port=port, announce=announce)
