@@ -220,9 +220,9 @@ class ReceptorTest:
         met = self._encounters(expected, felt)
         met[:, 0] &= ~felt
         added = np.where(met, self.weight, 0.0) - np.array([[0.0], [_BEGINS]])
-        most, evident = np.zeros(2), met.reshape(len(met), -1).any(axis=1)
+        most = np.zeros(2)
         for row in range(len(felt)):
-            if not evident[row] and not self.level.any():
+            if not met[row].any() and not self.level.any():
                 continue
             self.level = np.maximum(self.level + added[row], 0.0)
             self.level[0, felt[row]] = 0.0
@@ -243,7 +243,7 @@ class ReceptorTest:
         return row
 
     def _encounters(self, expected: np.ndarray, felt: np.ndarray) -> np.ndarray:
-        """`(n, 2, S)` bool, first touches in which a receptor is expected, or felt, after a while."""
+        """`(n, 2, S)` bool, where a receptor is expected, or felt, for the first time in a while."""
         there = np.stack([expected > _SURELY, felt], axis=1)
         number = np.arange(len(there))[:, None, None]
         row = np.where(there, number, -_TOGETHER)
