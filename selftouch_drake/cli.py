@@ -147,8 +147,9 @@ def run(
     with HereAndInProcesses(workers) as executor:
         if not stages.has_babbled(directory):
             _babble(directory, world, executor, scheduler)
-            for picture in write_figures(directory, world=world):
-                click.echo(f"first picture: {picture}")
+            for picture in write_figures(directory, world=world).values():
+                if isinstance(picture, Path):
+                    click.echo(f"first picture: {picture}")
         # Meanwhile the agent learns.
         executor.get_ready(known_world, *as_text(directory))
         if not stages.has_learned(directory):
@@ -158,7 +159,7 @@ def run(
             with _progress("plan, execute, evaluate") as progress:
                 stages.evaluate(directory, world, progress, executor)
         with _progress("report") as progress:
-            report = write_report(directory, progress, world=world, executor=executor)
+            report = write_report(directory, progress, world=world)
     _print_headline(directory)
     click.echo(f"report: {report}")
 

@@ -9,8 +9,8 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from selftouch_drake.lazy import trimesh
+from selftouch_drake.show.page.meshes import balls, surface
 from selftouch_drake.show.page.scene import add_scene, draw, outline, scale_bar
-from selftouch_drake.show.page.solids import balls, surface
 from selftouch_drake.show.style import BLUE, GREEN, INK, MUTED, PALE, SKIN, SKY, VERMILION, styled
 from selftouch_drake.show.view import View
 
