@@ -8,10 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
-
-from selftouch_drake.threads import mapped
 
 #: Skin is a surface: cells are wide in two directions and thin in the third. Measured on the torus,
 #: the third width of a cell is a fifth of its second.
@@ -53,9 +50,10 @@ class Cells:
     def of(cls, coordinates: np.ndarray, offsets: np.ndarray) -> Cells:
         """Measures the cells of `(R, D)` coordinates grouped by kernel, without outliers."""
         groups = np.split(np.asarray(coordinates, dtype=float), offsets[1:-1])
-        pooled = np.mean([_scatter(group, _mean(group)) / len(group) for group in groups], axis=0)
+        scatters = [_scatter(group, group.mean(axis=0)) / len(group) for group in groups]
+        pooled = np.mean(scatters, axis=0)
         pooled += 1e-9 * np.trace(pooled) * np.eye(len(pooled))
-        measured = mapped(lambda group: _moments(group, pooled), groups)
+        measured = [_moments(group, pooled) for group in groups]
         mean, covariance = (np.array(part) for part in zip(*measured, strict=True))
         variance, directions = np.linalg.eigh(covariance)
         return cls(
@@ -99,7 +97,6 @@ class Cells:
         return length / np.sinc(2.0 * bent / np.pi)
 
 
-@numba.njit(nogil=True, cache=True, error_model="numpy")
 def _moments(points: np.ndarray, pooled: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Mean and covariance of a cell's `(n, D)` coordinates, after dropping outliers twice.
 
@@ -110,25 +107,17 @@ def _moments(points: np.ndarray, pooled: np.ndarray) -> tuple[np.ndarray, np.nda
         return (_scatter(kept, mean) + _PRIOR * pooled) / (len(kept) + _PRIOR)
 
     last = int((1.0 - _STRAYS) * (len(points) - 1))
-    middle = np.empty(points.shape[1])
-    for d in range(len(middle)):
-        middle[d] = np.median(points[:, d])
-    covariance = shrunk(points, _mean(points))
+    middle = np.median(points, axis=0)
+    covariance = shrunk(points, points.mean(axis=0))
     for _ in range(2):
         apart = points - middle
-        squared = (apart @ np.linalg.inv(covariance) * apart).sum(axis=1)
+        squared = np.einsum("nd,nd->n", apart @ np.linalg.inv(covariance), apart)
         kept = points[squared <= np.partition(squared, last)[last]]
-        middle = _mean(kept)
+        middle = kept.mean(axis=0)
         covariance = shrunk(kept, middle)
     return middle, covariance
 
 
-@numba.njit(nogil=True, cache=True)
-def _mean(points: np.ndarray) -> np.ndarray:
-    return points.sum(axis=0) / len(points)
-
-
-@numba.njit(nogil=True, cache=True)
 def _scatter(points: np.ndarray, mean: np.ndarray) -> np.ndarray:
     apart = points - mean
     return apart.T @ apart

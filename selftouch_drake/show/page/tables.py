@@ -84,7 +84,7 @@ def part_table(data: RunData) -> Table:
     """The parts of the recovered body; cells of what is not known are empty."""
     names, metrics = list(data.experiment.skins), data.metrics
     true = metrics.get("topology_betti_true_by_part", [])
-    errors = metrics.get("shape_rms_fraction_by_skin", {})
+    errors = metrics.get("surface_rms_fraction_by_skin", {})
     rows = []
     for number, part in enumerate(data.body.parts):
         skins: list[str] = []
