@@ -37,7 +37,7 @@ SHAPES = {
 }
 BABBLING_MODES = ("kinematic", "dynamic")
 STRATEGIES = ("random", "active")
-SHAPE_METRICS = ("learned", "sensorimotor", "motor", "literal", "revolute_reference")
+SHAPE_METRICS = ("learned", "sensorimotor", "motor", "literal")
 # Fields without a meaning if experience is imported, and if it is not.
 _WITHOUT_ROBOT = ("robot", "skins", "touching", "joints", "execution", "evaluation", "changes")
 _WITHOUT_DATA = ("imported",)
@@ -231,7 +231,7 @@ class Evaluation:
 
     # Number of random pairs of start and goal sensation that are planned and executed.
     num_pairs: int = 20
-    # Further shape metrics whose error is reported; null for all naive ones. The learned one takes
+    # Further shape metrics whose error is reported; null for all. The learned one takes
     # about ten seconds.
     shape_metrics: list[str] | None = None
 

@@ -274,7 +274,7 @@ def test_mistakes_leave_no_run(data, tmp_path, capfd):
 
 def test_the_program_of_the_page_works(recording, tmp_path, monkeypatch, capsys):
     page = (ROOT / "docs" / "real_robots.md").read_text(encoding="utf-8")
-    (program,) = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
+    program, _ = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)
     monkeypatch.chdir(tmp_path)
     np.savez("recording.npz", q=recording.q, taxels=recording.raw, time_s=recording.time_s)
     exec(compile(program, "docs/real_robots.md", "exec"), {})
