@@ -257,7 +257,7 @@ def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
 def test_evaluation_in_another_process_gives_the_same(run, world, tmp_path):
     other = RunDirectory.open(shutil.copytree(run.path, tmp_path / "other"))
     stages.evaluate(run, world)
-    with local_executor(1) as process:
+    with local_executor(2) as process:
         stages.evaluate(other, world, executor=process)
     pairs = stored_pairs(run)
     assert len(pairs) == 2
