@@ -126,6 +126,7 @@ def changing(num_samples, **change):
     return dataclasses.replace(active(num_samples), changes=[Change(**change)])
 
 
+@pytest.mark.slow
 def test_in_a_changed_body_it_explores_by_what_it_adapted(tmp_path, quick):
     experiment = changing(3250, after=2000, joints={"elbow_pitch": 0.6})
     run, life = RunDirectory.create(tmp_path / "whole", experiment), Exploration(experiment)

@@ -243,7 +243,7 @@ class ReceptorTest:
         return row
 
     def _encounters(self, expected: np.ndarray, felt: np.ndarray) -> np.ndarray:
-        """`(n, 2, S)` bool, where a receptor is expected, or felt, for the first time in a while."""
+        """`(n, 2, S)` bool, where a receptor is expected, or felt, first in a while."""
         there = np.stack([expected > _SURELY, felt], axis=1)
         number = np.arange(len(there))[:, None, None]
         row = np.where(there, number, -_TOGETHER)
