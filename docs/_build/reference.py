@@ -219,8 +219,10 @@ def _type(hint: object) -> str:
 def _default(entry: dataclasses.Field) -> str:
     if entry.default is not dataclasses.MISSING:
         value = entry.default
+    elif entry.default_factory is not dataclasses.MISSING:
+        value = entry.default_factory()
     else:
-        value = entry.default_factory()  # type: ignore[misc]
+        return "none: give it"
     if dataclasses.is_dataclass(value):
         return "see below"
     return "`null`" if value is None else f"`{value!r}`" if value != "" else ""
