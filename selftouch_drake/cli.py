@@ -147,8 +147,9 @@ def run(
 
         if not stages.has_babbled(directory):
             _babble(directory, world, executor, scheduler)
-            for picture in write_figures(directory, world=world):
-                click.echo(f"first picture: {picture}")
+            for picture in write_figures(directory, world=world).values():
+                if isinstance(picture, Path):
+                    click.echo(f"first picture: {picture}")
         if not stages.has_learned(directory):
             meanwhile(executor, stages.get_ready, directory)
             with _progress("learn") as progress:
