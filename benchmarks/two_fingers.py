@@ -22,10 +22,12 @@ from scipy.sparse import csr_array, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
+from unrolling import Turns, landmarks, turns
 
 from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation import (
     KernelReservoir,
+    KernelSets,
     QuotientLearner,
     assign,
     connected_edges,
@@ -40,7 +42,7 @@ from selftouch_drake.agent.representation.touches import (
     overlapping,
     separate_touches,
 )
-from selftouch_drake.agent.shape import Turns, intrinsic_dimension, landmarks, turns
+from selftouch_drake.agent.shape import intrinsic_dimension
 from selftouch_drake.agent.shape.metrics import motor
 from selftouch_drake.evaluation import cosine_distance, in_link_frames, random_pairs
 from selftouch_drake.experience import Contacts, ExperienceReader, random_walk
@@ -202,7 +204,7 @@ def by_kernels(q: np.ndarray, sensation: np.ndarray, num_targets: int) -> tuple:
     kernels.add(assign(sensation, targets)[0])
     sample = kernels.sample()
     row, offsets = sample.row, sample.offsets(num_targets)
-    (apart,) = set_distances(q[row], offsets, "quantile")
+    (apart,) = set_distances(KernelSets(q[row], offsets), "quantile")
     edges = connected_edges(neighbour_edges(apart), apart)
     length = locally_scaled(apart[edges[:, 0], edges[:, 1]], edges)
     return targets, row, offsets, geodesics(edges, length, num_targets)

@@ -162,7 +162,7 @@ class Motion:
         1 if no contact is expected.
         """
         expected = self.touching
-        return float(felt.any(axis=1)[expected].mean()) if expected.any() else 1.0
+        return float(np.mean(np.any(felt, axis=1)[expected])) if expected.any() else 1.0
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """All fields, by name."""

@@ -19,6 +19,7 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.rehearsal import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.representation import (
+    KernelSets,
     LinkedNearest,
     QuotientRepresentation,
     kernel_sensations,
@@ -68,16 +69,13 @@ def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
     )
 
 
-def _kept_nearest(
-    folder: Path, kernel_x: np.ndarray, kernel_offsets: np.ndarray, links: np.ndarray
-) -> LinkedNearest:
+def _kept_nearest(folder: Path, sets: KernelSets, links: np.ndarray) -> LinkedNearest:
     """As `linked_nearest`, whose results are kept in a folder."""
-    asked = kernel_x, kernel_offsets, links
     names = [field.name for field in dataclasses.fields(LinkedNearest)]
     arrays = kept_arrays(
-        folder / f"nearest-{arrays_digest(asked)}.npz",
+        folder / f"nearest-{arrays_digest((sets.x, sets.offsets, links))}.npz",
         names,
-        lambda: dataclasses.asdict(linked_nearest(*asked)),
+        lambda: dataclasses.asdict(linked_nearest(sets, links)),
     )
     return LinkedNearest(**{name: arrays[name] for name in names})
 

@@ -14,14 +14,6 @@ from selftouch_drake.agent.shape.homology import Topology, alpha_persistence, to
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, BodyGraph, ShapeMetric
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
 from selftouch_drake.agent.shape.surface import alpha_surface, fitted_surface, rolled_surface
-from selftouch_drake.agent.shape.unrolling import (
-    Torsion,
-    Turns,
-    double_cover,
-    landmarks,
-    torsion,
-    turns,
-)
 
 __all__ = [
     "SHAPE_METRICS",
@@ -33,22 +25,16 @@ __all__ = [
     "RecoveredPart",
     "ShapeMetric",
     "Topology",
-    "Torsion",
-    "Turns",
     "alpha_persistence",
     "alpha_surface",
     "classical_embedding",
     "curvature_corrected_mds",
-    "double_cover",
     "fitted_surface",
     "intrinsic_dimension",
-    "landmarks",
     "quotient_coordinates",
     "recover",
     "rolled_surface",
     "stress_embedding",
     "topology",
-    "torsion",
-    "turns",
     "warn_of_misfit",
 ]

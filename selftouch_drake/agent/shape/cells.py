@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from selftouch_drake.agent.representation.kernels import KernelSets
+
 #: Skin is a surface: cells are wide in two directions and thin in the third. Measured on the torus,
 #: the third width of a cell is a fifth of its second.
 _DIMENSION = 2
@@ -47,9 +49,9 @@ class Cells:
     area: np.ndarray
 
     @classmethod
-    def of(cls, coordinates: np.ndarray, offsets: np.ndarray) -> Cells:
-        """Measures the cells of `(R, D)` coordinates grouped by kernel, without outliers."""
-        groups = np.split(np.asarray(coordinates, dtype=float), offsets[1:-1])
+    def of(cls, sets: KernelSets) -> Cells:
+        """Measures the cells of kernel sets in quotient coordinates, without outliers."""
+        groups = np.split(np.asarray(sets.x, dtype=float), sets.offsets[1:-1])
         scatters = [_scatter(group, group.mean(axis=0)) / len(group) for group in groups]
         pooled = np.mean(scatters, axis=0)
         pooled += 1e-9 * np.trace(pooled) * np.eye(len(pooled))

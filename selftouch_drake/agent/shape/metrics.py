@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.graphs import unlike
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.neighbours import (
     complete_edges,
     connected_edges,
@@ -34,7 +35,6 @@ from selftouch_drake.agent.shape.embedding import (
 from selftouch_drake.agent.shape.fields import angles, corrected_lengths
 from selftouch_drake.agent.shape.pieces import cut_wide_cells
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
-from selftouch_drake.agent.shape.revolute import revolute_coordinates
 
 Progress = Callable[[float], None]
 
@@ -91,24 +91,18 @@ class ShapeMetric:
         graph: builds the graph from a representation, a seed, and a function that is called with
             the fraction done.
         layout: lays out N nodes from the graph and `(N, N)` shortest paths on it.
-        naive: whether it uses only motor configurations and sensations.
         calibrated: whether `confidence` is calibrated for its layouts.
     """
 
     graph: Callable[[QuotientRepresentation, int, Progress], BodyGraph]
     layout: Callable[[BodyGraph, np.ndarray], Embedding]
-    naive: bool = True
     calibrated: bool = True
 
 
 def literal(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
     """Exactly as in the paper: the complete graph of minimum distances, in rad."""
     (minimum,) = set_distances(
-        representation.kernel_x,
-        representation.kernel_offsets,
-        "minimum",
-        max_queries=_LITERAL_QUERIES,
-        progress=progress,
+        representation.kernel_sets, "minimum", max_queries=_LITERAL_QUERIES, progress=progress
     )
     edges = complete_edges(len(minimum))
     return BodyGraph(edges=edges, length=minimum[edges[:, 0], edges[:, 1]])
@@ -141,18 +135,17 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
     def of_network(number: int) -> Progress:
         return lambda fraction: progress((number + fraction) / _MOST_NETWORKS)
 
-    targets = representation.target_sensations
+    targets, sets = representation.target_sensations, representation.kernel_sets
     tries: list[tuple[float, BodyGraph, np.ndarray]] = []
     share_unlike = 1.0
     for number in range(_MOST_NETWORKS):
         coordinates = quotient_coordinates(
-            representation.kernel_x,
-            representation.kernel_offsets,
+            sets,
             seed=seed + number,
             target_sensations=targets if number else None,
             progress=of_network(number),
         )
-        graph = _between_cells(coordinates, representation.kernel_offsets)
+        graph = between_cells(coordinates)
         ends = graph.edges if graph.kernel is None else graph.kernel[graph.edges]
         share = float(unlike(targets)[ends[:, 0], ends[:, 1]].mean())
         share_unlike = min(share, share_unlike)
@@ -242,21 +235,12 @@ def _disagreement(graph: BodyGraph, felt: np.ndarray) -> float:
     return float(np.log(by_map[long] / by_feel[long]).std())
 
 
-@_one_thread
-def revolute_reference(
-    representation: QuotientRepresentation, seed: int, progress: Progress
-) -> BodyGraph:
-    """Not naive: neighbours and lengths in coordinates found by knowing that all joints turn."""
-    return _between_cells(
-        *revolute_coordinates(representation.kernel_q, representation.kernel_offsets)
-    )
-
-
-def _between_cells(coordinates: np.ndarray, offsets: np.ndarray) -> BodyGraph:
-    cells = Cells.of(coordinates, offsets)
-    coordinates, offsets, kernel = cut_wide_cells(coordinates, offsets, cells)
+def between_cells(coordinates: KernelSets) -> BodyGraph:
+    """Neighbours and lengths in coordinates of a quotient map, in widths of the cells."""
+    cells = Cells.of(coordinates)
+    pieces, kernel = cut_wide_cells(coordinates, cells)
     if len(kernel) > len(cells.mean):
-        cells = Cells.of(coordinates, offsets)
+        cells = Cells.of(pieces)
     distance = cells.distances()
     edges = connected_edges(neighbour_edges(distance), distance)
     length = locally_scaled(cells.lengths(edges), edges)
@@ -281,5 +265,4 @@ SHAPE_METRICS: dict[str, ShapeMetric] = {
     "motor": ShapeMetric(motor, _stress, calibrated=False),
     "learned": ShapeMetric(learned, _unbent),
     "sensorimotor": ShapeMetric(sensorimotor, _unbent),
-    "revolute_reference": ShapeMetric(revolute_reference, _unbent, naive=False),
 }
