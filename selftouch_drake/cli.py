@@ -146,8 +146,9 @@ def run(
     with local_executor(workers) as executor:
         if not stages.has_babbled(directory):
             _babble(directory, world, executor, scheduler)
-            for picture in write_figures(directory, world=world):
-                click.echo(f"first picture: {picture}")
+            for picture in write_figures(directory, world=world).values():
+                if isinstance(picture, Path):
+                    click.echo(f"first picture: {picture}")
         if not stages.has_learned(directory):
             with _progress("learn") as progress:
                 stages.learn(directory, progress)

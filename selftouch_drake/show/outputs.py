@@ -13,12 +13,13 @@ from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.lifelong import live
 from selftouch_drake.run.worlds import require_robot
 from selftouch_drake.show.meshcat.life_page import show_life
 from selftouch_drake.show.meshcat.live import play_live
-from selftouch_drake.show.meshcat.recording_page import recording_page
-from selftouch_drake.show.page import figures
-from selftouch_drake.show.page.report import Picture, Playback, report_page
+from selftouch_drake.show.meshcat.recording import recording_page
+from selftouch_drake.show.page.figures import FIGURES, draw_figure
+from selftouch_drake.show.page.report import report_page
 from selftouch_drake.show.run_data import MissingError, RunData
 
 # Called with the fraction done and what is being drawn.
@@ -35,8 +36,7 @@ def write_figures(
     *,
     world: World | None = None,
     vector: bool = False,
-    skipped: Callable[[str, str], None] = lambda name, reason: None,
-) -> list[Path]:
+) -> dict[str, Path | str]:
     """Draws the figures whose data exist into the run's `figures` folder.
 
     Args:
@@ -44,31 +44,25 @@ def write_figures(
         progress: called with the fraction done and what is being drawn.
         world: its world, if it was built already.
         vector: whether to write each as PDF as well, for papers.
-        skipped: called with the name of each figure that cannot be drawn, and the reason.
 
     Returns:
-        The PNG files written, in the order of the paper.
+        The PNG file of each figure, in the order of the paper, or why it cannot be drawn.
 
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
     data = RunData(run, world)
     data.require_sound()
-    drawn = _draw_figures(data, progress, vector=vector)
-    for name, result in drawn.items():
-        if isinstance(result, str):
-            skipped(name, result)
-    return [result for result in drawn.values() if isinstance(result, Path)]
+    return _draw_figures(data, progress, vector=vector)
 
 
 def _draw_figures(data: RunData, progress: Progress, *, vector: bool) -> dict[str, Path | str]:
-    """The file of each figure, in the order of the paper, or why it cannot be drawn."""
     drawn = dict[str, Path | str]()
     data.run.figures.mkdir(exist_ok=True)
-    for number, name in enumerate(figures.FIGURES):
-        progress(number / len(figures.FIGURES), name.replace("_", " "))
+    for number, name in enumerate(FIGURES):
+        progress(number / len(FIGURES), name.replace("_", " "))
         try:
-            drawn[name] = figures.draw_figure(data, data.run.figures, name, vector=vector)
+            drawn[name] = draw_figure(data, data.run.figures, name, vector=vector)
         except MissingError as reason:
             drawn[name] = str(reason)
     return drawn
@@ -117,22 +111,16 @@ def write_report(
     """
     data = RunData(run, world)
     data.require_sound()
-    drawn = _draw_figures(
-        data,
-        lambda fraction, doing: progress(0.7 * fraction, doing),
-        vector=vector,
+    pictures = _draw_figures(
+        data, lambda fraction, doing: progress(0.7 * fraction, doing), vector=vector
     )
-    pictures = {
-        name: Picture(missing=result) if isinstance(result, str) else Picture.of(result)
-        for name, result in drawn.items()
-    }
     progress(0.7, "recording")
+    recording: Path | str = run.playback
     try:
         write_text_whole(run.playback, recording_page(data, data.shown_pair))
-        recording = Playback(file=run.playback.name)
     except MissingError as reason:
         run.playback.unlink(missing_ok=True)
-        recording = Playback(missing=str(reason))
+        recording = str(reason)
     progress(0.9, "report")
     write_text_whole(run.report, report_page(data, pictures, recording))
     progress(1.0, "reported")
@@ -152,8 +140,6 @@ def show_live(
     Raises:
         ValueError: the run has not babbled, or the port is taken.
     """
-    from selftouch_drake.run.lifelong import live  # needed here alone
-
     show_life(lambda page: live(run, page), port=port, announce=announce)
 
 

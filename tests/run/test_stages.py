@@ -154,7 +154,7 @@ def test_a_full_disk_changes_nothing(run, monkeypatch):
     def full_disk(path, arrays):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(knowledge, "save_arrays", full_disk)
+    monkeypatch.setattr(artifacts, "save_arrays", full_disk)
     with pytest.raises(OSError, match="No space"):
         stages.learn(run)
     assert content(run) == before
