@@ -29,7 +29,6 @@ from selftouch_drake.experience import (
 )
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
-from selftouch_drake.run import acting
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import (
     load_agent,
@@ -289,7 +288,7 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     """
     agent = load_agent(run)
     _require_targets(run, targets)
-    execution, _ = acting.execute(world, load_motion(run, *targets))
+    execution, _ = Pilot(agent, world).execute(load_motion(run, *targets))
     save_plan(run, execution, *targets)
     return agent.judge(execution)
 
@@ -326,13 +325,13 @@ def evaluate(
         ChildProcessError: a process of the executor was killed.
         StoreError: the truth is missing or incomplete.
     """
-    from selftouch_drake.run.trial_metrics import trial_metrics, trial_table
-    from selftouch_drake.run.trials import try_pairs
+    from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
 
-    agent = load_agent(run)
+    # Damaged files are refused before the long work.
+    load_body(run, load_representation(run))
     require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
     run.metrics()
-    load_body(run, agent.representation)  # refuses damaged files before the long work
+    agent = load_agent(run, predicts=True)
     keep_world(run, world)
     executor = executor or InTurn()
     scores = executor.submit(_score_body, run)
