@@ -1,12 +1,49 @@
-"""The dimension of a part of the body: how fast the number of kernels grows with distance."""
+"""How many dimensions the skin has, and how many the space that it lies in (naive).
+
+The agent supposes neither that its skin is a surface nor that space has three dimensions. Both
+follow from distances between its kernels.
+
+- *Skin.* Kernels are evenly spaced. The more dimensions, the faster their number grows with the
+  distance around a kernel.
+- *Space.* A line lies in a plane: its length alone does not show how it bends. A surface is laid
+  out in three dimensions. If two fit the distances as well, up to noise, it is flat; if a fourth
+  one makes them fit far better, three are too few.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-#: Growth is measured between the balls that hold these shares of all kernels: from a few neighbours
-#: to where the body curves away. Measured on spheres, cubes and tori of 300 and 1000 kernels: 2.0
-#: to 2.3 with either naive metric; starting at 2 %, inside the second ring, gives 1.6 to 2.2.
+from selftouch_drake.agent.shape.embedding import Embedding, curvature_corrected_mds
+
+#: Ranks of the neighbours between which growth is measured around each kernel: near enough that
+#: neither the far side of a thin part nor a rim counts.
+_NEAR, _FAR = 2, 12
+
+#: A skin has one dimension if it grows more slowly than this. Measured on target sensations: rings
+#: and strips 1.0 to 1.2; spheres, cubes, tori, patches and forearms, of 12 to 1000 kernels, from
+#: 1.9 on.
+_LINE = 1.5
+
+#: A layout may be flat if its third eigenvalue is below this share of the first: tori have 0.15.
+_THIN = 0.05
+
+#: It is flat if the third dimension divides the stress by less than this: noise alone lets it
+#: divide by 1.5 to 1.9 (flat patches, lengths wrong by 2 to 15 %), a bowl of a seventh of a sphere
+#: by 3.
+_FLAT = 2.0
+
+#: A layout may lack a dimension if its fourth eigenvalue is above this share of the first. Measured
+#: on six bodies, 100 to 1000 kernels: 0.03 to 0.13 where the shape is right.
+MISFIT = 0.15
+
+#: It lacks one if a fourth divides the stress by more than this, and the stress is above this floor:
+#: noise alone lets it divide by 1 to 1.8; a flat torus, which has no place in space, by 4 and more.
+_LACKING, _LEAST_STRESS = 3.0, 0.002
+
+#: The dimension of a part is measured between the balls that hold these shares of all kernels: from
+#: a few neighbours to where the body curves away. Measured on spheres, cubes and tori of 300 and
+#: 1000 kernels: 2.0 to 2.3; starting at 2 %, inside the second ring, gives 1.6 to 2.2.
 _SHARES = (0.01, 0.1)
 
 #: Fewest neighbours in the smallest ball; the first share of a small body would hold fewer.
@@ -20,6 +57,42 @@ _LEAST_GROWTH = 5
 LEAST_KERNELS = 50
 
 
+def skin_dimension(distances: np.ndarray) -> int:
+    """Whether the skin is a line (1) or a surface (2).
+
+    Args:
+        distances: `(K, K)` geodesic distances by sensation, symmetric, finite.
+    """
+    ranked = np.sort(distances, axis=1)
+    far = min(_FAR, len(distances) - 1)
+    ratio = ranked[:, far] / np.maximum(ranked[:, _NEAR], np.finfo(float).tiny)
+    growth = np.log(far / _NEAR) / np.maximum(np.log(np.median(ratio)), np.finfo(float).tiny)
+    return 1 if growth < _LINE else 2
+
+
+def space_dimension(edges: np.ndarray, distances: np.ndarray, layout: Embedding, skin: int) -> int:
+    """The number of dimensions of the space that a part of the body needs: 2, 3 or 4.
+
+    Args:
+        edges: `(E, 2)` pairs of neighbours that connect all points.
+        distances: `(K, K)` shortest paths over these edges.
+        layout: of these distances in `skin + 1` dimensions.
+        skin: dimension of the skin, 1 or 2.
+    """
+    if skin == 1:
+        return 2
+
+    def stress(dimension: int) -> float:
+        return curvature_corrected_mds(edges, distances, dimension=dimension).stress
+
+    if layout.spectrum[2] < _THIN:
+        return 2 if stress(2) < _FLAT * stress(3) else 3
+    if layout.fourth_eigenvalue > MISFIT:
+        in_space = stress(3)
+        return 4 if in_space > max(_LACKING * stress(4), _LEAST_STRESS) else 3
+    return 3
+
+
 def intrinsic_dimension(distances: np.ndarray) -> float:
     """Correlation dimension: the slope of log(number of kernels) against log(distance).
 
@@ -31,7 +104,7 @@ def intrinsic_dimension(distances: np.ndarray) -> float:
         distances: `(K, K)` geodesic distances, symmetric, finite.
 
     Returns:
-        The dimension; 1.8 to 2.4 for a surface.
+        The dimension; about 1 for a line, 1.8 to 2.4 for a surface.
 
     Raises:
         ValueError: there are fewer than 50 kernels.
