@@ -245,5 +245,5 @@ def _with_holes(part: RecoveredPart) -> RecoveredPart:
     return dataclasses.replace(
         part,
         topology=None if flat(part.places) else topology(part.places),
-        dimension=intrinsic_dimension(part.distances) if enough else None,
+        dimension=intrinsic_dimension(part.distances, part.skin) if enough else None,
     )

@@ -14,7 +14,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from selftouch_drake.agent.shape.embedding import Embedding, curvature_corrected_mds
+from selftouch_drake.agent.shape.embedding import (
+    Embedding,
+    curvature_corrected_mds,
+    stress_embedding,
+)
 
 #: Ranks of the neighbours between which growth is measured around each kernel: near enough that
 #: neither the far side of a thin part nor a rim counts.
@@ -28,26 +32,28 @@ _LINE = 1.5
 #: A layout may be flat if its third eigenvalue is below this share of the first: tori have 0.15.
 _THIN = 0.05
 
-#: It is flat if the third dimension divides the stress by less than this: noise alone lets it
-#: divide by 1.5 to 1.9 (flat patches, lengths wrong by 2 to 15 %), a bowl of a seventh of a sphere
-#: by 3.
-_FLAT = 2.0
+#: It is flat if the third dimension divides the stress of the unbent layout by less than this. Flat
+#: patches of 60 to 300 kernels, lengths wrong by 2 to 10 %: 1.1 to 2.1; a third of a sphere: 3.9
+#: and more.
+_FLAT = 2.2
 
 #: A layout may lack a dimension if its fourth eigenvalue is above this share of the first. Measured
 #: on six bodies, 100 to 1000 kernels: 0.03 to 0.13 where the shape is right.
 MISFIT = 0.15
 
-#: It lacks one if a fourth divides the stress by more than this, and the stress is above this floor:
-#: noise alone lets it divide by 1 to 1.8; a flat torus, which has no place in space, by 4 and more.
-_LACKING, _LEAST_STRESS = 3.0, 0.002
+#: It lacks one if a fourth divides the stress by more than this. Spheres, cubes, tori, tubes and
+#: patches, lengths wrong by up to 15 %: 1.0 to 1.1; a flat torus, which has no place in space: 3.3.
+#: The layouts are not unbent: bent enough, even a flat torus fits.
+_LACKING = 2.0
 
 #: The dimension of a part is measured between the balls that hold these shares of all kernels: from
 #: a few neighbours to where the body curves away. Measured on spheres, cubes and tori of 300 and
 #: 1000 kernels: 2.0 to 2.3; starting at 2 %, inside the second ring, gives 1.6 to 2.2.
 _SHARES = (0.01, 0.1)
 
-#: Fewest neighbours in the smallest ball; the first share of a small body would hold fewer.
-_LEAST_NEIGHBOURS = 3
+#: Fewest neighbours in the smallest ball, on a line and on a surface; the first share of a small
+#: body would hold fewer.
+_LEAST_NEIGHBOURS = {1: 8, 2: 3}
 
 #: The largest ball holds at least so many times as many kernels. Below 150 kernels, a tenth of them
 #: would not: between less than a ring of neighbours and a ring, surfaces had 2 to 5 dimensions.
@@ -82,18 +88,21 @@ def space_dimension(edges: np.ndarray, distances: np.ndarray, layout: Embedding,
     if skin == 1:
         return 2
 
-    def stress(dimension: int) -> float:
-        return curvature_corrected_mds(edges, distances, dimension=dimension).stress
-
     if layout.spectrum[2] < _THIN:
-        return 2 if stress(2) < _FLAT * stress(3) else 3
+        flat, bent = (
+            curvature_corrected_mds(edges, distances, dimension=dimension).stress
+            for dimension in (2, 3)
+        )
+        return 2 if flat < _FLAT * bent else 3
     if layout.fourth_eigenvalue > MISFIT:
-        in_space = stress(3)
-        return 4 if in_space > max(_LACKING * stress(4), _LEAST_STRESS) else 3
+        lacking, full = (
+            stress_embedding(distances, dimension=dimension).stress for dimension in (3, 4)
+        )
+        return 4 if lacking > _LACKING * full else 3
     return 3
 
 
-def intrinsic_dimension(distances: np.ndarray) -> float:
+def intrinsic_dimension(distances: np.ndarray, skin: int = 2) -> float:
     """Correlation dimension: the slope of log(number of kernels) against log(distance).
 
     Kernels are evenly spaced, so estimators that use nearest neighbours (TwoNN, maximum
@@ -102,6 +111,7 @@ def intrinsic_dimension(distances: np.ndarray) -> float:
 
     Args:
         distances: `(K, K)` geodesic distances, symmetric, finite.
+        skin: dimension of the skin, 1 for a line and 2 for a surface.
 
     Returns:
         The dimension; about 1 for a line, 1.8 to 2.4 for a surface.
@@ -115,7 +125,7 @@ def intrinsic_dimension(distances: np.ndarray) -> float:
             f"num_targets is {num_kernels}: give at least {LEAST_KERNELS}, to estimate a dimension"
         )
     pairs = np.sort(distances[~np.eye(num_kernels, dtype=bool)])
-    smallest = max(_SHARES[0], _LEAST_NEIGHBOURS / num_kernels)
+    smallest = max(_SHARES[0], _LEAST_NEIGHBOURS[skin] / num_kernels)
     share = np.geomspace(smallest, max(_SHARES[1], _LEAST_GROWTH * smallest), 20)
     radius = pairs[(share * len(pairs)).astype(int)]
     return float(np.polyfit(np.log(radius), np.log(share), 1)[0])

@@ -17,8 +17,8 @@ from scipy.spatial import Delaunay, cKDTree
 #: Bars between these lengths, in spacings, may be true or false.
 _UNSURE = (1.0, 1.3)
 
-#: Stands for the length of no bar.
-_NO_LENGTH = 1e-100
+#: Stands for the length of no bar; and the largest margin, where no bar is false.
+_NO_LENGTH, _MOST_MARGIN = 1e-100, 100.0
 
 #: Bars born later than this, in spacings, are not holes of the body. On sampled surfaces, loops are
 #: born when neighbours meet, measured at 1 to 1.4, and voids when faces close, at 1.7 to 2.5.
@@ -35,7 +35,8 @@ class Topology:
     Attributes:
         betti: numbers of components, loops and voids: (1, 0, 1) for a ball's surface, (1, 2, 1)
             for a torus, (1, 1, 0) for a ring; a plane has no voids.
-        margin: length of the shortest true bar over the longest false one; near 1 means unsure.
+        margin: length of the shortest true bar over the longest false one, at most 100; near 1
+            means unsure.
         scale: radius at which every true bar has just been born, in the unit of the points.
         spacing: radius at which neighbours meet, in the unit of the points.
         diagram: three arrays `(bars, 2)` of births and deaths, for H0, H1 and H2.
@@ -131,7 +132,8 @@ def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
     ratio = np.where(np.isinf(above), surely_true, above) / np.maximum(below, _NO_LENGTH)
     cut = int(np.where(allowed, ratio, -np.inf).argmax())
     shortest = surely_true if np.isinf(above[cut]) else float(above[cut])
-    return float(above[cut]), shortest / max(float(below[cut]), longest_gap, _NO_LENGTH)
+    margin = shortest / max(float(below[cut]), longest_gap, _NO_LENGTH)
+    return float(above[cut]), min(margin, _MOST_MARGIN)
 
 
 def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
