@@ -67,10 +67,13 @@ def skin_dimension(distances: np.ndarray) -> int:
     """Whether the skin is a line (1) or a surface (2).
 
     Args:
-        distances: `(K, K)` geodesic distances by sensation, symmetric, finite.
+        distances: `(K, K)` geodesic distances by sensation, symmetric, finite. Of three kernels or
+            fewer nothing is known: 2.
     """
     ranked = np.sort(distances, axis=1)
     far = min(_FAR, len(distances) - 1)
+    if far <= _NEAR:
+        return 2
     ratio = ranked[:, far] / np.maximum(ranked[:, _NEAR], np.finfo(float).tiny)
     growth = np.log(far / _NEAR) / np.maximum(np.log(np.median(ratio)), np.finfo(float).tiny)
     return 1 if growth < _LINE else 2
