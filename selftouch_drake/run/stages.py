@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import shutil
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
+from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.rehearsal import Try, best
 from selftouch_drake.agent.representation import QuotientRepresentation
@@ -55,6 +58,7 @@ __all__ = [
     "build_world",
     "evaluate",
     "execute",
+    "get_ready",
     "has_babbled",
     "has_evaluated",
     "has_learned",
@@ -66,6 +70,9 @@ __all__ = [
     "rehearse",
     "silent",
 ]
+
+# Enough to plan a step, and learned in a second.
+_READY_TOUCHES, _READY_TARGETS = 1000, 50
 
 #: Called with the fraction of the stage that is done and what it is doing.
 Progress = Callable[[float, str], None]
@@ -190,6 +197,21 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     )
     progress(1.0, "learned")
     return representation
+
+
+def get_ready(run: RunDirectory) -> None:
+    """Has a worker do everything that `evaluate` needs once, in small.
+
+    Then numba has compiled it, while this worker has nothing else to do.
+    """
+    world = make_world(run)
+    sensation, q = next(ExperienceReader(run.experience).touches())
+    num_touches = min(len(q), _READY_TOUCHES)
+    with suppress(ValueError), warnings.catch_warnings():  # there may be no way
+        warnings.simplefilter("ignore")
+        agent = Agent.learn(q[:num_touches], sensation[:num_touches], num_targets=_READY_TARGETS)
+        pilot = Pilot(agent, world)
+        pilot.execute(pilot.plan(*agent.representation.edges[0].tolist()).motion)
 
 
 def _forget_learning(run: RunDirectory) -> None:
