@@ -13,7 +13,7 @@ FOLDER = ROOT / "benchmarks"
 SHARED = {"results"}
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes.
 SMALL: dict[str, list[str]] = {
-    "servo": "cube --out {tmp} --touches 3000 --targets 60 --pairs 1".split(),
+    "servo": ["cube", "--out", "{tmp}", "--touches", "3000", "--targets", "60", "--pairs", "1"],
 }
 
 
