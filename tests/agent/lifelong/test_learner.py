@@ -93,7 +93,10 @@ def test_the_work_for_a_touch_does_not_grow(monkeypatch):
     """Number of touches used to choose targets, and of measured kernels, in a long life."""
     q, sensation, *_ = touch(["sphere"], 9_000, num_receptors=20)
     work = []
-    counts = {"assign": lambda rows, _: len(rows), "set_distances": lambda *_, changed: changed.sum()}
+    counts = {
+        "assign": lambda rows, _: len(rows),
+        "set_distances": lambda *_, changed: changed.sum(),
+    }
     for name, count in counts.items():
         real = getattr(module, name)
 
