@@ -49,11 +49,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.lifelong import Explorer, OnlineLearner
+from selftouch_drake.agent.lifelong import OnlineLearner, Walker
 from selftouch_drake.agent.lifelong.explorer import Moves
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.shape import recover
-from selftouch_drake.evaluation import kernel_truth, shape_errors
+from selftouch_drake.evaluation import kernel_truth, random_pairs, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader, Shard, collect_walk
 from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource
 from selftouch_drake.experiment import Experiment, load_experiment
@@ -61,7 +61,6 @@ from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.first_tries import FirstTries
-from selftouch_drake.run.trials import random_pairs
 from selftouch_drake.show.style import styled
 
 #: Numbers of touches, and simulated minutes, at which a life is scored.
@@ -75,7 +74,7 @@ MOMENTS = (1000, 2000, 3000, 5000, 8000, 12_000, 20_000, 35_000, 60_000, 100_000
 _NOISE, _RECENT, _AT_RANDOM = 1.0, 8, 0.2
 
 
-class Goals(Explorer):
+class Goals(Walker):
     """Random goal babbling: a goal, the posture that is best for it so far, and noise."""
 
     #: By the number of a target, the cosine between it and what was felt, at each try.

@@ -1,8 +1,8 @@
 """How soon an agent notices that its body changed, and how well it mends. Run it as a script.
 
     python benchmarks/mending.py --bodies sphere torus cube --seeds 6
-    python benchmarks/mending.py --lives active --bodies torus cube --seeds 6 7 --kinds link joint dead
-    python benchmarks/mending.py --lives unchanged --bodies cube torus sphere --seeds 6 --targets 200
+    python benchmarks/mending.py --lives active --kinds link joint dead --seeds 6 7
+    python benchmarks/mending.py --lives unchanged --seeds 6 --targets 200
 
 All lives are in the kinematic world. For each body and seed an agent lives `--touches` touches of
 random walks, or (`active`) of its own exploration, by what it knows. Then, for each kind of change,
@@ -128,6 +128,12 @@ class Explores:
         return Explores(other)
 
 
+def life_of(agent: Walks | Explores) -> Life:
+    """The life of an agent that watches its body."""
+    assert isinstance(agent.mind, Life)
+    return agent.mind
+
+
 def scored(mind: Life | OnlineLearner, world: World, num_pairs: int) -> dict[str, Any]:
     """Error of the shape, holes, and contact on planned paths, measured in `world`."""
     found = quality(mind.learner if isinstance(mind, Life) else mind, world, num_pairs)
@@ -196,7 +202,7 @@ class Bench:
             world = self.world(before)
             agent = self.born(world, 0)
             agent.live(self.args.touches)
-            assert isinstance(life := agent.mind, Life)
+            life = life_of(agent)
             found = scored(life, world, self.args.pairs)
             found |= {"false": len(life.noticed) + life.has_doubts}
             print(self.body, self.seed, "before", found, flush=True)
@@ -210,7 +216,7 @@ class Bench:
         agent, was = self.life(before)
         wanted, right = self.life([])[1] if kind == "new" else was, BODIES[self.body]
         agent = agent.in_another_body(world)
-        assert isinstance(life := agent.mind, Life)
+        life = life_of(agent)
         start, at_once = life.num_touches, planned_contact(life.learner, world, self.args.pairs)
         held = life.learner.remembered().columns
         some = np.random.default_rng(0).choice(len(held["q"]), 3000)
@@ -264,7 +270,7 @@ class Bench:
         """One row: a life in a body that does not change."""
         began, agent = time.process_time(), self.born(self.world([]), 0)
         agent.live(self.args.touches)
-        assert isinstance(life := agent.mind, Life)
+        life = life_of(agent)
         surprise, silenced, newcomers = np.max(life.doubts, axis=0) if life.doubts else [0.0] * 3
         return {
             "body": self.body,
