@@ -1,4 +1,4 @@
-"""Compares active babbling with random and goal babbling, and the living with the offline learner.
+"""Compares active babbling with random and goal babbling, and the online with the offline learner.
 
     python benchmarks/exploration.py touches --bodies torus cube sphere --seeds 1 2 3
     python benchmarks/exploration.py clock --bodies cube torus --seeds 1 --until 60
@@ -18,7 +18,7 @@ Each life is scored along the way:
 
 Without metrics, only the second group is scored.
 
-`learning` compares a living learner with an offline one, on the same touches, at ten moments of the
+`learning` compares an online learner with an offline one, on the same touches, at ten moments of the
 stored experience of runs.
 
 There are four ways to babble. The two with goals choose them in the space of sensations (after
@@ -31,13 +31,13 @@ code:
   with noise;
 - `progress`: as `goals`, but a target is drawn more often if its competence changed lately.
 
-Rows are added to a CSV file, from which `make pictures` draws the figure.
+The rows of each are a table of its own, `exploration_WHAT.csv`, from which `make pictures` draws the
+figure.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -47,6 +47,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from results import results
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.lifelong import OnlineLearner, Walker
@@ -236,7 +237,7 @@ def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespa
 
 
 def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[str, Any]]:
-    """Scores a living learner and an offline one at ten moments."""
+    """Scores an online learner and an offline one at ten moments."""
     run = RunDirectory.open(path)
     reader = ExperienceReader(run.experience)
     q, sensation = reader.read("q"), reader.read("sensation")
@@ -249,7 +250,7 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
             rows = slice(taken, min(taken + 500, moment))
             learner.take(q[rows], sensation[rows])
             taken = rows.stop
-        known = {"living": learner.representation}
+        known = {"online": learner.representation}
         cpu_s += time.process_time() - began
         offline = QuotientLearner(num_targets).fit(sensation[:moment], q[:moment])
         for way, representation in {**known, "offline": offline.representation_}.items():
@@ -306,7 +307,7 @@ def main() -> None:
     )
     parser.add_argument("--executed", type=int, default=0, help="pairs to execute under dynamics")
     parser.add_argument("--targets", type=int, default=300)
-    parser.add_argument("--out", type=Path, default=Path("docs/data/exploration.csv"))
+    parser.add_argument("--update", action="store_true", help="replace the shipped table")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")  # graphs in pieces, as long as little is known
 
@@ -319,14 +320,9 @@ def main() -> None:
                     for way in arguments.ways:
                         yield from lives(arguments.what, body, seed, way, arguments)
 
-    new = not arguments.out.exists()
-    with arguments.out.open("a", newline="") as file:
-        table = csv.DictWriter(file, FIELDS)
-        if new:
-            table.writeheader()
+    with results(f"exploration_{arguments.what}", update=arguments.update) as add:
         for row in made():
-            table.writerow(row)
-            file.flush()
+            add(dict.fromkeys(FIELDS) | row)
             print(
                 *(f"{key} {value}" for key, value in row.items() if value is not None), flush=True
             )
