@@ -18,8 +18,8 @@ Each life is scored along the way:
 
 Without metrics, only the second group is scored.
 
-`learning` compares an online learner with an offline one, on the same touches, at ten moments of the
-stored experience of runs.
+`learning` compares an online learner with an offline one, on the same touches, at ten moments of
+the stored experience of runs.
 
 There are four ways to babble. The two with goals choose them in the space of sensations (after
 Baranes and Oudeyer 2013; Moulin-Frier, Rouanet and Oudeyer 2014), on our interface, not with their
@@ -31,8 +31,8 @@ code:
   with noise;
 - `progress`: as `goals`, but a target is drawn more often if its competence changed lately.
 
-The rows of each are a table of its own, `exploration_WHAT.csv`, from which `make pictures` draws the
-figure.
+The rows of each are a table of its own, `exploration_WHAT.csv`, from which `make pictures` draws
+the figure.
 """
 
 from __future__ import annotations
