@@ -32,6 +32,7 @@ SMALL: dict[str, list[str]] = {
         *("--pairs", "2"),
     ],
     "walks": ["--experiment", "sphere", "--touches", "200"],
+    "servo": ["cube", "--out", "{tmp}", "--touches", "3000", "--targets", "60", "--pairs", "1"],
 }
 
 
