@@ -18,8 +18,9 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
+from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution
-from selftouch_drake.agent.rehearsal import RehearsalMemory
+from selftouch_drake.agent.rehearsal import judge
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.geometry import hollow_skin
 from selftouch_drake.robot import Simulation, SkinModel
@@ -94,7 +95,7 @@ def measured(path: Path, num_pairs: int) -> Iterator[str]:
                     v_measured=log.v,
                     torque=log.torque,
                 )
-                tries.append(agent.judge(execution))
+                tries.append(judge(execution, agent.representation))
                 expected = motion.touching & (motion.time_s >= _START)
                 later.append(log.felt.any(axis=1)[expected].mean())
             contact = [one.contact for one in tries]

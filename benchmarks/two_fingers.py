@@ -24,7 +24,7 @@ from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 from unrolling import Turns, landmarks, turns
 
-from selftouch_drake.agent.rehearsal import RehearsalMemory
+from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.representation import (
     KernelReservoir,
     KernelSets,

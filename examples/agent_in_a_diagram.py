@@ -82,7 +82,8 @@ class NaiveAgent(LeafSystem):
         goal, now = int(self._goal.Eval(context)[0]), context.get_time()
         if goal == reached or (reached is not None and now < path.end_time()):
             return
-        plan = self._agent.plan_from(self._q.Eval(context), self._sensation.Eval(context), goal)
+        here = self._agent.felt(self._sensation.Eval(context))
+        plan = self._agent.tour([here, goal], q_start=self._q.Eval(context))
         limit = np.ones(self._num_joints)
         timed = time_path(
             plan.path, velocity_limit=SPEED * limit, acceleration_limit=ACCELERATION * limit

@@ -628,7 +628,7 @@ def _route(motion) -> str:
     """The target sensations of the route, and a line that explains each sign used."""
     words: list[str] = []
     before: list[int] = []
-    for node, in_air in zip(motion.nodes, [False, *motion.in_air], strict=True):
+    for node, in_air in zip(motion.plan.nodes, [False, *motion.plan.in_air], strict=True):
         if before and node == before[-1]:
             continue  # the same sensation on a slide or a detour
         if in_air and before[-1] >= 0:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from filelock import FileLock
 
-from selftouch_drake.agent.rehearsal import RehearsalMemory
+from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience import ExperienceReader, StoreError, collect, require_complete
 from selftouch_drake.experiment import load_experiment, parse_overrides

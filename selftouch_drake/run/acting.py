@@ -3,31 +3,47 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning import checked_configuration, jerk_reduction
-from selftouch_drake.agent.practice import DryRun
-from selftouch_drake.agent.rehearsal import Try, rehearse
+from selftouch_drake.agent.planning import Limits, checked_configuration, jerk_reduction
+from selftouch_drake.agent.practice import DryRun, NoWayError, dry_run, learn_from, practise
+from selftouch_drake.agent.rehearsal import Try, judge
 from selftouch_drake.agent.sliding import Slider
-from selftouch_drake.robot import LOG_PERIOD, Log, World
+from selftouch_drake.agent.touch_profile import felt_across
+from selftouch_drake.robot import LOG_PERIOD, ContactProbe, Log, Robot, World
 from selftouch_drake.robot.servo import OFFSETS, Beside
 from selftouch_drake.robot.timing import time_path
 
 # m, less than the allowed depth of rigid parts in each other: executions are off by less.
 _MARGIN = 0.0005
 
-# The agent plans round steps without another way; the new plan may have other doubtful steps.
-_MOST_PREPARATIONS = 8
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _KinematicWorld:
+    """The world in which the agent practises: its robot without dynamics."""
 
-class NoWayError(ValueError):
-    """No motion was found that keeps the rigid parts of the robot apart."""
+    robot: Robot
+    probe: ContactProbe
+
+    @property
+    def lower(self) -> np.ndarray:
+        return self.robot.lower
+
+    @property
+    def upper(self) -> np.ndarray:
+        return self.robot.upper
+
+    def feel(self, q: np.ndarray) -> np.ndarray:
+        return self.probe.sensations(q)
+
+    def possible(self, q: np.ndarray) -> np.ndarray:
+        return self.probe.collision_depth(q, _MARGIN) == 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,14 +53,14 @@ class Query:
     Attributes:
         agent: the agent that planned, after its practice.
         plan: the plan.
-        straight: the plan before practice.
+        unpractised: the plan before practice, which nobody followed.
         motion: the timed plan, with what the agent expects to feel.
         seconds: s, duration of planning, practice, timing and prediction.
     """
 
     agent: Agent
     plan: Plan
-    straight: Plan
+    unpractised: Plan
     motion: Motion
     seconds: float
 
@@ -86,8 +102,7 @@ class Pilot:
             NoWayError: none was found.
             ValueError: as `Agent.tour`.
         """
-        q_start = self.start_of(*targets)
-        return self._queried(lambda agent, **how: agent.tour(targets, q_start=q_start, **how))
+        return self._queried(targets, self.start_of(*targets))
 
     def plan_from(self, q_start: np.ndarray, goal: int) -> Query:
         """Plans from any configuration, touching or not.
@@ -117,9 +132,7 @@ class Pilot:
             NoWayError: none was found.
         """
         limits = self.world.robot.lower, self.world.robot.upper
-        return self._queried(
-            lambda agent, **how: agent.plan_from(q_start, felt, goal, limits=limits, **how)
-        )
+        return self._queried([self.agent.felt(felt), goal], q_start, limits)
 
     def start_of(self, *targets: int) -> np.ndarray:
         """`(J,)` the start of the motion: any configuration of the first kernel."""
@@ -139,7 +152,7 @@ class Pilot:
 
     def beside(self, motion: Motion) -> Beside:
         """What the agent feels beside a motion, for the touch servo."""
-        felt = self.agent.felt_across(motion, OFFSETS, self._slider)
+        felt = felt_across(motion, OFFSETS, self._slider)
         return Beside(
             time_s=felt.time_s,
             across=felt.across,
@@ -166,60 +179,44 @@ class Pilot:
         Raises:
             NoWayError: none was found at the first try.
         """
-        queries: list[Query] = []
-
-        def attempt(agent: Agent) -> Try | None:
-            self.agent = agent
+        tries: list[Try] = []
+        while len(tries) < max_tries and not (tries and tries[-1].perfect):
             try:
-                queries.append(self.plan(start, goal))
+                query = self.plan(start, goal)
             except NoWayError:
-                if not queries and known is None:
-                    raise
-                return None
-            motion = queries[-1].motion
-            if known is not None and np.array_equal(motion.q, known.execution.motion.q):
-                return known
-            execution, _ = execute(self.world, motion)
-            return self.agent.judge(execution)
-
-        def learn(one: Try, agent: Agent) -> Agent:
-            query = queries[-1]
-            return query.agent.practise(query.plan, one, self._slider)
-
-        tries, self.agent = rehearse(attempt, learn, self.agent, max_tries=max_tries)
+                if tries or known is not None:
+                    break
+                raise
+            if known is not None and np.array_equal(query.motion.q, known.execution.motion.q):
+                tries.append(known)
+            else:
+                execution, _ = execute(self.world, query.motion)
+                tries.append(judge(execution, self.agent.representation))
+            self.agent = learn_from(tries[-1], query.agent, self._slider)
         return tries
 
     @cached_property
     def _slider(self) -> Slider:
         """The slider of the agent: it feels, and knows which configurations are possible."""
-        scaled, unscaled = self.agent.representation.scaled, self.agent.representation.unscaled
-        probe, robot = self.world.probe, self.world.robot
-        return Slider(
-            feel=lambda x: probe.sensations(unscaled(x)),
-            possible=lambda x: probe.collision_depth(unscaled(x), _MARGIN) == 0,
-            lower=scaled(robot.lower),
-            upper=scaled(robot.upper),
+        world = _KinematicWorld(self.world.robot, self.world.probe)
+        return Slider(world, self.agent.representation.joint_scale)
+
+    def _queried(
+        self, targets: Sequence[int | None], q_start: np.ndarray, limits: Limits | None = None
+    ) -> Query:
+        """Plans and practises the plan."""
+        began = time.perf_counter()
+        done = practise(self.agent, self._slider, targets, q_start=q_start, limits=limits)
+        motion = self._motion(done.agent, done.plan, done.dry_run)
+        return Query(
+            agent=done.agent,
+            plan=done.plan,
+            unpractised=done.unpractised,
+            motion=motion,
+            seconds=time.perf_counter() - began,
         )
 
-    def _queried(self, make_plan: Callable[..., Plan]) -> Query:
-        """Plans, practises the doubtful steps of the plan, and plans again."""
-        began = time.perf_counter()
-        first = make_plan(self.agent)
-        agent, plan, passage = self._prepared(make_plan, first)
-        if len(passage.impossible):
-            in_air = partial(make_plan, lift_off=True)
-            agent, plan, passage = self._prepared(in_air, in_air(self.agent))
-            if len(passage.impossible):
-                raise NoWayError(
-                    f"no way to target {plan.nodes[-1]} was found on which the rigid parts of the "
-                    "robot do not run into each other: choose another start or goal, or babble "
-                    "longer"
-                )
-        motion = self._motion(agent, plan, passage)
-        seconds = time.perf_counter() - began
-        return Query(agent=agent, plan=plan, straight=first, motion=motion, seconds=seconds)
-
-    def _motion(self, agent: Agent, plan: Plan, passage: DryRun) -> Motion:
+    def _motion(self, agent: Agent, plan: Plan, felt: DryRun) -> Motion:
         """The timed plan, with what the agent expects to feel after it followed it slowly."""
         timed = time_path(
             plan.path,
@@ -228,32 +225,11 @@ class Pilot:
             rate_hz=1 / LOG_PERIOD,
         )
         return agent.motion(
-            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, passage=passage
+            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, dry_run=felt
         )
 
     def _get_ready(self) -> None:
         """Prepares everything that queries need, so that the first one takes no longer."""
         for edge in self.agent.representation.edges[:1].tolist():
             plan = self.agent.tour(edge)
-            self._motion(self.agent, plan, self.agent.go_along(plan, self._slider))
-
-    def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, DryRun]:
-        """The agent and its plan after practice, and what it felt along the plan.
-
-        Parts of the robot that are in the way are moved aside.
-        """
-        agent, aside, slider = self.agent, None, self._slider
-        passage = agent.go_along(plan, slider)
-        for _ in range(_MOST_PREPARATIONS):
-            if not len(passage.lost) and not len(passage.impossible):
-                break
-            if aside is None and (aside := agent.aside(plan, slider)) is not None:
-                plan = make_plan(agent, aside=aside)
-                passage = agent.go_along(plan, slider)
-            before, doubtful = agent, np.union1d(passage.lost, passage.impossible)
-            agent = agent.prepare(plan, doubtful, slider)
-            if agent.memory.same_as(before.memory):
-                break
-            plan = make_plan(agent, aside=aside)
-            passage = agent.go_along(plan, slider)
-        return agent, plan, passage
+            self._motion(self.agent, plan, dry_run(plan, self._slider))

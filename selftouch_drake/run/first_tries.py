@@ -10,8 +10,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.motions import Execution, Motion, Plan, touching
-from selftouch_drake.agent.rehearsal import RehearsalMemory, Try
+from selftouch_drake.agent.memory import RehearsalMemory
+from selftouch_drake.agent.motions import Execution, Motion, Plan
+from selftouch_drake.agent.rehearsal import Try, judge
 from selftouch_drake.evaluation import (
     MotionScore,
     cosine_distance,
@@ -103,7 +104,7 @@ class FirstTries:
             return None
         world, motion, representation = self._world, query.motion, self.agent.representation
         execution, log = execute(world, motion)
-        known = self.agent.judge(execution)
+        known = judge(execution, representation)
         targets = representation.target_sensations
         predicted = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
         predicted &= motion.predicted_spread > 0
@@ -113,7 +114,7 @@ class FirstTries:
             query_s=query.seconds,
             jerk_reduction=query.jerk_reduction,
             num_slides=len(query.agent.memory.slides.ends),
-            contact_straight=contact_along(world, query.straight),
+            contact_straight=contact_along(world, query.unpractised),
             planned=score_motion(motion, world.probe.sensations(motion.q), targets),
             executed=score_motion(motion, execution.felt, targets),
             first=(known.contact, known.reached),
@@ -188,7 +189,7 @@ def contact_along(world: World, plan: Plan) -> float:
     """Share of the path with expected contact on which something is felt."""
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, max(2, int(length / _SAMPLED)))
-    expected = touching(plan.waypoint_s, plan.in_air, s)
+    expected = plan.touching(s)
     return float(np.mean(world.probe.sensations(plan.path(s[expected])).any(axis=1)))
 
 
@@ -198,10 +199,12 @@ def _impossible(world: World, q: np.ndarray) -> int:
 
 def _tip_jerk(world: World, motion: Motion, s: np.ndarray, q: np.ndarray) -> float | None:
     """Jerk of the fingertips along the polyline, over their jerk along the plan."""
-    if len(motion.links) < 2:
+    if len(motion.plan.links) < 2:
         return None
 
     def to_space(q: np.ndarray) -> np.ndarray:
         return world.robot.toucher_positions(q).reshape(len(q), -1)
 
-    return spatial_jerk_reduction(s, to_space(q), motion.waypoints_q, motion.waypoint_s, to_space)
+    return spatial_jerk_reduction(
+        s, to_space(q), motion.plan.waypoints_q, motion.plan.waypoint_s, to_space
+    )

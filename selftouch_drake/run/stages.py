@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from selftouch_drake.agent.motions import Motion
-from selftouch_drake.agent.rehearsal import Try, best
+from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experience import (
     ExperienceReader,
@@ -271,7 +271,7 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     _require_targets(run, targets)
     execution, _ = acting.execute(world, load_motion(run, *targets))
     save_plan(run, execution, *targets)
-    return agent.judge(execution)
+    return judge(execution, agent.representation)
 
 
 def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: int) -> list[Try]:

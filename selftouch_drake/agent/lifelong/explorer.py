@@ -227,7 +227,7 @@ class Explorer:
         """Goes to a kernel by a plan, and bends its steps along the skin."""
         _, goal = self._goal(agent)
         try:
-            plan = agent.plan_from(self._q, self._felt, goal)
+            plan = agent.tour([agent.felt(self._felt), goal], q_start=self._q)
         except ValueError:
             return
         self._visits[goal] += 1.0

@@ -193,11 +193,11 @@ def plan_rows(data: RunData) -> Iterator[PlanRow]:
     """The plans from one sensation to another."""
     for start, goal in data.pairs:
         motion = data.motion(start, goal)
-        in_air = motion.in_air.astype(int)
+        in_air = motion.plan.in_air.astype(int)
         row = PlanRow(
             start=start,
             goal=goal,
-            num_kernels=len(np.unique(motion.nodes[motion.nodes != NO_KERNEL])),
+            num_kernels=len(np.unique(motion.plan.nodes[motion.plan.nodes != NO_KERNEL])),
             num_flights=int(np.sum(np.diff(in_air, prepend=0) > 0)),
             duration=float(np.ptp(motion.time_s)),
         )
