@@ -140,17 +140,15 @@ def run(
     directory, world = _begin(experiment, out, overrides)
 
     from selftouch_drake.run import stages
-    from selftouch_drake.run.executors import HereAndInProcesses
-    from selftouch_drake.run.worlds import as_text, known_world
+    from selftouch_drake.run.executors import local_executor
     from selftouch_drake.show.outputs import write_figures, write_report
 
-    with HereAndInProcesses(workers) as executor:
+    with local_executor(workers) as executor:
         if not stages.has_babbled(directory):
             _babble(directory, world, executor, scheduler)
-            for picture in write_figures(directory, world=world):
-                click.echo(f"first picture: {picture}")
-        # Meanwhile the agent learns.
-        executor.get_ready(known_world, *as_text(directory))
+            for picture in write_figures(directory, world=world).values():
+                if isinstance(picture, Path):
+                    click.echo(f"first picture: {picture}")
         if not stages.has_learned(directory):
             with _progress("learn") as progress:
                 stages.learn(directory, progress)
@@ -158,7 +156,7 @@ def run(
             with _progress("plan, execute, evaluate") as progress:
                 stages.evaluate(directory, world, progress, executor)
         with _progress("report") as progress:
-            report = write_report(directory, progress, world=world, executor=executor)
+            report = write_report(directory, progress, world=world)
     _print_headline(directory)
     click.echo(f"report: {report}")
 
@@ -178,9 +176,9 @@ def babble(
     """
     directory, world = _begin(experiment, out, overrides)
 
-    from selftouch_drake.run.executors import HereAndInProcesses
+    from selftouch_drake.run.executors import local_executor
 
-    with HereAndInProcesses(workers) as executor:
+    with local_executor(workers) as executor:
         _babble(directory, world, executor, scheduler)
     click.echo(f"experience: {directory.experience}")
 
@@ -388,9 +386,9 @@ def evaluate(run: Path, workers: int | None) -> None:
     directory = _open(run)
 
     from selftouch_drake.run import stages
-    from selftouch_drake.run.executors import HereAndInProcesses
+    from selftouch_drake.run.executors import local_executor
 
-    with _progress("evaluate") as progress, HereAndInProcesses(workers) as executor:
+    with _progress("evaluate") as progress, local_executor(workers) as executor:
         stages.evaluate(directory, stages.make_world(directory), progress, executor)
     _print_headline(directory)
 
@@ -443,11 +441,11 @@ def live(
     directory, world = _begin(experiment, out, overrides)
 
     from selftouch_drake.run import lifelong, stages
-    from selftouch_drake.run.executors import HereAndInProcesses
+    from selftouch_drake.run.executors import local_executor
     from selftouch_drake.show.outputs import show_live
 
     if not stages.has_babbled(directory):
-        with HereAndInProcesses(workers) as executor:
+        with local_executor(workers) as executor:
             _babble(directory, world, executor, None)
     if no_page:
         with _progress("live") as progress:
@@ -510,7 +508,7 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
 
     loaded = load_sweep(sweep)
     directory = SweepDirectory.create(out or Path("runs") / "sweeps" / loaded.name, loaded)
-    chosen = dask_executor(scheduler) if scheduler else local_executor(workers, ends_on_ctrl_c=True)
+    chosen = dask_executor(scheduler) if scheduler else local_executor(workers)
     num_pending = len(loaded.experiments) if scheduler else 2 * (workers or os.cpu_count() or 1)
     with directory.writing():
         with _progress(f"{len(loaded.experiments)} runs") as progress, chosen as executor:

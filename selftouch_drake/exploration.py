@@ -12,13 +12,10 @@ from __future__ import annotations
 import dataclasses
 import warnings
 from collections.abc import Callable
-from concurrent.futures import Executor
-from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.lifelong import (
@@ -36,12 +33,11 @@ from selftouch_drake.experience import (
     ExperienceReader,
     Shard,
     WalkCounts,
-    collect,
     write_shard,
 )
-from selftouch_drake.experience.collect import WORLD_LOCK, keep_touches, kept_world, step_sizes
+from selftouch_drake.experience.collect import keep_touches, step_sizes, stored_walks
 from selftouch_drake.experience.sources import SAMPLE_PERIOD, KinematicSource, LedSource, Steps
-from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
+from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import World
 
 #: Number of target sensations, and most touches of each, that the agent uses while it explores a
@@ -184,54 +180,37 @@ class Exploration:
 
 
 def explore(
-    experiment: Experiment,
+    exploration: Exploration,
     folder: Path,
     *,
     fingerprint: str,
-    executor: Executor,
     progress: Callable[[int], None] = lambda num_rows: None,
-    world: World | None = None,
 ) -> WalkCounts:
-    """Collects the missing experience of an active run; arguments and errors as for `collect`."""
-    return collect(
-        experiment,
-        folder,
-        fingerprint=fingerprint,
-        executor=executor,
-        progress=progress,
-        world=world,
-        make=partial(_explore_and_store, dump_experiment(experiment)),
-        in_turn=True,
-    )
+    """Collects the missing experience of an active run, in this process: rounds follow each other.
 
+    Args:
+        exploration: at its beginning.
+        folder: of the run.
+        fingerprint: of the experience.
+        progress: called with the number of new rows each time a round is stored.
 
-def _explore_and_store(
-    whole: str, body: str, run: str, number: int, num_rows: int, fingerprint: str
-) -> WalkCounts:
-    with WORLD_LOCK:
-        life = _life(whole, run)
-        if life.round > number:  # a stored round is missing: begin the life again
-            _life.cache_clear()
-            life = _life(whole, run)
-        if life.round < number:
-            stored = ExperienceReader(Path(run) / "experience").touches()
-            for sensation, q in islice(stored, life.round, number):
-                life.remember(q, sensation)
-        if (world := _world(body)) is not life.world:
-            life.enter(world)
-        shard = life.explore(num_rows)
-        life.remember(shard.q, shard.sensation)
-    write_shard(Path(run), shard, fingerprint=fingerprint)
-    return shard.counts
-
-
-@lru_cache(maxsize=1)
-def _life(text: str, run: str) -> Exploration:
-    """The life of a run, begun once per process."""
-    experiment = experiment_from_fields(yaml.safe_load(text))
-    return Exploration(experiment, world=_world(dump_experiment(experiment.after(0))))
-
-
-def _world(body: str) -> World:
-    """The world of an experiment with a body as it is for a time."""
-    return kept_world(body, experiment_from_fields(yaml.safe_load(body)))
+    Raises:
+        NeverTouchesError: a round touches nothing.
+        StoreError: a stored shard is damaged, or belongs to another experiment.
+    """
+    experiment = exploration.experiment
+    counts, missing = stored_walks(experiment, folder, fingerprint=fingerprint, progress=progress)
+    body = experiment.after(0)
+    for number, num_rows, body_then in missing:
+        stored = ExperienceReader(folder / "experience").touches() if number else iter(())
+        for sensation, q in islice(stored, exploration.round, number):
+            exploration.remember(q, sensation)
+        if body_then != body:
+            body = body_then
+            exploration.enter(World(body))
+        shard = exploration.explore(num_rows)
+        exploration.remember(shard.q, shard.sensation)
+        write_shard(folder, shard, fingerprint=fingerprint)
+        counts += shard.counts
+        progress(num_rows)
+    return counts

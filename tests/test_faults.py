@@ -422,11 +422,13 @@ def test_learning_that_is_killed_and_done_again_gives_the_same_bytes(learned_run
 def test_a_killed_worker_is_reported(tmp_path):
     experiment = load_experiment("cube", parse_overrides(SMALL))
     run = RunDirectory.create(tmp_path / "run", experiment)
-    with local_executor(1) as executor:
-        worker = executor.submit(os.getpid).result()
-        executor.submit(os.kill, worker, signal.SIGKILL)
+    with local_executor(2) as executor:
+
+        def kill_one(num_rows):
+            os.kill(next(iter(executor._processes)), signal.SIGKILL)
+
         with pytest.raises(ChildProcessError, match="continues from the stored walks"):
-            collect_into(run, executor)
+            collect_into(run, executor, progress=kill_one)
 
 
 def test_an_altered_shard_is_named(run):

@@ -16,7 +16,7 @@ from selftouch_drake.agent.practice import DryRun, NoWayError, dry_run, learn_fr
 from selftouch_drake.agent.rehearsal import Try, judge
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.agent.touch_profile import felt_across
-from selftouch_drake.robot import LOG_PERIOD, ContactProbe, Log, Robot, World
+from selftouch_drake.robot import LOG_PERIOD, Log, World
 from selftouch_drake.robot.servo import OFFSETS, Beside
 from selftouch_drake.robot.timing import time_path
 
@@ -24,26 +24,18 @@ from selftouch_drake.robot.timing import time_path
 _MARGIN = 0.0005
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class _KinematicWorld:
-    """The world in which the agent practises: its robot without dynamics."""
+    """Where the agent practises: its robot without dynamics."""
 
-    robot: Robot
-    probe: ContactProbe
-
-    @property
-    def lower(self) -> np.ndarray:
-        return self.robot.lower
-
-    @property
-    def upper(self) -> np.ndarray:
-        return self.robot.upper
+    def __init__(self, world: World):
+        self.lower, self.upper = world.robot.lower, world.robot.upper
+        self._probe = world.probe
 
     def feel(self, q: np.ndarray) -> np.ndarray:
-        return self.probe.sensations(q)
+        return self._probe.sensations(q)
 
     def possible(self, q: np.ndarray) -> np.ndarray:
-        return self.probe.collision_depth(q, _MARGIN) == 0
+        return self._probe.collision_depth(q, _MARGIN) == 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -198,8 +190,7 @@ class Pilot:
     @cached_property
     def _slider(self) -> Slider:
         """The slider of the agent: it feels, and knows which configurations are possible."""
-        world = _KinematicWorld(self.world.robot, self.world.probe)
-        return Slider(world, self.agent.representation.joint_scale)
+        return Slider(_KinematicWorld(self.world), self.agent.representation.joint_scale)
 
     def _queried(
         self, targets: Sequence[int | None], q_start: np.ndarray, limits: Limits | None = None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from threading import Lock
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -87,12 +86,10 @@ class FirstTries:
 
     Attributes:
         agent: the agent without memory.
-        gate: held by whoever needs the world before the next try.
     """
 
     def __init__(self, world: World, agent: Agent):
         self.agent = agent.recalling(RehearsalMemory.blank(agent.representation))
-        self.gate = Lock()
         self._world = world
         self._pilot = Pilot(self.agent, world)
 

@@ -131,9 +131,8 @@ def _several(run: RunDirectory, body: Body) -> bool:
 def _by_other_metrics(
     run: RunDirectory, representation: QuotientRepresentation, chosen: str
 ) -> dict[str, Body]:
-    asked = run.experiment.evaluation.shape_metrics
-    if asked is None:
-        asked = list(SHAPE_METRICS)
+    wanted = run.experiment.evaluation.shape_metrics
+    asked = SHAPE_METRICS if wanted is None else wanted
     seed = run.experiment.seed
     return {
         name: recover(representation, name, seed=seed, holes=False)

@@ -11,7 +11,7 @@ import shutil
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experience import (
     ExperienceReader,
-    WalkCounts,
     collect,
     how_to_collect,
     require_complete,
@@ -39,7 +38,7 @@ from selftouch_drake.run.artifacts import (
     save_plan,
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.executors import InTurn, Shared, shared
+from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.imported import timed, write_trajectory
 from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.run.naming import free_start
@@ -49,16 +48,7 @@ from selftouch_drake.run.touches import (
     warn_of_changes,
     warn_of_untouched,
 )
-from selftouch_drake.run.worlds import (
-    as_text,
-    build_world,
-    keep_skins,
-    known_world,
-    make_world,
-)
-
-if TYPE_CHECKING:
-    from selftouch_drake.agent.shape import Body
+from selftouch_drake.run.worlds import build_world, keep_world, make_world
 
 __all__ = [
     "Progress",
@@ -91,6 +81,12 @@ def babble(
 ) -> None:
     """Collects the experience of the run; stored walks are kept.
 
+    Args:
+        run: the run.
+        world: its world.
+        executor: where random walks are made; an agent that explores does so in this process.
+        progress: called with the fraction done and what is done.
+
     Warns:
         NeverTouchedWarning: a skin was never touched, or a toucher never touched anything.
     """
@@ -102,7 +98,7 @@ def babble(
         surfaces[f"{skin.name}_faces"] = skin.fields.faces
         surfaces[f"{skin.name}_p_LS"] = skin.fields.p_LS
     save_arrays(run.skin, surfaces | run.body_stamp())
-    keep_skins(run, world)
+    keep_world(run, world)
     wanted, stored = run.experiment.babbling.num_samples, 0
 
     def count(num_rows: int) -> None:
@@ -110,20 +106,22 @@ def babble(
         stored += num_rows
         progress(stored / wanted, f"{stored:,} of {wanted:,} touches")
 
-    gather: Callable[..., WalkCounts] = collect
+    fingerprint = run.fingerprint()
     if run.experiment.babbling.strategy == "active":
         # Other stages need not wait for its imports.
-        from selftouch_drake.exploration import explore
+        from selftouch_drake.exploration import Exploration, explore
 
-        gather = explore
-    counts = gather(
-        run.experiment,
-        run.path,
-        fingerprint=run.fingerprint(),
-        executor=executor,
-        progress=count,
-        world=world,
-    )
+        exploration = Exploration(run.experiment, world=world)
+        counts = explore(exploration, run.path, fingerprint=fingerprint, progress=count)
+    else:
+        counts = collect(
+            run.experiment,
+            run.path,
+            fingerprint=fingerprint,
+            executor=executor,
+            progress=count,
+            world=world,
+        )
     wall = time.perf_counter() - began
     median, largest = force_metrics(run)
     by_skin, by_toucher = touch_counts(run, world.robot)
@@ -311,16 +309,16 @@ def evaluate(
 
     agent = load_agent(run)
     require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
-    run.metrics()  # refuses a damaged file before the long work
-    body = load_body(run, agent.representation)
-    executor, known = executor or InTurn(), (run, world, agent.representation, body)
-    with shared(known, _known_elsewhere, *as_text(run)) as needed:
-        scores = executor.submit(_score_body, needed)
-        trials, without_way = try_pairs(
-            run, world, agent, lambda fraction, doing: progress(0.9 * fraction, doing), executor
-        )
-        progress(0.9, "against the truth")
-        run.add_metrics(scores.result())
+    run.metrics()
+    load_body(run, agent.representation)  # refuses damaged files before the long work
+    keep_world(run, world)
+    executor = executor or InTurn()
+    scores = executor.submit(_score_body, run)
+    trials, without_way = try_pairs(
+        run, world, agent, lambda fraction, doing: progress(0.9 * fraction, doing), executor
+    )
+    progress(0.9, "against the truth")
+    run.add_metrics(scores.result())
     if trials:
         save_arrays(run.trials, trial_table(trials) | run.stamp())
     run.add_metrics(
@@ -329,19 +327,11 @@ def evaluate(
     progress(1.0, "evaluated")
 
 
-_Known = tuple[RunDirectory, World, QuotientRepresentation, "Body"]
-
-
-def _score_body(needed: Shared[_Known]) -> dict[str, Any]:
+def _score_body(run: RunDirectory) -> dict[str, Any]:
     from selftouch_drake.run.scores import score_body
 
-    return score_body(*needed.value)
-
-
-def _known_elsewhere(path: str, text: str) -> _Known:
-    run, world = known_world(path, text)
     representation = load_representation(run)
-    return run, world, representation, load_body(run, representation)
+    return score_body(run, make_world(run), representation, load_body(run, representation))
 
 
 def has_babbled(run: RunDirectory) -> bool:

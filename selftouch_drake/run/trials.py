@@ -19,15 +19,16 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.rehearsal import Try, best
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.experience.collect import WORLD_LOCK
 from selftouch_drake.experiment import Experiment
+from selftouch_drake.files import content_digest
 from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent, save_plan
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.executors import InTurn, Shared, shared
+from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.first_tries import FirstTries, FirstTry
-from selftouch_drake.run.worlds import as_text, known_world
+from selftouch_drake.run.worlds import make_world
+from selftouch_drake.threads import OncePerThread
 
 # First tries that may wait for the rehearsals of earlier pairs.
 _MOST_AHEAD = 8
@@ -78,13 +79,13 @@ def try_pairs(
     Raises:
         ChildProcessError: a process of the executor was killed.
     """
-    tries = FirstTries(world, agent)
+    tries, learned = FirstTries(world, agent), content_digest(run.representation)
+    _tries.keep(tries, run, learned)
     rehearsing, max_tries = Pilot(tries.agent, world), run.experiment.execution.max_tries
     pairs = random_pairs(run.experiment, agent.representation)
     trials, without_way = list[Trial](), list[tuple[int, int]]()
     with (
-        shared(tries, _tries_elsewhere, *as_text(run)) as needed,
-        closing(_in_order(partial(_first_try, needed), pairs, executor or InTurn())) as found,
+        closing(_in_order(partial(_first_try, run, learned), pairs, executor or InTurn())) as found,
     ):
         for number, (start, goal) in enumerate(pairs):
             progress(number / len(pairs), f"sensation {start} to {goal}")
@@ -93,8 +94,7 @@ def try_pairs(
                 continue
             first, known = result
             save_plan(run, known.execution, start, goal)
-            with tries.gate, WORLD_LOCK:
-                rehearsed = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
+            rehearsed = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
             rehearsed = rehearsed or [known]
             kept = best(rehearsed)
             trials.append(
@@ -132,18 +132,16 @@ def _in_order(
             future.cancel()
 
 
-def _first_try(needed: Shared[FirstTries], pair: tuple[int, int]) -> tuple[FirstTry, Try] | None:
-    tries = needed.value
-    # A rehearsal that waits for the world goes first.
-    with tries.gate:
-        pass
-    with WORLD_LOCK:
-        return tries.first(*pair)
+def _first_try(
+    run: RunDirectory, learned: str, pair: tuple[int, int]
+) -> tuple[FirstTry, Try] | None:
+    return _tries(run, learned).first(*pair)
 
 
-def _tries_elsewhere(path: str, text: str) -> FirstTries:
-    run, world = known_world(path, text)
-    return FirstTries(world, load_agent(run))
+@OncePerThread
+def _tries(run: RunDirectory, learned: str) -> FirstTries:
+    """First tries of the agent of a run; `learned` identifies what it learned."""
+    return FirstTries(make_world(run), load_agent(run))
 
 
 def random_pairs(

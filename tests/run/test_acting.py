@@ -233,15 +233,22 @@ def test_stored_pairs_are_those_of_two_targets(run, world):
     np.testing.assert_array_equal(load_motion(run, 12, 3).plan.nodes[[0, -1]], [12, 3])
 
 
+def with_pairs(run, num_pairs):
+    """The run with another number of pairs in its experiment."""
+    evaluation = dataclasses.replace(run.experiment.evaluation, num_pairs=num_pairs)
+    experiment = dataclasses.replace(run.experiment, evaluation=evaluation)
+    return dataclasses.replace(run, experiment=experiment)
+
+
 def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
     """Numbers of the pairs that the seed draws; they must not change."""
-    run.experiment.evaluation.num_pairs = 30
+    run = with_pairs(run, 30)
     representation = representation_of(run)
     random = np.random.default_rng(run.experiment.random_stream("pairs"))
     codes = random.choice(60 * 59, size=30, replace=False)
     expected = [(int(c // 59), int(c % 59 + (c % 59 >= c // 59))) for c in codes]
     assert random_pairs(run.experiment, representation) == expected
-    run.experiment.evaluation.num_pairs = 10_000
+    run = with_pairs(run, 10_000)
     everything = random_pairs(run.experiment, representation)
     assert len(set(everything)) == len(everything) == 60 * 59
 
@@ -249,7 +256,7 @@ def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
 def test_evaluation_in_another_process_gives_the_same(run, world, tmp_path):
     other = RunDirectory.open(shutil.copytree(run.path, tmp_path / "other"))
     stages.evaluate(run, world)
-    with local_executor(1) as process:
+    with local_executor(2) as process:
         stages.evaluate(other, world, executor=process)
     pairs = stored_pairs(run)
     assert len(pairs) == 2
@@ -323,7 +330,7 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
         return np.where(np.arange(len(q)) < 5, 0.01, 0.0)
 
     monkeypatch.setattr(world.probe, "collision_depth", depth)
-    run.experiment.evaluation.num_pairs = 1
+    run = with_pairs(run, 1)
     trials, _ = try_pairs(run, world, load_agent(run), stages.silent)
     figures = trial_metrics(trials, world.robot.turns)
     assert figures["planning_impossible_postures"] == 5

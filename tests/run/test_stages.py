@@ -1,5 +1,6 @@
 """Files after learning, finished or interrupted."""
 
+import dataclasses
 import shutil
 import warnings
 
@@ -179,7 +180,8 @@ def test_evaluation_without_truth_or_in_part_names_what_is_missing(run):
 
 
 def test_scores_against_the_truth(run):
-    run.experiment.evaluation.shape_metrics = ["motor"]
+    motor = dataclasses.replace(run.experiment.evaluation, shape_metrics=["motor"])
+    run = dataclasses.replace(run, experiment=dataclasses.replace(run.experiment, evaluation=motor))
     representation = load_representation(run)
     body = load_body(run, representation)
     figures = scores.score_body(run, World(run.experiment), representation, body)
