@@ -118,7 +118,7 @@ def test_touches_that_surprised_are_those_that_it_did_not_expect(reference):
 def quick(monkeypatch):
     """Lives that expect sooner, and less exactly."""
     monkeypatch.setattr(life_module, "_FIRST", 1000)
-    monkeypatch.setattr(life_module, "_TO_UNDERSTAND", 600)
+    monkeypatch.setattr(life_module, "_TO_EXPLAIN", 600)
     monkeypatch.setitem(Life.__init__.__kwdefaults__, "num_steps", 600)
 
 
@@ -126,23 +126,24 @@ def changing(num_samples, **change):
     return dataclasses.replace(active(num_samples), changes=[Change(**change)])
 
 
-def test_in_a_changed_body_it_explores_by_what_it_mended(tmp_path, quick):
+@pytest.mark.slow
+def test_in_a_changed_body_it_explores_by_what_it_adapted(tmp_path, quick):
     experiment = changing(3250, after=2000, joints={"elbow_pitch": 0.6})
     run, life = RunDirectory.create(tmp_path / "whole", experiment), Exploration(experiment)
     counts = explore(life, run.path, fingerprint=run.fingerprint())
     (noticed,) = life.mind.noticed
-    assert 2000 <= noticed.row < 2500 < noticed.mended_at
-    assert noticed.mending.offset.any()
+    assert 2000 <= noticed.row < 2500 < noticed.explained_at
+    assert noticed.change.offset.any()
     known = life._agent.representation
     assert known is life.mind.learner.representation
     assert life.world.experiment.changes
     # What it remembers from before the change touches again.
     before = ExperienceReader(run.experience).read("q")[:2000]
-    unmended, mended = (
+    unadapted, adapted = (
         life.world.probe.sensations(q).any(axis=1).mean() for q in (before, known.kernel_q)
     )
-    assert unmended < 0.6
-    assert mended > 0.8
+    assert unadapted < 0.6
+    assert adapted > 0.8
     # Stopped while it only collects touches of the changed body, it goes on to the same bytes.
     wanted = shards(run)
     again = RunDirectory.create(tmp_path / "again", experiment)

@@ -88,7 +88,7 @@ def _mood(life: Life) -> str:
     if life.has_doubts:
         return "this is not what it expects"
     if life.noticed:
-        return f"it found: {life.noticed[-1].mending.in_words}"
+        return f"it found: {life.noticed[-1].change.in_words}"
     return "it learns" if life.learner.knows else "it begins"
 
 
