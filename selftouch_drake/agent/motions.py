@@ -158,6 +158,14 @@ class Motion(_Record):
         """`(T,)` bool, whether contact is expected: where the agent is not in the air."""
         return self.plan.touching(self.s)
 
+    def contact(self, felt: np.ndarray) -> float:
+        """Share of the time with expected contact in which sensations `felt` `(T, S)` are not null.
+
+        1 if no contact is expected.
+        """
+        expected = self.touching
+        return float(np.mean(np.any(felt, axis=1)[expected])) if expected.any() else 1.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Execution(_Record):
@@ -190,10 +198,8 @@ class Execution(_Record):
 
     @property
     def contact(self) -> float:
-        """Share of the time with expected contact in which something was felt; 1 without any."""
-        expected = self.motion.touching
-        felt = np.any(self.felt, axis=1)[expected]
-        return float(np.mean(felt)) if expected.any() else 1.0
+        """Share of the time with expected contact in which something was felt."""
+        return self.motion.contact(self.felt)
 
 
 def steps(waypoint_s: np.ndarray, s: np.ndarray) -> np.ndarray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from selftouch_drake.agent.motions import Execution
+from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
 
 
@@ -16,7 +16,7 @@ class Try:
 
     Attributes:
         contact: share of the time with expected touch in which something was felt.
-        reached: whether the goal is the target sensation nearest to the last sensation.
+        reached: whether the motion ended in its goal; see `reached`.
         lost_steps: `(n,)` steps of the plan on which contact was lost.
         execution: what was executed and felt.
     """
@@ -32,6 +32,17 @@ class Try:
         return self.reached and self.contact == 1.0
 
 
+def reached(motion: Motion, felt: np.ndarray, representation: QuotientRepresentation) -> bool:
+    """Whether a motion ends in its goal: one of the target sensations nearest to the last.
+
+    Args:
+        motion: what was planned, T instants.
+        felt: `(T, S)` N, sensations along it.
+        representation: the one used to make the plan.
+    """
+    return motion.goal in felt_kernels(representation, felt[-1])
+
+
 def judge(execution: Execution, representation: QuotientRepresentation) -> Try:
     """Judges an executed plan by the sensations along it.
 
@@ -45,7 +56,7 @@ def judge(execution: Execution, representation: QuotientRepresentation) -> Try:
         lost[:] = False
     return Try(
         contact=execution.contact,
-        reached=motion.goal in felt_kernels(representation, execution.felt[-1]),
+        reached=reached(motion, execution.felt, representation),
         lost_steps=np.unique(motion.step[lost]),
         execution=execution,
     )

@@ -45,7 +45,8 @@ class Query:
     Attributes:
         agent: the agent that planned, after its practice.
         plan: the plan.
-        unpractised: the plan before practice, which nobody followed.
+        unpractised: the plan before practice: as the agent makes it from what it has learned and
+            remembers, never followed.
         motion: the timed plan, with what the agent expects to feel.
         seconds: s, duration of planning, practice, timing and prediction.
     """
@@ -62,15 +63,6 @@ class Query:
         return jerk_reduction(self.plan, self.agent.representation.joint_scale)
 
 
-def execute(world: World, motion: Motion) -> tuple[Execution, Log]:
-    """Lets the robot follow a motion from its start; the log has every step of the plant."""
-    log = world.simulation.execute(motion.time_s, motion.q, motion.v)
-    execution = Execution(
-        motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
-    )
-    return execution, log
-
-
 class Pilot:
     """An agent in its world: plans become motions, and motions are executed.
 
@@ -82,8 +74,12 @@ class Pilot:
     def __init__(self, agent: Agent, world: World):
         self.agent = agent
         self.world = world
-        self._limits = world.limits
-        self._get_ready()
+
+    def get_ready(self) -> None:
+        """Prepares everything that queries need, so that the first one takes no longer."""
+        for edge in self.agent.representation.edges[:1].tolist():
+            plan = self.agent.tour(edge)
+            self.motion(plan, dry_run(plan, self._slider))
 
     def plan(self, *targets: int) -> Query:
         """Plans through two or more target sensations, in order.
@@ -94,7 +90,7 @@ class Pilot:
             NoWayError: none was found.
             ValueError: as `Agent.tour`.
         """
-        return self._queried(targets, self.start_of(*targets))
+        return self._query(targets, self.start_of(*targets))
 
     def plan_from(self, q_start: np.ndarray, goal: int) -> Query:
         """Plans from any configuration, touching or not.
@@ -107,8 +103,7 @@ class Pilot:
             NoWayError: none was found.
             ValueError: as `Agent.tour`, or `q_start` is outside the limits of the joints.
         """
-        limits = self.world.robot.lower, self.world.robot.upper
-        q_start = checked_configuration(q_start, self.agent.representation, limits)
+        q_start = checked_configuration(q_start, self.agent.representation, self._range)
         (felt,) = self.world.probe.sensations(q_start[None])
         return self.plan_feeling(q_start, felt, goal)
 
@@ -123,8 +118,7 @@ class Pilot:
         Raises:
             NoWayError: none was found.
         """
-        limits = self.world.robot.lower, self.world.robot.upper
-        return self._queried([self.agent.felt(felt), goal], q_start, limits)
+        return self._query([self.agent.felt(felt), goal], q_start, self._range)
 
     def start_of(self, *targets: int) -> np.ndarray:
         """`(J,)` the start of the motion: any configuration of the first kernel."""
@@ -133,9 +127,34 @@ class Pilot:
         stream = self.world.experiment.random_stream("start", *targets)
         return members[np.random.default_rng(stream).integers(len(members))].astype(float)
 
-    def execute(self, motion: Motion) -> tuple[Execution, Log]:
-        """Lets the robot follow a motion from its start; the log has every step of the plant."""
-        beside = self.beside(motion) if self.world.experiment.execution.touch_servo else None
+    def motion(self, plan: Plan, felt: DryRun | None = None) -> Motion:
+        """The timed plan, with what the agent expects to feel.
+
+        Args:
+            plan: the plan.
+            felt: what it felt when it followed the plan slowly; without, it expects what it
+                knows from stored touches.
+        """
+        timed = time_path(
+            plan.path,
+            velocity_limit=self.world.limits.velocity,
+            acceleration_limit=self.world.limits.acceleration,
+            rate_hz=1 / LOG_PERIOD,
+        )
+        return self.agent.motion(
+            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, dry_run=felt
+        )
+
+    def execute(self, motion: Motion, *, practised: bool = True) -> tuple[Execution, Log]:
+        """Lets the robot follow a motion from its start; the log has every step of the plant.
+
+        Args:
+            motion: the motion.
+            practised: whether the agent may feel beside the motion first, which the touch servo
+                needs: without practice the servo rests.
+        """
+        serves = self.world.experiment.execution.touch_servo and practised
+        beside = self.beside(motion) if serves else None
         log = self.world.simulation.execute(motion.time_s, motion.q, motion.v, beside)
         execution = Execution(
             motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
@@ -162,15 +181,19 @@ class Pilot:
         Args:
             start: the target sensation to start from.
             goal: the target sensation to reach.
-            max_tries: largest number of executions.
+            max_tries: largest number of executions, at least one.
             known: an earlier try; the same motion is not executed again.
 
         Returns:
-            The tries, in order; none if `known` is given and no way is found.
+            The tries, in order (`best` chooses the one to keep); none if `known` is given and no
+            way is found.
 
         Raises:
             NoWayError: none was found at the first try.
+            ValueError: `max_tries` is below one.
         """
+        if max_tries < 1:
+            raise ValueError(f"max_tries is {max_tries}: give at least 1")
         tries: list[Try] = []
         while len(tries) < max_tries and not (tries and tries[-1].perfect):
             try:
@@ -182,23 +205,28 @@ class Pilot:
             if known is not None and np.array_equal(query.motion.q, known.execution.motion.q):
                 tries.append(known)
             else:
-                execution, _ = execute(self.world, query.motion)
+                execution, _ = self.execute(query.motion)
                 tries.append(judge(execution, self.agent.representation))
             self.agent = learn_from(tries[-1], query.agent, self._slider)
         return tries
+
+    @property
+    def _range(self) -> Limits:
+        """Limits of the joints."""
+        return self.world.robot.lower, self.world.robot.upper
 
     @cached_property
     def _slider(self) -> Slider:
         """The slider of the agent: it feels, and knows which configurations are possible."""
         return Slider(_KinematicWorld(self.world), self.agent.representation.joint_scale)
 
-    def _queried(
+    def _query(
         self, targets: Sequence[int | None], q_start: np.ndarray, limits: Limits | None = None
     ) -> Query:
         """Plans and practises the plan."""
         began = time.perf_counter()
         done = practise(self.agent, self._slider, targets, q_start=q_start, limits=limits)
-        motion = self._motion(done.agent, done.plan, done.dry_run)
+        motion = self.motion(done.plan, done.dry_run)
         return Query(
             agent=done.agent,
             plan=done.plan,
@@ -206,21 +234,3 @@ class Pilot:
             motion=motion,
             seconds=time.perf_counter() - began,
         )
-
-    def _motion(self, agent: Agent, plan: Plan, felt: DryRun) -> Motion:
-        """The timed plan, with what the agent expects to feel after it followed it slowly."""
-        timed = time_path(
-            plan.path,
-            velocity_limit=self._limits.velocity,
-            acceleration_limit=self._limits.acceleration,
-            rate_hz=1 / LOG_PERIOD,
-        )
-        return agent.motion(
-            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, dry_run=felt
-        )
-
-    def _get_ready(self) -> None:
-        """Prepares everything that queries need, so that the first one takes no longer."""
-        for edge in self.agent.representation.edges[:1].tolist():
-            plan = self.agent.tour(edge)
-            self._motion(self.agent, plan, dry_run(plan, self._slider))
