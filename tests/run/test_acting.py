@@ -382,7 +382,8 @@ def test_a_robot_that_does_not_move_costs_its_pair_alone(run, world, monkeypatch
         return dataclasses.replace(log, q=log.q[:1] + 0 * log.q) if next(number) < 2 else log
 
     monkeypatch.setattr(world.simulation, "execute", stuck)
-    run.experiment.execution.max_tries = 1
+    execution = dataclasses.replace(run.experiment.execution, max_tries=1)
+    run = RunDirectory(run.path, dataclasses.replace(run.experiment, execution=execution))
     trials, _ = try_pairs(run, world, load_agent(run), stages.silent)
     assert [one.tip_jerk_measured is None for one in trials] == [True, False]
     moved = trials[1].tip_jerk_measured
