@@ -125,7 +125,7 @@ def scored(data: Data, contacts: Contacts, world: World, num_targets: int, metri
     margin = "" if part.topology is None else f"{part.topology.margin:.1f}"
     return (
         f"| {len(felt.rows):,} | {100 * false:.1f} % | {100 * errors.get(0, np.nan):.1f} % "
-        f"| {holes} | {margin} | {part.dimension or np.nan:.2f} | {part.metric} "
+        f"| {holes} | {margin} | {part.dimension or np.nan:.2f} | {body.metric} "
         f"| {held.mean():.1f} % | {held.min():.0f} % | {seconds:.0f} s |"
     )
 
