@@ -1,8 +1,9 @@
 """Peak memory of every stage at a million touches and at ten million. Run: `make memory`.
 
 The smaller run is made if it is missing. The larger one has its shards ten times, under the names
-and stamps of its own. In both the last walks are left out, and babbled where memory is measured, after the main process
-has checked all the others. Every stage, and every worker, is a process of its own.
+and stamps of its own. In both the last walks are left out, and babbled where memory is measured,
+after the main process has checked all the others. Every stage, and every worker, is a process of
+its own.
 """
 
 from __future__ import annotations

@@ -33,7 +33,7 @@ from selftouch_drake.agent.lifelong import Life, OnlineLearner
 from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.evaluation.life import planned_contact, quality
 from selftouch_drake.experience import collect_walk
-from selftouch_drake.experience.sources import KinematicSource
+from selftouch_drake.experience.walkers import KinematicWalker
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import World
 
@@ -74,7 +74,7 @@ def touches(
     world: World, first_walk: int, walk_size: int = 2 * LOOK
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """What is felt where, in half walks, without end."""
-    source, walk, half = KinematicSource(world), first_walk, walk_size // 2
+    source, walk, half = KinematicWalker(world), first_walk, walk_size // 2
     while True:
         shard = collect_walk(source, world.experiment, walk, walk_size)
         for rows in (slice(half), slice(half, None)):

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 import yaml
-from filelock import FileLock, Timeout
 
 from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
-from selftouch_drake.files import content_digest, load_arrays, require_writable, write_text_whole
+from selftouch_drake.files import content_digest, load_arrays, locked, write_text_whole
 from selftouch_drake.run.fingerprint import (
     Digests,
     experience_fingerprint,
@@ -141,22 +140,16 @@ class RunDirectory:
             PermissionError: nothing can be written here.
             RunError: another process writes here.
         """
-        require_writable(self.path)
-        lock = FileLock(self.path / ".lock")
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            raise RunError(
-                f"{self.path} is being written by another process; wait for it, "
-                "or choose another --out"
-            ) from None
-        try:
+        refusal = RunError(
+            f"{self.path} is being written by another process; wait for it, or choose another --out"
+        )
+        with locked(self.path, refusal):
             self._remove_orphans()
-            yield
-            # A worker that was killed may have left one, though another did its work.
-            self._remove_orphans()
-        finally:
-            lock.release()
+            try:
+                yield
+            finally:
+                # A worker that ended at once may have left one.
+                self._remove_orphans()
 
     def _remove_orphans(self) -> None:
         for orphan in self.path.rglob(_ORPHAN):

@@ -18,11 +18,11 @@ from selftouch_drake.experience import (
     shard_name,
     walk_sizes,
 )
-from selftouch_drake.experience.sources import (
+from selftouch_drake.experience.walkers import (
     DYNAMIC_BATCH,
     SAMPLE_PERIOD,
-    DynamicSource,
-    KinematicSource,
+    DynamicWalker,
+    KinematicWalker,
     Steps,
 )
 from selftouch_drake.experiment import (
@@ -81,7 +81,7 @@ def probe(world):
 
 @pytest.fixture(scope="module")
 def source(world):
-    return KinematicSource(world)
+    return KinematicWalker(world)
 
 
 def _collected(path, experiment, executor):
@@ -127,7 +127,7 @@ def test_what_is_stored_is_what_is_felt(reference, probe, experiment):
     (*shards_of_truth,) = ExperienceReader(run.truth).contacts()
     assert q.shape == (500, 6)
     assert sensation.shape == (500, 30)
-    assert [contacts.num_rows for contacts in shards_of_truth] == [200, 200, 100]
+    assert [len(contacts) for contacts in shards_of_truth] == [200, 200, 100]
     assert sensation.any(axis=1).all()
     assert (q >= probe.robot.lower - 1e-6).all()
     assert (q <= probe.robot.upper + 1e-6).all()
@@ -223,7 +223,7 @@ def test_a_truncated_shard_is_refused(experiment, reference, tmp_path, size):
 
 
 def test_a_dynamic_walk_is_sampled_evenly_and_felt_where_it_is(experiment, probe):
-    source = DynamicSource(World(experiment))
+    source = DynamicWalker(World(experiment))
 
     def walk(num_batches):
         source.begin(
