@@ -19,6 +19,7 @@ SMALL: dict[str, list[str]] = {
     "kills": ["--kills", "1"],
     "memory": ["{tmp}/run", "--touches", "5000", "--targets", "50", "--times", "2"],
     "table": ["--touching", "--turns", "1"],
+    "servo": ["cube", "--out", "{tmp}", "--touches", "3000", "--targets", "60", "--pairs", "1"],
 }
 
 

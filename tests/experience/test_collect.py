@@ -1,7 +1,6 @@
 import dataclasses
-import multiprocessing
 import sys
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future
 from types import SimpleNamespace
 
 import numpy as np
@@ -153,15 +152,6 @@ def test_a_walk_has_a_seed_of_its_own(source, experiment, reference, walk):
     stored = list(ExperienceReader(run.experience).batches("q"))
     np.testing.assert_array_equal(shard.q, stored[walk][:50])
     assert not (stored[0][:100] == stored[1][:100]).any()
-
-
-def test_two_processes_give_the_same_bytes(experiment, reference, tmp_path):
-    _, num_steps, shards = reference
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(2, mp_context=context)
-    run, steps = _collected(tmp_path / "run", experiment, pool)
-    assert _shards(run) == shards
-    assert steps == num_steps
 
 
 def test_any_order_gives_the_same_bytes(experiment, reference, tmp_path):
