@@ -19,6 +19,25 @@ SMALL: dict[str, list[str]] = {
     "kills": ["--kills", "1"],
     "memory": ["{tmp}/run", "--touches", "5000", "--targets", "50", "--times", "2"],
     "table": ["--touching", "--turns", "1"],
+    "exploration": [
+        "touches",
+        *("--bodies", "sphere"),
+        *("--until", "600"),
+        *("--at", "600"),
+        *("--executed", "1"),
+        *("--targets", "40"),
+        *("--ways", "active", "goals"),
+    ],
+    "growth": ["--touches", "50"],
+    "mending": [
+        *("--bodies", "sphere"),
+        *("--kinds", "one"),
+        *("--touches", "600"),
+        *("--watched", "1000"),
+        *("--targets", "20"),
+        *("--pairs", "2"),
+    ],
+    "walks": ["--experiment", "sphere", "--touches", "200"],
     "servo": ["cube", "--out", "{tmp}", "--touches", "3000", "--targets", "60", "--pairs", "1"],
 }
 
