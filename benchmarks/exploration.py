@@ -56,7 +56,7 @@ from selftouch_drake.agent.representation import QuotientLearner, QuotientRepres
 from selftouch_drake.agent.shape import recover
 from selftouch_drake.evaluation import kernel_truth, random_pairs, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader, Shard, collect_walk
-from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource
+from selftouch_drake.experience.walkers import SAMPLE_PERIOD, DynamicWalker, KinematicWalker
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
@@ -123,7 +123,7 @@ def babbled(experiment: Experiment, way: str, ends: Sequence[int] = ()) -> Itera
     world = World(experiment)
     dynamic = experiment.babbling.mode == "dynamic"
     life = None if way == "random" else Exploration(experiment, WAYS[way])
-    source = None if life else (DynamicSource if dynamic else KinematicSource)(world)
+    source = None if life else (DynamicWalker if dynamic else KinematicWalker)(world)
     done, number = 0, 0
     while True:
         size = max(250, min(done // 10, 2000))
@@ -187,7 +187,7 @@ def scores(
     representation: QuotientRepresentation, contacts: Contacts, world: World, metrics: list[str]
 ) -> dict[str, Any]:
     """Error and holes by each metric, and share of planned paths that is in contact."""
-    truth = kernel_truth(representation, contacts.take(representation.kernel_row))
+    truth = kernel_truth(representation, contacts[representation.kernel_row])
     found: dict[str, Any] = {}
     for metric in metrics:
         body = recover(representation, metric)
