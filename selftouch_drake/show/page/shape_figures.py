@@ -91,8 +91,8 @@ def persistence(
     """The persistence of components, loops and voids, as a diagram and as bars; of parts, as bars.
 
     Args:
-        diagrams: of each part the births and deaths `(bars, 2)` for H0, H1 and H2; a death may be
-            infinite.
+        diagrams: of each part the births and deaths `(bars, 2)` for H0, H1 and, in space, H2; a
+            death may be infinite.
         betti: of each part how many of each are held to be true.
         parts: their numbers; by default from 0 on.
     """
@@ -162,7 +162,7 @@ def _end(diagram: Sequence[np.ndarray]) -> float:
 def _draw_diagram(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
     end = _end(diagram)
     ax.plot([0, end], [0, end], color=MUTED, linewidth=0.8)
-    for pairs, (_, color) in zip(diagram, _KINDS, strict=True):
+    for pairs, (_, color) in zip(diagram, _KINDS, strict=False):
         birth, death = pairs[:, 0], np.minimum(pairs[:, 1], end)
         ax.scatter(birth, death, s=16, color=color, alpha=0.75, linewidths=0, zorder=3)
     ax.set(
@@ -177,7 +177,7 @@ def _draw_diagram(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
 
 def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
     end, row = _end(diagram), 0
-    for pairs, (_, color) in zip(diagram, _KINDS, strict=True):
+    for pairs, (_, color) in zip(diagram, _KINDS, strict=False):
         birth, death = pairs[:, 0], np.minimum(pairs[:, 1], end)
         longest = np.argsort(birth - death, kind="stable")[:_MOST_BARS]
         rows = row + np.arange(len(longest))
@@ -190,8 +190,8 @@ def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
 
 def _handles(betti: Sequence[int] | None) -> list[Line2D]:
     """Of the legend: a line per kind of hole, with how many are held to be true."""
-    counts = ["", "", ""] if betti is None else [f": {number}" for number in betti]
+    counts = [""] * len(_KINDS) if betti is None else [f": {number}" for number in betti]
     return [
         Line2D([], [], color=color, linewidth=2.5, label=f"{kind}{count}")
-        for (kind, color), count in zip(_KINDS, counts, strict=True)
+        for (kind, color), count in zip(_KINDS, counts, strict=False)
     ]
