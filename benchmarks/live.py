@@ -37,6 +37,7 @@ def main() -> None:
     run = RunDirectory.open(given.run)
     data, meshcat = RunData(run), open_meshcat()
     pilot = Pilot(load_agent(run), data.world)
+    pilot.get_ready()
     show = LiveShow(meshcat, data, lambda *query: pilot.plan_feeling(*query).motion)
     with sync_playwright() as driver:
         if not given.no_browser:

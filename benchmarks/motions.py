@@ -14,8 +14,7 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.metrics import readings
-from selftouch_drake.run.trial_metrics import trial_metrics
-from selftouch_drake.run.trials import try_pairs
+from selftouch_drake.run.trials import trial_metrics, try_pairs
 
 
 def main() -> None:

@@ -44,7 +44,7 @@ from selftouch_drake.agent.representation.touches import (
 )
 from selftouch_drake.agent.shape import intrinsic_dimension
 from selftouch_drake.agent.shape.metrics import motor
-from selftouch_drake.evaluation import cosine_distance, in_link_frames
+from selftouch_drake.evaluation import cosine_distance, in_link_frames, random_pairs
 from selftouch_drake.experience import Contacts, ExperienceReader, random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
@@ -52,7 +52,6 @@ from selftouch_drake.robot.broadphase import BroadPhase
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.trials import random_pairs
 from selftouch_drake.run.worlds import make_world
 
 DOCS = Path(__file__).parent.parent / "docs"

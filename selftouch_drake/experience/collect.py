@@ -271,6 +271,22 @@ def world_of(experiment: Experiment, fingerprint: str) -> World:
     return World(experiment)
 
 
+def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
+    """Has a worker build its world, and compile what walks need.
+
+    Two workers compile different functions first, and find the others compiled.
+
+    Args:
+        experiment: as of `world_of`.
+        fingerprint: as of `world_of`.
+        number: 0 or 1, of the worker.
+    """
+    probe = world_of(experiment, fingerprint).probe
+    q = np.zeros((1, len(probe.robot.lower)), dtype=np.float32)
+    for look in (probe.touches, probe.collision_depth)[:: 1 - 2 * number]:
+        look(q)
+
+
 def _collect_and_store(folder: Path, fingerprint: str, walk: Walk) -> WalkCounts:
     source = _source(walk.experiment, fingerprint)
     shard = collect_walk(source, walk.experiment, walk.number, walk.num_rows)

@@ -5,10 +5,13 @@ from __future__ import annotations
 import multiprocessing
 import os
 import signal
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any
+
+import click
 
 
 def local_executor(num_workers: int | None = None) -> Executor:
@@ -22,9 +25,31 @@ def local_executor(num_workers: int | None = None) -> Executor:
     return ProcessPoolExecutor(
         num_workers,
         mp_context=multiprocessing.get_context("spawn"),
-        initializer=signal.signal,
-        initargs=(signal.SIGINT, signal.SIG_DFL),
+        initializer=_begin,
     )
+
+
+def _begin() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    warnings.showwarning = one_line_warnings(warnings.showwarning)
+
+
+def one_line_warnings(others: Callable[..., None]) -> Callable[..., None]:
+    """Shows warnings of this package as one line; what is `others` shows the others."""
+
+    def show(message, category, *where, **options) -> None:
+        if category.__module__.startswith("selftouch_drake."):
+            click.echo(f"selftouch: warning: {message}", err=True)
+        else:
+            others(message, category, *where, **options)
+
+    return show
+
+
+def meanwhile(executor: Executor, call: Callable[..., object], *arguments: Any) -> None:
+    """Makes a call that saves time later, in another process, if the executor has any."""
+    if not isinstance(executor, InTurn):
+        executor.submit(call, *arguments)
 
 
 class InTurn(Executor):

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import shutil
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
+from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.rehearsal import Try, best
 from selftouch_drake.agent.representation import QuotientRepresentation
@@ -26,7 +29,6 @@ from selftouch_drake.experience import (
 )
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
-from selftouch_drake.run import acting
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import (
     load_agent,
@@ -56,6 +58,7 @@ __all__ = [
     "build_world",
     "evaluate",
     "execute",
+    "get_ready",
     "has_babbled",
     "has_evaluated",
     "has_learned",
@@ -67,6 +70,9 @@ __all__ = [
     "rehearse",
     "silent",
 ]
+
+# Enough to plan a step, and learned in a second.
+_READY_TOUCHES, _READY_TARGETS = 1000, 50
 
 #: Called with the fraction of the stage that is done and what it is doing.
 Progress = Callable[[float, str], None]
@@ -193,6 +199,21 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     return representation
 
 
+def get_ready(run: RunDirectory) -> None:
+    """Has a worker do everything that `evaluate` needs once, in small.
+
+    Then numba has compiled it, while this worker has nothing else to do.
+    """
+    world = make_world(run)
+    sensation, q = next(ExperienceReader(run.experience).touches())
+    num_touches = min(len(q), _READY_TOUCHES)
+    with suppress(ValueError), warnings.catch_warnings():  # there may be no way
+        warnings.simplefilter("ignore")
+        agent = Agent.learn(q[:num_touches], sensation[:num_touches], num_targets=_READY_TARGETS)
+        pilot = Pilot(agent, world)
+        pilot.execute(pilot.plan(*agent.representation.edges[0].tolist()).motion)
+
+
 def _forget_learning(run: RunDirectory) -> None:
     """Drops the metrics of the old learning, and everything that was made from it."""
     run.drop_metrics(keys_of("learn", "evaluate"))
@@ -267,7 +288,7 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     """
     agent = load_agent(run)
     _require_targets(run, targets)
-    execution, _ = acting.execute(world, load_motion(run, *targets))
+    execution, _ = Pilot(agent, world).execute(load_motion(run, *targets))
     save_plan(run, execution, *targets)
     return agent.judge(execution)
 
@@ -304,13 +325,13 @@ def evaluate(
         ChildProcessError: a process of the executor was killed.
         StoreError: the truth is missing or incomplete.
     """
-    from selftouch_drake.run.trial_metrics import trial_metrics, trial_table
-    from selftouch_drake.run.trials import try_pairs
+    from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
 
-    agent = load_agent(run)
+    # Damaged files are refused before the long work.
+    load_body(run, load_representation(run))
     require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
     run.metrics()
-    load_body(run, agent.representation)  # refuses damaged files before the long work
+    agent = load_agent(run, predicts=True)
     keep_world(run, world)
     executor = executor or InTurn()
     scores = executor.submit(_score_body, run)

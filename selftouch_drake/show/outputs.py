@@ -155,6 +155,7 @@ def play(
     agent = load_agent(run)
     data = RunData(run)
     pilot = Pilot(agent, data.world)
+    pilot.get_ready()
 
     def motion_from(q_start: np.ndarray, felt: np.ndarray, goal: int) -> Motion:
         return pilot.plan_feeling(q_start, felt, goal).motion

@@ -13,7 +13,7 @@ from selftouch_drake.experience import Contacts, ExperienceReader, Shard, StoreE
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
-from selftouch_drake.run import knowledge, scores, stages
+from selftouch_drake.run import artifacts, scores, stages
 from selftouch_drake.run.artifacts import load_body, load_representation
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.metrics import METRICS
@@ -154,7 +154,7 @@ def test_a_full_disk_changes_nothing(run, monkeypatch):
     def full_disk(path, arrays):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(knowledge, "save_arrays", full_disk)
+    monkeypatch.setattr(artifacts, "save_arrays", full_disk)
     with pytest.raises(OSError, match="No space"):
         stages.learn(run)
     assert content(run) == before
