@@ -55,8 +55,9 @@ GALLERY: dict[str, dict] = {
     "two_arms": {"babbling": {"num_samples": 200_000}},
     "infant": {},
     "icub": {},
+    "planar": {},
 }
-RATE_HZ, PIXELS, COLORS = 10, 760, 96
+RATE_HZ, PIXELS, COLORS = 5, 760, 96
 # Instants of the execution between two marks of the path so far.
 TRAIL_EVERY = 4
 # Frames of the live page before the picture is taken: in the middle of a motion.

@@ -63,8 +63,9 @@ def body_shape(
     draw(ax, view, *fitted)
     num_kernels = _draw_kernels(ax, view, parts, 0.011 * _typical(skins))
     pieces = "" if len(parts) == 1 else f" in {len(parts)} parts"
+    through = "line" if all(part.is_line for part in parts) else "surface"
     ax.set_title(
-        f"The body the agent recovered\n{num_kernels} sensations{pieces}, fitted surface",
+        f"The body the agent recovered\n{num_kernels} sensations{pieces}, {through} through them",
         loc="center",
     )
 
@@ -73,7 +74,7 @@ def body_shape(
     draw(ax, view, real, opacity=0.38, zorder=2)
     outline(ax, view, skin.vertices, skin.faces, zorder=3)
     error = "" if rms_fraction is None else f"\nerror {rms_fraction:.1%} of its extent (RMS)"
-    ax.set_title(f"Both{error}", loc="center")
+    ax.set_title(f"Both, fitted to one another{error}", loc="center")
 
     share_scale(figure.axes)
     fit_height(figure)
@@ -148,7 +149,9 @@ def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: 
     faces = np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=False)])
     sheet = np.concatenate([np.full(len(part.places), not part.closed) for part in parts])
     kernels = np.concatenate([part.positions for part in parts])
-    seen = visible(kernels, places, faces, view, sheet=sheet)
+    # A line hides nothing of itself.
+    seen = np.concatenate([np.full(part.num_kernels, part.is_line) for part in parts])
+    seen |= visible(kernels, places, faces, view, sheet=sheet)
     draw(ax, view, balls(kernels[seen], radius, INK), zorder=2)
     return len(kernels)
 
