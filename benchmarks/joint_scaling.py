@@ -98,7 +98,7 @@ def measured(run: RunDirectory, scaling: Scaling, arguments: argparse.Namespace)
     for _ in range(arguments.pairs):
         start, goal = (int(target) for target in rng.choice(known.num_targets, 2, replace=False))
         members = known.kernel_q[known.members(start)]
-        plan = planner.plan(members[rng.integers(len(members))], start, goal)
+        plan = planner.plan(members[rng.integers(len(members))], [start, goal])
         length = plan.waypoint_s[-1]
         path = plan.path(np.linspace(0.0, length, max(2, int(length / STEP))))
         contact.append(probe.sensations(path / unit).any(axis=1).mean())

@@ -10,9 +10,34 @@ import pytest
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "benchmarks"
 #: Modules that benchmarks share.
-SHARED = {"results"}
+SHARED = {"babbled", "raw_skin", "results"}
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes.
 SMALL: dict[str, list[str]] = {
+    "babbling": ["--touches", "200", "--turns", "1"],
+    "environments": ["--steps", "5", "--copies", "1", "--environments", "SelfTouch/Sphere-v0"],
+    "imported": ["--out", "{tmp}", "--rows", "30000", "--targets", "60", "--skins", "raw"],
+    "kills": ["--kills", "1"],
+    "memory": ["{tmp}/run", "--touches", "5000", "--targets", "50", "--times", "2"],
+    "table": ["--touching", "--turns", "1"],
+    "exploration": [
+        "touches",
+        *("--bodies", "sphere"),
+        *("--until", "600"),
+        *("--at", "600"),
+        *("--executed", "1"),
+        *("--targets", "40"),
+        *("--ways", "active", "goals"),
+    ],
+    "growth": ["--touches", "50"],
+    "mending": [
+        *("--bodies", "sphere"),
+        *("--kinds", "one"),
+        *("--touches", "600"),
+        *("--watched", "1000"),
+        *("--targets", "20"),
+        *("--pairs", "2"),
+    ],
+    "walks": ["--experiment", "sphere", "--touches", "200"],
     "servo": ["cube", "--out", "{tmp}", "--touches", "3000", "--targets", "60", "--pairs", "1"],
 }
 
