@@ -12,12 +12,12 @@ Needs ripser: pip install 'selftouch-drake[homology]'. docs/two_fingers.md has t
 from __future__ import annotations
 
 import argparse
-import csv
 import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from results import add_update_option, results
 from scipy.sparse import csr_array, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
@@ -53,8 +53,6 @@ from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.worlds import make_world
-
-DOCS = Path(__file__).parent.parent / "docs"
 
 
 def sphere_points(num_points: int) -> np.ndarray:
@@ -117,14 +115,11 @@ def lines(name: str, found: Turns) -> Iterator[dict]:
         }
 
 
-def write(name: str, rows: list[dict]) -> None:
-    path = DOCS / "data" / f"two_fingers_{name}.csv"
-    path.parent.mkdir(exist_ok=True)
-    with path.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
-    print(path.read_text())
+def write(name: str, rows: list[dict], *, update: bool) -> None:
+    with results(f"two_fingers_{name}", update=update) as add:
+        for row in rows:
+            add(row)
+            print(row)
 
 
 def ideal(arguments: argparse.Namespace) -> None:
@@ -150,7 +145,7 @@ def ideal(arguments: argparse.Namespace) -> None:
     for name, ends in (("unlike", unlike), ("one or two touches", lifted)):
         found = turns(few(by_sensation(targets(90, ends, num)), arguments.landmarks))
         rows += [{"angle_deg": 90, "targets": num, **line} for line in lines(name, found)]
-    write("ideal", rows)
+    write("ideal", rows, update=arguments.update)
 
 
 def collect(seed: int, num_rows: int) -> dict[str, np.ndarray]:
@@ -250,7 +245,7 @@ def touches(arguments: argparse.Namespace) -> None:
                 {"rows": num_rows, "targets": num_targets, **line, **labels}
                 for line in lines(f"two touches, {metric}", found)
             ]
-        write(f"touches_s{arguments.seed}", rows)
+        write(f"touches_s{arguments.seed}", rows, update=arguments.update)
 
 
 def mixed(arguments: argparse.Namespace) -> None:
@@ -267,7 +262,7 @@ def mixed(arguments: argparse.Namespace) -> None:
                 for line in lines(f"{name}, {metric}", found)
             ]
             print(rows[-1], flush=True)
-    write(f"mixed_s{arguments.seed}", rows)
+    write(f"mixed_s{arguments.seed}", rows, update=arguments.update)
 
 
 def cosine(p: np.ndarray) -> float:
@@ -388,7 +383,7 @@ def runs(arguments: argparse.Namespace) -> None:
             )
         print(line, flush=True)
         rows.append(line)
-        write("runs", rows)
+        write("runs", rows, update=arguments.update)
 
 
 def prediction(arguments: argparse.Namespace) -> None:
@@ -483,6 +478,7 @@ def main() -> None:
     parser.add_argument("--targets", type=int, default=1000, help="of runs")
     parser.add_argument("--landmarks", type=int, default=300)
     parser.add_argument("--data", type=Path, default=Path("two_fingers.npz"))
+    add_update_option(parser, "two_fingers_...")
     arguments = parser.parse_args()
     WHAT[arguments.what](arguments)
 
