@@ -33,6 +33,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from babbled import run_at
 from minisom import MiniSom
 from results import add_update_option, results
 from scipy.spatial.distance import cdist, pdist, squareform
@@ -45,7 +46,6 @@ from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 from selftouch_drake.agent.shape import intrinsic_dimension, recover, topology
 from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
-from selftouch_drake.run.directory import RunDirectory
 
 #: Touches that a rival learns from at most, where more only take longer.
 _MOST_ROWS = 20_000
@@ -176,7 +176,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("runs", nargs="+", type=Path, help="that have babbled")
+    parser.add_argument(
+        "runs", nargs="+", type=Path, help="a missing one, such as torus_951, is babbled"
+    )
     parser.add_argument("--touches", nargs="+", type=int, default=[10_000, 100_000])
     parser.add_argument("--targets", type=int, default=300)
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS))
@@ -188,7 +190,7 @@ def main() -> None:
     print("|---" * len(COLUMNS) + "|")
     with results("rivals", update=arguments.update) as add:
         for path in arguments.runs:
-            experience = Experience(RunDirectory.open(path))
+            experience = Experience(run_at(path, max(arguments.touches)))
             for touches in arguments.touches:
                 for row in rows(experience, touches, arguments):
                     add(dict(zip(COLUMNS, row, strict=True)))

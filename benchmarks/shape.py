@@ -33,6 +33,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from babbled import run_at
 from results import add_update_option, results
 from revolute import revolute_reference
 
@@ -228,7 +229,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("runs", nargs="+", type=Path, help="that have babbled")
+    parser.add_argument(
+        "runs", nargs="+", type=Path, help="a missing one, such as torus_951, is babbled"
+    )
     parser.add_argument("--metrics", nargs="+", choices=SHAPE_METRICS, default=list(SHAPE_METRICS))
     parser.add_argument("--skins", nargs="+", choices=SKINS, default=["whole"])
     parser.add_argument("--samples", nargs="+", type=int, default=[1_000_000])
@@ -246,7 +249,7 @@ def main() -> None:
     found = []
     with results("shape", update=arguments.update) as add:
         for path in arguments.runs:
-            run = RunDirectory.open(path)
+            run = run_at(path, max(arguments.samples))
             grid = itertools.product(arguments.skins, arguments.samples, arguments.targets)
             cases = [
                 Case.of(run, skin=skin, samples=samples, targets=targets, queries=arguments.queries)

@@ -23,8 +23,8 @@ from pathlib import Path
 
 import numpy as np
 from babbling import measure, measure_steps
-from learning import measure_peers
 from ompl import util as ou
+from peers import measure_peers
 from planning import measure_cpu, ompl_planner, questions
 
 from selftouch_drake.run import stages

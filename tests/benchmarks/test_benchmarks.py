@@ -10,9 +10,55 @@ import pytest
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "benchmarks"
 #: Modules that benchmarks share.
-SHARED = {"results"}
+SHARED = {"results", "babbled", "peers", "revolute", "unrolling"}
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes.
-SMALL: dict[str, list[str]] = {}
+SMALL: dict[str, list[str]] = {
+    "joints": [
+        "--joints",
+        "6",
+        "--touches",
+        "3000",
+        "--targets",
+        "60",
+        "--pairs",
+        "1",
+        "--out",
+        "{tmp}",
+    ],
+    "rivals": [
+        "{tmp}/sphere_1",
+        "--touches",
+        "3000",
+        "--targets",
+        "60",
+        "--ways",
+        "sensorimotor",
+        "isomap",
+    ],
+    "shape": [
+        "{tmp}/sphere_1",
+        "--samples",
+        "3000",
+        "--targets",
+        "60",
+        "--metrics",
+        "sensorimotor",
+    ],
+    "trust": [
+        "luck",
+        "--out",
+        "{tmp}",
+        "--touches",
+        "3000",
+        "--targets",
+        "60",
+        "--networks",
+        "1",
+        "--cases",
+        "1",
+    ],
+    "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows", "3000", "--targets", "60"],
+}
 
 
 def test_every_benchmark_has_small_arguments():
