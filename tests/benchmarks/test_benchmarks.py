@@ -13,51 +13,11 @@ FOLDER = ROOT / "benchmarks"
 SHARED = {"results", "babbled", "peers", "revolute", "unrolling"}
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes.
 SMALL: dict[str, list[str]] = {
-    "joints": [
-        "--joints",
-        "6",
-        "--touches",
-        "3000",
-        "--targets",
-        "60",
-        "--pairs",
-        "1",
-        "--out",
-        "{tmp}",
-    ],
-    "rivals": [
-        "{tmp}/sphere_1",
-        "--touches",
-        "3000",
-        "--targets",
-        "60",
-        "--ways",
-        "sensorimotor",
-        "isomap",
-    ],
-    "shape": [
-        "{tmp}/sphere_1",
-        "--samples",
-        "3000",
-        "--targets",
-        "60",
-        "--metrics",
-        "sensorimotor",
-    ],
-    "trust": [
-        "luck",
-        "--out",
-        "{tmp}",
-        "--touches",
-        "3000",
-        "--targets",
-        "60",
-        "--networks",
-        "1",
-        "--cases",
-        "1",
-    ],
-    "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows", "3000", "--targets", "60"],
+    "joints": ["--joints=6", "--touches=3000", "--targets=60", "--pairs=1", "--out={tmp}"],
+    "rivals": ["{tmp}/sphere_1", "--touches=3000", "--targets=60", "--ways=isomap"],
+    "shape": ["{tmp}/sphere_1", "--samples=3000", "--targets=60", "--metrics=sensorimotor"],
+    "trust": ["luck", "--out={tmp}", "--touches=3000", "--targets=60", "--networks=1", "--cases=1"],
+    "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }
 
 
