@@ -15,6 +15,7 @@ SHARED = {"results", "babbled", "peers", "revolute", "unrolling"}
 SMALL: dict[str, list[str]] = {
     "joints": ["--joints=6", "--touches=3000", "--targets=60", "--pairs=1", "--out={tmp}"],
     "rivals": ["{tmp}/sphere_1", "--touches=3000", "--targets=60", "--ways=isomap"],
+    "servo": ["cube", "--out", "{tmp}", "--touches", "3000", "--targets", "60", "--pairs", "1"],
     "shape": ["{tmp}/sphere_1", "--samples=3000", "--targets=60", "--metrics=sensorimotor"],
     "trust": ["luck", "--out={tmp}", "--touches=3000", "--targets=60", "--networks=1", "--cases=1"],
     "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
