@@ -210,7 +210,7 @@ def rows(experience: Experience, touches: int, arguments: argparse.Namespace):
     )
     felt, q, contacts = experience.felt(case)
     representation, _ = learned_representation(case, felt, q)
-    truth = kernel_truth(representation, contacts.take(representation.kernel_row))
+    truth = kernel_truth(representation, contacts[representation.kernel_row])
     on_surface = truth.on_surface(experience.fields)
     for way in arguments.ways:
         began = time.process_time()

@@ -131,7 +131,7 @@ class Experience:
             dead = rng.choice(sensation.shape[1], round(0.05 * sensation.shape[1]), replace=False)
             sensation[:, dead] = 0.0
         touching = np.flatnonzero(sensation.any(axis=1))
-        return sensation[touching], self.q[touching], self.contacts.take(touching)
+        return sensation[touching], self.q[touching], self.contacts[touching]
 
     def _missing(self, share: float, rng: np.random.Generator) -> np.ndarray:
         """Missing receptors: a share of those on one half of each skin."""
@@ -175,7 +175,7 @@ def rows(
     """The rows of one case, one per metric and network seed."""
     sensation, q, contacts = experience.felt(case)
     representation, seconds = learned_representation(case, sensation, q)
-    truth = kernel_truth(representation, contacts.take(representation.kernel_row))
+    truth = kernel_truth(representation, contacts[representation.kernel_row])
     on_surface = truth.on_surface(experience.fields)
     common = {
         "rows": len(q),

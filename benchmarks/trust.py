@@ -142,18 +142,21 @@ def picture(rows: list[dict[str, str]]) -> Figure:
                     edgecolors=color,
                     label=f"{label}, {'trusted' if kind is trusted else 'not trusted'}",
                 )
-        ax.plot([1, 10], [1, 10], color=INK, linewidth=0.8)
+        ax.plot([1, 30], [1, 30], color=INK, linewidth=0.8)
         ax.axvline(100 * MOST_ERROR, color=INK, linestyle=":", linewidth=0.8)
         ax.axhline(100 * WRONG, color=INK, linestyle=":", linewidth=0.8)
-        ticks = [1.5, 2, 3, 4, 6, 9, 15, 25]
-        ax.set(xscale="log", yscale="log", xlim=(1.3, 10), ylim=(1.3, 30), title=name)
+        ticks = [0.7, 1, 1.5, 2, 3, 4, 6, 9, 15, 25]
+        ax.set(xscale="log", yscale="log", title=name)
         ax.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
         ax.set_yticks(ticks, [f"{tick:g}" for tick in ticks])
         ax.set_xticks([], minor=True)
         ax.set_yticks([], minor=True)
         ax.set(xlabel="error that the agent expects (%)")
+        # Whatever the table holds is shown.
+        for both, values in ((ax.set_xlim, _columns(rows)[1]), (ax.set_ylim, _columns(rows)[0])):
+            both(90 * values.min(), 110 * values.max())
     panels[0].set(ylabel="true error (% of the extent)")
-    panels[1].legend(loc="lower right")
+    panels[1].legend(loc="upper left")
     return figure
 
 

@@ -272,7 +272,7 @@ def leading_sign(i: np.ndarray, j: np.ndarray, sign: np.ndarray, num: int) -> np
 def num_touchers(contacts: Contacts) -> np.ndarray:
     """`(N,)` number of pressing touchers of each touch: the truth."""
     pairs = np.unique(np.stack([contacts.row, contacts.toucher], axis=1), axis=0)
-    return np.bincount(pairs[:, 0], minlength=contacts.num_rows)
+    return np.bincount(pairs[:, 0], minlength=len(contacts))
 
 
 def runs(arguments: argparse.Namespace) -> None:

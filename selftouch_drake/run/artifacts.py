@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.memory import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
-from selftouch_drake.agent.rehearsal import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.representation import (
     KernelSets,
     LinkedNearest,
