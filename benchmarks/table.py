@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from babbling import measure, measure_steps
-from learning import measure_peers
+from peers import measure_peers
 
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import Pilot

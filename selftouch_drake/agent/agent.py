@@ -113,7 +113,8 @@ class Agent:
         representation = learn(batches, **sizes, seed=seed, **parameters).representation
         sensations = (sensation for sensation, _ in batches())
         return cls.of(
-            representation, kernel_sensation=kernel_sensations(representation, sensations)
+            representation,
+            kernel_sensation=kernel_sensations(representation.kernel_row, sensations),
         )
 
     def recover(self, metric: str = "learned", *, seed: int = 0) -> Body:

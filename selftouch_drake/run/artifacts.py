@@ -59,7 +59,7 @@ def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
     felt = None
     if predicts:
         batches = ExperienceReader(run.experience).batches("sensation")
-        felt = kernel_sensations(representation, batches)
+        felt = kernel_sensations(representation.kernel_row, batches)
     return Agent.of(
         representation,
         memory=load_memory(run, representation),
