@@ -23,12 +23,11 @@ _NUM_COORDINATES = 3
 
 
 def revolute_reference(
-    representation: QuotientRepresentation, seed: int, progress: Progress
+    representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
 ) -> BodyGraph:
     """A shape metric: neighbours and lengths in these coordinates."""
-    return between_cells(
-        revolute_coordinates(KernelSets(representation.kernel_q, representation.kernel_offsets))
-    )
+    sets = KernelSets(representation.kernel_q, representation.kernel_offsets)
+    return between_cells(revolute_coordinates(sets), skin)
 
 
 def revolute_coordinates(sets: KernelSets) -> KernelSets:

@@ -367,7 +367,7 @@ def runs(arguments: argparse.Namespace) -> None:
         q, sensation = (experience.read(column)[kept] for column in ("q", "sensation"))
         both = num_touchers(Contacts.joined(list(truth.contacts())))[kept] > 1
         learned = QuotientLearner(arguments.targets, 400).fit(sensation, q).representation_
-        graph = motor(learned, 0, lambda fraction: None)
+        graph = motor(learned, 2, 0, lambda fraction: None)
         distances = geodesics(graph.edges, graph.length, learned.num_targets)
         share = np.add.reduceat(both[learned.kernel_row], learned.kernel_offsets[:-1])
         share = share / np.diff(learned.kernel_offsets)

@@ -36,7 +36,7 @@ from selftouch_drake.experience import (
     write_shard,
 )
 from selftouch_drake.experience.collect import keep_touches, step_sizes, stored_walks
-from selftouch_drake.experience.sources import SAMPLE_PERIOD, KinematicSource, LedSource, Steps
+from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource, Steps
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import World
 
@@ -101,7 +101,7 @@ class Exploration:
     def enter(self, world: World) -> None:
         """From now on, the agent has the body of this world."""
         dynamic, robot = self.experiment.babbling.mode == "dynamic", world.robot
-        self.world, self.source = world, LedSource(world) if dynamic else KinematicSource(world)
+        self.world, self.source = world, DynamicSource(world) if dynamic else KinematicSource(world)
         lower, upper = robot.babbled_range
         self._joints = JointRanges(
             lower=lower, upper=upper, stride=step_sizes(self.experiment, robot)

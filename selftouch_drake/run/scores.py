@@ -91,10 +91,16 @@ def found_metrics(run: RunDirectory, body: Body) -> Metrics:
     metrics["embedding_fourth_eigenvalue"] = max(
         part.embedding.fourth_eigenvalue for part in body.parts
     )
+    by_part: dict[str, list[Any]] = {
+        "topology_betti": betti,
+        "intrinsic_dimension": dimensions,
+        "skin_dimension": [part.skin for part in body.parts],
+        "embedding_dimension": [part.space for part in body.parts],
+    }
     if _several(run, body):
-        metrics |= {"topology_betti_by_part": betti, "intrinsic_dimension_by_part": dimensions}
+        metrics |= {f"{name}_by_part": values for name, values in by_part.items()}
     else:
-        metrics |= {"topology_betti": betti[0], "intrinsic_dimension": dimensions[0]}
+        metrics |= {name: values[0] for name, values in by_part.items()}
     return {key: value for key, value in metrics.items() if value is not None}
 
 

@@ -50,6 +50,7 @@ def test_by_hand():
     assert [distance[0, 1] for distance in found] == [1.0, 2.0, 3.0]
 
 
+@settings(deadline=None)
 @given(st.integers(1, 130), st.integers(0, 99))
 def test_quantile_is_that_of_numpy_to_the_bit(num_queries, seed):
     near = np.random.default_rng(seed).random((num_queries, 5), dtype=np.float32)

@@ -115,7 +115,7 @@ def test_cells_measure_a_bent_sheet_in_their_own_widths():
     np.testing.assert_allclose(lengths / lengths[0], [1.0, 1.0, 2.0, 3.0], rtol=0.12)
     distance = cells.distances()
     np.testing.assert_array_equal(distance, distance.T)
-    thick = cells.covariance + 0.1 * cells.second[:, None, None] * np.eye(3)
+    thick = cells.covariance + 0.1 * cells.least[:, None, None] * np.eye(3)
     step = cells.mean[40] - cells.mean[33]
     squared = [step @ np.linalg.solve(thick[k], step) for k in (33, 40)]
     assert distance[33, 40] == pytest.approx(np.sqrt(np.mean(squared)))
