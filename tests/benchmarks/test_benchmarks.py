@@ -12,7 +12,9 @@ FOLDER = ROOT / "benchmarks"
 #: Modules that benchmarks share.
 SHARED = {"results"}
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes.
-SMALL: dict[str, list[str]] = {}
+SMALL: dict[str, list[str]] = {
+    "servo": ["cube", "--out", "{tmp}", "--touches", "3000", "--targets", "60", "--pairs", "1"],
+}
 
 
 def test_every_benchmark_has_small_arguments():
