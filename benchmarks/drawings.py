@@ -115,7 +115,7 @@ def joints() -> Figure:
 
 def exploration() -> Figure:
     """Shape error of active and random babbling; `benchmarks/exploration.py` measures."""
-    return over_lives(rows_of("exploration.csv"))
+    return over_lives(rows_of("exploration_touches.csv") + rows_of("exploration_clock.csv"))
 
 
 DRAWINGS = {

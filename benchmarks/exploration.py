@@ -1,4 +1,4 @@
-"""Compares active babbling with random and goal babbling, and the living with the offline learner.
+"""Compares active babbling with random and goal babbling, and the online with the offline learner.
 
     python benchmarks/exploration.py touches --bodies torus cube sphere --seeds 1 2 3
     python benchmarks/exploration.py clock --bodies cube torus --seeds 1 --until 60
@@ -18,8 +18,8 @@ Each life is scored along the way:
 
 Without metrics, only the second group is scored.
 
-`learning` compares a living learner with an offline one, on the same touches, at ten moments of the
-stored experience of runs.
+`learning` compares an online learner with an offline one, on the same touches, at ten moments of
+the stored experience of runs.
 
 There are four ways to babble. The two with goals choose them in the space of sensations (after
 Baranes and Oudeyer 2013; Moulin-Frier, Rouanet and Oudeyer 2014), on our interface, not with their
@@ -31,13 +31,13 @@ code:
   with noise;
 - `progress`: as `goals`, but a target is drawn more often if its competence changed lately.
 
-Rows are added to a CSV file, from which `make pictures` draws the figure.
+The rows of each are a table of its own, `exploration_WHAT.csv`, from which `make pictures` draws
+the figure.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -47,9 +47,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from results import results
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.lifelong import Explorer, OnlineLearner
+from selftouch_drake.agent.lifelong import OnlineLearner, Walker
 from selftouch_drake.agent.lifelong.explorer import Moves
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.shape import recover
@@ -74,7 +75,7 @@ MOMENTS = (1000, 2000, 3000, 5000, 8000, 12_000, 20_000, 35_000, 60_000, 100_000
 _NOISE, _RECENT, _AT_RANDOM = 1.0, 8, 0.2
 
 
-class Goals(Explorer):
+class Goals(Walker):
     """Random goal babbling: a goal, the posture that is best for it so far, and noise."""
 
     #: By the number of a target, the cosine between it and what was felt, at each try.
@@ -236,7 +237,7 @@ def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespa
 
 
 def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[str, Any]]:
-    """Scores a living learner and an offline one at ten moments."""
+    """Scores an online learner and an offline one at ten moments."""
     run = RunDirectory.open(path)
     reader = ExperienceReader(run.experience)
     q, sensation = reader.read("q"), reader.read("sensation")
@@ -249,7 +250,7 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
             rows = slice(taken, min(taken + 500, moment))
             learner.take(q[rows], sensation[rows])
             taken = rows.stop
-        known = {"living": learner.representation}
+        known = {"online": learner.representation}
         cpu_s += time.process_time() - began
         offline = QuotientLearner(num_targets).fit(sensation[:moment], q[:moment])
         for way, representation in {**known, "offline": offline.representation_}.items():
@@ -306,7 +307,7 @@ def main() -> None:
     )
     parser.add_argument("--executed", type=int, default=0, help="pairs to execute under dynamics")
     parser.add_argument("--targets", type=int, default=300)
-    parser.add_argument("--out", type=Path, default=Path("docs/data/exploration.csv"))
+    parser.add_argument("--update", action="store_true", help="replace the shipped table")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")  # graphs in pieces, as long as little is known
 
@@ -319,14 +320,9 @@ def main() -> None:
                     for way in arguments.ways:
                         yield from lives(arguments.what, body, seed, way, arguments)
 
-    new = not arguments.out.exists()
-    with arguments.out.open("a", newline="") as file:
-        table = csv.DictWriter(file, FIELDS)
-        if new:
-            table.writeheader()
+    with results(f"exploration_{arguments.what}", update=arguments.update) as add:
         for row in made():
-            table.writerow(row)
-            file.flush()
+            add(dict.fromkeys(FIELDS) | row)
             print(
                 *(f"{key} {value}" for key, value in row.items() if value is not None), flush=True
             )

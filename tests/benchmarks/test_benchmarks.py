@@ -13,6 +13,25 @@ FOLDER = ROOT / "benchmarks"
 SHARED = {"results"}
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes.
 SMALL: dict[str, list[str]] = {
+    "exploration": [
+        "touches",
+        *("--bodies", "sphere"),
+        *("--until", "600"),
+        *("--at", "600"),
+        *("--executed", "1"),
+        *("--targets", "40"),
+        *("--ways", "active", "goals"),
+    ],
+    "growth": ["--touches", "50"],
+    "mending": [
+        *("--bodies", "sphere"),
+        *("--kinds", "one"),
+        *("--touches", "600"),
+        *("--watched", "1000"),
+        *("--targets", "20"),
+        *("--pairs", "2"),
+    ],
+    "walks": ["--experiment", "sphere", "--touches", "200"],
     "servo": ["cube", "--out", "{tmp}", "--touches", "3000", "--targets", "60", "--pairs", "1"],
 }
 

@@ -89,13 +89,10 @@ class KernelReservoir:
         num_kernels: K.
         max_size: most rows that a kernel keeps.
         seed: of the priorities.
-        fading: rows after which an old row is kept e times less likely than a new one; infinite
-            keeps all with equal chance.
     """
 
-    def __init__(self, num_kernels: int, max_size: int, *, seed: int, fading: float = np.inf):
+    def __init__(self, num_kernels: int, max_size: int, *, seed: int):
         self._max_size = max_size
-        self._fading = fading
         self._random = np.random.Generator(np.random.PCG64(seed))
         self._num_rows = 0
         # A full kernel takes no row of higher priority than it has.
@@ -120,10 +117,6 @@ class KernelReservoir:
         """
         # One draw a row, in order: the i-th row has the i-th draw, however rows are cut.
         priority = self._random.random(len(kernel))
-        if np.isfinite(self._fading):
-            # The first of exponential arrival times, at rates that grow with the row.
-            row = self._num_rows + np.arange(len(kernel))
-            priority = np.log(-np.log1p(-priority)) - row / self._fading
         taken = np.flatnonzero((kernel >= 0) & (priority < self._highest[kernel]))
         self._waiting.append(
             {
