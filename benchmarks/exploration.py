@@ -56,13 +56,13 @@ from selftouch_drake.agent.representation import QuotientLearner, QuotientRepres
 from selftouch_drake.agent.shape import recover
 from selftouch_drake.evaluation import kernel_truth, random_pairs, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader, Shard, collect_walk
-from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource
+from selftouch_drake.experience.walkers import SAMPLE_PERIOD, DynamicWalker, KinematicWalker
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.first_tries import FirstTries
-from selftouch_drake.show.style import styled
+from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, PINK, VERMILION, styled
 
 #: Numbers of touches, and simulated minutes, at which a life is scored.
 TOUCHES = (5000, 10_000, 20_000, 100_000)
@@ -123,7 +123,7 @@ def babbled(experiment: Experiment, way: str, ends: Sequence[int] = ()) -> Itera
     world = World(experiment)
     dynamic = experiment.babbling.mode == "dynamic"
     life = None if way == "random" else Exploration(experiment, WAYS[way])
-    source = None if life else (DynamicSource if dynamic else KinematicSource)(world)
+    source = None if life else (DynamicWalker if dynamic else KinematicWalker)(world)
     done, number = 0, 0
     while True:
         size = max(250, min(done // 10, 2000))
@@ -187,7 +187,7 @@ def scores(
     representation: QuotientRepresentation, contacts: Contacts, world: World, metrics: list[str]
 ) -> dict[str, Any]:
     """Error and holes by each metric, and share of planned paths that is in contact."""
-    truth = kernel_truth(representation, contacts.take(representation.kernel_row))
+    truth = kernel_truth(representation, contacts[representation.kernel_row])
     found: dict[str, Any] = {}
     for metric in metrics:
         body = recover(representation, metric)
@@ -261,26 +261,41 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
 
 @styled
 def picture(rows: list[dict[str, str]]) -> Figure:
-    """The error of the shape, over touches (mean of the seeds) and over simulated minutes."""
+    """The error of the shape, over touches (mean of the seeds) and over simulated minutes.
+
+    A colour is a body, filled marks and full lines are active babbling, open marks and broken lines
+    random babbling.
+    """
     figure = Figure(figsize=(10, 4), layout="constrained")
-    panels = (("touches", "touches", "log"), ("clock", "minutes", "linear"))
-    for axes, (what, x, scale) in zip(figure.subplots(1, 2), panels, strict=True):
-        curves: dict[str, dict[float, list[float]]] = {}
-        for row in rows:
-            scored = row["what"] == what and row["error_sensorimotor"]
-            if scored and row["way"] in ("active", "random"):
-                seed = f" {row['seed']}" if what == "clock" else ""
-                points = curves.setdefault(f"{row['body']}{seed}, {row['way']}", {})
+    scored = [row for row in rows if row["error_sensorimotor"] and row["way"] in LINES]
+    bodies = sorted({row["body"] for row in scored if row["what"] in PANELS})
+    colors = dict(zip(bodies, (BLUE, ORANGE, GREEN, VERMILION, PINK), strict=False))
+    for axes, (what, (x, scale)) in zip(figure.subplots(1, 2), PANELS.items(), strict=True):
+        curves: dict[tuple[str, str, str], dict[float, list[float]]] = {}
+        for row in scored:
+            if row["what"] == what:
+                seed = row["seed"] if what == "clock" else ""
+                points = curves.setdefault((row["body"], row["way"], seed), {})
                 points.setdefault(float(row[x]), []).append(100 * float(row["error_sensorimotor"]))
-        for name, points in sorted(curves.items()):
-            at = sorted(points)
-            axes.plot(at, [np.mean(points[one]) for one in at], "o-", label=name)
+        for (body, way, _), points in sorted(curves.items()):
+            at, style = sorted(points), {"color": colors[body], "markersize": 5}
+            means = [np.mean(points[one]) for one in at]
+            face = colors[body] if way == "active" else "white"
+            axes.plot(at, means, LINES[way], markerfacecolor=face, **style)
         axes.set(xscale=scale, xlabel=x, ylabel="shape error, % (sensorimotor)", ylim=(0, None))
-        if curves:
-            axes.legend(fontsize=7)
+    axes = figure.axes[1]
+    for body in bodies:
+        axes.plot([], [], color=colors[body], label=body)
+    for way, line in LINES.items():
+        face = INK if way == "active" else "white"
+        axes.plot([], [], line, color=INK, markerfacecolor=face, markersize=5, label=way)
+    axes.legend()
     return figure
 
 
+# What is measured: over what, and the scale of that axis; and the line of each way to babble.
+PANELS = {"touches": ("touches", "log"), "clock": ("minutes", "linear")}
+LINES = {"active": "o-", "random": "o--"}
 FIELDS = (
     *("what", "body", "seed", "way", "touches", "minutes", "cpu_s", "share", "last_share"),
     *("receptors_felt", "skins_touched", "pairs_touched", "parts", "contact"),

@@ -35,7 +35,7 @@ from selftouch_drake.experience import (
     write_shard,
 )
 from selftouch_drake.experience.collect import keep_touches, step_sizes, stored_walks
-from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource, Steps
+from selftouch_drake.experience.walkers import SAMPLE_PERIOD, DynamicWalker, KinematicWalker, Steps
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import World
 
@@ -97,7 +97,7 @@ class Exploration:
         """From now on, the agent has the body of this world."""
         babbling, robot = self.experiment.babbling, world.robot
         dynamic = babbling.mode == "dynamic"
-        self.world, self.source = world, DynamicSource(world) if dynamic else KinematicSource(world)
+        self.world, self.source = world, DynamicWalker(world) if dynamic else KinematicWalker(world)
         lower, upper = robot.babbled_range
         self._joints = JointRanges(
             lower=lower,

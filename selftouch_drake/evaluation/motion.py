@@ -9,7 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.motions import Motion, Plan, touching
+from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.planning import polyline
 from selftouch_drake.agent.rehearsal import reached
 from selftouch_drake.agent.representation import QuotientRepresentation
@@ -86,7 +86,7 @@ def contact_along(world: World, plan: Plan) -> float:
     """Share of a path with expected contact on which something is felt, without dynamics."""
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, max(2, int(length / _SAMPLED)))
-    expected = touching(plan.waypoint_s, plan.in_air, s)
+    expected = plan.touching(s)
     return float(np.mean(world.probe.sensations(plan.path(s[expected])).any(axis=1)))
 
 

@@ -10,9 +10,17 @@ import pytest
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "benchmarks"
 #: Modules that benchmarks share.
-SHARED = {"results"}
+SHARED = {"babbled", "peers", "raw_skin", "results", "revolute", "unrolling"}
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes.
 SMALL: dict[str, list[str]] = {
+    "babbling": ["--touches", "200", "--turns", "1"],
+    "environments": ["--steps", "5", "--copies", "1", "--environments", "SelfTouch/Sphere-v0"],
+    "imported": ["--out", "{tmp}", "--rows", "30000", "--targets", "60", "--skins", "raw"],
+    "kills": ["--kills", "1"],
+    "memory": ["{tmp}/run", "--touches", "5000", "--targets", "50", "--times", "2"],
+    "table": ["--touching", "--turns", "1"],
+    "joints": ["--joints=6", "--touches=3000", "--targets=60", "--pairs=1", "--out={tmp}"],
+    "rivals": ["{tmp}/sphere_1", "--touches=3000", "--targets=60", "--ways=isomap"],
     "exploration": [
         "touches",
         *("--bodies", "sphere"),
@@ -33,6 +41,9 @@ SMALL: dict[str, list[str]] = {
     ],
     "walks": ["--experiment", "sphere", "--touches", "200"],
     "servo": ["cube", "--out", "{tmp}", "--touches", "3000", "--targets", "60", "--pairs", "1"],
+    "shape": ["{tmp}/sphere_1", "--samples=3000", "--targets=60", "--metrics=sensorimotor"],
+    "trust": ["luck", "--out={tmp}", "--touches=3000", "--targets=60", "--networks=1", "--cases=1"],
+    "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }
 
 

@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.planning import polyline
+from selftouch_drake.agent.planning import polyline, smooth_path
 from selftouch_drake.evaluation import (
     calibration,
     contact_along,
@@ -28,11 +28,14 @@ def motion(predicted, *, goal=2, in_air=(False, False, False)):
     """Four instants of a plan of three steps, from kernel 0 to `goal`."""
     s = np.array([0.0, 1.0, 2.0, 3.0])
     return Motion(
-        nodes=np.array([0, 1, 0, goal]),
-        links=np.full(3, -1),
-        in_air=np.array(in_air),
-        waypoints_q=np.zeros((4, 1)),
-        waypoint_s=s,
+        plan=Plan(
+            nodes=np.array([0, 1, 0, goal]),
+            links=np.full(3, -1),
+            in_air=np.array(in_air),
+            waypoints_q=np.zeros((4, 1)),
+            waypoint_s=s,
+            path=smooth_path(np.zeros((4, 1))),
+        ),
         time_s=0.1 * s,
         s=s,
         q=np.zeros((4, 1)),

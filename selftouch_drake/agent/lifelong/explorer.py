@@ -231,7 +231,7 @@ class Walker(Explorer):
     def _journey(self, agent: Agent, goal: int) -> Moves:
         """Goes to a kernel by a plan, and bends its steps along the skin."""
         try:
-            plan = agent.plan_from(self._q, self._felt, goal)
+            plan = agent.tour([agent.felt(self._felt), goal], q_start=self._q)
         except ValueError:
             return
         self._visits[goal] += 1.0

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps, touching
+from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps
 from selftouch_drake.agent.planning.smoothing import DEGREE, smooth_curve
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, row_joints
 
@@ -70,7 +70,7 @@ def predict_sensation(
         num_intervals = len(plan.path.t) - 2 * DEGREE - 1
         smooth = smooth_curve(truly_felt, at_waypoints[[0, -1]], length, num_intervals)
         expected = np.clip(smooth(s), 0.0, None)
-    expected[~touching(plan.waypoint_s, plan.in_air, s)] = 0.0
+    expected[~plan.touching(s)] = 0.0
     return Prediction(
         sensation=_unit(expected), spread=_spread(plan.waypoint_s, _unit(at_waypoints), s)
     )
@@ -87,7 +87,7 @@ def recall_sensation(plan: Plan, s: np.ndarray, places: np.ndarray, felt: np.nda
     """
     at_places = _unit(felt)
     expected = _mixed(at_places, *_share(places, s))
-    expected[~touching(plan.waypoint_s, plan.in_air, s)] = 0.0
+    expected[~plan.touching(s)] = 0.0
     return Prediction(sensation=_unit(expected), spread=_spread(places, at_places, s))
 
 
