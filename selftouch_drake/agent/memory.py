@@ -56,19 +56,17 @@ class Slides:
             ValueError: an array does not fit; the text names it.
         """
         num, num_x = max(self.offsets.size - 1, 0), len(np.atleast_1d(self.x))
-        shapes = {
-            "offsets": (num + 1,),
-            "ends": (num, 2, num_joints),
-            "x": (num_x, num_joints),
-            "node": (num_x,),
-        }
-        for name, shape in shapes.items():
+        for name, shape, kinds, words in (
+            ("offsets", (num + 1,), "iu", "whole"),
+            ("ends", (num, 2, num_joints), "f", "real"),
+            ("x", (num_x, num_joints), "f", "real"),
+            ("node", (num_x,), "iu", "whole"),
+        ):
             array = getattr(self, name)
-            whole = name in ("offsets", "node")
-            if array.shape != shape or array.dtype.kind not in ("iu" if whole else "f"):
+            if array.shape != shape or array.dtype.kind not in kinds:
                 raise ValueError(
-                    f"slide_{name} is {array.dtype} of shape {array.shape}, expected "
-                    f"{'whole' if whole else 'real'} numbers of shape {shape}"
+                    f"slide_{name} is {array.dtype} of shape {array.shape}, expected {words} "
+                    f"numbers of shape {shape}"
                 )
             if not np.isfinite(array).all():
                 raise ValueError(f"slide_{name} must hold finite numbers")
@@ -115,15 +113,13 @@ class Slides:
     def within(self, lower: np.ndarray, upper: np.ndarray) -> Slides:
         """The slides that stay between `lower` and `upper`, `(J,)` each."""
         outside = np.any((self.x < lower) | (self.x > upper), axis=1)
-        passed = pairwise(self.offsets.tolist())
-        kept = np.array([not bool(outside[a:b].any()) for a, b in passed], dtype=bool)
-        sizes = np.diff(self.offsets)
-        rows = np.repeat(kept, sizes)
+        slide = np.repeat(np.arange(len(self.ends)), np.diff(self.offsets))
+        kept = np.bincount(slide[outside], minlength=len(self.ends)) == 0
         return Slides(
             ends=self.ends[kept],
-            offsets=np.concatenate([[0], np.cumsum(sizes[kept])]),
-            x=self.x[rows],
-            node=self.node[rows],
+            offsets=np.concatenate([[0], np.cumsum(np.diff(self.offsets)[kept])]),
+            x=self.x[kept[slide]],
+            node=self.node[kept[slide]],
         )
 
 
@@ -132,16 +128,15 @@ def _latest(ends, x_from, x_to):
     """The last of the slides with these ends, or -1."""
     for slide in range(len(ends) - 1, -1, -1):
         start, end = ends[slide]
-        same = True
         for j in range(len(start)):
+            # A joint that does not move on the slide may have any position, the same at both ends.
             if start[j] == end[j]:
                 off = abs(x_to[j] - x_from[j])
             else:
                 off = max(abs(start[j] - x_from[j]), abs(end[j] - x_to[j]))
             if off >= _SAME:
-                same = False
                 break
-        if same:
+        else:
             return slide
     return -1
 
@@ -210,10 +205,11 @@ class RehearsalMemory:
         blank = cls.blank(representation)
         if missing := [name for name in blank.to_arrays() if name not in arrays]:
             raise ValueError(f"{missing[0]} is missing")
-        penalty, num_tries, belongs_to = (
-            np.asarray(arrays[name]) for name in ("link_penalty", "num_tries", "belongs_to")
-        )
-        if str(belongs_to) != blank.belongs_to or penalty.shape != blank.link_penalty.shape:
+        penalty, num_tries = np.asarray(arrays["link_penalty"]), np.asarray(arrays["num_tries"])
+        if (
+            str(arrays["belongs_to"]) != blank.belongs_to
+            or penalty.shape != blank.link_penalty.shape
+        ):
             raise ForeignMemoryError("the rehearsals belong to another representation")
         if num_tries.shape != () or num_tries.dtype.kind not in "iu" or num_tries < 0:
             raise ValueError(f"num_tries is {num_tries.tolist()}, expected a whole number >= 0")
@@ -221,12 +217,7 @@ class RehearsalMemory:
             raise ValueError("link_penalty must hold finite factors, 1 or more")
         slides = Slides(**{f.name: np.asarray(arrays[f"slide_{f.name}"]) for f in fields(Slides)})
         slides.check(representation.kernel_q.shape[1], representation.num_targets)
-        return cls(
-            link_penalty=penalty,
-            slides=slides,
-            num_tries=int(num_tries),
-            belongs_to=str(belongs_to),
-        )
+        return replace(blank, link_penalty=penalty, slides=slides, num_tries=int(num_tries))
 
 
 class ForeignMemoryError(ValueError):

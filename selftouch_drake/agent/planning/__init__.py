@@ -18,7 +18,6 @@ from selftouch_drake.agent.planning.prediction import (
 from selftouch_drake.agent.planning.route import FindNearest, firm_members, goal_members
 from selftouch_drake.agent.planning.smoothing import (
     KNOT_SPACING,
-    jerk_reduction,
     polyline,
     smooth_path,
 )
@@ -33,7 +32,6 @@ __all__ = [
     "checked_target",
     "firm_members",
     "goal_members",
-    "jerk_reduction",
     "polyline",
     "predict_sensation",
     "recall_sensation",

@@ -75,7 +75,8 @@ def goal_members(
 
 def _of_mode(representation: QuotientRepresentation, kernel: int, mode: int | None) -> np.ndarray:
     """Rows of `kernel_q` that belong to `kernel` and `mode`; None stands for all modes."""
-    rows = np.r_[representation.members(kernel)]
+    members = representation.members(kernel)
+    rows = np.arange(members.start, members.stop)
     return rows if mode is None else rows[representation.kernel_mode[rows] == mode]
 
 

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.memory import Slides
-from selftouch_drake.agent.planning import Planner, jerk_reduction, predict_sensation
+from selftouch_drake.agent.planning import Planner, predict_sensation
+from selftouch_drake.evaluation import jerk_reduction
 
 
 @pytest.fixture(scope="module")
