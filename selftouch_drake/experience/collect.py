@@ -24,7 +24,7 @@ from selftouch_drake.experience.walkers import DynamicWalker, KinematicWalker, S
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import remove_unfinished
 from selftouch_drake.robot import Robot, World
-from selftouch_drake.robot.joints import remembered
+from selftouch_drake.robot.imperfections import remembered
 from selftouch_drake.threads import OncePerThread
 
 # A walk without a touch in this many steps is given up.

@@ -10,8 +10,7 @@ from selftouch_drake.experience import random_walk
 from selftouch_drake.experience.walkers import DynamicWalker
 from selftouch_drake.experiment import Imperfections, JointSettings, load_experiment
 from selftouch_drake.robot import ImperfectSkin, ImperfectSkins, Simulation, World
-from selftouch_drake.robot.imperfections import standard_noise
-from selftouch_drake.robot.joints import remembered, slip
+from selftouch_drake.robot.imperfections import remembered, slip, standard_noise
 
 WORST = {
     "cross_talk": 0.1,
@@ -132,7 +131,7 @@ def test_cross_talk_goes_to_neighbours_and_loses_nothing(cube_world):
     assert distance[spread > 0].max() < 2 * fields.radius
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     flaws=st.fixed_dictionaries(
         {},
