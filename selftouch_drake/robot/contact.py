@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from pydrake.geometry import ContactSurface, GeometryId
-from scipy.sparse import csr_array
 
 from selftouch_drake.geometry import ReceptiveFields
 
@@ -165,6 +164,8 @@ class SensorModel:
         }
         self._num_touchers = len(toucher_ids)
         self._ends = np.cumsum([0, *(f.num_receptors for f in fields)])
+        self._sizes = [len(f.vertices) for f in fields]
+        self._spread = [f.vertex_weights.T.tocsr() for f in fields]
 
     @property
     def num_receptors(self) -> int:
@@ -204,15 +205,16 @@ class SensorModel:
         )
         force = np.array(faces.force)
         p_LQ = _in_frames(np.array(faces.p_WQ), np.repeat(X_WL[row, skin], num_faces, axis=0))
-        for k, fields in enumerate(self._fields):
-            mine = np.flatnonzero(np.repeat(skin == k, num_faces))
-            if len(mine):
-                instant = np.repeat(row, num_faces)[mine]
-                spread = csr_array(
-                    (force[mine], (instant, np.arange(len(mine)))), shape=(len(X_WL), len(mine))
-                )
-                felt = spread @ fields.weights_at(p_LQ[mine])
-                sensation[:, self._ends[k] : self._ends[k + 1]] = felt.toarray()
+        ends = np.cumsum([0, *num_faces])
+        for contact, k in enumerate(skin):
+            faces_of = slice(ends[contact], ends[contact + 1])
+            corner, part = self._fields[k].parts_at(p_LQ[faces_of])
+            # Forces are summed at the corners of the surface first, because there are fewer.
+            load = np.bincount(
+                corner.ravel(), (force[faces_of, None] * part).ravel(), self._sizes[k]
+            )
+            felt = self._spread[k] @ load
+            sensation[row[contact], self._ends[k] : self._ends[k + 1]] += felt
         total = np.zeros((len(row), 4))
         contact = np.repeat(np.arange(len(row)), num_faces)
         np.add.at(total, contact, np.column_stack([force, force[:, None] * p_LQ]))
