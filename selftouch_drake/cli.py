@@ -727,10 +727,16 @@ def _print_headline(directory) -> None:
 
     from selftouch_drake.run.metrics import headline
 
-    table = Table("metric", "value", title=directory.experiment.name, title_justify="left")
-    for tile in headline(directory.metrics()):
-        table.add_row(tile.name, tile.value)
-    Console().print(table)
+    found, console = headline(directory.metrics()), Console()
+    body = Table("metric", "value", title=directory.experiment.name, title_justify="left")
+    for tile in found.tiles:
+        body.add_row(tile.name, tile.value)
+    console.print(body)
+    if found.motions:
+        motions = Table(*found.columns)
+        for row in found.motions:
+            motions.add_row(row.name, *row.cells)
+        console.print(motions)
 
 
 if __name__ == "__main__":

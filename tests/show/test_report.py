@@ -58,7 +58,7 @@ def test_a_malicious_name_is_text(page, reported):
 
 def test_metrics_have_meaning_and_unit(page):
     assert "1.2 %" in page
-    assert "RMS distance of recovered from true places" in page
+    assert "RMS distance of recovered places from the true ones" in page
 
 
 def test_the_robot_is_described(page):
@@ -70,6 +70,12 @@ def test_the_robot_is_described(page):
 
 def test_the_tiles_are_explained(page):
     assert "<strong>1.2 %</strong><b>shape error</b><span>distance of" in page
+
+
+def test_motions_before_and_after_practice_stand_side_by_side(page):
+    assert "<td>before practice</td><td>81.2 %</td>" in page
+    assert "<td>practised</td><td>99.8 %</td>" in page
+    assert "<td>executed</td>" not in page, "nothing was executed"
 
 
 def test_the_recovered_body_can_be_turned(page, reported):

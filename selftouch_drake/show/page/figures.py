@@ -85,7 +85,7 @@ def quotient_graph(data: RunData) -> Figure:
 
 def body_shape(data: RunData) -> Figure:
     """The body and the body that the agent recovered (paper, figure 3)."""
-    error = data.metrics.get("shape_rms_fraction")
+    error = data.metrics.get("surface_rms_fraction")
     return shape_figures.body_shape(_skins(data), data.recovered, rms_fraction=error)
 
 

@@ -169,7 +169,7 @@ def part_rows(data: RunData) -> list[PartRow]:
     """The parts of the recovered body."""
     names, metrics = list(data.experiment.skins), data.metrics
     true = metrics.get("topology_betti_true_by_part", [])
-    errors = metrics.get("shape_rms_fraction_by_skin", {})
+    errors = metrics.get("surface_rms_fraction_by_skin", {})
     rows = []
     for number, part in enumerate(data.body.parts):
         skins: list[str] = []
