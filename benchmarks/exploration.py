@@ -53,7 +53,7 @@ from selftouch_drake.agent.lifelong import Explorer, OnlineLearner
 from selftouch_drake.agent.lifelong.explorer import Moves
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.shape import recover
-from selftouch_drake.evaluation import kernel_truth, shape_errors
+from selftouch_drake.evaluation import kernel_truth, random_pairs, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader, Shard, collect_walk
 from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource
 from selftouch_drake.experiment import Experiment, load_experiment
@@ -61,7 +61,6 @@ from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.first_tries import FirstTries
-from selftouch_drake.run.trials import random_pairs
 from selftouch_drake.show.style import styled
 
 #: Numbers of touches, and simulated minutes, at which a life is scored.

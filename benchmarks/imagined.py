@@ -23,13 +23,13 @@ from selftouch_drake.agent.network import Network, train
 from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider
+from selftouch_drake.evaluation import contact_along, random_pairs
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.trials import contact_along, random_pairs
 
 #: Rows of a batch, half of them touches; units of each hidden layer; the network's inputs cover
 #: -1.7 to 1.7, a deviation of 1.

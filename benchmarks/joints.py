@@ -113,7 +113,7 @@ def line(num_joints: int, found: Metrics) -> str:
     errors = " | ".join(f"{found['shape_rms_fraction_by_metric'][metric]:.1%}" for metric in COLORS)
     holes = " ".join(map(str, found["topology_betti"]))
     return (
-        f"| {num_joints} | {errors} | {holes} | {found['planning_contact_straight_mean']:.1%} "
+        f"| {num_joints} | {errors} | {holes} | {found['unpractised_contact_mean']:.1%} "
         f"| {found['execution_contact_mean']:.1%} / {found['execution_contact_worst']:.0%} "
         f"| {found['execution_reach_rate']:.0%} | {found.get('shape_doubt_by_part', [''])[0]} |"
     )
@@ -123,7 +123,7 @@ def line(num_joints: int, found: Metrics) -> str:
 CONTACT = {
     "first": "execution_contact_mean",
     "worst": "execution_contact_worst",
-    "straight": "planning_contact_straight_mean",
+    "straight": "unpractised_contact_mean",
 }
 
 

@@ -21,7 +21,7 @@ from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show import LiveShow
 from selftouch_drake.show.meshcat.live import FRAME_S, SPEED
-from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.run_data import RunData
 
 SPEEDS = (0.5, 1.0, 2.0, 4.0)
@@ -37,6 +37,7 @@ def main() -> None:
     run = RunDirectory.open(given.run)
     data, meshcat = RunData(run), open_meshcat()
     pilot = Pilot(load_agent(run), data.world)
+    pilot.get_ready()
     show = LiveShow(meshcat, data, lambda *query: pilot.plan_feeling(*query).motion)
     with sync_playwright() as driver:
         if not given.no_browser:

@@ -30,7 +30,7 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.lifelong import Life, OnlineLearner
-from selftouch_drake.agent.lifelong.surprise import surprise
+from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.evaluation.life import planned_contact, quality
 from selftouch_drake.experience import collect_walk
 from selftouch_drake.experience.sources import KinematicSource
@@ -94,7 +94,7 @@ def still_true(q: np.ndarray, sensation: np.ndarray, world: World) -> tuple[floa
     """Share of touches that still touch; median cosine distance to what is felt there now."""
     felt = world.probe.sensations(q)
     touching = felt.any(axis=1)
-    return float(touching.mean()), float(np.median(surprise(felt, sensation)[touching]))
+    return float(touching.mean()), float(np.median(cosine_distance(felt, sensation)[touching]))
 
 
 def as_good(one: dict[str, Any], other: dict[str, Any], right: str) -> bool:

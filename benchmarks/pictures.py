@@ -35,7 +35,7 @@ from selftouch_drake.run.artifacts import load_agent, load_execution
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show import FIGURES, LiveShow, PostureCamera
 from selftouch_drake.show.meshcat.live import TARGET
-from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.run_data import RunData
 
 IMAGES = ROOT / "docs" / "images"

@@ -31,6 +31,7 @@ from scipy.spatial import cKDTree
 from selftouch_drake.agent.planning import Planner, smooth_path
 from selftouch_drake.agent.planning.members import goal_members
 from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
+from selftouch_drake.evaluation import random_pairs
 from selftouch_drake.experiment import SurfaceSettings
 from selftouch_drake.robot import World
 from selftouch_drake.robot.kinematics import _compose, _move
@@ -38,7 +39,6 @@ from selftouch_drake.robot.timing import TimedPath, time_path
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_representation
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.trials import random_pairs
 
 # Goal configurations offered to a peer; more slow OMPL's nearest-neighbour search of its goal tree.
 NUM_GOALS = 20

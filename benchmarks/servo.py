@@ -20,6 +20,7 @@ import trimesh
 
 from selftouch_drake.agent.motions import Execution
 from selftouch_drake.agent.rehearsal import RehearsalMemory
+from selftouch_drake.evaluation import random_pairs
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.geometry import hollow_skin
 from selftouch_drake.robot import Simulation, SkinModel
@@ -27,7 +28,6 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.acting import NoWayError, Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.trials import random_pairs
 
 #: rad; m.
 SLIP, LOST = 0.02, 0.005

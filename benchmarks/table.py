@@ -138,6 +138,7 @@ def query_row(run: RunDirectory, num_pairs: int) -> Iterator[Row]:
     ou.RNG.setSeed(1)
     world, agent = stages.make_world(run), load_agent(run)
     pilot = Pilot(agent, world)
+    pilot.get_ready()
     asked = questions(run, agent.representation, num_pairs)
     ours = [measure_cpu(lambda q=q: pilot.plan(q.start, q.goal)) for q in asked]
     ompl = ompl_planner(world)

@@ -22,10 +22,12 @@ from scipy.sparse import csr_array, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
+from unrolling import Turns, landmarks, turns
 
 from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation import (
     KernelReservoir,
+    KernelSets,
     QuotientLearner,
     assign,
     connected_edges,
@@ -40,9 +42,9 @@ from selftouch_drake.agent.representation.touches import (
     overlapping,
     separate_touches,
 )
-from selftouch_drake.agent.shape import Turns, intrinsic_dimension, landmarks, turns
+from selftouch_drake.agent.shape import intrinsic_dimension
 from selftouch_drake.agent.shape.metrics import motor
-from selftouch_drake.evaluation import cosine_distance, in_link_frames
+from selftouch_drake.evaluation import cosine_distance, in_link_frames, random_pairs
 from selftouch_drake.experience import Contacts, ExperienceReader, random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
@@ -50,7 +52,6 @@ from selftouch_drake.robot.broadphase import BroadPhase
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.trials import random_pairs
 from selftouch_drake.run.worlds import make_world
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -203,7 +204,7 @@ def by_kernels(q: np.ndarray, sensation: np.ndarray, num_targets: int) -> tuple:
     kernels.add(assign(sensation, targets)[0])
     sample = kernels.sample()
     row, offsets = sample.row, sample.offsets(num_targets)
-    (apart,) = set_distances(q[row], offsets, "quantile")
+    (apart,) = set_distances(KernelSets(q[row], offsets), "quantile")
     edges = connected_edges(neighbour_edges(apart), apart)
     length = locally_scaled(apart[edges[:, 0], edges[:, 1]], edges)
     return targets, row, offsets, geodesics(edges, length, num_targets)
@@ -366,7 +367,7 @@ def runs(arguments: argparse.Namespace) -> None:
         q, sensation = (experience.read(column)[kept] for column in ("q", "sensation"))
         both = num_touchers(Contacts.joined(list(truth.contacts())))[kept] > 1
         learned = QuotientLearner(arguments.targets, 400).fit(sensation, q).representation_
-        graph = motor(learned, 0, lambda fraction: None)
+        graph = motor(learned, 2, 0, lambda fraction: None)
         distances = geodesics(graph.edges, graph.length, learned.num_targets)
         share = np.add.reduceat(both[learned.kernel_row], learned.kernel_offsets[:-1])
         share = share / np.diff(learned.kernel_offsets)

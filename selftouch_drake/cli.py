@@ -10,6 +10,7 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from typing import Any
 import click
 
 from selftouch_drake import __version__
+from selftouch_drake.run.executors import local_executor, meanwhile, one_line_warnings
 
 RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
 EXPERIMENT = click.argument("experiment", default="cube")
@@ -137,28 +139,26 @@ def run(
     EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`; by default cube) or
     a YAML file. Finished stages are skipped: a stopped run resumes.
     """
-    directory, world = _begin(experiment, out, overrides)
+    with local_executor(workers) as executor:
+        directory, world = _begin(experiment, out, overrides, executor)
 
-    from selftouch_drake.run import stages
-    from selftouch_drake.run.executors import HereAndInProcesses
-    from selftouch_drake.run.worlds import as_text, known_world
-    from selftouch_drake.show.outputs import write_figures, write_report
+        from selftouch_drake.run import stages
+        from selftouch_drake.show.outputs import write_figures, write_report
 
-    with HereAndInProcesses(workers) as executor:
         if not stages.has_babbled(directory):
             _babble(directory, world, executor, scheduler)
-            for picture in write_figures(directory, world=world):
-                click.echo(f"first picture: {picture}")
-        # Meanwhile the agent learns.
-        executor.get_ready(known_world, *as_text(directory))
+            for picture in write_figures(directory, world=world).values():
+                if isinstance(picture, Path):
+                    click.echo(f"first picture: {picture}")
         if not stages.has_learned(directory):
+            meanwhile(executor, stages.get_ready, directory)
             with _progress("learn") as progress:
                 stages.learn(directory, progress)
         if not stages.has_evaluated(directory):
             with _progress("plan, execute, evaluate") as progress:
                 stages.evaluate(directory, world, progress, executor)
         with _progress("report") as progress:
-            report = write_report(directory, progress, world=world, executor=executor)
+            report = write_report(directory, progress, world=world)
     _print_headline(directory)
     click.echo(f"report: {report}")
 
@@ -178,9 +178,7 @@ def babble(
     """
     directory, world = _begin(experiment, out, overrides)
 
-    from selftouch_drake.run.executors import HereAndInProcesses
-
-    with HereAndInProcesses(workers) as executor:
+    with local_executor(workers) as executor:
         _babble(directory, world, executor, scheduler)
     click.echo(f"experience: {directory.experience}")
 
@@ -388,9 +386,8 @@ def evaluate(run: Path, workers: int | None) -> None:
     directory = _open(run)
 
     from selftouch_drake.run import stages
-    from selftouch_drake.run.executors import HereAndInProcesses
 
-    with _progress("evaluate") as progress, HereAndInProcesses(workers) as executor:
+    with _progress("evaluate") as progress, local_executor(workers) as executor:
         stages.evaluate(directory, stages.make_world(directory), progress, executor)
     _print_headline(directory)
 
@@ -443,11 +440,10 @@ def live(
     directory, world = _begin(experiment, out, overrides)
 
     from selftouch_drake.run import lifelong, stages
-    from selftouch_drake.run.executors import HereAndInProcesses
     from selftouch_drake.show.outputs import show_live
 
     if not stages.has_babbled(directory):
-        with HereAndInProcesses(workers) as executor:
+        with local_executor(workers) as executor:
             _babble(directory, world, executor, None)
     if no_page:
         with _progress("live") as progress:
@@ -502,7 +498,7 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
     `{experiments: [cube], seeds: [0, 1, 2], grid: {skins.body.num_receptors: [50, 100]}}`.
     Runs that share an experience or a representation compute it once.
     """
-    from selftouch_drake.run.executors import dask_executor, local_executor
+    from selftouch_drake.run.executors import dask_executor
     from selftouch_drake.sweep.design import load_sweep
     from selftouch_drake.sweep.figures import draw_figures
     from selftouch_drake.sweep.runs import SweepDirectory, run_sweep
@@ -510,7 +506,7 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
 
     loaded = load_sweep(sweep)
     directory = SweepDirectory.create(out or Path("runs") / "sweeps" / loaded.name, loaded)
-    chosen = dask_executor(scheduler) if scheduler else local_executor(workers, ends_on_ctrl_c=True)
+    chosen = dask_executor(scheduler) if scheduler else local_executor(workers)
     num_pending = len(loaded.experiments) if scheduler else 2 * (workers or os.cpu_count() or 1)
     with directory.writing():
         with _progress(f"{len(loaded.experiments)} runs") as progress, chosen as executor:
@@ -534,8 +530,9 @@ def robot(experiment: str, overrides: str, show: bool) -> None:
     EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
     """
     from selftouch_drake.robot.describe import describe
+    from selftouch_drake.run.stages import build_world
 
-    _, world = _load(experiment, overrides)
+    world = build_world(_load(experiment, overrides)[0])
     click.echo(describe(world))
     if show:
         from selftouch_drake.show import show_robot
@@ -581,7 +578,7 @@ def exit_status(command: Callable[[], object]) -> int:
     """
     try:
         with warnings.catch_warnings():
-            warnings.showwarning = _own_warnings_in_one_line(warnings.showwarning)
+            warnings.showwarning = one_line_warnings(warnings.showwarning)
             result = command()
         return result if isinstance(result, int) else 0
     except (KeyboardInterrupt, click.Abort):
@@ -593,16 +590,6 @@ def exit_status(command: Callable[[], object]) -> int:
         message = str(error)
     click.echo(f"selftouch: {' '.join(message.split())}", err=True)
     return 2
-
-
-def _own_warnings_in_one_line(others: Callable[..., None]) -> Callable[..., None]:
-    def show(message, category, *where, **options) -> None:
-        if category.__module__.startswith("selftouch_drake."):
-            click.echo(f"selftouch: warning: {message}", err=True)
-        else:
-            others(message, category, *where, **options)
-
-    return show
 
 
 def _targets(
@@ -656,25 +643,37 @@ def _tracking(execution, turns) -> str:
 
 
 def _load(experiment: str, overrides: str):
-    """Loads an experiment and builds its world: errors appear before anything is written."""
+    """Loads an experiment, and announces meshes that are converted for Drake."""
     from selftouch_drake.experiment import load_experiment, parse_overrides
     from selftouch_drake.run.fingerprint import model_digests
-    from selftouch_drake.run.stages import build_world
 
     loaded = load_experiment(experiment, parse_overrides(overrides))
-    # Also reports meshes that it converts.
-    model_digests(loaded, announce=lambda line: click.echo(f"selftouch: {line}", err=True))
-    return loaded, build_world(loaded)
+    announce = lambda line: click.echo(f"selftouch: {line}", err=True)  # noqa: E731
+    return loaded, model_digests(loaded, announce)
 
 
-def _begin(experiment: str, out: Path | None, overrides: str):
-    """Begins or resumes a run, and prints its path."""
+def _begin(experiment: str, out: Path | None, overrides: str, executor: Executor | None = None):
+    """Begins or resumes a run, prints its path, and builds its world.
+
+    The workers of an executor get ready to babble.
+    """
     from selftouch_drake.experiment import parse_overrides
     from selftouch_drake.run.directory import RunDirectory
+    from selftouch_drake.run.fingerprint import experience_fingerprint
     from selftouch_drake.run.naming import default_path
 
-    loaded, world = _load(experiment, overrides)
+    loaded, digests = _load(experiment, overrides)
     path = out or default_path(loaded.name, parse_overrides(overrides))
+    if executor is not None and not path.exists():
+        from selftouch_drake.experience.collect import get_ready
+
+        for number in range(2):
+            fingerprint = experience_fingerprint(loaded, digests)
+            meanwhile(executor, get_ready, loaded.after(0), fingerprint, number)
+
+    from selftouch_drake.run.stages import build_world
+
+    world = build_world(loaded)  # errors appear before anything is written
     directory = RunDirectory.create(path, loaded)
     click.get_current_context().with_resource(directory.writing())
     click.echo(f"run: {directory.path}")

@@ -4,44 +4,40 @@ What the agent knows in a round depends on the rounds stored before and on nothi
 stopped run reads the stored rounds again and goes on, to the same bytes.
 
 If the body may change in the course of the experiment, the agent watches for that: it lives a
-`Life`, and explores by what it knows after it mended. Nothing tells it when the body changes.
+`Life`, and explores by what it knows after it adapted. Nothing tells it when the body changes.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import warnings
 from collections.abc import Callable
-from concurrent.futures import Executor
-from functools import lru_cache, partial
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.lifelong import (
-    ExplorationSettings,
     Explorer,
     JointRanges,
     Life,
     OnlineLearner,
     PostureSampler,
+    Walker,
 )
-from selftouch_drake.agent.lifelong.recall import recalled
-from selftouch_drake.agent.lifelong.surprise import surprise
+from selftouch_drake.agent.lifelong.expectation import cosine_distance
+from selftouch_drake.agent.lifelong.explorer import recalled
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.experience import (
     ExperienceReader,
     Shard,
     WalkCounts,
-    collect,
     write_shard,
 )
-from selftouch_drake.experience.collect import WORLD_LOCK, keep_touches, kept_world, step_sizes
-from selftouch_drake.experience.sources import SAMPLE_PERIOD, KinematicSource, LedSource, Steps
-from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
+from selftouch_drake.experience.collect import keep_touches, step_sizes, stored_walks
+from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource, Steps
+from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import World
 
 #: Number of target sensations, and most touches of each, that the agent uses while it explores a
@@ -50,12 +46,6 @@ _NUM_TARGETS, _KERNEL_SIZE = 150, 300
 
 #: Touches before the agent goes by what it knows.
 _AT_RANDOM = 500
-
-#: In the kinematic world the agent searches, and needs no manner. Only goal babbling, which is
-#: measured beside it, walks in this manner before it knows anything. Under dynamics the agent stays
-#: in contact.
-KINEMATIC = ExplorationSettings(pace=1.0, dwell=0, air=0.95, walked=20, hops=2)
-DYNAMIC = ExplorationSettings(pace=0.2, dwell=750, air=0.1, walked=1, hops=0)
 
 
 def new_life(experiment: Experiment) -> Life:
@@ -73,7 +63,8 @@ class Exploration:
 
     Args:
         experiment: decides everything that happens.
-        explorer: decides where the agent goes; by default the one that suits the world.
+        explorer: makes an explorer from the arguments of `Explorer`; by default one that suits the
+            world.
         world: the world of the experiment; built by default.
 
     Attributes:
@@ -85,17 +76,15 @@ class Exploration:
     def __init__(
         self,
         experiment: Experiment,
-        explorer: type[Explorer] | None = None,
+        explorer: Callable[..., Explorer] | None = None,
         world: World | None = None,
     ):
-        dynamic = experiment.babbling.mode == "dynamic"
-        self._explorer = explorer or (Explorer if dynamic else PostureSampler)
         self.experiment = experiment
-        self.manner = KINEMATIC
-        if dynamic:
+        self._explorer = explorer or PostureSampler
+        if explorer is None and experiment.babbling.mode == "dynamic":
             # Each sample decides on the next step; the agent moves as fast as random babbling.
             pace = SAMPLE_PERIOD / experiment.babbling.step_duration
-            self.manner = dataclasses.replace(DYNAMIC, pace=pace)
+            self._explorer = partial(Walker, pace=pace)
         self.enter(world or World(experiment))
         (seed,) = experiment.random_stream("explorer").generate_state(1)
         self.mind: Life | OnlineLearner = (
@@ -112,7 +101,7 @@ class Exploration:
     def enter(self, world: World) -> None:
         """From now on, the agent has the body of this world."""
         dynamic, robot = self.experiment.babbling.mode == "dynamic", world.robot
-        self.world, self.source = world, LedSource(world) if dynamic else KinematicSource(world)
+        self.world, self.source = world, DynamicSource(world) if dynamic else KinematicSource(world)
         lower, upper = robot.babbled_range
         self._joints = JointRanges(
             lower=lower, upper=upper, stride=step_sizes(self.experiment, robot)
@@ -120,7 +109,7 @@ class Exploration:
 
     @property
     def learner(self) -> OnlineLearner:
-        """What the agent learned; another one each time that it mended."""
+        """What the agent learned; another one each time that it adapted."""
         return self.mind.learner if isinstance(self.mind, Life) else self.mind
 
     def remember(self, q: np.ndarray, sensation: np.ndarray) -> None:
@@ -129,7 +118,7 @@ class Exploration:
         if self._agent is not None:
             known = self._agent.representation
             expected = recalled(known, learner.kernel_sensation, q)
-            surprised = surprise(expected, sensation).clip(0.0)
+            surprised = cosine_distance(expected, sensation).clip(0.0)
         # A life takes touches in blocks: some of the last round may still wait.
         first = learner.num_touches + self.num_touches - self.mind.num_touches
         self.mind.take(q, sensation)
@@ -140,7 +129,7 @@ class Exploration:
         # measures again depends on when it was last asked.
         self._agent = self._knows()
         if self.learner is not learner:
-            self._surprise = None  # it has mended: now it would have expected something else
+            self._surprise = None  # it has adapted: now it would have expected something else
         elif self._agent is not None and surprised is not None:
             row = self._agent.representation.kernel_row - first
             self._surprise = np.where(row >= 0, surprised[row.clip(0)], 0.0)
@@ -156,10 +145,7 @@ class Exploration:
         start = rng.uniform(joints.lower, joints.upper) if self._q is None else self._q
         source.rest_at(start)
         nothing = np.zeros(self.experiment.num_receptors)
-        explorer = self._explorer(
-            self._agent, joints, self.manner, start, nothing, rng, self._surprise
-        )
-        moves = explorer.moves()
+        moves = self._explorer(self._agent, joints, start, nothing, rng, self._surprise).moves()
         path = next(moves)
 
         def next_steps() -> Steps:
@@ -184,54 +170,37 @@ class Exploration:
 
 
 def explore(
-    experiment: Experiment,
+    exploration: Exploration,
     folder: Path,
     *,
     fingerprint: str,
-    executor: Executor,
     progress: Callable[[int], None] = lambda num_rows: None,
-    world: World | None = None,
 ) -> WalkCounts:
-    """Collects the missing experience of an active run; arguments and errors as for `collect`."""
-    return collect(
-        experiment,
-        folder,
-        fingerprint=fingerprint,
-        executor=executor,
-        progress=progress,
-        world=world,
-        make=partial(_explore_and_store, dump_experiment(experiment)),
-        in_turn=True,
-    )
+    """Collects the missing experience of an active run, in this process: rounds follow each other.
 
+    Args:
+        exploration: at its beginning.
+        folder: of the run.
+        fingerprint: of the experience.
+        progress: called with the number of new rows each time a round is stored.
 
-def _explore_and_store(
-    whole: str, body: str, run: str, number: int, num_rows: int, fingerprint: str
-) -> WalkCounts:
-    with WORLD_LOCK:
-        life = _life(whole, run)
-        if life.round > number:  # a stored round is missing: begin the life again
-            _life.cache_clear()
-            life = _life(whole, run)
-        if life.round < number:
-            stored = ExperienceReader(Path(run) / "experience").touches()
-            for sensation, q in islice(stored, life.round, number):
-                life.remember(q, sensation)
-        if (world := _world(body)) is not life.world:
-            life.enter(world)
-        shard = life.explore(num_rows)
-        life.remember(shard.q, shard.sensation)
-    write_shard(Path(run), shard, fingerprint=fingerprint)
-    return shard.counts
-
-
-@lru_cache(maxsize=1)
-def _life(text: str, run: str) -> Exploration:
-    """The life of a run, begun once per process."""
-    experiment = experiment_from_fields(yaml.safe_load(text))
-    return Exploration(experiment, world=_world(dump_experiment(experiment.after(0))))
-
-
-def _world(body: str) -> World:
-    """The world of an experiment with a body as it is for a time."""
-    return kept_world(body, experiment_from_fields(yaml.safe_load(body)))
+    Raises:
+        NeverTouchesError: a round touches nothing.
+        StoreError: a stored shard is damaged, or belongs to another experiment.
+    """
+    experiment = exploration.experiment
+    counts, missing = stored_walks(experiment, folder, fingerprint=fingerprint, progress=progress)
+    body = experiment.after(0)
+    for number, num_rows, body_then in missing:
+        stored = ExperienceReader(folder / "experience").touches() if number else iter(())
+        for sensation, q in islice(stored, exploration.round, number):
+            exploration.remember(q, sensation)
+        if body_then != body:
+            body = body_then
+            exploration.enter(World(body))
+        shard = exploration.explore(num_rows)
+        exploration.remember(shard.q, shard.sensation)
+        write_shard(folder, shard, fingerprint=fingerprint)
+        counts += shard.counts
+        progress(num_rows)
+    return counts

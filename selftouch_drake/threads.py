@@ -1,4 +1,4 @@
-"""Threads that work beside the caller's, on as many cores as there are, with the same result."""
+"""Threads that work beside the caller's, on as many cores as there are, and what each keeps."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ import threading
 import weakref
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Value = TypeVar("Value")
 
 # Reentrant, because a collection may find forgotten threads at any moment.
 _lock, _pools = threading.RLock(), 0
@@ -53,6 +54,37 @@ def in_slices(work: Callable[[slice], object], num_rows: int, most: int) -> None
     """Calls `work` with slices of at most `most` of `num_rows` rows; it releases the GIL."""
     for _ in mapped(work, [slice(start, start + most) for start in range(0, num_rows, most)]):
         pass
+
+
+class OncePerThread(Generic[Value]):
+    """A function whose last result each thread keeps, and returns again for equal arguments.
+
+    For what jobs need and what neither pickles nor serves two at a time, as a world: each worker,
+    be it a thread or a process, makes its own, once. The result must depend on nothing but the
+    arguments.
+
+    Args:
+        make: the function.
+    """
+
+    def __init__(self, make: Callable[..., Value]):
+        self._make = make
+        self._last = threading.local()
+
+    def __call__(self, *arguments: Any) -> Value:
+        """The result for these arguments."""
+        if not self.knows(*arguments):
+            self._last.__dict__.clear()  # two worlds need twice the memory
+            self.keep(self._make(*arguments), *arguments)
+        return self._last.value
+
+    def knows(self, *arguments: Any) -> bool:
+        """Whether this thread kept the result for these arguments."""
+        return getattr(self._last, "arguments", None) == arguments
+
+    def keep(self, value: Value, *arguments: Any) -> None:
+        """Has this thread keep a result that was made elsewhere."""
+        self._last.arguments, self._last.value = arguments, value
 
 
 def _skip_older(pools: int) -> None:

@@ -1,14 +1,17 @@
 import gc
 import os
+import shutil
 import signal
 import sys
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from hypothesis import settings
 
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
+from selftouch_drake.run.directory import RunDirectory
 
 # pytest's importlib mode imports test files alone: this lets them share `fenced`.
 sys.path.insert(0, str(Path(__file__).parent))
@@ -41,6 +44,28 @@ def torus_world():
 def world(request):
     """Each of the worlds above."""
     return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="session")
+def finished_run(tmp_path_factory) -> Path:
+    """A small run of the cube with its report, made once for all workers; leave it as it is."""
+    shared = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+    path = shared / "cube"
+    with FileLock(shared / "cube.lock"):
+        if not (path / "report.html").exists():
+            from commands import SMALL, selftouch
+
+            done = selftouch("run", "cube", "--out", path, "--set", SMALL, "--workers", 1)
+            assert done.status == 0, done.stderr
+    return path
+
+
+@pytest.fixture
+def small_run(finished_run, tmp_path) -> RunDirectory:
+    """A copy of `finished_run`."""
+    return RunDirectory.open(shutil.copytree(finished_run, tmp_path / "cube"))
 
 
 @pytest.fixture(scope="module")

@@ -1,11 +1,11 @@
-"""Files that the documentation names exist, and its programs run."""
+"""Files, commands and options that the documentation names exist, and its programs run."""
 
 import re
 import shlex
-import subprocess
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 import yaml
@@ -25,114 +25,147 @@ from selftouch_drake.run.naming import default_path
 from selftouch_drake.sweep import load_sweep
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
+TEXTS = {page: page.read_text(encoding="utf-8") for page in PAGES}
+#: README and pages together; what nobody reads helps nobody.
+MOST_WORDS = 22_000
 # Files of the repository that pages name.
 NAMED = re.compile(r"`((?:tests|docs|benchmarks|notebooks|experiments|sweeps)/[\w./-]+)`")
-# Their programs need more than a run, and have tests of their own.
-TESTED_ELSEWHERE = ("drake_users.md", "gymnasium.md", "real_robots.md", "sensor.md")
+LINK = re.compile(r"\]\(([^)#\s]*)(?:#([^)\s]+))?\)")
+# Commands in fenced blocks and between backticks, which may be broken over lines.
+COMMAND = re.compile(r"^(?:selftouch|python) .*|`((?:selftouch|python) [^`]+)`", re.MULTILINE)
 
 
-def blocks_of(page: Path, *languages: str) -> list[str]:
-    return blocks(page.read_text(encoding="utf-8"), *languages)
+def anchors(text: str) -> set[str]:
+    """The anchors of a page's headings, as the site makes them."""
+    headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    words = [re.sub(r"[^\w\s-]", "", heading.lower()).strip() for heading in headings]
+    return {re.sub(r"[\s-]+", "-", heading) for heading in words}
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_a_page_names_only_files_that_are_there(page):
-    text = page.read_text(encoding="utf-8")
-    links = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in link]
-    missing = [link for link in links if not (page.parent / link).exists()]
-    missing += [name for name in NAMED.findall(text) if not (ROOT / name).exists()]
+def commands(page: Path, program: str) -> list[list[str]]:
+    """The words of every command of a page that starts with `program`."""
+    found = []
+    for match in COMMAND.finditer(TEXTS[page]):
+        words = shlex.split(match[1] or match[0], comments=True)
+        if words[0] == program:
+            found.append(words[1:])
+    return found
+
+
+def test_the_documentation_stays_short():
+    assert sum(len(text.split()) for text in TEXTS.values()) <= MOST_WORDS
+
+
+def test_pages_name_only_files_and_headings_that_are_there():
+    missing = []
+    for page, text in TEXTS.items():
+        missing += [name for name in NAMED.findall(text) if not (ROOT / name).exists()]
+        for path, anchor in LINK.findall(text):
+            if "://" in path:
+                continue
+            target = page.parent / path if path else page
+            if not target.exists():
+                missing.append(f"{page.name}: {path}")
+            elif anchor and anchor not in anchors(target.read_text(encoding="utf-8")):
+                missing.append(f"{page.name}: {path}#{anchor}")
     assert missing == []
+
+
+def test_benchmarks_that_are_named_have_the_options_that_are_named():
+    wrong = []
+    for page in PAGES:
+        for file, *words in commands(page, "python"):
+            if not (ROOT / file).is_file():
+                wrong.append(f"{page.name}: {file}")
+                continue
+            code = (ROOT / file).read_text(encoding="utf-8")
+            options = [word for word in words if word.startswith("--") and f'"{word}"' not in code]
+            wrong += [f"{page.name}: {file} {option}" for option in options]
+    assert wrong == []
+
+
+def test_commands_are_understood():
+    wrong = []
+    for page in PAGES:
+        for name, *arguments in commands(page, "selftouch"):
+            if name.startswith("-"):
+                continue
+            try:
+                given = cli.commands[name].make_context(name, arguments).params
+                if given.get("experiment") in shipped_experiments():
+                    load_experiment(given["experiment"], parse_overrides(given["overrides"]))
+            except click.MissingParameter:
+                continue  # the name of a command alone, in a sentence
+            except (KeyError, ValueError, click.ClickException) as error:
+                wrong.append(f"{page.name}: {name} {arguments}: {error}")
+    assert wrong == []
+
+
+def test_commands_that_make_a_run_work_one_after_another(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    # In `--help`, what follows two spaces says what the line does.
+    shown = cli.get_help(cli.make_context("selftouch", ["experiments"]))
+    lines = [line.strip().split("   ")[0] for line in shown.splitlines()]
+    for page in [None, *PAGES]:
+        lines = lines if page is None else "".join(blocks(TEXTS[page], "")).splitlines()
+        for line in lines:
+            words = shlex.split(line, comments=True) if line.startswith("selftouch ") else []
+            if words[1:2] not in (["run"], ["babble"]):
+                continue
+            given = cli.commands[words[1]].make_context(words[1], words[2:]).params
+            if given["experiment"] in shipped_experiments():
+                changes = parse_overrides(given["overrides"])
+                experiment = load_experiment(given["experiment"], changes)
+                path = given["out"] or default_path(experiment.name, changes)
+                RunDirectory.create(Path(page.stem if page else "help") / path, experiment)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A folder with a small run of the cube, as after `selftouch run cube`."""
+    """A folder with a small run of the cube, as after `selftouch run cube`, and a recording."""
     folder = tmp_path_factory.mktemp("docs")
     small = {"babbling": {"num_samples": 3000}, "representation": {"metric": "sensorimotor"}}
-    babble = ["babble", "cube", "--out", "runs/cube", "--set", yaml.safe_dump(small)]
-    for words in (babble, ["learn", "runs/cube"]):
-        run_python(["-m", "selftouch_drake.cli", *words], cwd=folder)
+    run = str(folder / "runs" / "cube")
+    changes = yaml.safe_dump(small)
+    cli.main(["babble", "cube", "--out", run, "--set", changes], standalone_mode=False)
+    cli.main(["learn", run], standalone_mode=False)
     touches = ExperienceReader(folder / "runs" / "cube" / "experience")
     arrays = {name: touches.read(name) for name in ("q", "sensation")}
     np.savez(folder / "recording.npz", **arrays)
     return folder
 
 
-def run_python(arguments: list[str], *, cwd: Path) -> None:
-    command = [sys.executable, *arguments]
-    done = subprocess.run(command, cwd=cwd, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
+def programs() -> Iterator[object]:
+    """Every Python program of the pages; those that read raw readings have a test of their own."""
+    for page in PAGES:
+        for number, program in enumerate(blocks(TEXTS[page], "python")):
+            if page.name != "gymnasium.md" and "felt_touches" not in program:
+                slow = [pytest.mark.slow] if "KMeans" in program else []
+                yield pytest.param(page, number, marks=slow, id=f"{page.stem}-{number}")
 
 
-@pytest.mark.parametrize(
-    "page",
-    [page for page in PAGES if blocks_of(page, "python") and page.name not in TESTED_ELSEWHERE],
-    ids=lambda page: page.name,
-)
-def test_the_programs_of_a_page_run(page, folder):
-    run_python(["-c", "".join(blocks_of(page, "python"))], cwd=folder)
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
-def test_the_commands_of_a_page_are_understood(page):
-    for line in "".join(blocks_of(page, "")).splitlines():
-        words = shlex.split(line, comments=True)
-        if words[:1] != ["selftouch"] or len(words) < 2 or words[1].startswith("-"):
-            continue
-        name, *arguments = words[1:]
-        context = cli.commands[name].make_context(name, arguments)
-        given = context.params
-        if given.get("experiment") in shipped_experiments():
-            load_experiment(given["experiment"], parse_overrides(given["overrides"]))
-
-
-HELP = cli.get_help(cli.make_context("selftouch", ["experiments"]))
-
-
-@pytest.mark.parametrize(
-    "text",
-    [HELP, *(page.read_text(encoding="utf-8") for page in PAGES)],
-    ids=["help", *(page.name for page in PAGES)],
-)
-def test_commands_that_make_a_run_work_one_after_another(text, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    lines = [line.strip() for line in text.splitlines()]
-    for line in lines:
-        words = shlex.split(line, comments=True) if line.startswith("selftouch ") else []
-        if words[1:2] not in (["run"], ["babble"]):
-            continue
-        # In `--help`, what follows two spaces says what the line does.
-        words = shlex.split(line.split("   ")[0], comments=True)
-        given = cli.commands[words[1]].make_context(words[1], words[2:]).params
-        if given["experiment"] not in shipped_experiments():
-            continue
-        changes = parse_overrides(given["overrides"])
-        experiment = load_experiment(given["experiment"], changes)
-        RunDirectory.create(given["out"] or default_path(experiment.name, changes), experiment)
-
-
-@pytest.mark.parametrize(
-    "number", range(len(blocks_of(ROOT / "docs" / "drake_users.md", "python")))
-)
-def test_a_program_for_drake_users_runs(number):
-    program = blocks_of(ROOT / "docs" / "drake_users.md", "python")[number]
-    exec(compile(program, f"program {number} of drake_users.md", "exec"), {})
+@pytest.mark.parametrize(("page", "number"), list(programs()))
+def test_a_program_runs(page, number, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    program = blocks(TEXTS[page], "python")[number]
+    exec(compile(program, f"program {number} of {page.name}", "exec"), {})
 
 
 def test_the_skins_beside_directives_are_valid(tmp_path):
-    (text,) = blocks_of(ROOT / "docs" / "drake_users.md", "yaml")
+    (text,) = blocks(TEXTS[DOCS / "drake_users.md"], "yaml")
     (tmp_path / "skins.yaml").write_text(text, encoding="utf-8")
     assert list(load_skins(tmp_path / "skins.yaml")) == ["forearm"]
 
 
 def test_the_experiment_that_is_shown_is_valid():
-    (text,) = blocks_of(ROOT / "docs" / "robots.md", "yaml")
+    (text,) = blocks(TEXTS[DOCS / "robots.md"], "yaml")
     assert experiment_from_fields(yaml.safe_load(text)).num_receptors == 140
 
 
 def test_the_sweep_that_is_shown_is_valid(tmp_path):
-    (text,) = blocks_of(ROOT / "docs" / "sweeps.md", "yaml")
+    (text,) = blocks(TEXTS[DOCS / "running.md"], "yaml")
     own = (ROOT / "experiments" / "cube.yaml").read_text(encoding="utf-8")
     (tmp_path / "my_robot.yaml").write_text(own, encoding="utf-8")
     (tmp_path / "my_sweep.yaml").write_text(text, encoding="utf-8")
@@ -146,8 +179,7 @@ def test_the_names_of_the_glossary_are_in_the_code():
     package = ROOT / "selftouch_drake"
     code = "\n".join(path.read_text(encoding="utf-8") for path in package.rglob("*.py"))
     known = {*re.findall(r"\w+", code), *(path.stem for path in package.rglob("*"))}
-    for line in (ROOT / "docs" / "glossary.md").read_text(encoding="utf-8").splitlines():
-        for name in re.findall(r"`([^`]+)`", line):
-            # Placeholders are in capitals.
-            words = {word for word in re.findall(r"[A-Za-z_]\w{2,}", name) if not word.isupper()}
-            assert words <= known, name
+    named = re.findall(r"`([^`]+)`", TEXTS[DOCS / "glossary.md"])
+    # Placeholders are in capitals.
+    words = {w for name in named for w in re.findall(r"[A-Za-z_]\w{2,}", name) if not w.isupper()}
+    assert {word for word in words if word.strip("_") not in known} - known == set()

@@ -67,10 +67,6 @@ def test_a_robot_has_no_default():
 
 
 BALL_OR_LINK = "give frame and radius for a ball, or link for a link's own geometry"
-FIRST_VERSION = (
-    "experiments of the first version have it; describe robot, skins and touching instead, as "
-    "`selftouch experiments --show cube` does"
-)
 
 
 @pytest.mark.parametrize(
@@ -79,9 +75,7 @@ FIRST_VERSION = (
         ("sed: 1", "unknown key sed; did you mean seed?"),
         ("colour: red", f"unknown key colour; known are {TOP_FIELDS}"),
         ("1: 2", f"unknown key 1; known are {TOP_FIELDS}"),
-        ("body: {shape: cube}", f"unknown key body; {FIRST_VERSION}"),
-        ("skin: {num_receptors: 50}", f"unknown key skin; {FIRST_VERSION}"),
-        ("end_effector: two_fingers", f"unknown key end_effector; {FIRST_VERSION}"),
+        ("end_effector: two_fingers", f"unknown key end_effector; known are {TOP_FIELDS}"),
         (
             "skins: {body: {num_receptor: 50}}",
             "unknown key skins.body.num_receptor; did you mean num_receptors?",
@@ -94,25 +88,25 @@ FIRST_VERSION = (
         ("seed: 1.5", "seed is 1.5; give a whole number"),
         ("seed: true", "seed is True; give a whole number"),
         ("seed: null", "seed is None; give a whole number"),
-        ("seed: -1", "seed is -1; give a number from 0 to 2^63 - 1"),
+        ("seed: -1", "seed is -1; give at least 0"),
         (
             "seed: 9223372036854775808",
-            "seed is 9223372036854775808; give a whole number below 2^63",
+            "seed is 9223372036854775808; give a number below 9.22337e+18",
         ),
         ("name: 7", "name is 7; give a text"),
         ("name: 2026-01-31", "name is datetime.date(2026, 1, 31); give a text"),
         ('name: ""', "name is ''; give a printable name"),
         ('name: "two\\nlines"', "name is 'two\\nlines'; give a printable name"),
         ("skins: 3", "skins is 3; give a mapping by name"),
-        ("skins: {body: 3}", "skins.body is 3, not a mapping; give a mapping of its fields"),
-        ("skins: {2: {}}", "skins has the name 2; use letters, digits and underscores"),
+        ("skins: {body: 3}", "skins.body is 3; give a mapping of its fields"),
+        ("skins: {2: {}}", "a name in skins is 2; give a text"),
         (
             "skins: {a b: {}}",
-            "skins has the name 'a b'; use letters, digits and underscores",
+            "a name in skins is 'a b'; use letters, digits and underscores",
         ),
         (
             "skins: {extra: {surface: collision}}",
-            "skins.extra.link is ''; give the link that wears the skin",
+            "skins.extra.link is missing; `selftouch experiments --show cube` is an example",
         ),
         (
             "skins: {body: {thickness: thick}}",
@@ -122,11 +116,11 @@ FIRST_VERSION = (
         ("skins: {body: {thickness: .inf}}", "skins.body.thickness is inf; give a finite number"),
         ("execution: {touch_servo: 1}", "execution.touch_servo is 1; give true or false"),
         ("skins: {body: {thickness: true}}", "skins.body.thickness is True; give a finite number"),
-        ("skins: {body: {thickness: 0}}", "skins.body.thickness is 0.0; give a number above 0"),
-        ("skins: {body: {num_receptors: 3}}", "skins.body.num_receptors is 3; give 4 to 1000"),
+        ("skins: {body: {thickness: 0}}", "skins.body.thickness is 0; give a number above 0"),
+        ("skins: {body: {num_receptors: 3}}", "skins.body.num_receptors is 3; give at least 4"),
         (
             "skins: {body: {num_receptors: 1001}}",
-            "skins.body.num_receptors is 1001; give 4 to 1000",
+            "skins.body.num_receptors is 1001; give at most 1000",
         ),
         (
             "skins: {body: {surface: {shape: pyramid}}}",
@@ -163,7 +157,7 @@ FIRST_VERSION = (
         ),
         (
             "skins: {body: {surface: {shape: ellipsoid, semi_axes: [1, 2]}}}",
-            "skins.body.surface.semi_axes is [1.0, 2.0]; give three lengths in metres",
+            "skins.body.surface.semi_axes is [1.0, 2.0]; give three numbers",
         ),
         (
             "skins: {body: {surface: {shape: ellipsoid, semi_axes: [1, 2, x]}}}",
@@ -171,7 +165,7 @@ FIRST_VERSION = (
         ),
         (
             "skins: {body: {surface: {shape: ellipsoid, semi_axes: [1, 0, 2]}}}",
-            "skins.body.surface.semi_axes is [1.0, 0.0, 2.0]; give metres above 0",
+            "skins.body.surface.semi_axes[1] is 0.0; give metres above 0",
         ),
         (
             "skins: {body: {surface: {shape: mesh}}}",
@@ -183,7 +177,7 @@ FIRST_VERSION = (
         ),
         (
             "skins: {body: {surface: {shape: sphere, radius: 0.2, resolution: 0.5}}}",
-            "skins.body.surface.resolution is 0.5; give 0.002 to 0.1 metres",
+            "skins.body.surface.resolution is 0.5; give at most 0.1",
         ),
         (
             "skins: {body: {surface: {shape: sphere, radius: 0.2, translation: [1]}}}",
@@ -199,32 +193,35 @@ FIRST_VERSION = (
             "touching: {hand: {link: hand, radius: 0.1}}",
             f"touching.hand.radius is 0.1; {BALL_OR_LINK}",
         ),
-        ("robot: {joints: []}", "robot.joints is []; name a joint that moves, or give null"),
-        ("robot: {joints: [a, b, a]}", "robot.joints is ['a', 'b', 'a']; name ['a'] once"),
-        ("robot: {collision_depth: -1}", "robot.collision_depth is -1.0; give 0 to 1"),
+        ("robot: {joints: []}", "robot.joints is []; name joints, each once, or null"),
+        (
+            "robot: {joints: [a, b, a]}",
+            "robot.joints is ['a', 'b', 'a']; name joints, each once, or null",
+        ),
+        ("robot: {collision_depth: -1}", "robot.collision_depth is -1; give at least 0"),
         (
             "robot: {directives: ''}",
             "robot.directives is ''; give the path of Drake model directives (.dmd.yaml)",
         ),
-        ("skins: {body: {unevenness: 1}}", "skins.body.unevenness is 1.0; give 0 to 0.9"),
-        ("skins: {body: {field_width: 0.5}}", "skins.body.field_width is 0.5; give 1 to 3"),
+        ("skins: {body: {unevenness: 1}}", "skins.body.unevenness is 1; give at most 0.9"),
+        ("skins: {body: {field_width: 0.5}}", "skins.body.field_width is 0.5; give at least 1"),
         (
             "skins: {body: {imperfections: {dead: -0.1}}}",
-            "skins.body.imperfections.dead is -0.1; give 0 to 0.9",
+            "skins.body.imperfections.dead is -0.1; give at least 0",
         ),
         (
             "skins: {body: {imperfections: {saturation: 0}}}",
-            "skins.body.imperfections.saturation is 0.0; give 0.001 to 1000",
+            "skins.body.imperfections.saturation is 0; give at least 0.001",
         ),
         (
             "skins: {body: {imperfections: {additive: 1}}}",
             "unknown key skins.body.imperfections.additive; did you mean additive_noise?",
         ),
-        ("joints: {noise: 2}", "joints.noise is 2.0; give 0 to 1"),
+        ("joints: {noise: 2}", "joints.noise is 2; give at most 1"),
         ("babbling: {mode: loud}", "babbling.mode is 'loud'; choose one of kinematic, dynamic"),
         (
             "babbling: {persistence: 1}",
-            "babbling.persistence is 1.0; give a share from 0 to below 1",
+            "babbling.persistence is 1; give a number below 1",
         ),
         ("babbling: {walk_size: 0}", "babbling.walk_size is 0; give at least 1"),
         ("evaluation: {num_pairs: -1}", "evaluation.num_pairs is -1; give at least 0"),
@@ -347,8 +344,6 @@ def test_a_file_that_contains_itself_is_reported(tmp_path):
     with pytest.raises(ExperimentError) as error:
         load_experiment(path, parse_overrides("&b {joints: *b}"))
     assert str(error.value) == f"experiment {path} contains itself; leave out the alias"
-    with pytest.raises(ExperimentError, match=r"^unknown key joints\.joints; "):
-        load_experiment(path)
 
 
 def test_a_file_without_a_name_is_called_as_the_file(tmp_path):
@@ -362,9 +357,9 @@ def test_a_file_without_a_name_is_called_as_the_file(tmp_path):
 
 def test_overrides_are_laid_over_the_file_field_by_field():
     changed = load_experiment("cube", parse_overrides("{skins: {body: {num_receptors: 50}}}"))
-    expected = load_experiment("cube")
-    expected.skins["body"].num_receptors = 50
-    assert changed == expected
+    cube = load_experiment("cube")
+    body = dataclasses.replace(cube.skins["body"], num_receptors=50)
+    assert changed == dataclasses.replace(cube, skins={"body": body})
     assert changed.skins["body"].surface == SurfaceSettings(shape="cube", side=0.44)
 
 
@@ -426,10 +421,10 @@ def test_numbers_may_be_written_as_people_do():
 
 
 def test_streams_of_randomness_are_apart():
-    experiment = Experiment()
+    cube = load_experiment("cube")
 
     def draw(*which, seed=0):
-        experiment.seed = seed
+        experiment = dataclasses.replace(cube, seed=seed)
         return np.random.default_rng(experiment.random_stream(*which)).integers(2**62)
 
     draws = [draw(purpose, *index) for purpose in STREAMS for index in ((), (0,), (1,), (0, 1))]
@@ -595,10 +590,9 @@ def test_a_number_is_never_changed_on_its_way():
     [
         (
             [{"after": 9}, {"after": 3}],
-            "changes[1].after is 3; give a number of touches, at least 9: changes are listed in "
-            "order of time",
+            "changes[1].after is 3; give a number of touches, at least 9: changes are listed in ",
         ),
-        ([{"links": {"forearm": 2.0}}], "changes[0].links.forearm is 2.0; give a share from"),
+        ([{"links": {"forearm": 2.0}}], "changes[0].links.forearm is 2.0; give at most 1"),
         ([{"skins": {"bdy": {}}}], "changes[0].skins.bdy is 'bdy'; did you mean body?"),
         (
             [{"skins": {"body": {"dead": [100]}}}],
@@ -608,7 +602,10 @@ def test_a_number_is_never_changed_on_its_way():
             [{"skins": {"body": {"swapped": [[1, 2, 3]]}}}],
             "changes[0].skins.body.swapped is [[1, 2, 3]]; give pairs",
         ),
-        ([{"skins": {"body": {"stretch": 3}}}], "changes[0].skins.body.stretch is 3.0; give 0.5"),
+        (
+            [{"skins": {"body": {"stretch": 3}}}],
+            "changes[0].skins.body.stretch is 3; give at most 2",
+        ),
         ([{"whens": 3}], "unknown key changes[0].whens;"),
     ],
 )

@@ -5,15 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from selftouch_drake import exploration
 from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.agent.lifelong import life as life_module
 from selftouch_drake.experience import ExperienceReader, shard_name, walk_sizes
-from selftouch_drake.experiment import Change, ExperimentError, dump_experiment, load_experiment
-from selftouch_drake.exploration import explore
+from selftouch_drake.experiment import Change, ExperimentError, load_experiment
+from selftouch_drake.exploration import Exploration, explore
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.fingerprint import experience_fingerprint
-from selftouch_drake.threads import Threads
 
 SKINS = {
     "body": {
@@ -37,9 +35,7 @@ def explored(path, experiment):
 
 
 def explored_into(run):
-    exploration._life.cache_clear()
-    with Threads(1) as executor:
-        return explore(run.experiment, run.path, fingerprint=run.fingerprint(), executor=executor)
+    return explore(Exploration(run.experiment), run.path, fingerprint=run.fingerprint())
 
 
 def shards(run):
@@ -66,13 +62,8 @@ def test_what_touches_is_kept_as_it_is_felt(reference):
     sensation = ExperienceReader(run.experience).read("sensation")
     assert q.shape == (750, 6)
     assert sensation.any(axis=1).all()
-    felt = exploration._life(*_key(run)).source.go(q)[1].sensation
+    felt = Exploration(run.experiment).source.go(q)[1].sensation
     np.testing.assert_array_equal(felt.astype(np.float32), sensation)
-
-
-def _key(run):
-
-    return dump_experiment(run.experiment), str(run.path.resolve())
 
 
 def test_a_stopped_run_goes_on_to_the_same_bytes(reference, tmp_path):
@@ -96,19 +87,19 @@ def test_a_lost_round_is_lived_again_to_the_same_bytes(reference):
 
 def test_what_it_knows_does_not_depend_on_where_it_was_stopped():
     """The learner measures distances again only where enough is new since it was last asked."""
-    whole, rounds = exploration.Exploration(active(3000)), []
+    whole, rounds = Exploration(active(3000)), []
     for _ in range(8):
         shard = whole.explore(300)
         whole.remember(shard.q, shard.sensation)
         rounds.append((shard.q, shard.sensation))
-    again = exploration.Exploration(active(3000))
+    again = Exploration(active(3000))
     for q, sensation in rounds:
         again.remember(q, sensation)
     np.testing.assert_array_equal(again.explore(300).q, whole.explore(300).q)
 
 
 def test_touches_that_surprised_are_those_that_it_did_not_expect(reference):
-    life = exploration.Exploration(active(750))
+    life = Exploration(active(750))
     reader = ExperienceReader(reference[0].experience)
     q, sensation = reader.read("q"), reader.read("sensation")
     life.remember(q[:500], sensation[:500])
@@ -127,7 +118,7 @@ def test_touches_that_surprised_are_those_that_it_did_not_expect(reference):
 def quick(monkeypatch):
     """Lives that expect sooner, and less exactly."""
     monkeypatch.setattr(life_module, "_FIRST", 1000)
-    monkeypatch.setattr(life_module, "_TO_UNDERSTAND", 600)
+    monkeypatch.setattr(life_module, "_TO_EXPLAIN", 600)
     monkeypatch.setitem(Life.__init__.__kwdefaults__, "num_steps", 600)
 
 
@@ -135,23 +126,24 @@ def changing(num_samples, **change):
     return dataclasses.replace(active(num_samples), changes=[Change(**change)])
 
 
-def test_in_a_changed_body_it_explores_by_what_it_mended(tmp_path, quick):
+@pytest.mark.slow
+def test_in_a_changed_body_it_explores_by_what_it_adapted(tmp_path, quick):
     experiment = changing(3250, after=2000, joints={"elbow_pitch": 0.6})
-    run, counts = explored(tmp_path / "whole", experiment)
-    life = exploration._life(*_key(run))
+    run, life = RunDirectory.create(tmp_path / "whole", experiment), Exploration(experiment)
+    counts = explore(life, run.path, fingerprint=run.fingerprint())
     (noticed,) = life.mind.noticed
-    assert 2000 <= noticed.row < 2500 < noticed.mended_at
-    assert noticed.mending.offset.any()
+    assert 2000 <= noticed.row < 2500 < noticed.explained_at
+    assert noticed.change.offset.any()
     known = life._agent.representation
     assert known is life.mind.learner.representation
     assert life.world.experiment.changes
     # What it remembers from before the change touches again.
     before = ExperienceReader(run.experience).read("q")[:2000]
-    unmended, mended = (
+    unadapted, adapted = (
         life.world.probe.sensations(q).any(axis=1).mean() for q in (before, known.kernel_q)
     )
-    assert unmended < 0.6
-    assert mended > 0.8
+    assert unadapted < 0.6
+    assert adapted > 0.8
     # Stopped while it only collects touches of the changed body, it goes on to the same bytes.
     wanted = shards(run)
     again = RunDirectory.create(tmp_path / "again", experiment)
@@ -167,7 +159,7 @@ def test_in_a_changed_body_it_explores_by_what_it_mended(tmp_path, quick):
 
 def test_a_life_learns_from_the_touches_of_a_round_what_surprised(quick):
     """A life takes blocks of 500 touches; of a round of 300, some wait for the next one."""
-    life = exploration.Exploration(changing(9000, after=8000))
+    life = Exploration(changing(9000, after=8000))
     for _ in range(3):
         shard = life.explore(300)
         life.remember(shard.q, shard.sensation)
@@ -182,7 +174,7 @@ def test_a_life_learns_from_the_touches_of_a_round_what_surprised(quick):
 
 def test_the_agent_is_naive(reference):
     """Without the truth of the rounds before it does the same."""
-    life = exploration.Exploration(active(750))
+    life = Exploration(active(750))
     reader = ExperienceReader(reference[0].experience)
     q, sensation = reader.read("q"), reader.read("sensation")
     for number in range(2):
@@ -197,7 +189,7 @@ def test_it_explores_under_dynamics(tmp_path):
 
 
 def test_under_dynamics_it_feels_at_every_step():
-    source = exploration.Exploration(active(100, mode="dynamic")).source
+    source = Exploration(active(100, mode="dynamic")).source
     q = np.zeros(6)
     source.rest_at(q)
     for step in range(1, 60):

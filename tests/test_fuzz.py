@@ -55,6 +55,9 @@ from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.sweep import SweepError, load_sweep
 from selftouch_drake.sweep.table import read_table
 
+# Each feeds many inputs to a parser.
+pytestmark = pytest.mark.slow
+
 NUM_INPUTS = int(os.environ.get("SELFTOUCH_FUZZ", "20"))
 TRIED = Counter()
 

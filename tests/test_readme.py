@@ -1,11 +1,8 @@
 """The commands and files of the README and the tutorial work as printed."""
 
 import itertools
-import os
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,6 +10,8 @@ import pytest
 import trimesh
 import yaml
 from fenced import blocks
+
+from selftouch_drake.cli import cli
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -87,19 +86,29 @@ def my_arm(geometry: Callable[[str, float, float], str]) -> str:
 
 
 @pytest.fixture(params=["primitives", "stl"])
-def folder(request, tmp_path):
-    """A folder with the tutorial's arm and files."""
+def folder(request, tmp_path, monkeypatch):
+    """A folder with the tutorial's arm and files, in which commands run; no mesh is converted."""
     geometry = primitive if request.param == "primitives" else stl_in(tmp_path)
     (tmp_path / "my_arm.urdf").write_text(my_arm(geometry), encoding="utf-8")
     for text in blocks(own_robot(), "xml", "yaml"):
         name = re.match(r"(?:#|<!--) (\S+\.(?:yaml|sdf))", text)
         assert name is not None, "the first line of a file says its name"
         (tmp_path / name[1]).write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return tmp_path
 
 
-def test_an_own_robot_goes_from_touches_to_motions(folder):
-    said = []
+def test_the_files_of_the_tutorial_describe_a_robot(folder, capfd):
+    cli.main(["robot", "my_robot.yaml", "--set", yaml.safe_dump(SMALL)], standalone_mode=False)
+    said = capfd.readouterr()
+    assert "7 joints move" in said.out
+    assert re.search(r"fingertip +on arm::hand +touches head, upper_arm", said.out)
+    assert ("8 meshes to OBJ" in said.err) == (folder / "meshes").is_dir()
+
+
+@pytest.mark.slow
+def test_an_own_robot_goes_from_touches_to_motions(folder, capfd):
     for command in "".join(blocks(own_robot(), "")).splitlines():
         words = shlex.split(command, comments=True)[1:]
         if words[0] == "play":
@@ -107,23 +116,11 @@ def test_an_own_robot_goes_from_touches_to_motions(folder):
         small = ["--set", yaml.safe_dump(SMALL)] if words[0] in ("robot", "run") else []
         if words[0] == "run":
             small += ["--out", "runs/my_robot"]
-        done = subprocess.run(
-            [sys.executable, "-m", "selftouch_drake.cli", *words, *small],
-            cwd=folder,
-            # Where no mesh was converted before.
-            env=os.environ | {"XDG_CACHE_HOME": str(folder / "cache")},
-            capture_output=True,
-            text=True,
-        )
-        assert done.returncode == 0, done.stderr
-        said.append(done)
-    robot = said[0]
-    assert "7 joints move" in robot.stdout
-    assert re.search(r"fingertip +on arm::hand +touches head, upper_arm", robot.stdout)
-    has_meshes = (folder / "meshes").is_dir()
-    assert ("8 meshes to OBJ" in robot.stderr) == has_meshes
+        capfd.readouterr()
+        cli.main([*words, *small], standalone_mode=False)
+        if words[0] == "plan":
+            assert capfd.readouterr().out.startswith("route: 0 ")
     assert (folder / "runs" / "my_robot" / "report.html").is_file()
-    assert said[2].stdout.startswith("route: 0 ")
 
 
 def test_the_arm_of_the_tutorial_is_there():
@@ -134,10 +131,3 @@ def test_the_arm_of_the_tutorial_is_there():
 def test_the_readme_shows_the_experiment_of_the_tutorial():
     (experiment,) = blocks(README, "yaml")
     assert experiment in blocks(own_robot(), "yaml")
-
-
-def test_pictures_are_there():
-    pictures = re.findall(r"!\[.*?\]\((.*?)\)", README)
-    assert pictures
-    for picture in pictures:
-        assert (ROOT / picture).is_file()

@@ -152,8 +152,8 @@ def files() -> str:
     text = [
         "# Files of a run\n",
         "A run is a directory of plain files: YAML, JSON, Parquet, NumPy and HTML. "
-        "[Experience](../experience.md) has the columns of the Parquet files and shows how to read "
-        "them; [Faults](../faults.md) says what protects the files.\n",
+        "[Learning](../learning.md#the-store) has the columns of the Parquet files and shows how to read "
+        "them; [Running](../running.md#what-protects-the-files) says what protects the files.\n",
         *_table(("path", "what it holds"), sorted(rows)),
         "\nThe arrays of `representation.npz` are the attributes of "
         "`selftouch_drake.agent.representation.QuotientRepresentation`, those of a plan's file the "
@@ -203,7 +203,7 @@ def _comments(schema: type) -> Iterator[tuple[str, str]]:
 
 def _with_choices(text: str) -> str:
     """Names of constants become what they hold."""
-    for name in ("SHAPES", "METRICS"):
+    for name in ("SHAPES", "SHAPE_METRICS"):
         choices = ", ".join(f"`{choice}`" for choice in getattr(experiment, name))
         text = re.sub(rf"(One of|one of) {name}\b", rf"\1 {choices}", text)
     return text
@@ -219,8 +219,10 @@ def _type(hint: object) -> str:
 def _default(entry: dataclasses.Field) -> str:
     if entry.default is not dataclasses.MISSING:
         value = entry.default
+    elif entry.default_factory is not dataclasses.MISSING:
+        value = entry.default_factory()
     else:
-        value = entry.default_factory()  # type: ignore[misc]
+        return "none: give it"
     if dataclasses.is_dataclass(value):
         return "see below"
     return "`null`" if value is None else f"`{value!r}`" if value != "" else ""

@@ -156,6 +156,14 @@ class Motion:
         """`(T,)` bool, whether contact is expected: where the agent is not in the air."""
         return touching(self.waypoint_s, self.in_air, self.s)
 
+    def contact(self, felt: np.ndarray) -> float:
+        """Share of the time with expected contact in which sensations `felt` `(T, S)` are not null.
+
+        1 if no contact is expected.
+        """
+        expected = self.touching
+        return float(np.mean(np.any(felt, axis=1)[expected])) if expected.any() else 1.0
+
     def to_arrays(self) -> dict[str, np.ndarray]:
         """All fields, by name."""
         return _arrays(self)
@@ -206,10 +214,8 @@ class Execution:
 
     @property
     def contact(self) -> float:
-        """Share of the time with expected contact in which something was felt; 1 without any."""
-        expected = self.motion.touching
-        felt = np.any(self.felt, axis=1)[expected]
-        return float(np.mean(felt)) if expected.any() else 1.0
+        """Share of the time with expected contact in which something was felt."""
+        return self.motion.contact(self.felt)
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """All fields, and those of the motion, by name."""

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TypeVar
 
 import numpy as np
 
-from selftouch_drake.agent.motions import Execution
+from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels, step_links
 from selftouch_drake.agent.sliding import Slides
-
-Mind = TypeVar("Mind")
 
 #: A link on which contact was lost costs this many times more from then on.
 LOSS_FACTOR = 8.0
@@ -114,7 +111,7 @@ class Try:
 
     Attributes:
         contact: share of the time with expected touch in which something was felt.
-        reached: whether the goal is the target sensation nearest to the last sensation.
+        reached: whether the motion ended in its goal; see `reached`.
         lost_links: `(n,)` rows of the planner's `links` on which contact was lost, and the last
             link of the plan if the goal was missed.
         lost_steps: `(n,)` steps of the plan on which contact was lost.
@@ -133,6 +130,17 @@ class Try:
         return self.reached and self.contact == 1.0
 
 
+def reached(motion: Motion, felt: np.ndarray, representation: QuotientRepresentation) -> bool:
+    """Whether a motion ends in its goal: one of the target sensations nearest to the last.
+
+    Args:
+        motion: what was planned, T instants.
+        felt: `(T, S)` N, sensations along it.
+        representation: the one used to make the plan.
+    """
+    return motion.goal in felt_kernels(representation, felt[-1])
+
+
 def judge(execution: Execution, representation: QuotientRepresentation) -> Try:
     """Judges an executed plan by the sensations along it.
 
@@ -142,52 +150,19 @@ def judge(execution: Execution, representation: QuotientRepresentation) -> Try:
     """
     motion, links = execution.motion, execution.motion.links
     lost_touch = motion.touching & ~execution.felt.any(axis=1)
-    reached = motion.goal in felt_kernels(representation, execution.felt[-1])
+    arrived = reached(motion, execution.felt, representation)
     lost = np.zeros(len(links), dtype=bool)
     lost_steps = np.unique(motion.step[lost_touch]) if len(links) else np.empty(0, dtype=int)
     lost[lost_steps] = True
     if len(links):
-        lost[-1] |= not reached
+        lost[-1] |= not arrived
     return Try(
         contact=execution.contact,
-        reached=reached,
+        reached=arrived,
         lost_links=np.unique(links[lost & (links >= 0)]),
         lost_steps=lost_steps,
         execution=execution,
     )
-
-
-def rehearse(
-    attempt: Callable[[Mind], Try | None],
-    learn: Callable[[Try, Mind], Mind],
-    mind: Mind,
-    *,
-    max_tries: int,
-) -> tuple[list[Try], Mind]:
-    """Repeats a motion until a try is perfect; each try uses what the earlier ones taught.
-
-    Args:
-        attempt: plans with what is known, executes and judges; returns None if there is no plan.
-        learn: returns what is known after a try.
-        mind: what is known at first; an agent, or its memory.
-        max_tries: most tries, at least one.
-
-    Returns:
-        The tries in order (`best` chooses the one to keep), and what is known after them.
-
-    Raises:
-        ValueError: `max_tries` is below one.
-    """
-    if max_tries < 1:
-        raise ValueError(f"max_tries is {max_tries}: give at least 1")
-    tries: list[Try] = []
-    while len(tries) < max_tries and not (tries and tries[-1].perfect):
-        one = attempt(mind)
-        if one is None:
-            break
-        tries.append(one)
-        mind = learn(one, mind)
-    return tries, mind
 
 
 def best(tries: list[Try]) -> Try:

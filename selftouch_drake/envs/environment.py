@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,13 +14,12 @@ import numpy as np
 from gymnasium.spaces import Box, Dict, Space
 
 from selftouch_drake.envs.postures import possible_posture
-from selftouch_drake.envs.rendering import BrowserView
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import Simulation, Touches, World
 from selftouch_drake.robot.joints import remembered
 from selftouch_drake.robot.limits import JointLimits
 from selftouch_drake.robot.world import drakes_refusals
-from selftouch_drake.show import PostureCamera
+from selftouch_drake.show import FeelingRobot, PostureCamera, open_meshcat
 
 # s between actions: four times as often as a person corrects a movement.
 PERIOD_S = 0.05
@@ -109,7 +109,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         self._step_size = self.period_s * JointLimits.of(robot, self.experiment.execution).velocity
         self.action_space = Box(-1.0, 1.0, (robot.num_joints,), np.float32)
         self.observation_space = Dict(self._spaces())
-        self._num_steps = 0
+        self._num_steps, self._due = 0, 0.0
         self._receptor_skin = self.world.receptor_skin
         self._touches = np.zeros(len(self.world.skins), dtype=int)
 
@@ -174,6 +174,10 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         if self.render_mode == "rgb_array":
             return self._camera.picture(q, felt)
         if self.render_mode == "human":
+            # No faster than the clock.
+            now = time.monotonic()
+            time.sleep(max(self._due - now, 0.0))
+            self._due = max(now, self._due) + self.period_s
             self._browser.show(q, felt)
         return None
 
@@ -268,8 +272,10 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         return {"steps": self._num_steps, "touches": touches}
 
     @cached_property
-    def _browser(self) -> BrowserView:
-        return BrowserView(self.world, self.period_s)
+    def _browser(self) -> FeelingRobot:
+        meshcat = open_meshcat()
+        print(f"{self.experiment.name} at {meshcat.web_url()}")  # noqa: T201 - where to look
+        return FeelingRobot(meshcat, self.world)
 
     @cached_property
     def _camera(self) -> PostureCamera:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.shape import Body
 from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
+from selftouch_drake.evaluation.motion import contact_along, random_pairs
 from selftouch_drake.evaluation.shape import shape_errors
 from selftouch_drake.experience import Contacts
 from selftouch_drake.robot import World
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
 # No luck of a network's start is in this metric, and it takes a few seconds.
 _METRIC = "sensorimotor"
-# Rad of path length, from one look at a path to the next.
-_STEP = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,7 +32,8 @@ class Quality:
         truth: where its kernels touch now; None if one of them touches nothing any more.
         error: shape error of the skin that is off most, as a share of its size; NaN without truth.
         holes: Betti numbers of the largest part; empty if it is too small.
-        contact: share of planned paths in contact, without dynamics; NaN if none was planned.
+        contact: share of planned paths in contact, without practice and dynamics; NaN if none was
+            planned.
     """
 
     body: Body
@@ -74,21 +74,14 @@ def quality(learner: OnlineLearner, world: World, num_pairs: int) -> Quality:
 
 def planned_contact(learner: OnlineLearner, world: World, num_pairs: int) -> float:
     """Share of planned paths in contact, in the kinematic world; NaN if there is no path."""
-    agent = Agent.of(learner.representation)
-    shares = [world.probe.sensations(q).any(axis=1).mean() for q in _paths(agent, num_pairs)]
-    return float(np.mean(shares)) if shares else float("nan")
-
-
-def _paths(agent: Agent, num_pairs: int) -> Iterator[np.ndarray]:
-    """`(T, J)` configurations along plans between targets drawn at random, if there is a way."""
-    rng = np.random.default_rng(1)
-    for _ in range(num_pairs):
-        start, goal = rng.choice(agent.representation.num_targets, 2, replace=False)
+    agent, shares = Agent.of(learner.representation), list[float]()
+    for start, goal in random_pairs(world.experiment, agent.representation, num_pairs):
         try:
-            plan = agent.plan(int(start), int(goal))
-        except ValueError:
+            plan = agent.plan(start, goal)
+        except ValueError:  # no way leads there yet
             continue
-        yield plan.path(np.arange(0.0, plan.waypoint_s[-1], _STEP))
+        shares.append(contact_along(world, plan))
+    return float(np.mean(shares)) if shares else float("nan")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

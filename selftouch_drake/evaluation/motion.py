@@ -9,20 +9,51 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.motions import Motion
+from selftouch_drake.agent.motions import Motion, Plan, touching
 from selftouch_drake.agent.planning import polyline
+from selftouch_drake.agent.rehearsal import reached
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.robot import World
 
 # Jerk is compared on samples this far apart, in rad of path length, as `jerk_reduction` does.
 _JERK_SPACING = 0.02
+# rad of path length, between samples of a plan without times.
+_SAMPLED = 0.01
+
+
+def random_pairs(
+    experiment: Experiment, representation: QuotientRepresentation, num_pairs: int | None = None
+) -> list[tuple[int, int]]:
+    """Random pairs of start and goal, drawn from the seed without repetition.
+
+    Both are on one part of the body that was recovered: no touch leads from part to part.
+
+    Args:
+        experiment: its seed decides.
+        representation: of the agent.
+        num_pairs: how many; by default as many as the experiment evaluates.
+    """
+    num_targets, part = representation.num_targets, representation.part
+    random = np.random.default_rng(experiment.random_stream("pairs"))
+    # The goals of a start are all kernels but itself.
+    column, start = np.arange(num_targets - 1), np.arange(num_targets)[:, None]
+    goals = column + (column >= start)
+    within = (part[goals] == part[start]) & (part[start] < representation.num_parts)
+    codes = np.flatnonzero(within)
+    asked = experiment.evaluation.num_pairs if num_pairs is None else num_pairs
+    chosen = codes[random.choice(len(codes), size=min(asked, len(codes)), replace=False)]
+    starts = chosen // (num_targets - 1)
+    return list(zip(starts.tolist(), goals.ravel()[chosen].tolist(), strict=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionScore:
-    """One motion, scored by what was felt along it.
+    """One motion, scored by what was felt along it; what happens in the air does not count.
 
     Attributes:
-        contact: share of the time in contact.
-        reached: whether the last sensation belongs to the goal's kernel.
+        contact: share of the time with expected contact in which something was felt.
+        reached: whether it ends in its goal; see `selftouch_drake.agent.rehearsal.reached`.
         prediction_error: mean cosine distance between predicted and felt, while in contact; 1 if
             it never is.
     """
@@ -32,24 +63,31 @@ class MotionScore:
     prediction_error: float
 
 
-def score_motion(motion: Motion, felt: np.ndarray, target_sensations: np.ndarray) -> MotionScore:
-    """Scores a motion by what was felt along it; what happens in the air does not count.
+def score_motion(
+    motion: Motion, felt: np.ndarray, representation: QuotientRepresentation
+) -> MotionScore:
+    """Scores a motion by what was felt along it.
 
     Args:
         motion: what was planned, T instants.
         felt: `(T, S)` N, sensations along it.
-        target_sensations: `(K, S)` unit L2 norm.
+        representation: the one used to make the plan.
     """
-    touching = np.any(felt, axis=1)
-    expected = motion.touching
-    comparable = touching & motion.predicted.any(axis=1)
-    cosine = cosine_distance(felt[comparable], motion.predicted[comparable])
-    there = int(np.argmax(target_sensations @ felt[-1]))
+    comparable = felt.any(axis=1) & motion.predicted.any(axis=1)
+    error = cosine_distance(felt[comparable], motion.predicted[comparable])
     return MotionScore(
-        contact=float(touching[expected].mean()) if expected.any() else 1.0,
-        reached=bool(touching[-1] and there == motion.goal),
-        prediction_error=float(cosine.mean()) if comparable.any() else 1.0,
+        contact=motion.contact(felt),
+        reached=reached(motion, felt, representation),
+        prediction_error=float(error.mean()) if comparable.any() else 1.0,
     )
+
+
+def contact_along(world: World, plan: Plan) -> float:
+    """Share of a path with expected contact on which something is felt, without dynamics."""
+    length = plan.waypoint_s[-1]
+    s = np.linspace(0.0, length, max(2, int(length / _SAMPLED)))
+    expected = touching(plan.waypoint_s, plan.in_air, s)
+    return float(np.mean(world.probe.sensations(plan.path(s[expected])).any(axis=1)))
 
 
 def cosine_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -59,11 +97,10 @@ def cosine_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return 1 - np.einsum("ts,ts->t", a, b) / norms
 
 
-def summarise(scores: list[MotionScore], prefix: str) -> dict[str, float]:
+def summarise(scores: Sequence[MotionScore], prefix: str) -> dict[str, float]:
     """Metrics of several motions, as `metrics.json` names them."""
     contact = [score.contact for score in scores]
     return {
-        f"{prefix}_num_pairs": len(scores),
         f"{prefix}_reach_rate": float(np.mean([score.reached for score in scores])),
         f"{prefix}_contact_mean": float(np.mean(contact)),
         f"{prefix}_contact_worst": float(np.min(contact)),
@@ -82,8 +119,8 @@ def calibration(
     the wanted share of their errors (split conformal prediction), and judged by the second half.
 
     Args:
-        errors: one array `(T,)` a motion, of cosine distances from predicted to felt.
-        spreads: one array `(T,)` a motion, predicted before; positive.
+        errors: one array `(T,)` per motion, of cosine distances from predicted to felt.
+        spreads: one array `(T,)` per motion, predicted before; positive.
         shares: of the errors that each band is to hold.
 
     Returns:
@@ -164,7 +201,7 @@ def spatial_jerk_reduction(
     waypoints_q: np.ndarray,
     waypoint_s: np.ndarray,
     to_space: Callable[[np.ndarray], np.ndarray],
-) -> float:
+) -> float | None:
     """How many times smaller the jerk of a fingertip's path in space is than the polyline's.
 
     Both are sampled every 0.02 rad of planned path length; jerk is the root mean square of third
@@ -176,13 +213,18 @@ def spatial_jerk_reduction(
         waypoints_q: `(W, J)` of the plan.
         waypoint_s: `(W,)` rad, where on its path they are.
         to_space: from `(N, J)` configurations to `(N, D)` m.
+
+    Returns:
+        None if the robot did not move.
     """
     moved = _moved(s)
+    if moved.sum() < 2:
+        return None
     at = np.linspace(s[0], s[-1], max(5, int(np.ptp(s) / _JERK_SPACING)))
     smooth = CubicSpline(s[moved], path[moved])(at)
     rough = to_space(polyline(waypoints_q, waypoint_s)(at))
     jerk = [np.sqrt(np.mean(np.square(np.diff(p, 3, axis=0)))) for p in (rough, smooth)]
-    return float(jerk[0] / jerk[1])
+    return float(jerk[0] / jerk[1]) if jerk[1] else None
 
 
 def _moved(s: np.ndarray) -> np.ndarray:

@@ -78,19 +78,21 @@ def distance_distortion(found: np.ndarray, true: np.ndarray) -> Distortion:
 
 
 def align(source: np.ndarray, target: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
-    """Moves, turns, mirrors and scales `source` `(K, 3)` onto `target` `(K, 3)` (Procrustes).
+    """Moves, turns, mirrors and scales `source` onto `target` `(K, 3)` (Procrustes).
 
     Args:
-        source: `(K, 3)`.
+        source: `(K, d)`; what has less than three coordinates lies in the plane of the first.
         target: `(K, 3)`.
-        points: `(N, 3)` what is moved in this way instead of `source`.
+        points: `(N, d)` what is moved in this way instead of `source`.
     """
+    missing = ((0, 0), (0, target.shape[1] - source.shape[1]))
+    moved = np.pad(source if points is None else points, missing)
+    source = np.pad(source, missing)
     middle = source.mean(axis=0)
     centred = source - middle
     goal = target - target.mean(axis=0)
     rotation, singular_sum = orthogonal_procrustes(centred, goal)
     scale = singular_sum / np.square(centred).sum()
-    moved = source if points is None else points
     return scale * (moved - middle) @ rotation + target.mean(axis=0)
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import BrokenExecutor, Executor, Future, as_completed
-from functools import lru_cache
+from concurrent.futures import BrokenExecutor, Executor
+from functools import partial
 from pathlib import Path
-from threading import Lock
+from typing import NamedTuple
 
 import numpy as np
-import yaml
 
 from selftouch_drake.experience.sources import DynamicSource, KinematicSource, Source, Steps
 from selftouch_drake.experience.store import (
@@ -22,24 +21,17 @@ from selftouch_drake.experience.store import (
     write_shard,
 )
 from selftouch_drake.experience.walk import RandomWalk
-from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
+from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import remove_unfinished
 from selftouch_drake.robot import Robot, World
 from selftouch_drake.robot.joints import remembered
+from selftouch_drake.threads import OncePerThread
 
 # A walk without a touch in this many steps is given up.
 PATIENCE = 2_000_000
-# Executors may run jobs in threads, as Dask's do, but a world serves one at a time.
-WORLD_LOCK = Lock()
-# The world that this process built last, or was given, by the text of its experiment.
-_KNOWN: dict[str, World] = {}
 
 #: Number of touches in a first round of the active strategy; later, as a share of all so far.
 _FIRST_ROUND, _ROUND_GROWS = 250, 0.1
-
-#: Makes and stores one walk. Arguments: text of the experiment, folder of the run, number of the
-#: walk, number of rows, fingerprint.
-MakeWalk = Callable[[str, str, int, int, str], WalkCounts]
 
 
 class NeverTouchesError(ValueError):
@@ -157,12 +149,10 @@ def collect(
     executor: Executor,
     progress: Callable[[int], None] = lambda num_rows: None,
     world: World | None = None,
-    make: MakeWalk | None = None,
-    in_turn: bool = False,
 ) -> WalkCounts:
-    """Collects the missing experience of a run and returns the number of steps of all walks.
+    """Collects the missing random walks of a run and returns the number of steps of all walks.
 
-    Walks that are already stored are kept. Every executor gives the same bytes, in any order.
+    Walks that are already stored are kept. Every executor gives the same bytes.
 
     Args:
         experiment: the experiment.
@@ -170,58 +160,71 @@ def collect(
         fingerprint: of the experience; every shard carries it.
         executor: where the walks run; its workers must have access to the folder.
         progress: called with the number of new rows each time a walk is stored.
-        world: world of the experiment at its beginning, for walks that run in this process.
-        make: makes one walk, in a worker; by default a random one.
-        in_turn: whether each walk needs the previous ones.
+        world: world of the experiment at its beginning, for walks that run in this thread.
 
     Raises:
         ChildProcessError: a process of the executor was killed.
         NeverTouchesError: a walk touches nothing.
         StoreError: a stored shard is damaged, or belongs to another experiment.
     """
-    make = make or _collect_and_store
-    counts, missing = WalkCounts(0, 0), list[tuple[int, int]]()
-    sizes, path = walk_sizes(experiment), str(folder.resolve())
-    bodies = _bodies(experiment, sizes)
-    _KNOWN.clear()
     if world is not None:
-        _KNOWN[bodies[0]] = world
-    for walk, num_rows in enumerate(sizes):
-        known = read_counts(folder, walk, num_rows=num_rows, fingerprint=fingerprint)
-        if known is None or not (folder / "truth" / shard_name(walk)).exists():
-            missing.append((walk, num_rows))
-        else:
-            counts += known
-            progress(num_rows)
-    futures: dict[Future[WalkCounts], int] = {}
+        world_of.keep(world, experiment.after(0), fingerprint)
+    counts, missing = stored_walks(experiment, folder, fingerprint=fingerprint, progress=progress)
+    store = partial(_collect_and_store, folder.resolve(), fingerprint)
     try:
-        for some in [[one] for one in missing] if in_turn else [missing]:
-            futures = {
-                executor.submit(make, bodies[walk], path, walk, num_rows, fingerprint): num_rows
-                for walk, num_rows in some
-            }
-            for job in as_completed(futures):
-                counts += job.result()
-                progress(futures[job])
+        for walk, found in zip(missing, executor.map(store, missing), strict=True):
+            counts += found
+            progress(walk.num_rows)
     except BrokenExecutor:
         raise ChildProcessError(
             "a babbling process was killed, perhaps because memory ran out; repeat the command "
             "with fewer --workers: it continues from the stored walks"
         ) from None
-    finally:
-        for job in futures:
-            job.cancel()
     for part in ("experience", "truth"):
         remove_unfinished(folder / part)
     return counts
 
 
-def _bodies(experiment: Experiment, sizes: list[int]) -> list[str]:
-    """For each walk, the experiment with the body at that time, as YAML text."""
+class Walk(NamedTuple):
+    """A walk to be made: its number, its number of touches, and the experiment at that time."""
+
+    number: int
+    num_rows: int
+    experiment: Experiment
+
+
+def stored_walks(
+    experiment: Experiment,
+    folder: Path,
+    *,
+    fingerprint: str,
+    progress: Callable[[int], None] = lambda num_rows: None,
+) -> tuple[WalkCounts, list[Walk]]:
+    """Steps of the walks that a run has stored, and the walks that are missing.
+
+    Args:
+        experiment: the experiment.
+        folder: of the run.
+        fingerprint: of the experience.
+        progress: called with the number of rows of each walk that is stored.
+
+    Raises:
+        StoreError: a stored shard is damaged, or belongs to another experiment.
+    """
+    sizes = walk_sizes(experiment)
     moments = sorted({0, *(change.after for change in experiment.changes)})
-    texts = [dump_experiment(experiment.after(moment)) for moment in moments]
+    bodies = [experiment.after(moment) for moment in moments]
     first_rows = np.cumsum([0, *sizes[:-1]])
-    return [texts[i] for i in np.searchsorted(moments, first_rows, side="right") - 1]
+    body = np.searchsorted(moments, first_rows, side="right") - 1
+    counts, missing = WalkCounts(0, 0), list[Walk]()
+    for number, num_rows in enumerate(sizes):
+        known = read_counts(folder, number, num_rows=num_rows, fingerprint=fingerprint)
+        if known is None or not (folder / "truth" / shard_name(number)).exists():
+            missing.append(Walk(number, num_rows, bodies[body[number]]))
+        else:
+            counts += known
+            progress(num_rows)
+    return counts, missing
 
 
 def how_to_collect(experiment: Experiment, folder: Path) -> str:
@@ -257,38 +260,44 @@ def require_complete(
         )
 
 
-def _collect_and_store(
-    text: str, run: str, walk: int, num_rows: int, fingerprint: str
-) -> WalkCounts:
-    with WORLD_LOCK:
-        experiment, source = _world(text)
-        shard = collect_walk(source, experiment, walk, num_rows)
-    write_shard(Path(run), shard, fingerprint=fingerprint)
+@OncePerThread
+def world_of(experiment: Experiment, fingerprint: str) -> World:
+    """The world of an experiment, for jobs: Drake's diagrams cannot be pickled.
+
+    Args:
+        experiment: the experiment.
+        fingerprint: of its experience, which depends on the content of its models.
+    """
+    return World(experiment)
+
+
+def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
+    """Has a worker build its world, and compile what walks need.
+
+    Two workers compile different functions first, and find the others compiled.
+
+    Args:
+        experiment: as of `world_of`.
+        fingerprint: as of `world_of`.
+        number: 0 or 1, of the worker.
+    """
+    probe = world_of(experiment, fingerprint).probe
+    q = np.zeros((1, len(probe.robot.lower)), dtype=np.float32)
+    for look in (probe.touches, probe.collision_depth)[:: 1 - 2 * number]:
+        look(q)
+
+
+def _collect_and_store(folder: Path, fingerprint: str, walk: Walk) -> WalkCounts:
+    source = _source(walk.experiment, fingerprint)
+    shard = collect_walk(source, walk.experiment, walk.number, walk.num_rows)
+    write_shard(folder, shard, fingerprint=fingerprint)
     return shard.counts
 
 
-@lru_cache(maxsize=1)
-def _world(text: str) -> tuple[Experiment, Source]:
-    """The world of an experiment, built once per process: Drake's diagrams cannot be pickled."""
-    experiment = experiment_from_fields(yaml.safe_load(text))
-    sources: dict[str, Callable[[World], Source]] = {
+@OncePerThread
+def _source(experiment: Experiment, fingerprint: str) -> Source:
+    kinds: dict[str, Callable[[World], Source]] = {
         "kinematic": KinematicSource,
         "dynamic": DynamicSource,
     }
-    return experiment, sources[experiment.babbling.mode](kept_world(text, experiment))
-
-
-def kept_world(
-    text: str, experiment: Experiment, make: Callable[[Experiment], World] = World
-) -> World:
-    """The world of the experiment with this text; this process keeps the last one that it built.
-
-    Args:
-        text: of the experiment, as `dump_experiment` writes it.
-        experiment: the same.
-        make: builds the world.
-    """
-    if text not in _KNOWN:
-        _KNOWN.clear()
-        _KNOWN[text] = make(experiment)
-    return _KNOWN[text]
+    return kinds[experiment.babbling.mode](world_of(experiment, fingerprint))

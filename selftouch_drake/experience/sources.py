@@ -86,53 +86,45 @@ class KinematicSource:
 class DynamicSource:
     """Joint controllers follow the walk in a simulation; state and sensation are sampled.
 
-    Babbler -> joint controllers -> plant -> contact results -> TactileSkin -> log, in one diagram.
+    Path -> joint controllers -> plant -> contact results -> TactileSkin -> log, in one diagram.
     """
-
-    def __init__(self, world: World):
-        self._probe = world.probe
-        self._simulation = Simulation(
-            world.experiment, world.skins, log_period=SAMPLE_PERIOD, babbles=True
-        )
-        self.robot = self._simulation.robot
-
-    def begin(self, walk: RandomWalk) -> None:
-        """Puts the robot at rest at the beginning of the walk."""
-        self._simulation.babble(walk)
-
-    def next_steps(self) -> Steps:
-        """The next samples: the measured configuration and the sensation of the same instant."""
-        self._simulation.advance(DYNAMIC_BATCH * SAMPLE_PERIOD)
-        return Steps.of(*logged(self._simulation, self._probe))
-
-    def possible(self, q: np.ndarray) -> np.ndarray:
-        """`(N,)` bool, whether the robot can take a configuration: rigid parts do not collide."""
-        return self._probe.collision_depth(q) == 0
-
-
-class LedSource:
-    """As `DynamicSource`, but the path is given piece by piece."""
 
     def __init__(self, world: World):
         self._probe = world.probe
         # While babbling no joint has slipped.
         joints = dataclasses.replace(world.experiment.joints, offset=0.0)
-        experiment = dataclasses.replace(world.experiment, joints=joints)
+        execution = dataclasses.replace(world.experiment.execution, touch_servo=False)
+        experiment = dataclasses.replace(world.experiment, joints=joints, execution=execution)
         self._simulation = Simulation(experiment, world.skins, log_period=SAMPLE_PERIOD)
+        self._step_duration = experiment.babbling.step_duration
         self.robot = self._simulation.robot
+
+    def begin(self, walk: RandomWalk) -> None:
+        """Puts the robot at rest at the beginning of the walk."""
+        self._walk, self._num_steps = walk, 0
+        self.rest_at(walk.steps(1)[0])
+
+    def next_steps(self) -> Steps:
+        """The next samples: the measured configuration and the sensation of the same instant."""
+        num_steps = max(1, round(DYNAMIC_BATCH * SAMPLE_PERIOD / self._step_duration))
+        # Counted, so that sums of periods do not drift.
+        ends = self._step_duration * (self._num_steps + 1 + np.arange(num_steps))
+        self._num_steps += num_steps
+        self._simulation.lead_through(self._walk.steps(num_steps), ends)
+        return Steps.of(*logged(self._simulation, self._probe))
 
     def rest_at(self, q: np.ndarray) -> None:
         """Puts the robot at rest at `(J,)` q, and starts its time there."""
         self._simulation.rest_at(q)
+        # Where a walk begins was not walked to.
         self._simulation.take_log()
         self._num_samples = 0
 
     def go(self, path: np.ndarray) -> tuple[np.ndarray, Touches]:
         """Passes `(N, J)` configurations, one per sample; returns the samples on the way."""
-        for q in path:
-            # Counted, so that sums of periods do not drift off the times of the log.
-            self._num_samples += 1
-            self._simulation.lead_to(q, self._num_samples * SAMPLE_PERIOD)
+        times = SAMPLE_PERIOD * (self._num_samples + 1 + np.arange(len(path)))
+        self._num_samples += len(path)
+        self._simulation.lead_through(path, times)
         return logged(self._simulation, self._probe)
 
     def possible(self, q: np.ndarray) -> np.ndarray:

@@ -38,7 +38,8 @@ def touched_patch(
     This is a morphological closing of the touched vertices: all vertices within `radius` of a
     touched one are added, then all within `radius` of the remaining ones are removed again. It
     fills each gap that holds no disc of this radius, and keeps wider gaps and the outline: the rim
-    does not grow, as it would without the second step. Parts smaller than such a disc are then
+    does not grow, as it would without the second step. Touches along a line have no area: there the
+    second step is left out, and the patch is a band. Parts smaller than such a disc are then
     dropped: a few stray touches are not a part of the body.
 
     Args:
@@ -68,7 +69,10 @@ def touched_patch(
         found = dijkstra(paths, indices=np.flatnonzero(marked), limit=radius, min_only=True)
         return np.isfinite(found)
 
-    touched = ~within(~within(np.asarray(touch_counts) >= fewest))
+    grown = within(np.asarray(touch_counts) >= fewest)
+    touched = ~within(~grown)
+    if not touched[faces].all(axis=1).any():
+        touched = grown
     inside = touched[faces].all(axis=1)
     part, num_parts = _parts_by_vertex(faces[inside], len(vertices))
     area = np.bincount(

@@ -8,7 +8,7 @@ from selftouch_drake.robot.robot import MakeRobot, Robot
 from selftouch_drake.robot.simulation import LOG_PERIOD, Log, Simulation
 from selftouch_drake.robot.skin_registration import AddModelsAndSkins, AddSkins, AddTactileSkin
 from selftouch_drake.robot.skins import SkinModel, make_skins
-from selftouch_drake.robot.sources import Babbler, PathSource
+from selftouch_drake.robot.sources import PathSource
 from selftouch_drake.robot.station import MakeDynamicStation, MakeKinematicStation, Station
 from selftouch_drake.robot.tactile_skin import (
     KinematicTactileSkin,
@@ -24,7 +24,6 @@ __all__ = [
     "AddModelsAndSkins",
     "AddSkins",
     "AddTactileSkin",
-    "Babbler",
     "ContactProbe",
     "ImperfectSkin",
     "ImperfectSkins",

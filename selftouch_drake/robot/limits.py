@@ -8,7 +8,6 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
 from selftouch_drake.experiment import ExecutionSettings
-from selftouch_drake.robot.compiled import compiled
 from selftouch_drake.robot.robot import Robot
 
 # Rate at which positions are compared with their limits.
@@ -83,27 +82,15 @@ def speed_shares(
     Returns:
         The largest share of the velocity and of the acceleration that is allowed, of any joint.
     """
-    return _speed_shares(time_s, q, v, velocity_limit, acceleration_limit)
-
-
-@compiled
-def _speed_shares(time_s, q, v, velocity_limit, acceleration_limit):
-    fastest = hardest = 0.0
-    for joint in range(q.shape[1]):
-        fast, hard = abs(v[0, joint]), 0.0
-        for i in range(len(time_s) - 1):
-            # On each cubic piece, the acceleration is linear; where it is 0, the velocity is
-            # greatest.
-            step, start, end = time_s[i + 1] - time_s[i], v[i, joint], v[i + 1, joint]
-            mean = (q[i + 1, joint] - q[i, joint]) / step
-            first = (6 * mean - 4 * start - 2 * end) / step
-            last = (2 * start + 4 * end - 6 * mean) / step
-            fast, hard = max(fast, abs(end)), max(hard, abs(first), abs(last))
-            if first * last < 0:
-                fast = max(fast, abs(start + first**2 / (first - last) * step / 2))
-        fastest = max(fastest, fast / velocity_limit[joint])
-        hardest = max(hardest, hard / acceleration_limit[joint])
-    return fastest, hardest
+    # On each cubic piece the acceleration is linear; where it is 0, the velocity is greatest.
+    step, start, end = np.diff(time_s)[:, None], v[:-1], v[1:]
+    mean = np.diff(q, axis=0) / step
+    first, last = (6 * mean - 4 * start - 2 * end) / step, (2 * start + 4 * end - 6 * mean) / step
+    turns = first * last < 0
+    inside = first**2 / np.where(turns, first - last, np.inf) * step / 2
+    speed = np.abs([start, end, np.where(turns, start + inside, 0.0)]).max(axis=(0, 1))
+    rise = np.abs([first, last]).max(axis=(0, 1))
+    return float((speed / velocity_limit).max()), float((rise / acceleration_limit).max())
 
 
 def limit_shares(

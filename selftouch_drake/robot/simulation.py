@@ -16,7 +16,7 @@ from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.joints import slip
 from selftouch_drake.robot.servo import Beside, TouchServo
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.sources import Babbler, PathSource, Walk
+from selftouch_drake.robot.sources import PathSource
 from selftouch_drake.robot.station import MakeDynamicStation
 
 # s between two entries of the log.
@@ -45,14 +45,13 @@ class Log:
 
 
 class Simulation:
-    """A robot under dynamics that follows paths, or babbles; all its state is in its context.
+    """A robot under dynamics that follows paths; all its state is in its context.
 
     Args:
         experiment: the experiment whose robot acts.
         skins: its skins.
         meshcat: where to show it.
         log_period: s, between two entries of the log.
-        babbles: whether a `Babbler` commands it, and not a path.
     """
 
     def __init__(
@@ -62,25 +61,18 @@ class Simulation:
         meshcat: Meshcat | None = None,
         *,
         log_period: float = LOG_PERIOD,
-        babbles: bool = False,
     ):
         builder = DiagramBuilder()
         station = MakeDynamicStation(experiment, skins, meshcat)
         self.robot = station.robot
         num_joints = self.robot.num_joints
-        # Slipped joints read more than their true position; while babbling no joint has slipped.
-        self._slip = np.zeros(num_joints) if babbles else slip(experiment, num_joints)
+        # Slipped joints read more than their true position.
+        self._slip = slip(experiment, num_joints)
         builder.AddNamedSystem("station", station.diagram)
-        if babbles:
-            self._source: Babbler | PathSource = builder.AddNamedSystem(
-                "babbler",
-                Babbler(num_joints=num_joints, period_s=experiment.babbling.step_duration),
-            )
-        else:
-            self._source = builder.AddNamedSystem("path_source", PathSource(num_joints))
+        self._source = builder.AddNamedSystem("path_source", PathSource(num_joints))
         desired_state = self._source.GetOutputPort("desired_state")
         self._servo: TouchServo | None = None
-        if experiment.execution.touch_servo and not babbles:
+        if experiment.execution.touch_servo:
             self._servo = builder.AddNamedSystem(
                 "touch_servo",
                 TouchServo(
@@ -113,7 +105,7 @@ class Simulation:
 
     @property
     def time_s(self) -> float:
-        """s, since `rest_at`, `follow` or `babble`."""
+        """s, since `rest_at` or `follow`."""
         return self._context.get_time()
 
     @property
@@ -174,26 +166,19 @@ class Simulation:
         self._begin(path, q[0] if jump else None, beside)
 
     def lead_to(self, q: np.ndarray, time_s: float) -> None:
-        """Leads the joints to `(J,)` q, as they read, at constant velocity, until a later time.
+        """As `lead_through`, to one configuration `(J,)`."""
+        self.lead_through(np.asarray(q)[None], np.array([time_s]))
 
-        They are led from where they are commanded to be. Time and the log go on, as they do not
-        where a motion begins.
+    def lead_through(self, q: np.ndarray, time_s: np.ndarray) -> None:
+        """Leads the joints through `(n, J)` q, as they read, at constant velocities between them.
+
+        They are led from where they are commanded to be, and pass each q at its time `(n,)` s. Time
+        and the log go on, as they do not where a motion begins.
         """
-        ends = np.stack([self.q_commanded, q], axis=1) - self._slip[:, None]
-        self._give_path(PiecewisePolynomial.FirstOrderHold([self.time_s, time_s], ends))
-        self.advance_to(time_s)
-
-    def babble(self, walk: Walk) -> None:
-        """Puts the robot at rest where a walk begins, and lets it walk."""
-        if not isinstance(self._source, Babbler):
-            raise TypeError("this simulation follows paths; make one with babbles=True")
-        self._context.SetTime(0.0)
-        source_context = self._source.GetMyMutableContextFromRoot(self._context)
-        self._source.SetWalk(source_context, walk)
-        self._put(self._source.GetOutputPort("q").Eval(source_context))
-        self._restart()
-        # The start of a walk is not a step of it.
-        self._clear_logs()
+        nodes = np.concatenate([self.q_commanded[None], q]) - self._slip
+        times = np.append(self.time_s, time_s)
+        self._give_path(PiecewisePolynomial.FirstOrderHold(times, nodes.T))
+        self.advance_to(times[-1])
 
     def advance(self, duration: float) -> None:
         """Advances the world by `duration` s, in step with the clock if a rate is set."""
@@ -245,8 +230,6 @@ class Simulation:
         return self.take_log()
 
     def _give_path(self, path: PiecewisePolynomial) -> None:
-        if not isinstance(self._source, PathSource):
-            raise TypeError("this simulation babbles; make one with babbles=False")
         self._source.SetPath(self._source.GetMyMutableContextFromRoot(self._context), path)
 
     def _begin(

@@ -24,7 +24,6 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from selftouch_drake.experiment import (
-    Experiment,
     ExperimentError,
     Imperfections,
     Skin,
@@ -72,9 +71,8 @@ def AddSkins(
                 f"skins.{name}.imperfections is given; leave it out, and connect a SkinReadout to "
                 "the TactileSkin"
             )
-    seeds = Experiment(seed=seed)
     models = [
-        make_skin(name, skin, plant, scene_graph, seed=receptor_seed(seeds, number))
+        make_skin(name, skin, plant, scene_graph, seed=receptor_seed(seed, number))
         for number, (name, skin) in enumerate(wanted.items())
     ]
     own = {

@@ -15,7 +15,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from scipy.sparse import csr_matrix
 
-from selftouch_drake.experiment import SHAPES, Experiment, ExperimentError, Skin
+from selftouch_drake.experiment import SHAPES, STREAMS, Experiment, ExperimentError, Skin
 from selftouch_drake.geometry import (
     HollowSkin,
     ReceptiveFields,
@@ -123,7 +123,7 @@ def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:
             skin,
             plant,
             scene_graph,
-            seed=receptor_seed(experiment, number),
+            seed=receptor_seed(experiment.seed, number),
             smallest_ball=min(balls, default=None),
             motion=skin_motion(
                 plant, experiment, name, find_link(plant, skin.link, f"skins.{name}.link")
@@ -199,15 +199,12 @@ def make_skin(
     )
 
 
-def receptor_seed(experiment: Experiment, number: int) -> int:
-    """The seed of the receptors' places on skin `number`.
-
-    The first skin's is the experiment's own, as it was when there was one.
-    """
+def receptor_seed(seed: int, number: int) -> int:
+    """The seed of the receptors' places on skin `number`; the first skin's is the experiment's."""
     if number == 0:
-        return experiment.seed
-    (seed,) = experiment.random_stream("skin", 2, number).generate_state(1)
-    return int(seed)
+        return seed
+    stream = np.random.SeedSequence(seed, spawn_key=(STREAMS.index("skin"), 2, number))
+    return int(stream.generate_state(1)[0])
 
 
 def _outer_surface(

@@ -179,7 +179,7 @@ class TactileSkin(LeafSystem):
         self._warn_of_points(contact)
         poses = self._poses.Eval(context)
         X_WS = [poses[link].multiply(X_LS).GetAsMatrix34() for link, X_LS in self._worn]
-        output.SetFromVector(self._sensor.sensation(faces, np.array(X_WS)))
+        output.SetFromVector(self._sensor.touches(faces, np.array([X_WS])).sensation[0])
 
     def _warn_of_points(self, contact: ContactResults) -> None:
         for i in range(contact.num_point_pair_contacts()):
@@ -359,5 +359,5 @@ class KinematicTactileSkin(LeafSystem):
         surfaces = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
         self._sensor.gather(faces, 0, surfaces)
         # A skin of an experiment is registered in the frame of its link.
-        X_WL = np.array([query.GetPoseInWorld(s).GetAsMatrix34() for s in self._skin_ids])
-        output.SetFromVector(self._sensor.sensation(faces, X_WL))
+        X_WL = [query.GetPoseInWorld(s).GetAsMatrix34() for s in self._skin_ids]
+        output.SetFromVector(self._sensor.touches(faces, np.array([X_WL])).sensation[0])

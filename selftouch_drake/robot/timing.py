@@ -5,18 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.math import BsplineBasis
-from pydrake.polynomial import Polynomial
-from pydrake.trajectories import (
-    BsplineTrajectory,
-    PathParameterizedTrajectory,
-    PiecewisePolynomial,
-)
-from scipy.interpolate import BSpline, PPoly
+from scipy.interpolate import BSpline, CubicSpline, PPoly
 
 from selftouch_drake.robot.fastest import fastest_progress
 from selftouch_drake.robot.limits import speed_shares
-from selftouch_drake.robot.pieces import Pieces, averaged, clamped, follow, shares_along
 
 #: The solver respects limits only at grid points; between them they are exceeded by up to 25 %.
 LIMIT_SHARE = 0.8
@@ -35,10 +27,7 @@ _EASING_S = 0.06
 # s between the knots of the averaged progress, and how many values are averaged.
 _EASING_STEP_S = 0.01
 _EASING_SAMPLES = 12
-# The largest first and second derivative of the quintic 10 u^3 - 15 u^4 + 6 u^5 over [0, 1].
-_QUINTIC_SPEED = 15.0 / 8.0
-_QUINTIC_ACCELERATION = 10.0 / np.sqrt(3.0)
-# s, duration of a path of length 0, so that the trajectory is valid.
+# s, duration of a path of length 0.
 _REST_S = 0.01
 
 
@@ -62,13 +51,6 @@ class TimedPath:
     path: BSpline
     s_of_t: PPoly
 
-    @property
-    def trajectory(self) -> PathParameterizedTrajectory:
-        """The same as a Drake trajectory of q over `[0, time_s[-1]]`."""
-        pieces = [np.array([[Polynomial(piece[::-1])]]) for piece in self.s_of_t.c.T]
-        progress = PiecewisePolynomial(pieces, self.s_of_t.x.tolist())
-        return PathParameterizedTrajectory(to_drake(self.path), progress)
-
 
 def time_path(
     path: BSpline,
@@ -79,8 +61,8 @@ def time_path(
 ) -> TimedPath:
     """Follows a path as fast as the joints' limits allow, from rest to rest.
 
-    Uses time-optimal path parameterization, or a quintic time scaling if that fails. Then the
-    acceleration is smoothed in time. If a limit is still exceeded anywhere, on the path or on the
+    Uses time-optimal path parameterization, with an acceleration that is smoothed in time, or a
+    quintic time scaling if that fails. If a limit is still exceeded anywhere, on the path or on the
     cubic pieces between the samples that the joints follow, the whole motion is slowed down.
 
     Args:
@@ -100,17 +82,13 @@ def time_path(
 
     _require_bearable(_least_duration(path, velocity_limit, acceleration_limit))
     fastest = _fastest(path, velocity_limit, acceleration_limit)
-    if fastest is None:
-        s_of_t = quintic_time_scaling(path, velocity_limit, acceleration_limit)
-    else:
-        s_of_t = _eased(fastest)
-    pieces = Pieces.of_path(path)
+    s_of_t = _quintic(path) if fastest is None else _eased(fastest)
     while True:
         _require_bearable(s_of_t.x[-1])
-        timed = _sampled(path, pieces, s_of_t, rate_hz)
+        timed = _sampled(path, s_of_t, rate_hz)
         limits = velocity_limit, acceleration_limit
         shares = np.maximum(
-            _speed_shares(pieces, s_of_t, *limits),
+            _speed_shares(path, s_of_t, *limits),
             speed_shares(timed.time_s, timed.q, timed.v, *limits),
         )
         excess = max(shares[0], np.sqrt(shares[1]))
@@ -119,40 +97,11 @@ def time_path(
         s_of_t = _slowed(s_of_t, _CHECK_MARGIN * excess)
 
 
-def to_drake(path: BSpline) -> BsplineTrajectory:
-    """The same B-spline as a Drake trajectory of `(J, 1)`, over path length instead of time."""
-    basis = BsplineBasis(path.k + 1, path.t.tolist())
-    return BsplineTrajectory(basis, [point[:, None] for point in path.c])
-
-
-def quintic_time_scaling(
-    path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
-) -> PPoly:
-    """The progress s(t) of a quintic from rest to rest, slow enough for any path.
-
-    It respects the limits by construction, because a B-spline and its derivatives lie within the
-    convex hulls of their control points.
-
-    Args:
-        path: clamped B-spline of `(J,)` rad or m over scaled path length in rad.
-        velocity_limit: `(J,)` rad/s or m/s.
-        acceleration_limit: `(J,)` rad/s^2 or m/s^2.
-    """
-    start, end = path.t[0], path.t[-1]
-    speed = (end - start) * _hull(path.derivative(1))
-    curvature = (end - start) ** 2 * _hull(path.derivative(2))
-    duration_s = max(
-        _REST_S,
-        np.max(_QUINTIC_SPEED * speed / velocity_limit),
-        np.sqrt(
-            np.max(
-                (_QUINTIC_SPEED**2 * curvature + _QUINTIC_ACCELERATION * speed) / acceleration_limit
-            )
-        ),
-    )
-    quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / duration_s ** np.arange(6)
-    progress = (end - start) * quintic + start * np.eye(6)[0]
-    return PPoly(progress[::-1, None], [0.0, duration_s])
+def _quintic(path: BSpline) -> PPoly:
+    """The progress s(t) of a quintic from rest to rest, as short as for a path of length 0."""
+    quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / _REST_S ** np.arange(6)
+    progress = np.ptp(path.t) * quintic + path.t[0] * np.eye(6)[0]
+    return PPoly(progress[::-1, None], [0.0, _REST_S])
 
 
 def _least_duration(
@@ -195,11 +144,9 @@ def _eased(s_of_t: PPoly) -> PPoly:
     duration_s = s_of_t.x[-1] + _EASING_S
     time_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / _EASING_STEP_S)) + 1)
     before = _EASING_S * (np.arange(_EASING_SAMPLES) + 0.5) / _EASING_SAMPLES
-    progress, terms = np.empty(len(time_s)), np.empty((len(time_s) - 1, 1, 4))
-    averaged(Pieces.of_progress(s_of_t), time_s, before, progress)
+    progress = s_of_t((time_s[:, None] - before).clip(0.0, s_of_t.x[-1])).mean(axis=1)
     progress[[0, -1]] = s_of_t(s_of_t.x[[0, -1]])
-    clamped(time_s[1], progress, terms[:, 0])
-    return Pieces(time_s, terms).as_progress()
+    return CubicSpline(time_s, progress, bc_type="clamped")
 
 
 def _slowed(s_of_t: PPoly, factor: float) -> PPoly:
@@ -208,37 +155,35 @@ def _slowed(s_of_t: PPoly, factor: float) -> PPoly:
     return PPoly(s_of_t.c / factor**power, s_of_t.x * factor)
 
 
-def _sampled(path: BSpline, pieces: Pieces, s_of_t: PPoly, rate_hz: float) -> TimedPath:
+def _sampled(path: BSpline, s_of_t: PPoly, rate_hz: float) -> TimedPath:
     time_s = _times(s_of_t, rate_hz)
-    s, q, v = np.empty(len(time_s)), *np.empty((2, len(time_s), path.c.shape[1]))
-    follow(pieces, Pieces.of_progress(s_of_t), time_s, s, q, v)
+    # A motion never goes back.
+    s = np.maximum.accumulate(s_of_t(time_s).clip(path.t[0], path.t[-1]))
+    q, v = path(s), path(s, 1) * s_of_t(time_s, 1)[:, None]
     return TimedPath(time_s=time_s, s=s, q=q, v=v, path=path, s_of_t=s_of_t)
 
 
 def _speed_shares(
-    pieces: Pieces,
-    s_of_t: PPoly,
-    velocity_limit: np.ndarray,
-    acceleration_limit: np.ndarray,
+    path: BSpline, s_of_t: PPoly, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
 ) -> tuple[float, float]:
     """As `speed_shares`, for samples of the path itself."""
     # The acceleration is often greatest at a knot: samples at 1 kHz that miss it err by up to 1e-3,
     # these by up to 1e-4.
-    checks = max(_CHECKS_PER_PIECE, int(np.ceil(_CHECK_RATE_HZ * np.diff(s_of_t.x).max())))
-    progress = Pieces.of_progress(s_of_t)
-    return shares_along(pieces, progress, checks, velocity_limit, acceleration_limit)
+    step = np.diff(s_of_t.x)
+    checks = max(_CHECKS_PER_PIECE, int(np.ceil(_CHECK_RATE_HZ * step.max())))
+    time_s = s_of_t.x[:-1, None] + step[:, None] * np.arange(checks) / checks
+    time_s = np.append(time_s, s_of_t.x[-1])
+    s = s_of_t(time_s).clip(path.t[0], path.t[-1])
+    speed, rise = s_of_t(time_s, 1)[:, None], s_of_t(time_s, 2)[:, None]
+    v = path(s, 1) * speed
+    a = path(s, 2) * speed**2 + path(s, 1) * rise
+    return float((abs(v) / velocity_limit).max()), float((abs(a) / acceleration_limit).max())
 
 
 def _times(s_of_t: PPoly, rate_hz: float) -> np.ndarray:
     """`(T,)` s, evenly spaced from 0 except for the last interval."""
     end_s = s_of_t.x[-1]
     return np.append(np.arange(0.0, end_s, 1.0 / rate_hz), end_s)
-
-
-def _hull(path: BSpline) -> np.ndarray:
-    """`(J,)` upper bound of the absolute value of each coordinate of a B-spline."""
-    num_control = len(path.t) - path.k - 1
-    return np.abs(path.c[:num_control]).max(axis=0)
 
 
 def _checked_limit(name: str, limit: np.ndarray, path: BSpline) -> np.ndarray:

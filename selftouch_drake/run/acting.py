@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property, partial
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning import checked_configuration, jerk_reduction
+from selftouch_drake.agent.planning import Limits, checked_configuration, jerk_reduction
 from selftouch_drake.agent.practice import DryRun
-from selftouch_drake.agent.rehearsal import Try, rehearse
+from selftouch_drake.agent.rehearsal import Try
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.robot import LOG_PERIOD, Log, World
 from selftouch_drake.robot.servo import OFFSETS, Beside
@@ -37,14 +37,15 @@ class Query:
     Attributes:
         agent: the agent that planned, after its practice.
         plan: the plan.
-        straight: the plan before practice.
+        unpractised: the plan before practice: as the agent makes it from what it has learned and
+            remembers, never followed.
         motion: the timed plan, with what the agent expects to feel.
         seconds: s, duration of planning, practice, timing and prediction.
     """
 
     agent: Agent
     plan: Plan
-    straight: Plan
+    unpractised: Plan
     motion: Motion
     seconds: float
 
@@ -54,13 +55,24 @@ class Query:
         return jerk_reduction(self.plan, self.agent.representation.joint_scale)
 
 
-def execute(world: World, motion: Motion) -> tuple[Execution, Log]:
-    """Lets the robot follow a motion from its start; the log has every step of the plant."""
-    log = world.simulation.execute(motion.time_s, motion.q, motion.v)
-    execution = Execution(
-        motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
-    )
-    return execution, log
+@dataclass(frozen=True, slots=True, eq=False)
+class _Request:
+    """What an agent is asked to plan; the fields are arguments of `Agent.tour`."""
+
+    targets: Sequence[int | None]
+    q_start: np.ndarray
+    limits: Limits | None
+    lift_off: bool = False
+
+    def plan(self, agent: Agent, aside: np.ndarray | None = None) -> Plan:
+        """The plan of an agent."""
+        return agent.tour(
+            self.targets,
+            q_start=self.q_start,
+            aside=aside,
+            lift_off=self.lift_off,
+            limits=self.limits,
+        )
 
 
 class Pilot:
@@ -74,8 +86,12 @@ class Pilot:
     def __init__(self, agent: Agent, world: World):
         self.agent = agent
         self.world = world
-        self._limits = world.limits
-        self._get_ready()
+
+    def get_ready(self) -> None:
+        """Prepares everything that queries need, so that the first one takes no longer."""
+        for edge in self.agent.representation.edges[:1].tolist():
+            plan = self.agent.tour(edge)
+            self.motion(plan, self.agent.go_along(plan, self._slider))
 
     def plan(self, *targets: int) -> Query:
         """Plans through two or more target sensations, in order.
@@ -86,8 +102,7 @@ class Pilot:
             NoWayError: none was found.
             ValueError: as `Agent.tour`.
         """
-        q_start = self.start_of(*targets)
-        return self._queried(lambda agent, **how: agent.tour(targets, q_start=q_start, **how))
+        return self._query(targets, self.start_of(*targets))
 
     def plan_from(self, q_start: np.ndarray, goal: int) -> Query:
         """Plans from any configuration, touching or not.
@@ -100,8 +115,7 @@ class Pilot:
             NoWayError: none was found.
             ValueError: as `Agent.tour`, or `q_start` is outside the limits of the joints.
         """
-        limits = self.world.robot.lower, self.world.robot.upper
-        q_start = checked_configuration(q_start, self.agent.representation, limits)
+        q_start = checked_configuration(q_start, self.agent.representation, self._range)
         (felt,) = self.world.probe.sensations(q_start[None])
         return self.plan_feeling(q_start, felt, goal)
 
@@ -116,10 +130,7 @@ class Pilot:
         Raises:
             NoWayError: none was found.
         """
-        limits = self.world.robot.lower, self.world.robot.upper
-        return self._queried(
-            lambda agent, **how: agent.plan_from(q_start, felt, goal, limits=limits, **how)
-        )
+        return self._query([self.agent.felt(felt), goal], q_start, self._range)
 
     def start_of(self, *targets: int) -> np.ndarray:
         """`(J,)` the start of the motion: any configuration of the first kernel."""
@@ -128,9 +139,34 @@ class Pilot:
         stream = self.world.experiment.random_stream("start", *targets)
         return members[np.random.default_rng(stream).integers(len(members))].astype(float)
 
-    def execute(self, motion: Motion) -> tuple[Execution, Log]:
-        """Lets the robot follow a motion from its start; the log has every step of the plant."""
-        beside = self.beside(motion) if self.world.experiment.execution.touch_servo else None
+    def motion(self, plan: Plan, passage: DryRun | None = None) -> Motion:
+        """The timed plan, with what the agent expects to feel.
+
+        Args:
+            plan: the plan.
+            passage: what it felt when it followed the plan slowly; without, it expects what it
+                knows from stored touches.
+        """
+        timed = time_path(
+            plan.path,
+            velocity_limit=self.world.limits.velocity,
+            acceleration_limit=self.world.limits.acceleration,
+            rate_hz=1 / LOG_PERIOD,
+        )
+        return self.agent.motion(
+            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, passage=passage
+        )
+
+    def execute(self, motion: Motion, *, practised: bool = True) -> tuple[Execution, Log]:
+        """Lets the robot follow a motion from its start; the log has every step of the plant.
+
+        Args:
+            motion: the motion.
+            practised: whether the agent may feel beside the motion first, which the touch servo
+                needs: without practice the servo rests.
+        """
+        serves = self.world.experiment.execution.touch_servo and practised
+        beside = self.beside(motion) if serves else None
         log = self.world.simulation.execute(motion.time_s, motion.q, motion.v, beside)
         execution = Execution(
             motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
@@ -157,37 +193,39 @@ class Pilot:
         Args:
             start: the target sensation to start from.
             goal: the target sensation to reach.
-            max_tries: largest number of executions.
+            max_tries: largest number of executions, at least one.
             known: an earlier try; the same motion is not executed again.
 
         Returns:
-            The tries, in order; none if `known` is given and no way is found.
+            The tries, in order (`best` chooses the one to keep); none if `known` is given and no
+            way is found.
 
         Raises:
             NoWayError: none was found at the first try.
+            ValueError: `max_tries` is below one.
         """
-        queries: list[Query] = []
-
-        def attempt(agent: Agent) -> Try | None:
-            self.agent = agent
+        if max_tries < 1:
+            raise ValueError(f"max_tries is {max_tries}: give at least 1")
+        tries: list[Try] = []
+        while len(tries) < max_tries and not (tries and tries[-1].perfect):
             try:
-                queries.append(self.plan(start, goal))
+                query = self.plan(start, goal)
             except NoWayError:
-                if not queries and known is None:
-                    raise
-                return None
-            motion = queries[-1].motion
-            if known is not None and np.array_equal(motion.q, known.execution.motion.q):
-                return known
-            execution, _ = execute(self.world, motion)
-            return self.agent.judge(execution)
-
-        def learn(one: Try, agent: Agent) -> Agent:
-            query = queries[-1]
-            return query.agent.practise(query.plan, one, self._slider)
-
-        tries, self.agent = rehearse(attempt, learn, self.agent, max_tries=max_tries)
+                if tries or known is not None:
+                    break
+                raise
+            if known is not None and np.array_equal(query.motion.q, known.execution.motion.q):
+                tries.append(known)
+            else:
+                execution, _ = self.execute(query.motion)
+                tries.append(self.agent.judge(execution))
+            self.agent = query.agent.practise(query.plan, tries[-1], self._slider)
         return tries
+
+    @property
+    def _range(self) -> Limits:
+        """Limits of the joints."""
+        return self.world.robot.lower, self.world.robot.upper
 
     @cached_property
     def _slider(self) -> Slider:
@@ -201,43 +239,30 @@ class Pilot:
             upper=scaled(robot.upper),
         )
 
-    def _queried(self, make_plan: Callable[..., Plan]) -> Query:
+    def _query(
+        self, targets: Sequence[int | None], q_start: np.ndarray, limits: Limits | None = None
+    ) -> Query:
         """Plans, practises the doubtful steps of the plan, and plans again."""
         began = time.perf_counter()
-        first = make_plan(self.agent)
-        agent, plan, passage = self._prepared(make_plan, first)
+        request = _Request(targets, q_start, limits)
+        unpractised = request.plan(self.agent)
+        agent, plan, passage = self._practised(request, unpractised)
         if len(passage.impossible):
-            in_air = partial(make_plan, lift_off=True)
-            agent, plan, passage = self._prepared(in_air, in_air(self.agent))
+            in_air = replace(request, lift_off=True)
+            agent, plan, passage = self._practised(in_air, in_air.plan(self.agent))
             if len(passage.impossible):
                 raise NoWayError(
                     f"no way to target {plan.nodes[-1]} was found on which the rigid parts of the "
                     "robot do not run into each other: choose another start or goal, or babble "
                     "longer"
                 )
-        motion = self._motion(agent, plan, passage)
+        motion = self.motion(plan, passage)
         seconds = time.perf_counter() - began
-        return Query(agent=agent, plan=plan, straight=first, motion=motion, seconds=seconds)
-
-    def _motion(self, agent: Agent, plan: Plan, passage: DryRun) -> Motion:
-        """The timed plan, with what the agent expects to feel after it followed it slowly."""
-        timed = time_path(
-            plan.path,
-            velocity_limit=self._limits.velocity,
-            acceleration_limit=self._limits.acceleration,
-            rate_hz=1 / LOG_PERIOD,
-        )
-        return agent.motion(
-            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, passage=passage
+        return Query(
+            agent=agent, plan=plan, unpractised=unpractised, motion=motion, seconds=seconds
         )
 
-    def _get_ready(self) -> None:
-        """Prepares everything that queries need, so that the first one takes no longer."""
-        for edge in self.agent.representation.edges[:1].tolist():
-            plan = self.agent.tour(edge)
-            self._motion(self.agent, plan, self.agent.go_along(plan, self._slider))
-
-    def _prepared(self, make_plan: Callable[..., Plan], plan: Plan) -> tuple[Agent, Plan, DryRun]:
+    def _practised(self, request: _Request, plan: Plan) -> tuple[Agent, Plan, DryRun]:
         """The agent and its plan after practice, and what it felt along the plan.
 
         Parts of the robot that are in the way are moved aside.
@@ -248,12 +273,12 @@ class Pilot:
             if not len(passage.lost) and not len(passage.impossible):
                 break
             if aside is None and (aside := agent.aside(plan, slider)) is not None:
-                plan = make_plan(agent, aside=aside)
+                plan = request.plan(agent, aside)
                 passage = agent.go_along(plan, slider)
             before, doubtful = agent, np.union1d(passage.lost, passage.impossible)
             agent = agent.prepare(plan, doubtful, slider)
             if agent.memory.same_as(before.memory):
                 break
-            plan = make_plan(agent, aside=aside)
+            plan = request.plan(agent, aside)
             passage = agent.go_along(plan, slider)
         return agent, plan, passage

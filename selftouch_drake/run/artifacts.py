@@ -19,6 +19,7 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.rehearsal import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.representation import (
+    KernelSets,
     LinkedNearest,
     QuotientRepresentation,
     kernel_sensations,
@@ -68,16 +69,13 @@ def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
     )
 
 
-def _kept_nearest(
-    folder: Path, kernel_x: np.ndarray, kernel_offsets: np.ndarray, links: np.ndarray
-) -> LinkedNearest:
+def _kept_nearest(folder: Path, sets: KernelSets, links: np.ndarray) -> LinkedNearest:
     """As `linked_nearest`, whose results are kept in a folder."""
-    asked = kernel_x, kernel_offsets, links
     names = [field.name for field in dataclasses.fields(LinkedNearest)]
     arrays = kept_arrays(
-        folder / f"nearest-{arrays_digest(asked)}.npz",
+        folder / f"nearest-{arrays_digest((sets.x, sets.offsets, links))}.npz",
         names,
-        lambda: dataclasses.asdict(linked_nearest(*asked)),
+        lambda: dataclasses.asdict(linked_nearest(sets, links)),
     )
     return LinkedNearest(**{name: arrays[name] for name in names})
 
@@ -303,7 +301,9 @@ def _topology_arrays(body: Body) -> dict[str, np.ndarray]:
         name = functools.partial(_named, number)
         arrays[name("doubt")] = np.array(part.doubt or "")
         arrays[name("kernels")] = part.kernels
-        arrays[name("pieces")] = part.pieces
+        arrays[name("pieces")] = np.pad(part.pieces, ((0, 0), (0, 3 - part.pieces.shape[1])))
+        arrays[name("skin_dimension")] = np.array(part.skin)
+        arrays[name("embedding_dimension")] = np.array(part.space)
         arrays[name("stress")] = np.array(part.embedding.stress)
         arrays[name("spectrum")] = part.embedding.spectrum
         if part.dimension is not None:
@@ -342,16 +342,23 @@ def _part_from(
             spacing=spacing,
             diagram=(h0, h1, h2),
         )
+    # Older runs were always laid out in three dimensions.
+    skin, space = (
+        int(array(name)) if has(name) else before
+        for name, before in (("skin_dimension", 2), ("embedding_dimension", 3))
+    )
     return RecoveredPart(
         doubt=str(array("doubt")) or None,
         kernels=kernels,
         distances=distances[np.ix_(kernels, kernels)],
+        skin=skin,
+        space=space,
         embedding=Embedding(
-            positions=representation.embedding[kernels],
+            positions=representation.embedding[kernels, :space],
             stress=float(array("stress")),
             spectrum=array("spectrum"),
         ),
-        pieces=array("pieces"),
+        pieces=array("pieces")[:, :space],
         topology=found,
         dimension=float(array("dimension")) if has("dimension") else None,
     )

@@ -1,16 +1,14 @@
-"""First tries of random pairs: planned and executed without memory, and scored."""
+"""First tries of random pairs: planned and executed without memory of rehearsals, and scored."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
-from threading import Lock
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.motions import Execution, Motion, Plan, touching
+from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.rehearsal import RehearsalMemory, Try
 from selftouch_drake.evaluation import (
     MotionScore,
@@ -24,10 +22,7 @@ from selftouch_drake.evaluation import (
 from selftouch_drake.geometry import wall_points
 from selftouch_drake.robot import World
 from selftouch_drake.robot.limits import limit_shares
-from selftouch_drake.run.acting import NoWayError, Pilot, execute
-
-# rad of path length, between samples of a plan that is not executed.
-_SAMPLED = 0.01
+from selftouch_drake.run.acting import NoWayError, Pilot
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,13 +32,13 @@ class FirstTry:
     Attributes:
         start: target sensation.
         goal: target sensation.
+        unpractised: the plan before practice, scored without dynamics.
+        unpractised_executed: the same as felt under dynamics.
+        planned: the practised plan, scored without dynamics.
+        executed: the same as felt under dynamics.
         query_s: s, duration of planning.
         jerk_reduction: of the plan, in motor space.
-        num_slides: steps that the agent replaced by slides before it acted.
-        contact_straight: share of the plan in contact without these slides.
-        planned: scored without dynamics.
-        executed: scored as felt under dynamics.
-        first: the agent's own judgement of that: contact, and whether the goal was reached.
+        num_slides: ways that practice found for steps of the plan.
         tracking: `(J,)` mean square error of each joint, rad² or m².
         limit_shares: for each kind of limit, the largest share that any joint used.
         force: N, the largest total force.
@@ -52,19 +47,19 @@ class FirstTry:
         impossible_planned: samples of the plan in which rigid parts run into each other.
         impossible_executed: steps of the plant in which they do.
         tip_jerk_planned: times less jerk in space than the polyline; None for a single step.
-        tip_jerk_measured: the same for the measured path.
+        tip_jerk_measured: the same for the measured path; None also if the robot did not move.
         off_skin_s: s, off every skin by more than a ball's radius; None if not only balls touch.
     """
 
     start: int
     goal: int
+    unpractised: MotionScore
+    unpractised_executed: MotionScore
+    planned: MotionScore
+    executed: MotionScore
     query_s: float
     jerk_reduction: float
     num_slides: int
-    contact_straight: float
-    planned: MotionScore
-    executed: MotionScore
-    first: tuple[float, bool]
     tracking: np.ndarray
     limit_shares: dict[str, float]
     force: float
@@ -82,18 +77,18 @@ class FirstTries:
 
     Args:
         world: where plans are executed.
-        agent: the agent that plans.
+        agent: the agent that plans; with its stored sensations, for predictions without practice.
 
     Attributes:
         agent: the agent without memory.
-        gate: held by whoever needs the world before the next try.
     """
 
     def __init__(self, world: World, agent: Agent):
         self.agent = agent.recalling(RehearsalMemory.blank(agent.representation))
-        self.gate = Lock()
         self._world = world
         self._pilot = Pilot(self.agent, world)
+        self._pilot.get_ready()
+        self._balls = _Balls.of(world)
 
     def first(self, start: int, goal: int) -> tuple[FirstTry, Try] | None:
         """The first try of a pair; None if no way is found."""
@@ -102,21 +97,24 @@ class FirstTries:
         except NoWayError:
             return None
         world, motion, representation = self._world, query.motion, self.agent.representation
-        execution, log = execute(world, motion)
-        known = self.agent.judge(execution)
-        targets = representation.target_sensations
+        unpractised = self._pilot.motion(query.unpractised)
+        blind, _ = self._pilot.execute(unpractised, practised=False)
+        execution, log = self._pilot.execute(motion)
         predicted = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
         predicted &= motion.predicted_spread > 0
+        progress = progress_along(
+            motion.s, representation.scaled(motion.q), representation.scaled(execution.q_measured)
+        )
         first = FirstTry(
             start=start,
             goal=goal,
+            unpractised=self._without_dynamics(unpractised),
+            unpractised_executed=self.score(blind),
+            planned=self._without_dynamics(motion),
+            executed=self.score(execution),
             query_s=query.seconds,
             jerk_reduction=query.jerk_reduction,
             num_slides=len(query.agent.memory.slides.ends),
-            contact_straight=contact_along(world, query.straight),
-            planned=score_motion(motion, world.probe.sensations(motion.q), targets),
-            executed=score_motion(motion, execution.felt, targets),
-            first=(known.contact, known.reached),
             tracking=np.square(execution.q_measured - motion.q).mean(axis=0),
             limit_shares=limit_shares(
                 motion.time_s,
@@ -132,23 +130,18 @@ class FirstTries:
             impossible_planned=_impossible(world, motion.q),
             impossible_executed=_impossible(world, log.q_steps),
             tip_jerk_planned=_tip_jerk(world, motion, motion.s, motion.q),
-            tip_jerk_measured=_tip_jerk(
-                world,
-                motion,
-                progress_along(
-                    motion.s,
-                    representation.scaled(motion.q),
-                    representation.scaled(execution.q_measured),
-                ),
-                execution.q_measured,
-            ),
+            tip_jerk_measured=_tip_jerk(world, motion, progress, execution.q_measured),
             off_skin_s=self.off_skin_s(execution),
         )
-        return first, known
+        return first, self.agent.judge(execution)
 
-    @cached_property
-    def _balls(self) -> _Balls | None:
-        return _Balls.of(self._world)
+    def score(self, execution: Execution) -> MotionScore:
+        """An execution, scored as it was felt."""
+        return score_motion(execution.motion, execution.felt, self.agent.representation)
+
+    def _without_dynamics(self, motion: Motion) -> MotionScore:
+        felt = self._world.probe.sensations(motion.q)
+        return score_motion(motion, felt, self.agent.representation)
 
     def off_skin_s(self, execution: Execution) -> float | None:
         """s, off every skin by more than a ball's radius; None if not only balls touch."""
@@ -182,14 +175,6 @@ class _Balls:
         )
         off = off_skin(p_LT, self.radius, self.walls) & motion.touching
         return float(np.sum(off[:-1] * np.diff(motion.time_s)))
-
-
-def contact_along(world: World, plan: Plan) -> float:
-    """Share of the path with expected contact on which something is felt."""
-    length = plan.waypoint_s[-1]
-    s = np.linspace(0.0, length, max(2, int(length / _SAMPLED)))
-    expected = touching(plan.waypoint_s, plan.in_air, s)
-    return float(np.mean(world.probe.sensations(plan.path(s[expected])).any(axis=1)))
 
 
 def _impossible(world: World, q: np.ndarray) -> int:

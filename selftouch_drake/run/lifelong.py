@@ -129,5 +129,5 @@ class _Biography:
             surprise=np.array(means, dtype=float),
             changed=np.array([c for c in self._changes if c < self._taken], dtype=int),
             noticed=np.array([one.row + 1 for one in self.life.noticed], dtype=int),
-            mended=np.array([one.mended_at for one in self.life.noticed], dtype=int),
+            mended=np.array([one.explained_at for one in self.life.noticed], dtype=int),
         )

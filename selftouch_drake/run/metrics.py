@@ -133,7 +133,7 @@ _TILES = {
     "parts_found": ("parts", "pieces of the body that no touch joins; one skin is one part"),
     "topology_betti": (
         "components, loops, voids",
-        "1, 0, 1 is one closed surface without handles, 1, 2, 1 a torus",
+        "1, 0, 1 is one closed surface without handles, 1, 2, 1 a torus, 1, 1, 0 a closed line",
     ),
     "topology_betti_by_part": (
         "components, loops, voids by part",
@@ -142,6 +142,10 @@ _TILES = {
     "intrinsic_dimension": (
         "dimension",
         "number of directions in which one can move on the body; a surface has 2",
+    ),
+    "embedding_dimension": (
+        "dimension of space",
+        "number of dimensions that the recovered body needs: a flat body 2, others 3",
     ),
 }
 _MOTIONS = {

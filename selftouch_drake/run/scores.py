@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections import defaultdict
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,6 @@ from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.shape import SHAPE_METRICS, Body, recover
 from selftouch_drake.evaluation import (
     KernelTruth,
-    PartOnSkin,
     TruePart,
     count_touches,
     coverage,
@@ -19,14 +19,13 @@ from selftouch_drake.evaluation import (
     kernel_truth,
     neighbour_agreement,
     parts_on_skins,
-    shape_errors,
+    shape_rms_fraction,
     surface_distances,
     touch_density,
     true_parts,
     trustworthiness,
 )
 from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 
@@ -69,8 +68,7 @@ def score_body(
         **part_metrics(body, parts, several=_several(run, body)),
         "kernel_spread_median_m": float(np.median(truth.spread)),
         "kernel_spread_worst_m": float(truth.spread.max()),
-        **_shape_metrics(world, representation, truth, bodies, body.metric),
-        **_distance_metrics(fields, representation, truth, bodies, body.metric),
+        **_place_metrics(world, representation, truth, bodies, body.metric),
     }
 
 
@@ -91,10 +89,16 @@ def found_metrics(run: RunDirectory, body: Body) -> Metrics:
     metrics["embedding_fourth_eigenvalue"] = max(
         part.embedding.fourth_eigenvalue for part in body.parts
     )
+    by_part: dict[str, list[Any]] = {
+        "topology_betti": betti,
+        "intrinsic_dimension": dimensions,
+        "skin_dimension": [part.skin for part in body.parts],
+        "embedding_dimension": [part.space for part in body.parts],
+    }
     if _several(run, body):
-        metrics |= {"topology_betti_by_part": betti, "intrinsic_dimension_by_part": dimensions}
+        metrics |= {f"{name}_by_part": values for name, values in by_part.items()}
     else:
-        metrics |= {"topology_betti": betti[0], "intrinsic_dimension": dimensions[0]}
+        metrics |= {name: values[0] for name, values in by_part.items()}
     return {key: value for key, value in metrics.items() if value is not None}
 
 
@@ -131,9 +135,8 @@ def _several(run: RunDirectory, body: Body) -> bool:
 def _by_other_metrics(
     run: RunDirectory, representation: QuotientRepresentation, chosen: str
 ) -> dict[str, Body]:
-    asked = run.experiment.evaluation.shape_metrics
-    if asked is None:
-        asked = [name for name, metric in SHAPE_METRICS.items() if metric.naive]
+    wanted = run.experiment.evaluation.shape_metrics
+    asked = SHAPE_METRICS if wanted is None else wanted
     seed = run.experiment.seed
     return {
         name: recover(representation, name, seed=seed, holes=False)
@@ -142,93 +145,49 @@ def _by_other_metrics(
     }
 
 
-def _shape_metrics(
+def _place_metrics(
     world: World,
     representation: QuotientRepresentation,
     truth: KernelTruth,
     bodies: dict[str, Body],
     chosen: str,
 ) -> Metrics:
-    part = representation.part
+    """Scores of the recovered places: the mean of all skins, each weighted by its kernels."""
     on_surface = truth.on_surface([skin.fields for skin in world.skins])
-    errors = {name: shape_errors(body.positions, part, truth) for name, body in bodies.items()}
-    sizes = {entry.skin: len(entry.kernels) for entry in parts_on_skins(part, truth)}
-
-    def over_skins(found: dict[int, float]) -> float:
-        return _weighted([(error, sizes[skin]) for skin, error in found.items()])
-
-    mean = {name: over_skins(found) for name, found in errors.items() if found}
-    near = [
-        (
-            neighbour_agreement(
-                representation.set_distance[np.ix_(entry.kernels, entry.kernels)],
-                truth.positions[entry.kernels],
-            ),
-            len(entry.kernels),
-        )
-        for entry in parts_on_skins(part, truth)
-    ]
-    metrics: Metrics = {"neighbour_agreement": _weighted(near)} if near else {}
-    from_surface = shape_errors(bodies[chosen].positions, part, on_surface)
-    for key, found in (("shape", errors[chosen]), ("surface", from_surface)):
-        if found:
-            metrics[f"{key}_rms_fraction"] = over_skins(found)
-        if len(world.skins) > 1:
-            metrics[f"{key}_rms_fraction_by_skin"] = {
-                world.skins[skin].name: error for skin, error in found.items()
-            }
-    return metrics | {"shape_rms_fraction_by_metric": mean}
-
-
-def _distance_metrics(
-    fields: Sequence[ReceptiveFields],
-    representation: QuotientRepresentation,
-    truth: KernelTruth,
-    bodies: dict[str, Body],
-    chosen: str,
-) -> Metrics:
-    entries = [
-        entry
-        for entry in parts_on_skins(representation.part, truth)
-        if len(entry.kernels) >= _LEAST_FOR_RANKS
-    ]
-    if not entries:
-        return {}
-    true = [
-        surface_distances(
-            fields[entry.skin].vertices, fields[entry.skin].faces, truth.positions[entry.kernels]
-        )
-        for entry in entries
-    ]
-
-    def mean(score: Callable[[np.ndarray, np.ndarray], float], body: Body) -> float:
-        """Of all skins, each weighing as much as it has kernels."""
-        return _weighted(
-            [
-                (score(_along(body, entry), distances), len(entry.kernels))
-                for entry, distances in zip(entries, true, strict=True)
-            ]
-        )
-
-    by_metric = {
-        name: mean(lambda found, true: distance_distortion(found, true).median, body)
-        for name, body in bodies.items()
+    size: dict[str, int] = {}
+    # By metric of `metrics.json` and shape metric, then by skin.
+    of: dict[tuple[str, str], dict[str, float]] = defaultdict(dict)
+    for entry in parts_on_skins(representation.part, truth):
+        skin, here = world.skins[entry.skin], entry.kernels
+        place, size[skin.name] = truth.positions[here], len(here)
+        near = representation.set_distance[np.ix_(here, here)]
+        of["neighbour_agreement", chosen][skin.name] = neighbour_agreement(near, place)
+        # Not enough kernels for ranks give no distances.
+        true = None
+        if len(here) >= _LEAST_FOR_RANKS:
+            true = surface_distances(skin.fields.vertices, skin.fields.faces, place)
+        for name, body in bodies.items():
+            if np.isfinite(body.positions[here]).all():
+                for key, known in (("shape", truth), ("surface", on_surface)):
+                    error = shape_rms_fraction(body.positions[here], known.positions[here])
+                    of[f"{key}_rms_fraction", name][skin.name] = error
+            if true is not None:
+                along = body.distances[np.ix_(here, here)]
+                off = distance_distortion(along, true)
+                of["trustworthiness", name][skin.name] = trustworthiness(along, true)
+                of["continuity", name][skin.name] = trustworthiness(true, along)
+                of["distance_distortion_median_fraction", name][skin.name] = off.median
+                of["distance_distortion_p95_fraction", name][skin.name] = off.p95
+    mean = {
+        key: float(np.average([*found.values()], weights=[size[skin] for skin in found]))
+        for key, found in of.items()
     }
-    return {
-        "trustworthiness": mean(trustworthiness, bodies[chosen]),
-        "continuity": mean(lambda found, true: trustworthiness(true, found), bodies[chosen]),
-        "distance_distortion_median_fraction": by_metric[chosen],
-        "distance_distortion_p95_fraction": mean(
-            lambda found, true: distance_distortion(found, true).p95, bodies[chosen]
-        ),
-        "distance_distortion_median_fraction_by_metric": by_metric,
-    }
-
-
-def _along(body: Body, entry: PartOnSkin) -> np.ndarray:
-    return body.distances[np.ix_(entry.kernels, entry.kernels)]
-
-
-def _weighted(values: Sequence[tuple[float, int]]) -> float:
-    numbers, weights = zip(*values, strict=True)
-    return float(np.average(numbers, weights=weights))
+    metrics: Metrics = {key: score for (key, name), score in mean.items() if name == chosen}
+    for key in ("shape_rms_fraction", "distance_distortion_median_fraction"):
+        if by_metric := {name: mean[key, name] for name in bodies if (key, name) in mean}:
+            metrics[f"{key}_by_metric"] = by_metric
+    if len(world.skins) > 1:
+        for key in ("shape_rms_fraction", "surface_rms_fraction"):
+            if by_skin := of.get((key, chosen)):
+                metrics[f"{key}_by_skin"] = by_skin
+    return metrics

@@ -9,25 +9,26 @@ from __future__ import annotations
 
 import shutil
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from typing import TYPE_CHECKING, Any
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
+from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.rehearsal import Try, best
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experience import (
     ExperienceReader,
-    WalkCounts,
     collect,
     how_to_collect,
     require_complete,
 )
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import World
-from selftouch_drake.run import acting
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import (
     load_agent,
@@ -39,7 +40,7 @@ from selftouch_drake.run.artifacts import (
     save_plan,
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.executors import InTurn, Shared, shared
+from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.imported import timed, write_trajectory
 from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.run.naming import free_start
@@ -49,16 +50,7 @@ from selftouch_drake.run.touches import (
     warn_of_changes,
     warn_of_untouched,
 )
-from selftouch_drake.run.worlds import (
-    as_text,
-    build_world,
-    keep_skins,
-    known_world,
-    make_world,
-)
-
-if TYPE_CHECKING:
-    from selftouch_drake.agent.shape import Body
+from selftouch_drake.run.worlds import build_world, keep_world, make_world
 
 __all__ = [
     "Progress",
@@ -66,6 +58,7 @@ __all__ = [
     "build_world",
     "evaluate",
     "execute",
+    "get_ready",
     "has_babbled",
     "has_evaluated",
     "has_learned",
@@ -77,6 +70,9 @@ __all__ = [
     "rehearse",
     "silent",
 ]
+
+# Enough to plan a step, and learned in a second.
+_READY_TOUCHES, _READY_TARGETS = 1000, 50
 
 #: Called with the fraction of the stage that is done and what it is doing.
 Progress = Callable[[float, str], None]
@@ -91,6 +87,12 @@ def babble(
 ) -> None:
     """Collects the experience of the run; stored walks are kept.
 
+    Args:
+        run: the run.
+        world: its world.
+        executor: where random walks are made; an agent that explores does so in this process.
+        progress: called with the fraction done and what is done.
+
     Warns:
         NeverTouchedWarning: a skin was never touched, or a toucher never touched anything.
     """
@@ -102,7 +104,7 @@ def babble(
         surfaces[f"{skin.name}_faces"] = skin.fields.faces
         surfaces[f"{skin.name}_p_LS"] = skin.fields.p_LS
     save_arrays(run.skin, surfaces | run.body_stamp())
-    keep_skins(run, world)
+    keep_world(run, world)
     wanted, stored = run.experiment.babbling.num_samples, 0
 
     def count(num_rows: int) -> None:
@@ -110,20 +112,22 @@ def babble(
         stored += num_rows
         progress(stored / wanted, f"{stored:,} of {wanted:,} touches")
 
-    gather: Callable[..., WalkCounts] = collect
+    fingerprint = run.fingerprint()
     if run.experiment.babbling.strategy == "active":
         # Other stages need not wait for its imports.
-        from selftouch_drake.exploration import explore
+        from selftouch_drake.exploration import Exploration, explore
 
-        gather = explore
-    counts = gather(
-        run.experiment,
-        run.path,
-        fingerprint=run.fingerprint(),
-        executor=executor,
-        progress=count,
-        world=world,
-    )
+        exploration = Exploration(run.experiment, world=world)
+        counts = explore(exploration, run.path, fingerprint=fingerprint, progress=count)
+    else:
+        counts = collect(
+            run.experiment,
+            run.path,
+            fingerprint=fingerprint,
+            executor=executor,
+            progress=count,
+            world=world,
+        )
     wall = time.perf_counter() - began
     median, largest = force_metrics(run)
     by_skin, by_toucher = touch_counts(run, world.robot)
@@ -193,6 +197,21 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     )
     progress(1.0, "learned")
     return representation
+
+
+def get_ready(run: RunDirectory) -> None:
+    """Has a worker do everything that `evaluate` needs once, in small.
+
+    Then numba has compiled it, while this worker has nothing else to do.
+    """
+    world = make_world(run)
+    sensation, q = next(ExperienceReader(run.experience).touches())
+    num_touches = min(len(q), _READY_TOUCHES)
+    with suppress(ValueError), warnings.catch_warnings():  # there may be no way
+        warnings.simplefilter("ignore")
+        agent = Agent.learn(q[:num_touches], sensation[:num_touches], num_targets=_READY_TARGETS)
+        pilot = Pilot(agent, world)
+        pilot.execute(pilot.plan(*agent.representation.edges[0].tolist()).motion)
 
 
 def _forget_learning(run: RunDirectory) -> None:
@@ -269,7 +288,7 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     """
     agent = load_agent(run)
     _require_targets(run, targets)
-    execution, _ = acting.execute(world, load_motion(run, *targets))
+    execution, _ = Pilot(agent, world).execute(load_motion(run, *targets))
     save_plan(run, execution, *targets)
     return agent.judge(execution)
 
@@ -306,21 +325,21 @@ def evaluate(
         ChildProcessError: a process of the executor was killed.
         StoreError: the truth is missing or incomplete.
     """
-    from selftouch_drake.run.trial_metrics import trial_metrics, trial_table
-    from selftouch_drake.run.trials import try_pairs
+    from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
 
-    agent = load_agent(run)
+    # Damaged files are refused before the long work.
+    load_body(run, load_representation(run))
     require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
-    run.metrics()  # refuses a damaged file before the long work
-    body = load_body(run, agent.representation)
-    executor, known = executor or InTurn(), (run, world, agent.representation, body)
-    with shared(known, _known_elsewhere, *as_text(run)) as needed:
-        scores = executor.submit(_score_body, needed)
-        trials, without_way = try_pairs(
-            run, world, agent, lambda fraction, doing: progress(0.9 * fraction, doing), executor
-        )
-        progress(0.9, "against the truth")
-        run.add_metrics(scores.result())
+    run.metrics()
+    agent = load_agent(run, predicts=True)
+    keep_world(run, world)
+    executor = executor or InTurn()
+    scores = executor.submit(_score_body, run)
+    trials, without_way = try_pairs(
+        run, world, agent, lambda fraction, doing: progress(0.9 * fraction, doing), executor
+    )
+    progress(0.9, "against the truth")
+    run.add_metrics(scores.result())
     if trials:
         save_arrays(run.trials, trial_table(trials) | run.stamp())
     run.add_metrics(
@@ -329,19 +348,11 @@ def evaluate(
     progress(1.0, "evaluated")
 
 
-_Known = tuple[RunDirectory, World, QuotientRepresentation, "Body"]
-
-
-def _score_body(needed: Shared[_Known]) -> dict[str, Any]:
+def _score_body(run: RunDirectory) -> dict[str, Any]:
     from selftouch_drake.run.scores import score_body
 
-    return score_body(*needed.value)
-
-
-def _known_elsewhere(path: str, text: str) -> _Known:
-    run, world = known_world(path, text)
     representation = load_representation(run)
-    return run, world, representation, load_body(run, representation)
+    return score_body(run, make_world(run), representation, load_body(run, representation))
 
 
 def has_babbled(run: RunDirectory) -> bool:

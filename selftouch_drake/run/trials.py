@@ -7,27 +7,26 @@ order, because each remembers the earlier ones. Only the parts of their scores s
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import closing
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.rehearsal import Try, best
-from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.experience.collect import WORLD_LOCK
-from selftouch_drake.experiment import Experiment
+from selftouch_drake.evaluation import MotionScore, calibration, random_pairs, summarise
+from selftouch_drake.files import content_digest
 from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent, save_plan
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.executors import InTurn, Shared, shared
+from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.first_tries import FirstTries, FirstTry
-from selftouch_drake.run.worlds import as_text, known_world
+from selftouch_drake.run.worlds import make_world
+from selftouch_drake.threads import OncePerThread
 
 # First tries that may wait for the rehearsals of earlier pairs.
 _MOST_AHEAD = 8
@@ -38,15 +37,14 @@ class Trial(FirstTry):
     """The result of one pair of start and goal, with the rehearsal that follows the first try.
 
     Attributes:
-        remembering: the agent's judgement of the first try with the memory of the rehearsals of all
-            pairs before.
-        kept: of the best try.
+        remembering: the first try with the memory of the rehearsals of all pairs before.
+        kept: the best try.
         num_tries: of the rehearsal.
         off_skin_kept_s: as `off_skin_s`, for the best try.
     """
 
-    remembering: tuple[float, bool]
-    kept: tuple[float, bool]
+    remembering: MotionScore
+    kept: MotionScore
     num_tries: int
     off_skin_kept_s: float | None
 
@@ -67,7 +65,7 @@ def try_pairs(
     Args:
         run: where the plans are kept.
         world: where they are executed.
-        agent: the agent that plans.
+        agent: the agent that plans, with its stored sensations.
         progress: called with the fraction done and the current task.
         executor: where first tries are made; by default here, one after another. Other processes
             load the agent from the run.
@@ -78,14 +76,12 @@ def try_pairs(
     Raises:
         ChildProcessError: a process of the executor was killed.
     """
-    tries = FirstTries(world, agent)
+    tries, learned = FirstTries(world, agent), content_digest(run.representation)
+    _tries.keep(tries, run, learned)
     rehearsing, max_tries = Pilot(tries.agent, world), run.experiment.execution.max_tries
     pairs = random_pairs(run.experiment, agent.representation)
     trials, without_way = list[Trial](), list[tuple[int, int]]()
-    with (
-        shared(tries, _tries_elsewhere, *as_text(run)) as needed,
-        closing(_in_order(partial(_first_try, needed), pairs, executor or InTurn())) as found,
-    ):
+    with closing(_in_order(run, learned, pairs, executor or InTurn())) as found:
         for number, (start, goal) in enumerate(pairs):
             progress(number / len(pairs), f"sensation {start} to {goal}")
             if (result := next(found)) is None:
@@ -93,32 +89,29 @@ def try_pairs(
                 continue
             first, known = result
             save_plan(run, known.execution, start, goal)
-            with tries.gate, WORLD_LOCK:
-                rehearsed = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
+            rehearsed = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
             rehearsed = rehearsed or [known]
-            kept = best(rehearsed)
+            kept = best(rehearsed).execution
             trials.append(
                 Trial(
                     **vars(first),
-                    remembering=_judgement(rehearsed[0]),
-                    kept=_judgement(kept),
+                    remembering=tries.score(rehearsed[0].execution),
+                    kept=tries.score(kept),
                     num_tries=len(rehearsed),
-                    off_skin_kept_s=tries.off_skin_s(kept.execution),
+                    off_skin_kept_s=tries.off_skin_s(kept),
                 )
             )
     return trials, without_way
 
 
 def _in_order(
-    job: Callable[[tuple[int, int]], Any],
-    pairs: Sequence[tuple[int, int]],
-    executor: Executor,
-) -> Generator[Any, None, None]:
-    """Yields the result of each pair; the executor works on a few pairs ahead."""
+    run: RunDirectory, learned: str, pairs: Sequence[tuple[int, int]], executor: Executor
+) -> Generator[tuple[FirstTry, Try] | None, None, None]:
+    """Yields the first try of each pair; the executor works on a few pairs ahead."""
     ahead = deque[Future[Any]]()
     try:
         for pair in pairs:
-            ahead.append(executor.submit(job, pair))
+            ahead.append(executor.submit(_first_try, run, learned, *pair))
             if len(ahead) > _MOST_AHEAD:
                 yield ahead.popleft().result()
         while ahead:
@@ -132,39 +125,97 @@ def _in_order(
             future.cancel()
 
 
-def _first_try(needed: Shared[FirstTries], pair: tuple[int, int]) -> tuple[FirstTry, Try] | None:
-    tries = needed.value
-    # A rehearsal that waits for the world goes first.
-    with tries.gate:
-        pass
-    with WORLD_LOCK:
-        return tries.first(*pair)
+def _first_try(
+    run: RunDirectory, learned: str, start: int, goal: int
+) -> tuple[FirstTry, Try] | None:
+    return _tries(run, learned).first(start, goal)
 
 
-def _tries_elsewhere(path: str, text: str) -> FirstTries:
-    run, world = known_world(path, text)
-    return FirstTries(world, load_agent(run))
+@OncePerThread
+def _tries(run: RunDirectory, learned: str) -> FirstTries:
+    """First tries of the agent of a run; `learned` identifies what it learned."""
+    return FirstTries(make_world(run), load_agent(run, predicts=True))
 
 
-def random_pairs(
-    experiment: Experiment, representation: QuotientRepresentation
-) -> list[tuple[int, int]]:
-    """Pairs of start and goal for the trials, drawn from the seed without repetition.
+def trial_metrics(trials: Sequence[Trial], turns: np.ndarray) -> dict[str, Any]:
+    """Metrics of trials.
 
-    Both are on one part of the body that was recovered: no touch leads from part to part.
+    Args:
+        trials: one or more.
+        turns: `(J,)` bool, whether the unit of a joint is the radian, not the metre.
     """
-    num_targets, part = representation.num_targets, representation.part
-    random = np.random.default_rng(experiment.random_stream("pairs"))
-    # The goals of a start are all kernels but itself.
-    column, start = np.arange(num_targets - 1), np.arange(num_targets)[:, None]
-    goals = column + (column >= start)
-    within = (part[goals] == part[start]) & (part[start] < representation.num_parts)
-    codes = np.flatnonzero(within)
-    wanted = min(experiment.evaluation.num_pairs, len(codes))
-    chosen = codes[random.choice(len(codes), size=wanted, replace=False)]
-    starts = chosen // (num_targets - 1)
-    return list(zip(starts.tolist(), goals.ravel()[chosen].tolist(), strict=True))
+    if not trials:
+        return {}
+    query_ms = 1e3 * np.array([trial.query_s for trial in trials])
+    tracking = np.mean([trial.tracking for trial in trials], axis=0)
+    within = calibration([trial.error for trial in trials], [trial.spread for trial in trials])
+    metrics: dict[str, Any] = {
+        **summarise([trial.unpractised for trial in trials], "unpractised"),
+        **summarise([trial.unpractised_executed for trial in trials], "unpractised_execution"),
+        "planning_num_pairs": len(trials),
+        **summarise([trial.planned for trial in trials], "planning"),
+        "planning_num_slides": sum(trial.num_slides for trial in trials),
+        "planning_impossible_postures": sum(trial.impossible_planned for trial in trials),
+        "planning_jerk_reduction": float(np.median([trial.jerk_reduction for trial in trials])),
+        "planning_fingertip_jerk_reduction": _median(t.tip_jerk_planned for t in trials),
+        "planning_query_ms_median": float(np.median(query_ms)),
+        "planning_query_ms_p95": float(np.percentile(query_ms, 95)),
+        "execution_num_pairs": len(trials),
+        **summarise([trial.executed for trial in trials], "execution"),
+        "execution_impossible_postures": sum(trial.impossible_executed for trial in trials),
+        "execution_tracking_rms_rad": _root_mean(tracking[turns]),
+        "execution_tracking_rms_m": _root_mean(tracking[~turns]),
+        **{f"execution_prediction_within_{100 * s:.0f}": held for s, held in within.items()},
+        "execution_force_max_N": max(trial.force for trial in trials),
+        **{
+            f"execution_{kind}_of_limit": max(trial.limit_shares[kind] for trial in trials)
+            for kind in trials[0].limit_shares
+        },
+        "execution_time_off_skin_s": _sum(trial.off_skin_s for trial in trials),
+        "execution_fingertip_jerk_reduction": _median(t.tip_jerk_measured for t in trials),
+        "rehearsal_first_try_contact_mean": float(np.mean([t.remembering.contact for t in trials])),
+        **summarise([trial.kept for trial in trials], "rehearsal"),
+        "rehearsal_tries_mean": float(np.mean([trial.num_tries for trial in trials])),
+        "rehearsal_time_off_skin_s": _sum(trial.off_skin_kept_s for trial in trials),
+    }
+    return {key: value for key, value in metrics.items() if value is not None}
 
 
-def _judgement(one: Try) -> tuple[float, bool]:
-    return one.contact, one.reached
+def trial_table(trials: Sequence[Trial]) -> dict[str, np.ndarray]:
+    """The results of N pairs in the order of their trials, as a file stores them.
+
+    Returns:
+        `pairs` `(N, 2)`; shares of the time in contact `(N,)`: `contact_unpractised` of
+        the plan before practice, `contact_naive` at the first try without memory,
+        `contact_remembering` at the first try with the memory of the rehearsals of all pairs
+        before, `contact_kept` at the best; whether the goal was reached, under the same names with
+        `reached`; `num_tries` `(N,)` of the rehearsal; `prediction_error` `(N,)` of the first try
+        without memory.
+    """
+    of = {
+        "unpractised": [trial.unpractised_executed for trial in trials],
+        "naive": [trial.executed for trial in trials],
+        "remembering": [trial.remembering for trial in trials],
+        "kept": [trial.kept for trial in trials],
+    }
+    return {
+        "pairs": np.array([(trial.start, trial.goal) for trial in trials]),
+        **{f"contact_{name}": np.array([s.contact for s in scores]) for name, scores in of.items()},
+        **{f"reached_{name}": np.array([s.reached for s in scores]) for name, scores in of.items()},
+        "num_tries": np.array([trial.num_tries for trial in trials]),
+        "prediction_error": np.array([trial.executed.prediction_error for trial in trials]),
+    }
+
+
+def _root_mean(squares: np.ndarray) -> float | None:
+    return float(np.sqrt(squares.mean())) if squares.size else None
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(np.median(known)) if known else None
+
+
+def _sum(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(sum(known)) if known else None

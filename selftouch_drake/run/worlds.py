@@ -7,15 +7,9 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
-import yaml
 
-from selftouch_drake.experience.collect import kept_world
-from selftouch_drake.experiment import (
-    Experiment,
-    ExperimentError,
-    dump_experiment,
-    experiment_from_fields,
-)
+from selftouch_drake.experience.collect import world_of
+from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.robot.skins import ARRAYS, SkinModel, make_skins
@@ -60,19 +54,25 @@ def build_world(experiment: Experiment, make_skins: MakeSkins = make_skins) -> W
 
 
 def make_world(run: RunDirectory) -> World:
-    """The world of a run, which keeps its skins for the next time.
+    """The world of a run: the same for all calls from one thread, until another is asked for.
+
+    The run keeps its skins for other processes and later commands.
 
     Raises:
         RunError: a model was edited since the start of the run.
         ValueError: as `build_world`.
     """
     run.require_models()
-    return build_world(run.experiment, partial(_kept_skins, run))
+    known = run.experiment, run.fingerprint()
+    if not world_of.knows(*known):
+        world_of.keep(build_world(run.experiment, partial(_kept_skins, run)), *known)
+    return world_of(*known)
 
 
-def keep_skins(run: RunDirectory, world: World) -> None:
-    """Keeps the skins of a world for other processes and later commands."""
+def keep_world(run: RunDirectory, world: World) -> None:
+    """Makes `world` the one that `make_world` returns; its skins are kept for other processes."""
     _kept_skins(run, run.experiment, lambda _: world.skins)
+    world_of.keep(world, run.experiment, run.fingerprint())
 
 
 def _kept_skins(
@@ -102,14 +102,3 @@ def _program() -> str:
     package = Path(__file__).parents[1]
     files = sorted(f for room in ("geometry", "robot") for f in (package / room).glob("*.py"))
     return " ".join(content_digest(file) for file in files)
-
-
-def as_text(run: RunDirectory) -> tuple[str, str]:
-    """A run for another process: its path and its experiment, which may differ from the stored."""
-    return str(run.path.resolve()), dump_experiment(run.experiment)
-
-
-def known_world(path: str, text: str) -> tuple[RunDirectory, World]:
-    """The run of `as_text` and its world, built once per process."""
-    run = RunDirectory(Path(path), experiment_from_fields(yaml.safe_load(text)))
-    return run, kept_world(text, run.experiment, lambda _: make_world(run))

@@ -1,15 +1,14 @@
 """Everything for people: figures and the report (page), recordings and live play (meshcat)."""
 
-from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
 from selftouch_drake.show.meshcat.life_page import LifePage, show_life
 from selftouch_drake.show.meshcat.live import LiveShow, play_live
-from selftouch_drake.show.meshcat.recording_page import recording_page
+from selftouch_drake.show.meshcat.recording import recording_page
 from selftouch_drake.show.meshcat.robot_page import show_robot
-from selftouch_drake.show.meshcat.server import open_meshcat
 from selftouch_drake.show.meshcat.skin_visualizer import SkinVisualizer
+from selftouch_drake.show.meshcat.stage import FeelingRobot, open_meshcat
 from selftouch_drake.show.page.figures import FIGURES, draw_figure
 from selftouch_drake.show.page.posture_picture import PostureCamera
-from selftouch_drake.show.page.report import Picture, Playback, report_page
+from selftouch_drake.show.page.report import report_page
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.run_data import MissingError, NoSurfaceError, RunData, TouchSample
@@ -22,8 +21,6 @@ __all__ = [
     "LiveShow",
     "MissingError",
     "NoSurfaceError",
-    "Picture",
-    "Playback",
     "PostureCamera",
     "RecoveredSkin",
     "RobotShape",

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Executor
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +13,13 @@ from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.executors import InTurn, Shared, shared
-from selftouch_drake.run.worlds import as_text, known_world, require_robot
+from selftouch_drake.run.lifelong import live
+from selftouch_drake.run.worlds import require_robot
 from selftouch_drake.show.meshcat.life_page import show_life
 from selftouch_drake.show.meshcat.live import play_live
-from selftouch_drake.show.meshcat.recording_page import recording_page
-from selftouch_drake.show.page import figures
-from selftouch_drake.show.page.report import Picture, Playback, report_page
+from selftouch_drake.show.meshcat.recording import recording_page
+from selftouch_drake.show.page.figures import FIGURES, draw_figure
+from selftouch_drake.show.page.report import report_page
 from selftouch_drake.show.run_data import MissingError, RunData
 
 # Called with the fraction done and what is being drawn.
@@ -38,8 +36,7 @@ def write_figures(
     *,
     world: World | None = None,
     vector: bool = False,
-    skipped: Callable[[str, str], None] = lambda name, reason: None,
-) -> list[Path]:
+) -> dict[str, Path | str]:
     """Draws the figures whose data exist into the run's `figures` folder.
 
     Args:
@@ -47,47 +44,28 @@ def write_figures(
         progress: called with the fraction done and what is being drawn.
         world: its world, if it was built already.
         vector: whether to write each as PDF as well, for papers.
-        skipped: called with the name of each figure that cannot be drawn, and the reason.
 
     Returns:
-        The PNG files written, in the order of the paper.
+        The PNG file of each figure, in the order of the paper, or why it cannot be drawn.
 
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
     data = RunData(run, world)
     data.require_sound()
-    drawn = _draw_figures(data, progress, vector=vector, executor=InTurn())
-    for name, result in drawn.items():
-        if isinstance(result, str):
-            skipped(name, result)
-    return [result for result in drawn.values() if isinstance(result, Path)]
+    return _draw_figures(data, progress, vector=vector)
 
 
-def _draw_figures(
-    data: RunData, progress: Progress, *, vector: bool, executor: Executor
-) -> dict[str, Path | str]:
-    """The file of each figure, in the order of the paper, or why it cannot be drawn."""
-    run, drawn = data.run, dict[str, Path | str]()
-    run.figures.mkdir(exist_ok=True)
-    with shared(data, _elsewhere, *as_text(run)) as needed:
-        results = executor.map(partial(_draw_figure, needed, vector), figures.FIGURES)
-        for number, name in enumerate(figures.FIGURES):
-            progress(number / len(figures.FIGURES), name.replace("_", " "))
-            drawn[name] = next(results)
+def _draw_figures(data: RunData, progress: Progress, *, vector: bool) -> dict[str, Path | str]:
+    drawn = dict[str, Path | str]()
+    data.run.figures.mkdir(exist_ok=True)
+    for number, name in enumerate(FIGURES):
+        progress(number / len(FIGURES), name.replace("_", " "))
+        try:
+            drawn[name] = draw_figure(data, data.run.figures, name, vector=vector)
+        except MissingError as reason:
+            drawn[name] = str(reason)
     return drawn
-
-
-def _draw_figure(needed: Shared[RunData], vector: bool, name: str) -> Path | str:
-    data = needed.value
-    try:
-        return figures.draw_figure(data, data.run.figures, name, vector=vector)
-    except MissingError as reason:
-        return str(reason)
-
-
-def _elsewhere(path: str, text: str) -> RunData:
-    return RunData(*known_world(path, text))
 
 
 def write_recording(
@@ -119,7 +97,6 @@ def write_report(
     *,
     world: World | None = None,
     vector: bool = False,
-    executor: Executor | None = None,
 ) -> Path:
     """Draws the figures and the recording of a run, and writes its `report.html`.
 
@@ -128,30 +105,22 @@ def write_report(
         progress: called with the fraction done and what is being drawn.
         world: its world, if it was built already.
         vector: whether to write the figures as PDF as well.
-        executor: where figures are drawn; by default in this process, one after another.
 
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
     data = RunData(run, world)
     data.require_sound()
-    drawn = _draw_figures(
-        data,
-        lambda fraction, doing: progress(0.7 * fraction, doing),
-        vector=vector,
-        executor=executor or InTurn(),
+    pictures = _draw_figures(
+        data, lambda fraction, doing: progress(0.7 * fraction, doing), vector=vector
     )
-    pictures = {
-        name: Picture(missing=result) if isinstance(result, str) else Picture.of(result)
-        for name, result in drawn.items()
-    }
     progress(0.7, "recording")
+    recording: Path | str = run.playback
     try:
         write_text_whole(run.playback, recording_page(data, data.shown_pair))
-        recording = Playback(file=run.playback.name)
     except MissingError as reason:
         run.playback.unlink(missing_ok=True)
-        recording = Playback(missing=str(reason))
+        recording = str(reason)
     progress(0.9, "report")
     write_text_whole(run.report, report_page(data, pictures, recording))
     progress(1.0, "reported")
@@ -171,8 +140,6 @@ def show_live(
     Raises:
         ValueError: the run has not babbled, or the port is taken.
     """
-    from selftouch_drake.run.lifelong import live  # needed here alone
-
     show_life(lambda page: live(run, page), port=port, announce=announce)
 
 
@@ -194,6 +161,7 @@ def play(
     agent = load_agent(run)
     data = RunData(run)
     pilot = Pilot(agent, data.world)
+    pilot.get_ready()
 
     def motion_from(q_start: np.ndarray, felt: np.ndarray, goal: int) -> Motion:
         return pilot.plan_feeling(q_start, felt, goal).motion

@@ -7,10 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_surface
+from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_line, fitted_surface
 from selftouch_drake.evaluation import KernelTruth, align
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.skins import SkinSurface, all_moved, as_one
+
+# Radius of the tube that a line is drawn as, as a share of its extent, and its sides.
+_TUBE, _SIDES = 0.008, 8
 
 # Smallest share of a part's kernels with which a skin belongs to the part.
 _LEAST_SHARE = 0.05
@@ -23,10 +26,12 @@ class RecoveredSkin:
     Attributes:
         part: its number among the parts.
         skins: numbers of the skins that it is on, the one with the most kernels first.
-        places: `(N, 3)` m, its kernels and then the pieces of wide ones, with the skins at home.
+        places: `(N, 3)` m, its kernels and then the pieces of wide ones, with the skins at home; of
+            a line also the corners of the tube that it is drawn as.
         num_kernels: n of them.
-        faces: `(F, 3)` indices into `places`, the fitted surface, outward.
+        faces: `(F, 3)` indices into `places`, the fitted surface or tube, outward.
         closed: whether the surface has no rim.
+        is_line: whether the skin is a line, and not a surface.
     """
 
     part: int
@@ -35,6 +40,7 @@ class RecoveredSkin:
     num_kernels: int
     faces: np.ndarray
     closed: bool
+    is_line: bool = False
 
     @property
     def positions(self) -> np.ndarray:
@@ -61,7 +67,7 @@ def laid_on_skins(
         home: `(skins, 3, 4)` poses of their links in the posture in which they are drawn.
 
     Returns:
-        The parts that a surface goes through.
+        The parts that a surface or a line goes through.
     """
     parts = []
     at_home = as_one(all_moved(skins, home))
@@ -70,7 +76,9 @@ def laid_on_skins(
         faces = _faces(part)
         if len(faces):
             places = align(part.positions, true[part.kernels], part.places)
-            closed = _is_closed(part)
+            closed = part.skin == 1 or _is_closed(part)
+            if part.skin == 1:
+                places, faces = _tube(places, faces)
             parts.append(
                 RecoveredSkin(
                     part=number,
@@ -79,6 +87,7 @@ def laid_on_skins(
                     num_kernels=len(part.kernels),
                     faces=_outward(places, faces, None if closed else at_home),
                     closed=closed,
+                    is_line=part.skin == 1,
                 )
             )
     return tuple(parts)
@@ -94,9 +103,24 @@ def _is_closed(part: RecoveredPart) -> bool:
 
 
 def _faces(part: RecoveredPart) -> np.ndarray:
+    """`(F, 3)` triangles of a surface, or `(E, 2)` steps of a line."""
     if part.topology is None:
         return np.zeros((0, 3), dtype=int)
-    return fitted_surface(part.places, part.topology)
+    return (fitted_line if part.skin == 1 else fitted_surface)(part.places, part.topology)
+
+
+def _tube(places: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`(N, 3)` places and `(F, 3)` triangles of a thin tube around `(E, 2)` steps between some."""
+    start, end = places[steps].swapaxes(0, 1)
+    radius = _TUBE * np.ptp(places, axis=0).max()
+    tubes = [
+        trimesh.creation.cylinder(radius, segment=segment, sections=_SIDES)
+        for segment in np.stack([start, end], axis=1)
+    ]
+    first = len(places) + np.cumsum([0, *(len(tube.vertices) for tube in tubes[:-1])])
+    faces = [tube.faces + number for tube, number in zip(tubes, first, strict=True)]
+    corners = [tube.vertices for tube in tubes]
+    return np.concatenate([places, *corners]), np.concatenate(faces)
 
 
 def _outward(places: np.ndarray, faces: np.ndarray, skin: SkinSurface | None) -> np.ndarray:

@@ -61,7 +61,8 @@ def _numbers(table: pa.Table) -> list[Row]:
             )
             for key, number in entries.items():
                 if isinstance(number, (int, float)) and math.isfinite(number):
-                    numbers[key] = number
+                    # Yes and no become 1 and 0, which have quantiles.
+                    numbers[key] = float(number)
         rows.append(numbers)
     return rows
 

@@ -27,10 +27,10 @@ from selftouch_drake.experiment import Experiment, dump_experiment, experiment_f
 from selftouch_drake.files import require_writable, write_text_whole
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.fingerprint import learning_fingerprint
 from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.sweep.design import Sweep
-from selftouch_drake.threads import Threads
 
 _HEADER = "# A sweep of selftouch_drake, format 1\n"
 
@@ -253,8 +253,8 @@ def _babble(first: RunDirectory, *others: RunDirectory) -> None:
     # A run that has babbled already shares its experience with the others.
     donor = next((run for run in (first, *others) if stages.has_babbled(run)), first)
     if not stages.has_babbled(donor):
-        with donor.writing(), Threads(1) as executor:
-            stages.babble(donor, stages.make_world(donor), executor)
+        with donor.writing():
+            stages.babble(donor, stages.make_world(donor), InTurn())
     for run in (first, *others):
         if not stages.has_babbled(run):
             shards = sorted(p for f in ("truth", "experience") for p in (donor.path / f).iterdir())

@@ -31,7 +31,25 @@ def on_tube(rng: np.random.Generator, num_points: int) -> np.ndarray:
     return np.stack([np.cos(turn), np.sin(turn), z], axis=1)
 
 
-SHAPES = {"sphere": on_sphere, "cap": on_cap, "tube": on_tube}
+def on_ring(rng: np.random.Generator, num_points: int) -> np.ndarray:
+    """A line: a circle in a tilted plane."""
+    turn = rng.uniform(-np.pi, np.pi, num_points)
+    return np.stack([np.cos(turn), 0.8 * np.sin(turn), 0.6 * np.sin(turn)], axis=1)
+
+
+def on_square(rng: np.random.Generator, num_points: int) -> np.ndarray:
+    """A flat patch, tilted in space."""
+    x, y = rng.uniform(-1.2, 1.2, (2, num_points))
+    return np.stack([x, 0.8 * y, 0.6 * y], axis=1)
+
+
+SHAPES = {
+    "sphere": on_sphere,
+    "cap": on_cap,
+    "tube": on_tube,
+    "ring": on_ring,
+    "square": on_square,
+}
 
 
 def receptors(shape: str, num: int) -> np.ndarray:

@@ -10,7 +10,6 @@ from selftouch_drake.agent.rehearsal import (
     Try,
     best,
     judge,
-    rehearse,
 )
 from selftouch_drake.agent.representation import QuotientRepresentation
 
@@ -118,31 +117,6 @@ def test_penalties_grow_and_stay_finite():
     assert twice.link_penalty[0] == 8.0**6
 
 
-def remembered(one, memory):
-    return memory.after(one.lost_links)
-
-
-def test_tries_end_at_the_first_perfect_one():
-    scripted = iter([tried(0.9, [1]), tried(0.95, [1, 2]), tried(1.0), tried(1.0)])
-    asked = []
-
-    def attempt(memory):
-        asked.append(memory.link_penalty.tolist())
-        return next(scripted)
-
-    tries, memory = rehearse(attempt, remembered, RehearsalMemory.blank(CHAIN), max_tries=6)
-    assert [one.contact for one in tries] == [0.9, 0.95, 1.0]
-    assert asked == [[1.0, 1.0, 1.0], [1.0, 8.0, 1.0], [1.0, 64.0, 8.0]]
-    assert memory.link_penalty.tolist() == [1.0, 64.0, 8.0]
-    assert memory.num_tries == 3
-
-
-def test_tries_end_at_the_most_tries():
-    blank = RehearsalMemory.blank(CHAIN)
-    tries, _ = rehearse(lambda _: tried(0.5), remembered, blank, max_tries=2)
-    assert len(tries) == 2
-
-
 def test_the_best_try_reaches_its_goal_and_keeps_contact():
     early, late = tried(0.9), tried(0.9)
     assert best([tried(1.0, reached=False), early, tried(0.8), late]) is early
@@ -216,8 +190,3 @@ def test_a_damaged_memory_is_refused(name, array, message):
     del arrays[name]
     with pytest.raises(ValueError, match=f"^{name} is missing$"):
         RehearsalMemory.from_arrays(arrays, CHAIN)
-
-
-def test_no_try_is_refused():
-    with pytest.raises(ValueError, match=r"^max_tries is 0: give at least 1$"):
-        rehearse(lambda _: tried(1.0), remembered, RehearsalMemory.blank(CHAIN), max_tries=0)

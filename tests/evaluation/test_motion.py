@@ -1,3 +1,5 @@
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -17,7 +19,7 @@ from selftouch_drake.evaluation import (
 )
 from selftouch_drake.geometry import hollow_skin, sphere, wall_points
 
-TARGETS = np.eye(3)
+KNOWN = SimpleNamespace(target_sensations=np.eye(3), num_set_aside=0)
 
 
 def motion(predicted, *, goal=2, in_air=(False, False, False)):
@@ -43,19 +45,19 @@ FELT = np.array([[2.0, 0, 0], [0, 0, 0], [0, 3.0, 0], [0, 0, 1.0]])
 
 def test_a_motion_is_scored_by_what_was_felt():
     predicted = np.array([[1.0, 0, 0], [1.0, 0, 0], [0, 0, 1.0], [0, 0, 5.0]])
-    score = score_motion(motion(predicted), FELT, TARGETS)
+    score = score_motion(motion(predicted), FELT, KNOWN)
     assert (score.contact, score.reached) == (0.75, True)
     assert score.prediction_error == pytest.approx(1 / 3)
-    assert not score_motion(motion(predicted, goal=1), FELT, TARGETS).reached
+    assert not score_motion(motion(predicted, goal=1), FELT, KNOWN).reached
 
 
 def test_a_motion_that_ends_off_the_skin_reached_nothing():
     felt = np.array([[1.0, 0, 0]] * 3 + [[0, 0, 0]])
-    assert not score_motion(motion(np.ones((4, 3)), goal=0), felt, TARGETS).reached
+    assert not score_motion(motion(np.ones((4, 3)), goal=0), felt, KNOWN).reached
 
 
 def test_a_motion_that_never_touches_predicted_nothing():
-    score = score_motion(motion(np.ones((4, 3)), goal=0), np.zeros((4, 3)), TARGETS)
+    score = score_motion(motion(np.ones((4, 3)), goal=0), np.zeros((4, 3)), KNOWN)
     assert (score.contact, score.reached, score.prediction_error) == (0.0, False, 1.0)
 
 
@@ -63,28 +65,27 @@ def test_what_happens_in_the_air_does_not_count():
     predicted = np.array([[1.0, 0, 0], [0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]])
     # The second step lifts off and lands: the instant at its start is in the air.
     flown = motion(predicted, in_air=(False, True, False))
-    score = score_motion(flown, FELT, TARGETS)
+    score = score_motion(flown, FELT, KNOWN)
     assert (score.contact, score.reached, score.prediction_error) == (1.0, True, 0.0)
     # What is felt there, where nothing was expected, is no error of the prediction.
     brushed = FELT.copy()
     brushed[1] = [0, 0, 9.0]
-    assert score_motion(flown, brushed, TARGETS) == score
+    assert score_motion(flown, brushed, KNOWN) == score
     # Where it lands it is held to its word.
     missed = FELT.copy()
     missed[2] = 0.0
-    assert score_motion(flown, missed, TARGETS).contact == pytest.approx(2 / 3)
+    assert score_motion(flown, missed, KNOWN).contact == pytest.approx(2 / 3)
     # At the end touch is expected, even of the last step.
     landed = motion(predicted, in_air=(True, True, True))
-    assert score_motion(landed, np.zeros((4, 3)), TARGETS).contact == 0.0
-    assert score_motion(landed, FELT, TARGETS).contact == 1.0
+    assert score_motion(landed, np.zeros((4, 3)), KNOWN).contact == 0.0
+    assert score_motion(landed, FELT, KNOWN).contact == 1.0
 
 
 def test_the_summary_reports_the_mean_and_the_worst():
     felt = np.array([[1.0, 0, 0], [0, 1.0, 0]] * 2)
     lost = felt * [[1.0], [0.0], [1.0], [0.0]]
-    scores = [score_motion(motion(felt, goal=1), f, TARGETS) for f in (felt, lost)]
+    scores = [score_motion(motion(felt, goal=1), f, KNOWN) for f in (felt, lost)]
     assert summarise(scores, "execution") == {
-        "execution_num_pairs": 2,
         "execution_reach_rate": 0.5,
         "execution_contact_mean": 0.75,
         "execution_contact_worst": 0.5,
@@ -169,6 +170,12 @@ def test_spatial_jerk_compares_paths_and_not_their_speed():
     corners = np.stack([np.interp(dense, np.arange(4.0), w) for w in waypoints_q.T], axis=1)
     same = spatial_jerk_reduction(dense, to_space(corners), waypoints_q, np.arange(4.0), to_space)
     assert same == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_robot_that_does_not_move_has_no_jerk():
+    waypoints_q, at_rest = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]]), np.zeros(50)
+    path = np.zeros((50, 3))
+    assert spatial_jerk_reduction(at_rest, path, waypoints_q, np.arange(3.0), np.asarray) is None
 
 
 def test_an_arm_that_lags_behind_has_come_less_far():

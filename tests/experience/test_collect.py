@@ -1,3 +1,4 @@
+import dataclasses
 import multiprocessing
 import sys
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
@@ -259,7 +260,8 @@ def test_a_dynamic_walk_is_sampled_evenly_and_felt_where_it_is(experiment, probe
 
 def test_a_body_that_is_never_touched_is_reported(experiment, source, probe, monkeypatch):
     monkeypatch.setattr(collect_module, "PATIENCE", 10_000)
-    monkeypatch.setattr(experiment.babbling, "step_size", 1e-9)
+    still = dataclasses.replace(experiment.babbling, step_size=1e-9)
+    experiment = dataclasses.replace(experiment, babbling=still)
     # The walk hardly moves, and this one starts away from the body.
     away = next(w for w in range(20) if not probe.sensations(_first(probe, experiment, w)).any())
     with pytest.raises(NeverTouchesError) as error:

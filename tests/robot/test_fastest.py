@@ -1,13 +1,14 @@
 import numpy as np
 import pytest
+from pydrake.math import BsplineBasis
 from pydrake.multibody.optimization import Toppra
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
+from pydrake.trajectories import BsplineTrajectory
 from scipy.interpolate import BSpline
 
 from selftouch_drake.agent.planning import smooth_path
 from selftouch_drake.robot.fastest import fastest_progress
-from selftouch_drake.robot.timing import to_drake
 
 VELOCITY = np.array([1.0, 1.5, 2.0])
 ACCELERATION = np.array([4.0, 5.0, 6.0])
@@ -34,7 +35,8 @@ def toppra_duration(path):
         plant.AddJoint(RevoluteJoint(f"joint_{joint}", *frames, np.array([0.0, 0.0, 1.0])))
         parent = body
     plant.Finalize()
-    drake_path = to_drake(path)
+    basis = BsplineBasis(path.k + 1, path.t.tolist())
+    drake_path = BsplineTrajectory(basis, [point[:, None] for point in path.c])
     toppra = Toppra(drake_path, plant, grid(path, 0.01))
     toppra.AddJointVelocityLimit(-VELOCITY, VELOCITY)
     toppra.AddJointAccelerationLimit(-ACCELERATION, ACCELERATION)

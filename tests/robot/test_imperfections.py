@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from selftouch_drake.experience import random_walk
 from selftouch_drake.experience.sources import DynamicSource
-from selftouch_drake.experiment import Experiment, Imperfections, JointSettings
+from selftouch_drake.experiment import Imperfections, JointSettings, load_experiment
 from selftouch_drake.robot import ImperfectSkin, ImperfectSkins, Simulation, World
 from selftouch_drake.robot.imperfections import standard_noise
 from selftouch_drake.robot.joints import remembered, slip
@@ -252,10 +252,10 @@ def test_a_late_skin_reads_what_was_felt_before(two_arms):
 
 
 def test_joints_are_remembered_with_noise_and_slip_once():
-    exact = Experiment()
+    exact = load_experiment("sphere")
     assert remembered(exact, Q) is Q
     np.testing.assert_array_equal(slip(exact, 6), 0)
-    loose = Experiment(joints=JointSettings(noise=0.01, offset=0.02))
+    loose = dataclasses.replace(exact, joints=JointSettings(noise=0.01, offset=0.02))
     error = remembered(loose, Q) - Q
     assert remembered(loose, Q).dtype == np.float32
     assert 0.009 < error.std() < 0.011

@@ -163,55 +163,26 @@ def test_a_robot_whose_joints_slipped_goes_astray_by_as_much(name):
     np.testing.assert_allclose(simulation.q_commanded, q[0])
 
 
-def test_joints_have_not_slipped_while_babbling(cube_world):
-    experiment = dataclasses.replace(cube_world.experiment, joints=JointSettings(offset=0.1))
-    simulation = Simulation(experiment, cube_world.skins, babbles=True)
-    walk = random_walk(experiment, cube_world.robot, 0)
-    first = random_walk(experiment, cube_world.robot, 0).steps(1)[0]
-    simulation.babble(walk)
-    np.testing.assert_allclose(simulation.q, first)
-
-
 @pytest.mark.parametrize("name", ["cube", "turning_body", "gantry", "two_arms"])
-def test_a_robot_babbles_along_its_walk(name):
+def test_a_robot_is_led_along_a_walk(name):
     world = robots.shipped(name)
     experiment = dataclasses.replace(
         world.experiment, babbling=dataclasses.replace(world.experiment.babbling, step_size=0.05)
     )
-    simulation = Simulation(experiment, world.skins, log_period=0.02, babbles=True)
-    simulation.babble(random_walk(experiment, world.robot, 0))
-    simulation.advance_to(2.0)
+    steps = random_walk(experiment, world.robot, 0).steps(21)
+    times = experiment.babbling.step_duration * np.arange(21)
+    simulation = Simulation(experiment, world.skins, log_period=0.02)
+    simulation.rest_at(steps[0])
+    simulation.take_log()
+    simulation.lead_through(steps[1:], times[1:])
     log = simulation.take_log()
     # The first sample is that of the first step of time: where a walk begins was not walked to.
     np.testing.assert_allclose(log.time_s, 0.02 * np.arange(1, 101), atol=1e-9)
-    steps = random_walk(experiment, world.robot, 0).steps(21)
-    period = experiment.babbling.step_duration
-    times = period * np.arange(21)
     followed = np.stack([np.interp(log.time_s, times, joint) for joint in steps.T], axis=1)
     free = ~log.felt.any(axis=1)
     # It lags behind by some of a step, and less than two.
     assert np.abs(log.q - followed)[free].max() < 3 * 0.05
     assert np.sqrt(np.mean(np.square(log.q - followed)[free])) < 0.05
-
-
-def test_a_walk_begins_anew(cube_world):
-    simulation = Simulation(cube_world.experiment, cube_world.skins, babbles=True)
-    logs = []
-    for walk in (0, 1, 0):
-        simulation.babble(random_walk(cube_world.experiment, cube_world.robot, walk))
-        simulation.advance_to(0.5)
-        logs.append(simulation.take_log())
-    np.testing.assert_array_equal(logs[0].q, logs[2].q)
-    assert not np.array_equal(logs[0].q, logs[1].q)
-
-
-def test_a_simulation_either_babbles_or_follows_paths(cube_world):
-    babbles = Simulation(cube_world.experiment, cube_world.skins, babbles=True)
-    with pytest.raises(TypeError, match=r"^this simulation babbles; make one with babbles=False$"):
-        babbles.rest_at(np.zeros(6))
-    message = r"^this simulation follows paths; make one with babbles=True$"
-    with pytest.raises(TypeError, match=message):
-        cube_world.simulation.babble(random_walk(cube_world.experiment, cube_world.robot, 0))
 
 
 def test_joints_are_led_on_from_where_they_are_commanded_to_be(world):

@@ -214,7 +214,7 @@ def test_models_and_skins_come_from_one_file(tmp_path):
         (None, "cannot be read as YAML: "),
         ("[1]", "is not a mapping; write `skins:` and skins by name"),
         ("skin: {}", "skins is {}; give at least one skin"),
-        ("skins: {a: {}}\nplace: 3", "skins.a.link is ''; give the link that wears the skin"),
+        ("skins: {a: {}}\nplace: 3", "skins.a.link is missing"),
         (
             "skins: {a: {link: lower, surface: collision}}\nplace: 3",
             "unknown key place in FILE; known are directives, skins",

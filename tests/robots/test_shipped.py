@@ -26,6 +26,7 @@ ROBOTS = {
     "sphere": Shipped(6, 1, (2, 6)),
     "turning_body": Shipped(9, 1, (2, 5)),
     "gantry": Shipped(5, 1, (4, 7)),
+    "planar": Shipped(3, 1, (2, 5)),
     "two_arms": Shipped(12, 3, (2, 5)),
     "infant": Shipped(14, 6, (4, 8)),
 }

@@ -1,15 +1,18 @@
 """Plans, tours, free starts and rehearsals of a small run, from Python and the command line."""
 
 import dataclasses
+import itertools
 import re
 import shutil
 
 import numpy as np
 import pytest
 
+from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.agent.rehearsal import RehearsalMemory, best
 from selftouch_drake.cli import main
+from selftouch_drake.evaluation import random_pairs
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
@@ -29,15 +32,14 @@ from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.executors import local_executor
 from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.run.naming import free_start
-from selftouch_drake.run.trial_metrics import trial_metrics, trial_table
-from selftouch_drake.run.trials import random_pairs, try_pairs
+from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
 from selftouch_drake.threads import Threads
 
 SMALL = {
     "babbling": {"num_samples": 3000, "walk_size": 1500},
     "representation": {"num_targets": 60, "metric": "motor"},
     "execution": {"max_tries": 3},
-    "evaluation": {"num_pairs": 2},
+    "evaluation": {"num_pairs": 2, "shape_metrics": []},
 }
 LIMITS = "q_start[1] is -1.5: give a position within the limits of the joint, -1 to 2.6"
 
@@ -110,6 +112,24 @@ def test_the_touch_servo_holds_a_touch_that_is_lost_without_it(run, world):
     assert pilot.execute(motion)[0].contact == 1.0
 
 
+def test_the_experiment_switches_the_touch_servo_on(run, capsys):
+    """The joints slip after babbling: what was learned leads beside the skin."""
+    output_of(capsys, "plan", run.path, "--from", 39, "--to", 42)
+    file = run.path / "experiment.yaml"
+    slipped = file.read_text().replace("  offset: 0.0", "  offset: 0.06")
+    for how in ((), ("--rehearse", 1)):
+        contact = []
+        for servo in ("false", "true"):
+            file.write_text(slipped.replace("touch_servo: false", f"touch_servo: {servo}"))
+            run.rehearsal.unlink(missing_ok=True)
+            words = ("execute", run.path, "--from", 39, "--to", 42, *how)
+            status, out, err = output_of(capsys, *words)
+            assert (status, err) == (0, "")
+            contact.append(float(re.search(r"in contact: ([0-9.]+)%", out)[1]))
+        assert contact[0] < 70.0
+        assert contact[1] > 90.0
+
+
 def test_plans_keep_the_limits_of_each_joint(run):
     world = World(run.experiment)
     slow = np.array([1.0, 0.2, 1.0, 1.0, 1.0, 1.0])
@@ -157,6 +177,22 @@ def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):
     kept = load_agent(run).judge(load_execution(run, 3, 20))
     assert (kept.reached, kept.contact) == (best(tries).reached, best(tries).contact)
     assert (kept.reached, kept.contact) >= (tries[0].reached, tries[0].contact)
+
+
+def test_tries_end_at_the_first_perfect_one_or_at_the_most(run, world, monkeypatch):
+    pilot, judge, scripted = Pilot(load_agent(run), world), Agent.judge, [0.9, 0.95, 1.0, 1.0]
+
+    def judged(agent, execution):
+        contact = scripted.pop(0)
+        return dataclasses.replace(judge(agent, execution), contact=contact, reached=True)
+
+    monkeypatch.setattr(Agent, "judge", judged)
+    assert [one.contact for one in pilot.rehearse(3, 20, max_tries=6)] == [0.9, 0.95, 1.0]
+    assert pilot.agent.memory.num_tries == 3
+    scripted[:] = [0.5, 0.5, 0.5]
+    assert len(pilot.rehearse(3, 20, max_tries=2)) == 2
+    with pytest.raises(ValueError, match=r"^max_tries is 0: give at least 1$"):
+        pilot.rehearse(3, 20, max_tries=0)
 
 
 def test_later_plans_keep_off_what_rehearsals_lost(run, world):
@@ -234,15 +270,22 @@ def test_stored_pairs_are_those_of_two_targets(run, world):
     np.testing.assert_array_equal(load_motion(run, 12, 3).nodes[[0, -1]], [12, 3])
 
 
+def with_pairs(run, num_pairs):
+    """The run with another number of pairs in its experiment."""
+    evaluation = dataclasses.replace(run.experiment.evaluation, num_pairs=num_pairs)
+    experiment = dataclasses.replace(run.experiment, evaluation=evaluation)
+    return dataclasses.replace(run, experiment=experiment)
+
+
 def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
     """Numbers of the pairs that the seed draws; they must not change."""
-    run.experiment.evaluation.num_pairs = 30
+    run = with_pairs(run, 30)
     representation = representation_of(run)
     random = np.random.default_rng(run.experiment.random_stream("pairs"))
     codes = random.choice(60 * 59, size=30, replace=False)
     expected = [(int(c // 59), int(c % 59 + (c % 59 >= c // 59))) for c in codes]
     assert random_pairs(run.experiment, representation) == expected
-    run.experiment.evaluation.num_pairs = 10_000
+    run = with_pairs(run, 10_000)
     everything = random_pairs(run.experiment, representation)
     assert len(set(everything)) == len(everything) == 60 * 59
 
@@ -250,7 +293,7 @@ def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
 def test_evaluation_in_another_process_gives_the_same(run, world, tmp_path):
     other = RunDirectory.open(shutil.copytree(run.path, tmp_path / "other"))
     stages.evaluate(run, world)
-    with local_executor(1) as process:
+    with local_executor(2) as process:
         stages.evaluate(other, world, executor=process)
     pairs = stored_pairs(run)
     assert len(pairs) == 2
@@ -278,13 +321,19 @@ def test_a_plan_needs_nothing_that_is_kept(run, world):
 
 
 def test_trials_score_first_tries_and_rehearsals(run, world):
-    agent = load_agent(run)
+    agent = load_agent(run, predicts=True)
     # What was rehearsed before does not count: the figures are the same every time.
     agent = agent.recalling(agent.memory.after(np.arange(20)))
     trials, _ = try_pairs(run, world, agent, stages.silent)
     figures = trial_metrics(trials, world.robot.turns)
     assert set(figures) <= {metric.key for metric in METRICS}
     assert figures["execution_num_pairs"] == 2
+    # Practice repairs what the agent plans.
+    assert figures["unpractised_contact_mean"] < figures["planning_contact_mean"]
+    assert figures["unpractised_contact_worst"] <= figures["unpractised_contact_mean"]
+    assert figures["unpractised_prediction_error_mean"] > figures["planning_prediction_error_mean"]
+    assert figures["unpractised_execution_contact_mean"] < figures["execution_contact_mean"]
+    assert figures["unpractised_execution_reach_rate"] <= figures["execution_reach_rate"]
     assert figures["rehearsal_contact_mean"] >= figures["execution_contact_mean"]
     assert figures["rehearsal_contact_worst"] >= figures["execution_contact_worst"]
     assert figures["rehearsal_reach_rate"] >= figures["execution_reach_rate"]
@@ -314,6 +363,36 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
     assert np.sqrt(parts / 6) == pytest.approx(figures["execution_tracking_rms_rad"])
 
 
+def test_before_practice_the_agent_has_followed_nothing(run, world, monkeypatch):
+    agent = load_agent(run, predicts=True)
+    query = Pilot(agent, world).plan(3, 41)
+    blind = agent.tour([3, 41], q_start=Pilot(agent, world).start_of(3, 41))
+    np.testing.assert_array_equal(query.unpractised.waypoints_q, blind.waypoints_q)
+    # Its prediction asks no world: it is what the agent knows from stored touches.
+    monkeypatch.setattr(world.probe, "sensations", None)
+    motion = Pilot(agent, world).motion(query.unpractised)
+    expected = agent.predict(blind, motion.s)
+    np.testing.assert_array_equal(motion.predicted, expected.sensation)
+
+
+def test_a_robot_that_does_not_move_costs_its_pair_alone(run, world, monkeypatch):
+    """Its measured path has no jerk to compare; all else is scored."""
+    execute, number = world.simulation.execute, itertools.count()
+
+    def stuck(*motion):
+        log = execute(*motion)
+        return dataclasses.replace(log, q=log.q[:1] + 0 * log.q) if next(number) < 2 else log
+
+    monkeypatch.setattr(world.simulation, "execute", stuck)
+    run.experiment.execution.max_tries = 1
+    trials, _ = try_pairs(run, world, load_agent(run), stages.silent)
+    assert [one.tip_jerk_measured is None for one in trials] == [True, False]
+    moved = trials[1].tip_jerk_measured
+    figures = trial_metrics(trials, world.robot.turns)
+    assert figures["execution_fingertip_jerk_reduction"] == moved
+    assert "execution_fingertip_jerk_reduction" not in trial_metrics(trials[:1], world.robot.turns)
+
+
 def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, monkeypatch):
     steps = []
 
@@ -324,7 +403,7 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
         return np.where(np.arange(len(q)) < 5, 0.01, 0.0)
 
     monkeypatch.setattr(world.probe, "collision_depth", depth)
-    run.experiment.evaluation.num_pairs = 1
+    run = with_pairs(run, 1)
     trials, _ = try_pairs(run, world, load_agent(run), stages.silent)
     figures = trial_metrics(trials, world.robot.turns)
     assert figures["planning_impossible_postures"] == 5

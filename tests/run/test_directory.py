@@ -1,3 +1,4 @@
+import dataclasses
 import json
 import os
 import shutil
@@ -78,7 +79,8 @@ def test_another_experiment_is_refused_by_the_field_that_differs(run, overrides,
 def test_another_order_of_skins_is_refused(tmp_path):
     experiment = load_experiment("two_arms")
     RunDirectory.create(tmp_path / "run", experiment)
-    experiment.skins = dict(reversed(experiment.skins.items()))
+    other = dict(reversed(experiment.skins.items()))
+    experiment = dataclasses.replace(experiment, skins=other)
     with pytest.raises(RunError, match=r"was begun with the order of skins \['body', 'left_for"):
         RunDirectory.create(tmp_path / "run", experiment)
 
@@ -247,7 +249,8 @@ def test_the_fingerprint_is_of_what_decides_the_experience(run, tmp_path):
 def test_the_order_of_skins_counts(tmp_path):
     experiment = load_experiment("two_arms")
     before = RunDirectory(tmp_path, experiment).fingerprint()
-    experiment.skins = dict(reversed(experiment.skins.items()))
+    other = dict(reversed(experiment.skins.items()))
+    experiment = dataclasses.replace(experiment, skins=other)
     assert RunDirectory(tmp_path, experiment).fingerprint() != before
 
 
@@ -291,7 +294,8 @@ def test_models_count_by_content_and_not_by_place(models, tmp_path):
     folder, experiment = models
     before = RunDirectory(tmp_path, experiment).fingerprint()
     folder.rename(tmp_path / "moved")
-    experiment.robot.packages = {"mine": str(tmp_path / "moved")}
+    robot = dataclasses.replace(experiment.robot, packages={"mine": str(tmp_path / "moved")})
+    experiment = dataclasses.replace(experiment, robot=robot)
     assert RunDirectory(tmp_path, experiment).fingerprint() == before
     arm = tmp_path / "moved" / "arm.sdf"
     arm.write_text(arm.read_text().replace("<!--", "<!-- ", 1))

@@ -1,76 +1,53 @@
-"""Walks run in this process first, and in others if there is much work."""
+"""Calls run in this process or in others, and each thread keeps what it made."""
 
 import os
-import time
+from concurrent.futures import wait
 
 import pytest
 
-from selftouch_drake.run import executors
-from selftouch_drake.run.executors import HereAndInProcesses, InTurn, local_executor, shared
-
-
-def slow_process(seconds):
-    time.sleep(seconds)
-    return os.getpid()
-
-
-def test_what_is_little_is_done_here():
-    with HereAndInProcesses(2) as executor:
-        assert set(executor.map(slow_process, [0.0] * 20)) == {os.getpid()}
+from selftouch_drake.run.executors import InTurn, local_executor
+from selftouch_drake.threads import OncePerThread, Threads
 
 
 def test_one_worker_is_this_process():
-    with HereAndInProcesses(1) as executor:
-        assert set(executor.map(slow_process, [0.0] * 3)) == {os.getpid()}
+    with local_executor(1) as executor:
+        assert executor.submit(os.getpid).result() == os.getpid()
 
 
-def test_others_join_in_where_there_is_much_to_do(monkeypatch):
-    monkeypatch.setattr(executors, "_HEAD_START_S", 0.0)
-    monkeypatch.setattr(executors, "_start", os.getpid)
-    with HereAndInProcesses(2) as executor:
-        calls = [executor.submit(slow_process, 0.1)]
-        while len({call.result() for call in calls}) < 2:
-            assert len(calls) < 3000
-            calls += [executor.submit(slow_process, 0.05) for _ in range(4)]
-    assert os.getpid() in {call.result() for call in calls}
+def test_more_workers_are_other_processes():
+    with local_executor(2) as executor:
+        assert executor.submit(os.getpid).result() != os.getpid()
 
 
-def test_the_end_does_not_wait_for_processes_that_start(monkeypatch):
-    monkeypatch.setattr(executors, "_HEAD_START_S", 3600.0)
-    with HereAndInProcesses(2) as executor:
-        executor.submit(slow_process, 0.0)
-        executor.submit(slow_process, 0.0)
-
-
-def test_errors_come_back():
-    with HereAndInProcesses(2) as executor, pytest.raises(ZeroDivisionError):
-        executor.submit(divmod, 1, 0).result()
-
-
-def test_calls_in_turn_wait_until_their_results_are_asked_for():
+def test_calls_in_turn_are_made_at_once_or_when_their_results_are_asked_for():
     said = []
-    first, second = (InTurn().submit(said.append, number) for number in (1, 2))
-    assert said == []
-    second.result()
-    first.result()
-    first.result()
-    assert said == [2, 1]
+    calls = [InTurn().submit(said.append, number) for number in (1, 2)]
+    assert said == [1, 2]
+    assert wait(calls).not_done == set()
+    results = InTurn().map(said.append, (3, 4))
+    assert said == [1, 2]
+    next(results)
+    assert said == [1, 2, 3]
     with pytest.raises(ZeroDivisionError):
         InTurn().submit(divmod, 1, 0).result()
 
 
-def value_of(needed):
-    return needed.value
+def test_each_thread_keeps_what_it_made_last():
+    made = []
 
+    @OncePerThread
+    def thing(name):
+        made.append(name)
+        return [name]
 
-def made(text):
-    return f"{text} made in {os.getpid()}"
-
-
-def test_what_cannot_be_pickled_is_made_again_in_another_process():
-    here = lambda: None  # noqa: E731 - cannot be pickled
-    with shared(here, made, "world") as needed, local_executor(1) as process:
-        assert needed.value is here
-        elsewhere, again = (process.submit(value_of, needed).result() for _ in range(2))
-    assert elsewhere == again != made("world")
-    assert elsewhere.startswith("world made in")
+    first = thing("a")
+    assert thing("a") is first
+    with Threads(1) as other:
+        assert other.submit(thing, "a").result() is not first
+    assert thing("a") is first
+    thing("b")
+    assert thing("a") is not first
+    assert made == ["a", "a", "b", "a"]
+    thing.keep(first, "c")
+    assert thing.knows("c")
+    assert thing("c") is first

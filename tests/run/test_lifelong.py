@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from selftouch_drake import exploration
 from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.agent.lifelong import life as life_module
 from selftouch_drake.evaluation.life import LifeCurves
-from selftouch_drake.experiment import dump_experiment, load_experiment
+from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.exploration import Exploration
 from selftouch_drake.files import load_arrays
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
@@ -96,7 +97,9 @@ def test_an_active_life_goes_on_in_a_changed_body(tmp_path, monkeypatch):
     assert (curves.noticed > 1000).all()
     assert np.isfinite(curves.surprise[-1])
     # It is the life of the agent that explored.
-    explorer = exploration._life(dump_experiment(run.experiment), str(run.path.resolve()))
+    explorer = Exploration(run.experiment)
+    for sensation, q in ExperienceReader(run.experience).touches():
+        explorer.remember(q, sensation)
     surprise = [block.mean() for block in explorer.mind.surprise]
     assert np.array_equal(surprise, curves.surprise, equal_nan=True)
     assert np.array_equal(live(run).surprise, curves.surprise, equal_nan=True)

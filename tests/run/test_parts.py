@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from selftouch_drake.evaluation import TruePart
+from selftouch_drake.evaluation import TruePart, random_pairs
 from selftouch_drake.experience import Contacts, Shard, write_shard
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays
@@ -14,7 +14,6 @@ from selftouch_drake.run import scores, stages
 from selftouch_drake.run.artifacts import load_body, load_representation
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.metrics import METRICS, headline, readings
-from selftouch_drake.run.trials import random_pairs
 
 PER_SKIN = (1500, 600, 600)
 SKINS = ("body", "left_forearm", "right_forearm")

@@ -46,7 +46,7 @@ def reported(tmp_path_factory) -> RunDirectory:
         return meshcat
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("selftouch_drake.show.meshcat.server.Meshcat", opened)
+        patch.setattr("selftouch_drake.show.meshcat.stage.Meshcat", opened)
         write_report(run)
     assert dict(mpl.rcParams) == style, "drawing changed matplotlib's own settings"
     assert not any(map(_served, ports)), "the Meshcat server was left open"

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -36,17 +38,17 @@ def test_figures_have_shades_or_colours(images, name):
 
 def test_the_same_run_gives_the_same_bytes(reported, monkeypatch):
     some = {name: FIGURES[name] for name in ("quotient_graph", "body_shape")}
-    monkeypatch.setattr("selftouch_drake.show.page.figures.FIGURES", some)
+    monkeypatch.setattr("selftouch_drake.show.outputs.FIGURES", some)
     before = (reported.figures / "body_shape.png").read_bytes()
     written = write_figures(reported)
-    assert [path.stem for path in written] == ["quotient_graph", "body_shape"]
-    assert written[1].read_bytes() == before
+    assert list(written) == ["quotient_graph", "body_shape"]
+    assert written["body_shape"].read_bytes() == before
 
 
 def test_a_vector_file_keeps_letters_and_is_small(make_run, monkeypatch):
     run = make_run("planned")
     some = {"plan_path": FIGURES["plan_path"]}
-    monkeypatch.setattr("selftouch_drake.show.page.figures.FIGURES", some)
+    monkeypatch.setattr("selftouch_drake.show.outputs.FIGURES", some)
     write_figures(run, vector=True)
     pdf = run.figures / "plan_path.pdf"
     first = pdf.read_bytes()
@@ -70,11 +72,11 @@ def test_a_vector_file_keeps_letters_and_is_small(make_run, monkeypatch):
     ],
 )
 def test_what_is_missing_is_skipped_with_a_reason(make_run, unrendered, stage, drawn):
-    run, skipped = make_run(stage), {}
-    written = write_figures(run, skipped=skipped.__setitem__)
-    assert [path.stem for path in written] == drawn
-    assert list(skipped) == [name for name in FIGURES if name not in drawn]
-    assert all("run `selftouch " in reason for reason in skipped.values())
+    written = write_figures(make_run(stage))
+    assert list(written) == list(FIGURES)
+    assert [name for name, it in written.items() if isinstance(it, Path)] == drawn
+    skipped = [reason for name, reason in written.items() if name not in drawn]
+    assert all("run `selftouch " in reason for reason in skipped)
 
 
 def test_a_figure_that_is_no_longer_true_is_removed(make_run, unrendered):
@@ -87,11 +89,11 @@ def test_a_figure_that_is_no_longer_true_is_removed(make_run, unrendered):
 
 
 def test_the_agents_figures_do_without_the_truth(make_run, unrendered):
-    run, skipped = make_run("learned"), {}
+    run = make_run("learned")
     for path in run.truth.iterdir():
         path.unlink()
-    write_figures(run, skipped=skipped.__setitem__)
-    assert set(skipped) - set(list(FIGURES)[9:]) == {"coverage", "body_shape"}
+    skipped = {name for name, it in write_figures(run).items() if isinstance(it, str)}
+    assert skipped - set(list(FIGURES)[9:]) == {"coverage", "body_shape"}
 
 
 def test_damage_is_an_error_that_names_the_file(make_run, unrendered):

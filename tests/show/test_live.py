@@ -10,9 +10,8 @@ from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.show import LiveShow
-from selftouch_drake.show.meshcat.braking import BRAKING_S, braked
-from selftouch_drake.show.meshcat.live import SPEED, TARGET
-from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.meshcat.live import BRAKING_S, SPEED, TARGET, braked
+from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.outputs import play
 from selftouch_drake.show.run_data import RunData
 

@@ -5,7 +5,7 @@ import pytest
 from laid_out import motion_of, world_of
 
 from selftouch_drake.show.meshcat.robot_page import RobotPage
-from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.meshcat.stage import open_meshcat
 
 
 @pytest.fixture(scope="module")

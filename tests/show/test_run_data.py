@@ -4,7 +4,7 @@ import trimesh
 from laid_out import places_of
 
 from selftouch_drake.show import FIGURES, MissingError
-from selftouch_drake.show.page.report import Picture, Playback, report_page
+from selftouch_drake.show.page.report import report_page
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import all_moved
 
@@ -66,7 +66,7 @@ def test_several_touches_at_once_are_no_surface(reported, monkeypatch):
     )
     with pytest.raises(MissingError, match="30% of the touches are at several places at once"):
         _ = data.recovered
-    page = report_page(data, {name: Picture(missing="-") for name in FIGURES}, Playback())
+    page = report_page(data, dict.fromkeys(FIGURES, "-"), "-")
     assert "No picture of the recovered body:</strong> 30% of the touches" in page
     assert "<strong>The body, the recovered body" not in page
 

@@ -12,7 +12,7 @@ from test_browser import PATIENCE, chromium, visited  # noqa: F401 (a fixture)
 
 from selftouch_drake.robot import AddSkins, AddTactileSkin
 from selftouch_drake.show import SkinVisualizer
-from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.meshcat.stage import open_meshcat
 
 PATH = "/tactile_skin"
 FALL_S, END_S = 0.15, 0.6

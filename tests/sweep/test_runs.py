@@ -155,6 +155,7 @@ def test_pictures_are_drawn_of_what_varied(tmp_path):
             "skins.body.num_receptors": [50, 50, 100, 100, 50, 50],
             "skins.body.imperfections.saturation": [None, None, None, None, 1.0, 1.0],
             "shape_rms_fraction": [0.1, 0.2, 0.1, None, 0.3, 0.3],
+            "shape_trusted": [True, False, True, None, False, False],
             "topology_betti": [[1, 0, 1]] * 5 + [None],
         }
     ).replace_schema_metadata(

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.set_distances import (
     MAX_QUERIES,
     SET_DISTANCES,
@@ -17,8 +18,7 @@ from selftouch_drake.agent.representation.set_distances import (
 
 def remeasured(
     distance: np.ndarray,
-    kernel_x: np.ndarray,
-    kernel_offsets: np.ndarray,
+    sets: KernelSets,
     changed: np.ndarray,
     name: str,
     *,
@@ -31,8 +31,7 @@ def remeasured(
 
     Args:
         distance: `(K, K)` rad, as computed before.
-        kernel_x: `(R, J)` rad, scaled configurations grouped by kernel, as they are now.
-        kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
+        sets: K sets of scaled configurations, rad, as they are now.
         changed: `(K,)` bool, the kernels that changed.
         name: key of the set distance in `SET_DISTANCES`.
         max_queries: most configurations per kernel whose nearest neighbours are searched.
@@ -41,18 +40,18 @@ def remeasured(
         `(K, K)` rad, float32; rows and columns of changed kernels as `set_distances` returns them.
     """
     if changed.all():
-        return set_distances(kernel_x, kernel_offsets, name, max_queries=max_queries)[0]
+        return set_distances(sets, name, max_queries=max_queries)[0]
     if not changed.any():
         return distance
     again = np.flatnonzero(changed)
-    asking, ask_offsets = _queries(kernel_offsets, max_queries)
+    asking, ask_offsets = _queries(sets.offsets, max_queries)
     of_changed = np.repeat(changed, np.diff(ask_offsets))
     # The queries of all kernels, and those of the changed ones, as two more sets.
-    joined = np.concatenate([kernel_x, kernel_x[asking], kernel_x[asking[of_changed]]])
+    joined = np.concatenate([sets.x, sets.x[asking], sets.x[asking[of_changed]]])
     num, sizes = len(changed), (len(asking), int(of_changed.sum()))
-    offsets = np.concatenate([kernel_offsets, len(kernel_x) + np.cumsum(sizes)])
+    offsets = np.concatenate([sets.offsets, len(sets.x) + np.cumsum(sizes)])
     links = [(num, k) for k in again] + [(num + 1, k) for k in range(num)]
-    nearest = linked_nearest(joined, offsets, np.array(links))
+    nearest = linked_nearest(KernelSets(joined, offsets), np.array(links))
     near = np.split(np.sqrt(nearest.squared), [len(again) * sizes[0]])
     kind = SET_DISTANCES[name]
     to_changed = _reduced(near[0].reshape(len(again), -1).T, ask_offsets, kind.reduce)

@@ -1,26 +1,27 @@
 """Exploration: the agent decides from what it knows where to go (naive).
 
-The agent stays in contact as much as it can. It goes to what it knows least: a touch that it did
-not expect, a sensation that it seldom felt, or a link for which it has no good step. It goes
-through the air, or by its own plan along its skin. There it slides about: it walks at random, bent
-along the skin, so that it meets the same sensations in other postures. From how the last steps
-changed what it felt, it learns which way is into the skin and which way is out. Before it knows
-anything it moves at random, and slides about from any touch.
-
-A move is a few configurations. The explorer yields it, and is sent what was felt on the way. It
-does not know what makes the move.
+The agent goes to what it knows least: a touch that it did not expect, a sensation that it seldom
+felt, or a link for which it has no good step. A move is a few configurations. An explorer yields
+it, and is sent what was felt on the way. It does not know what makes the move. Where time counts, a
+`Walker` stays in contact; where only touches count, a `PostureSampler` tries postures anywhere.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterable, Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.motions import Plan
-from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import (
+    NO_MODE,
+    QuotientRepresentation,
+    row_joints,
+)
 
 #: What the explorer is sent: `(n, J)` configurations that were passed, and `(n, S)` N, what was
 #: felt there.
@@ -33,11 +34,9 @@ Moves = Generator[np.ndarray, Met, None]
 #: after which it is far from where it was.
 _PERSISTENCE, _AWAY = 0.9, 20
 
-#: Length of a small move, strides in each joint. On a torus half of such moves touch. If the agent
-#: touches at 1000 random places, and three more times near each of them, the error of the shape is
-#: 3.2 %; with 4000 random touches it is 4.2 %. Neighbours on the skin then have postures near each
-#: other.
-_HOP = 0.67
+#: Number of steps for which a walker slides about at each place, and chance that it walks to its
+#: next place at random through the air.
+_DWELL, _AIR = 750, 0.1
 
 #: rad of path length between the places on a plan that the agent steps to.
 _ALONG = 0.2
@@ -50,9 +49,9 @@ _PRESSED = 3.0
 _MOST_LOST, _MOST_RETURNS, _MOST_STEPS = 2, 4, 10
 
 #: Share of the goals to which the agent goes by a plan along its skin, while it is in contact. A
-#: plan leads through known postures: in 10 simulated minutes on a torus (seed 1) the agent meets 23
-#: postures per minute that are 0.5 rad apart if it goes to all goals by plans, 133 with a quarter
-#: of the goals, 122 with none.
+#: plan leads through known postures: in 10 simulated minutes on a torus the agent meets 23 postures
+#: per minute that are 0.5 rad apart if it goes to all goals by plans, 133 with a quarter of the
+#: goals, 122 with none.
 _BY_PLAN = 0.25
 
 #: Share of the goals that are touches which surprised the agent. Of the others, share of those that
@@ -75,33 +74,12 @@ class JointRanges:
     stride: np.ndarray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ExplorationSettings:
-    """How an agent explores; it depends on what costs more, touches or time.
-
-    Attributes:
-        pace: strides, root mean square over the joints of how far each moves in one step.
-        dwell: number of steps for which the agent slides about at each place.
-        air: chance that the agent walks to its next place at random through the air.
-        walked: steps of such a walk, after which the agent checks whether it touched something.
-        hops: number of small moves about each touch that the agent comes to; they need not stay in
-            contact. If it is not 0, the agent does not go along its skin by plans.
-    """
-
-    pace: float
-    dwell: int
-    air: float
-    walked: int
-    hops: int
-
-
-class Explorer:
+class Explorer(ABC):
     """Moves an agent through one round, in which what it knows stays the same.
 
     Args:
         agent: what the agent knows; None if nothing.
         joints: limits and strides of the robot's joints.
-        manner: how the agent explores.
         q: `(J,)` where the joints are.
         felt: `(S,)` N, what is felt there.
         rng: from which all randomness comes.
@@ -113,19 +91,74 @@ class Explorer:
         self,
         agent: Agent | None,
         joints: JointRanges,
-        manner: ExplorationSettings,
         q: np.ndarray,
         felt: np.ndarray,
         rng: np.random.Generator,
         surprise: np.ndarray | None = None,
     ) -> None:
         self._surprise = surprise
-        self._agent, self._joints, self._manner, self._rng = agent, joints, manner, rng
+        self._agent, self._joints, self._rng = agent, joints, rng
         self._q, self._felt = np.asarray(q, dtype=float), felt
-        self._walk = np.zeros(len(q))
-        #: How fast the felt force grows along each joint, N per stride; and the last touch.
-        self._slope = np.zeros(len(q))
+        # The last touch.
         self._touch = self._q
+
+    @abstractmethod
+    def moves(self) -> Moves:
+        """Explores without end."""
+
+    def _go(self, path: np.ndarray) -> Moves:
+        """Moves."""
+        q, felt = yield path
+        self._arrive(q, felt)
+
+    def _arrive(self, q: np.ndarray, felt: np.ndarray) -> None:
+        """Takes note of where it is after a move, what it feels there, and its last touch."""
+        if len(q):
+            self._q, self._felt = q[-1].astype(float), felt[-1]
+            if (touching := np.flatnonzero(felt.any(axis=1))).size:
+                self._touch = q[touching[-1]].astype(float)
+
+    def _surprising(self) -> int | None:
+        """A touch of the last round, drawn by how much it surprised; None if none did."""
+        if self._surprise is None or not self._surprise.any():
+            return None
+        share = self._surprise / self._surprise.sum()
+        return int(self._rng.choice(len(share), p=share))
+
+    def _within(self, q: np.ndarray) -> np.ndarray:
+        return q.clip(self._joints.lower, self._joints.upper)
+
+
+class Walker(Explorer):
+    """Stays in contact as much as it can.
+
+    It goes to what it knows least through the air, or by its own plan along its skin. There it
+    slides about: it walks at random, bent along the skin, so that it meets the same sensations in
+    other postures. From how the last steps changed what it felt, it learns which way is into the
+    skin and which way is out. Before it knows anything it moves at random, and slides about from
+    any touch.
+
+    Args:
+        pace: strides, root mean square over the joints of how far each moves in one step.
+        agent: as for `Explorer`, and all others.
+    """
+
+    def __init__(
+        self,
+        agent: Agent | None,
+        joints: JointRanges,
+        q: np.ndarray,
+        felt: np.ndarray,
+        rng: np.random.Generator,
+        surprise: np.ndarray | None = None,
+        *,
+        pace: float,
+    ) -> None:
+        super().__init__(agent, joints, q, felt, rng, surprise)
+        self._pace = pace
+        self._walk = np.zeros(len(q))
+        # How fast the felt force grows along each joint, N per stride.
+        self._slope = np.zeros(len(q))
         self._wanted, self._lost, self._returns = 0.0, 0, 0
         if agent is not None:
             known = agent.representation
@@ -134,34 +167,33 @@ class Explorer:
 
     def moves(self) -> Moves:
         """Explores without end."""
-        if not self._manner.hops:
-            yield from self._go(self._q[None])  # asks what is felt before the first move
+        yield from self._go(self._q[None])  # asks what is felt before the first move
         while True:
-            if self._agent is None or self._rng.random() < self._manner.air:
+            if self._agent is None or self._rng.random() < _AIR:
                 yield from self._wander()
-            elif not self._manner.hops and self._felt.any() and self._rng.random() < _BY_PLAN:
-                yield from self._journey(self._agent)
             else:
-                yield from self._search(self._agent)
+                by_plan = self._felt.any() and self._rng.random() < _BY_PLAN
+                row, goal = self._goal(self._agent.representation)
+                if by_plan:
+                    yield from self._journey(self._agent, goal)
+                else:
+                    self._visits[goal] += 1.0
+                    self._slope[:] = 0.0
+                    yield from self._straight(
+                        self._agent.representation.kernel_q[row].astype(float)
+                    )
             if self._felt.any():
-                yield from self._roam(self._manner.dwell)
-
-    def _search(self, agent: Agent) -> Moves:
-        """Goes through the air to a remembered touch."""
-        row, goal = self._goal(agent)
-        self._visits[goal] += 1.0
-        self._slope[:] = 0.0
-        yield from self._come_to(agent.representation.kernel_q[row].astype(float))
+                yield from self._roam()
 
     def _wander(self) -> Moves:
         """Walks at random until it meets another touch, and goes back to that touch."""
         # Near the last touch the walk would meet the same place again.
-        yield from self._go(self._random_walk(round(_AWAY / self._manner.pace)))
+        yield from self._go(self._random_walk(round(_AWAY / self._pace)))
         self._slope[:] = 0.0
         left = self._touch
         while self._touch is left:
-            yield from self._go(self._random_walk(self._manner.walked))
-        yield from self._come_to(self._touch)
+            yield from self._go(self._random_walk(1))
+        yield from self._straight(self._touch)
 
     def _random_walk(self, num_steps: int) -> np.ndarray:
         """`(n, J)` the next configurations of a random walk that turns round at the limits."""
@@ -173,23 +205,15 @@ class Explorer:
 
     def _heading(self) -> np.ndarray:
         """`(J,)` the next step of a random walk, as fast as random babbling."""
-        kept = _PERSISTENCE**self._manner.pace
+        kept = _PERSISTENCE**self._pace
         noise = self._rng.standard_normal(len(self._q))
         self._walk = kept * self._walk + np.sqrt(1.0 - kept**2) * noise
-        return self._walk * self._manner.pace * self._joints.stride
+        return self._walk * self._pace * self._joints.stride
 
     def _turned_round(self, q: np.ndarray) -> np.ndarray:
         """`(J,)` `q` within the limits; joints that pass a limit turn round."""
         self._walk[(q < self._joints.lower) | (q > self._joints.upper)] *= -1.0
         return self._within(q)
-
-    def _come_to(self, q: np.ndarray) -> Moves:
-        """Goes through the air to a touch, or makes small moves about it."""
-        if not self._manner.hops:
-            yield from self._straight(q)
-            return
-        noise = self._rng.standard_normal((self._manner.hops, len(q)))
-        yield from self._go(self._within(q + _HOP * noise * self._joints.stride))
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a pace at a time."""
@@ -197,21 +221,13 @@ class Explorer:
         share = np.linspace(0.0, 1.0, count + 1)[1:, None]
         yield from self._go(self._q + share * (q - self._q))
 
-    def _goal(self, agent: Agent) -> tuple[int, int]:
+    def _goal(self, known: QuotientRepresentation) -> tuple[int, int]:
         """A touch of a kernel of which the agent knows little: its row, and the kernel."""
-        known = agent.representation
         if self._rng.random() < _SURPRISING and (row := self._surprising()) is not None:
             return row, kernel_of(known, row)
         goal = self._unknown(known)
         rows = known.members(goal)
         return int(self._rng.integers(rows.start, rows.stop)), goal
-
-    def _surprising(self) -> int | None:
-        """A touch of the last round, drawn by how much it surprised; None if none did."""
-        if self._surprise is None or not self._surprise.any():
-            return None
-        share = self._surprise / self._surprise.sum()
-        return int(self._rng.choice(len(share), p=share))
 
     def _unknown(self, known: QuotientRepresentation) -> int:
         """A kernel that was seldom visited, or an end of a poor link."""
@@ -223,25 +239,21 @@ class Explorer:
         need = 1.0 / (1.0 + self._visits) ** 2
         return int(self._rng.choice(len(need), p=need / need.sum()))
 
-    def _journey(self, agent: Agent) -> Moves:
+    def _journey(self, agent: Agent, goal: int) -> Moves:
         """Goes to a kernel by a plan, and bends its steps along the skin."""
-        _, goal = self._goal(agent)
         try:
             plan = agent.plan_from(self._q, self._felt, goal)
         except ValueError:
             return
         self._visits[goal] += 1.0
-        yield from self._slide(self._along(plan))
-
-    def _along(self, plan: Plan) -> Iterator[np.ndarray]:
-        """Configurations of a plan, near each other."""
         length = float(plan.waypoint_s[-1])
-        yield from plan.path(np.linspace(0.0, length, max(int(length / _ALONG), 1) + 1))[1:]
+        way = plan.path(np.linspace(0.0, length, max(int(length / _ALONG), 1) + 1))[1:]
+        yield from self._slide(way)
 
-    def _roam(self, num_steps: int) -> Moves:
+    def _roam(self) -> Moves:
         """Slides about: walks at random, bent along the skin."""
         self._returns = 0
-        for _ in range(num_steps):
+        for _ in range(_DWELL):
             if not self._touching:
                 return
             if not (yield from self._feel_on(self._heading())):
@@ -290,40 +302,60 @@ class Explorer:
         along = step / stride
         along = along - up * (up @ along)
         short = (self._wanted - float(np.linalg.norm(self._felt))) / steepness
-        most = _PRESSED * self._manner.pace
+        most = _PRESSED * self._pace
         return (along + up * np.clip(short, -most, most)) * stride
 
     def _go(self, path: np.ndarray) -> Moves:
-        """Moves, and learns from each step which way is into the skin."""
-        q, felt = yield path
-        if not len(q):
-            return
-        strength = np.linalg.norm(felt, axis=1)
+        """Moves, and learns from each step which way is into the skin (Broyden's update)."""
         here, before = self._q, float(np.linalg.norm(self._felt))
+        q, felt = yield path
+        strength = np.linalg.norm(felt, axis=1)
         for there, after in zip(q.astype(float), strength, strict=True):
             step = (there - here) / self._joints.stride
             size = float(step @ step)
             # In a smaller step, noise would change what is felt more than the skin does.
-            if size < (0.5 * self._manner.pace) ** 2 and after > 0.0:
+            if size < (0.5 * self._pace) ** 2 and after > 0.0:
                 continue
             if size > 0.0 and (before > 0.0 or after > 0.0):
                 self._slope += (after - before - self._slope @ step) / size * step
             here, before = there, after
-        self._q, self._felt = q[-1].astype(float), felt[-1]
-        if (touching := np.flatnonzero(strength)).size:
-            self._touch = q[touching[-1]].astype(float)
-            if self._agent is None:
-                self._wanted = max(self._wanted, 0.5 * float(strength.max()))
+        self._arrive(q, felt)
+        if self._agent is None and strength.any():
+            self._wanted = max(self._wanted, 0.5 * float(strength.max()))
 
     def _paces(self, step: np.ndarray) -> float:
         """Number of steps of one pace in `step` `(J,)`."""
         strides = step / self._joints.stride
-        return float(np.sqrt(np.mean(strides**2))) / self._manner.pace
-
-    def _within(self, q: np.ndarray) -> np.ndarray:
-        return q.clip(self._joints.lower, self._joints.upper)
+        return float(np.sqrt(np.mean(strides**2))) / self._pace
 
 
 def kernel_of(known: QuotientRepresentation, row: int) -> int:
     """The kernel to which a row of `kernel_q` belongs."""
     return int(np.searchsorted(known.kernel_offsets, row, side="right")) - 1
+
+
+def recalled(
+    known: QuotientRepresentation, kernel_sensation: csr_array, q: np.ndarray
+) -> np.ndarray:
+    """`(n, S)` what the agent felt at the stored configurations most similar to `q`.
+
+    Of each stored touch, only the joints that matter to it are compared. Touches for which these
+    are not known yet are left out, unless they are known for none: among many joints, the search
+    takes long.
+
+    Args:
+        known: what the agent knows.
+        kernel_sensation: `(R, S)` the sensation at each of its configurations.
+        q: `(n, J)` motor configurations, in the robot's units.
+    """
+    x, stored = known.scaled(q), known.scaled(known.kernel_q)
+    least, nearest = np.full(len(q), np.inf), np.zeros(len(q), dtype=int)
+    modes = np.unique(known.kernel_mode)
+    for mode in modes[modes != NO_MODE] if len(modes) > 1 else modes:
+        (joints,) = row_joints(np.array([mode]), known.mode_joints)
+        rows = np.flatnonzero(known.kernel_mode == mode)
+        off, row = cKDTree(stored[rows][:, joints]).query(x[:, joints])
+        off /= np.sqrt(joints.sum())
+        nearest = np.where(off < least, rows[row], nearest)
+        least = np.minimum(off, least)
+    return kernel_sensation[nearest].toarray()

@@ -23,13 +23,12 @@ from threadpoolctl import threadpool_limits
 from selftouch_drake.agent.lifelong.distances import remeasured
 from selftouch_drake.agent.representation.graphs import surface_edges
 from selftouch_drake.agent.representation.joints import joint_scale
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
-from selftouch_drake.agent.representation.learning import (
-    MAX_ROWS,
-    common_targets,
-    firm,
-    firm_steps,
+from selftouch_drake.agent.representation.kernels import (
+    KernelReservoir,
+    KernelSample,
+    KernelSets,
 )
+from selftouch_drake.agent.representation.learning import MAX_ROWS, common_targets, firm_steps
 from selftouch_drake.agent.representation.quantise import assign, strength, unit
 from selftouch_drake.agent.representation.quotient import (
     LEAST_KERNELS,
@@ -278,9 +277,9 @@ class OnlineLearner:
         held = self._memory.sample()
         offsets = held.offsets(self.num_targets + 1)[: len(layout.targets) + 1]
         mode = np.full(len(held.row), NO_MODE, dtype=np.int8)
+        x = (held.columns["q"][: offsets[-1]] * layout.joint_scale).astype(np.float32)
         mode[: offsets[-1]], mode_joints = touch_modes(
-            (held.columns["q"][: offsets[-1]] * layout.joint_scale).astype(np.float32),
-            offsets,
+            KernelSets(x, offsets),
             layout.targets,
             layout.part,
             seed=self._seed,
@@ -316,8 +315,9 @@ class OnlineLearner:
         )
         q, mode = sample.columns["q"], sample.columns["mode"]
         x = mattering((q * layout.joint_scale).astype(np.float32), mode, layout.mode_joints)
+        sets = KernelSets(x, offsets)
         changed = self._changed[:num] >= _CHANGED * self._size[:num]
-        self._distance = remeasured(self._distance, x, offsets, changed, _SET_DISTANCE)
+        self._distance = remeasured(self._distance, sets, changed, _SET_DISTANCE)
         self._changed[:num][changed] = 0
         edges = surface_edges(self._distance, layout.targets, layout.part)
         representation = QuotientRepresentation(
@@ -334,7 +334,7 @@ class OnlineLearner:
             part=layout.part,
             set_distance=self._distance,
             edges=edges,
-            edge_cost=firm_steps(x, *firm(sample, offsets), edges),
+            edge_cost=firm_steps(sets.firm(sample.columns["strength"]), edges),
             embedding=np.full((num, 3), np.nan),
             num_touches=self._memory.num_rows,
             num_set_aside=self._num_set_aside,

@@ -28,10 +28,9 @@ from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepre
 _TOUCHES, _ABOUT = 20, 1.33
 
 #: Touches in each gap, strides of a small move there, and gaps for each place; so half of all
-#: touches lie in gaps. On two tori with 20,000 touches, the errors of the shape without gaps are
-#: 2.5 and 2.5 %, and planned paths are in contact for 98.7 and 98.6 % of the time; with gaps they
-#: are 2.5 and 2.4 %, and 99.3 and 99.0 %. With one touch in each gap the errors are 2.6 and 2.7 %,
-#: as the nearest postures are then nearer by design.
+#: touches lie in gaps. On two tori with 20,000 touches, planned paths are in contact for 98.7 and
+#: 98.6 % of the time without gaps, for 99.3 and 99.0 % with them. With one touch in each gap the
+#: shape is worse, as the nearest postures are then nearer by design.
 _IN_GAP, _BETWEEN, _GAPS = 4, 0.67, 5
 
 #: Share of the gaps that begin at touches which surprised the agent.

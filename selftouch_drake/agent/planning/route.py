@@ -14,12 +14,13 @@ from selftouch_drake.agent.planning.heap import drop, push
 from selftouch_drake.agent.planning.members import firm_members
 from selftouch_drake.agent.planning.steps import least_square_step, square_step
 from selftouch_drake.agent.representation.graphs import target_distances
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.neighbours import component_labels
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import LinkedNearest, linked_nearest
 
 #: `linked_nearest`, or what knows its result.
-FindNearest = Callable[[np.ndarray, np.ndarray, np.ndarray], LinkedNearest]
+FindNearest = Callable[[KernelSets, np.ndarray], LinkedNearest]
 #: Links between targets farther apart than this many spacings are leaps: they cut through the body.
 LEAP_SPACINGS = 1.25
 #: The cost of a leap grows with this power of its length beyond that. Measured on about 200 plans
@@ -96,7 +97,7 @@ class RouteGraph:
         order = np.lexsort((head, tail))
         ways = np.stack([tail, head], axis=1)[order]
         link_offsets = np.searchsorted(ways[:, 0], np.arange(num_kernels + 1))
-        nearest = find_nearest(firm_x, firm_offsets, ways)
+        nearest = find_nearest(KernelSets(firm_x, firm_offsets), ways)
         step_offsets = nearest.offsets[link_offsets]
         return cls(
             joints=joints,

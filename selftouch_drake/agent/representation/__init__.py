@@ -12,7 +12,7 @@ from selftouch_drake.agent.representation.graphs import (
     without_vectors,
 )
 from selftouch_drake.agent.representation.joints import joint_scale
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
+from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample, KernelSets
 from selftouch_drake.agent.representation.learning import Batches, Learned, learn
 from selftouch_drake.agent.representation.neighbours import (
     DisconnectedWarning,
@@ -46,6 +46,7 @@ __all__ = [
     "DisconnectedWarning",
     "KernelReservoir",
     "KernelSample",
+    "KernelSets",
     "Learned",
     "LinkedNearest",
     "QuotientLearner",

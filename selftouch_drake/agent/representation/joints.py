@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quantise import unit
 from selftouch_drake.agent.representation.set_distances import linked_nearest
 
@@ -58,5 +59,6 @@ def _near_pairs(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Pairs each row of either half with the nearest row of the other half."""
     half = len(z) // 2
     order = np.concatenate([np.arange(0, 2 * half, 2), np.arange(1, 2 * half, 2)])
-    nearest = linked_nearest(z[order], np.array([0, half, 2 * half]), np.array([[0, 1], [1, 0]]))
+    halves = KernelSets(z[order], np.array([0, half, 2 * half]))
+    nearest = linked_nearest(halves, np.array([[0, 1], [1, 0]]))
     return order, order[nearest.row]

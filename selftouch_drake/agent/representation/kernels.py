@@ -8,12 +8,58 @@ split into batches, and the memory does not grow with the experience.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 #: Rows that wait at least before they are sorted in: sorting few rows often takes long.
 _LEAST_WAITING = 32_768
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KernelSets:
+    """K motor kernel sets: the configurations of one kernel after those of the other.
+
+    Attributes:
+        x: `(R, J)` configurations, scaled or not, or `(R, D)` other coordinates of them.
+        offsets: `(K + 1,)` kernel k owns rows `offsets[k]:offsets[k + 1]`.
+    """
+
+    x: np.ndarray
+    offsets: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.offsets) - 1
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """`(K,)` the number of configurations of each kernel."""
+        return np.diff(self.offsets)
+
+    @property
+    def kernel(self) -> np.ndarray:
+        """`(R,)` the kernel of each configuration."""
+        return np.repeat(np.arange(len(self)), self.sizes)
+
+    def members(self, kernel: int) -> np.ndarray:
+        """`(n, J)` the configurations of `kernel`."""
+        return self.x[self.offsets[kernel] : self.offsets[kernel + 1]]
+
+    def at(self, x: np.ndarray) -> KernelSets:
+        """The same sets in other coordinates, `(R, D)`."""
+        return replace(self, x=x)
+
+    def firm(self, strength: np.ndarray) -> KernelSets:
+        """The half of each kernel that was felt more strongly, by `(R,)` strengths.
+
+        A firm touch is deep in the skin, so small motion errors do not lose contact.
+        """
+        kernel = self.kernel
+        order = np.lexsort((-strength, quick_to_sort(kernel)))
+        sizes = (self.sizes + 1) // 2
+        rank = np.arange(len(order)) - self.offsets[kernel]
+        rows = np.sort(order[rank < sizes[kernel]])
+        return KernelSets(self.x[rows], np.concatenate([[0], np.cumsum(sizes)]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

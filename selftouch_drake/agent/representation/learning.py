@@ -15,7 +15,7 @@ from selftouch_drake.agent.representation.joints import joint_scale
 from selftouch_drake.agent.representation.kernels import (
     KernelReservoir,
     KernelSample,
-    quick_to_sort,
+    KernelSets,
 )
 from selftouch_drake.agent.representation.neighbours import (
     NUM_MUTUAL,
@@ -200,19 +200,17 @@ def _with_graph(
 ) -> Learned:
     targets, offsets = target_sensations, sample.offsets(len(target_sensations))
     part = kernel_parts(targets, overlap)
-    x = (sample.columns["q"] * joint_scale).astype(np.float32)
+    sets = KernelSets((sample.columns["q"] * joint_scale).astype(np.float32), offsets)
     mode, mode_joints = touch_modes(
-        x,
-        offsets,
+        sets,
         targets,
         part,
         seed=seed,
         progress=lambda fraction: progress(0.3 + 0.3 * fraction, "joints that matter"),
     )
-    kernel_x = mattering(x, mode, mode_joints)
+    sets = sets.at(mattering(sets.x, mode, mode_joints))
     (distance,) = set_distances(
-        kernel_x,
-        offsets,
+        sets,
         set_distance,
         max_queries=max_queries,
         rough=unlike(targets),
@@ -238,7 +236,7 @@ def _with_graph(
         part=part,
         set_distance=distance,
         edges=edges,
-        edge_cost=firm_steps(kernel_x, *firm(sample, offsets), edges),
+        edge_cost=firm_steps(sets.firm(sample.columns["strength"]), edges),
         embedding=np.full((len(targets), 3), np.nan),
         **counts,
     )
@@ -333,39 +331,17 @@ def _in_blocks(
             yield np.asarray(sensation)[block], np.asarray(q)[block]
 
 
-def firm_steps(
-    kernel_x: np.ndarray, firm: np.ndarray, firm_offsets: np.ndarray, edges: np.ndarray
-) -> np.ndarray:
+def firm_steps(firm: KernelSets, edges: np.ndarray) -> np.ndarray:
     """`(E,)` rad, mean nearest distance between the firm configurations of both ends.
 
     The mean over both directions, as in the paper's mean nearest distance.
     """
-    ways = np.concatenate([edges, edges[:, ::-1]])
-    nearest = linked_nearest(kernel_x[firm], firm_offsets, ways)
-    step = np.sqrt(nearest.squared)
-    there, back = (
-        np.split(np.add.reduceat(step, nearest.offsets[:-1]), 2)
-        if len(edges)
-        else (
-            np.empty(0),
-            np.empty(0),
-        )
-    )
-    sizes = np.diff(firm_offsets)
+    if not len(edges):
+        return np.empty(0, np.float32)
+    nearest = linked_nearest(firm, np.concatenate([edges, edges[:, ::-1]]))
+    there, back = np.split(np.add.reduceat(np.sqrt(nearest.squared), nearest.offsets[:-1]), 2)
     i, j = edges.T
-    return ((there / sizes[i] + back / sizes[j]) / 2).astype(np.float32)
-
-
-def firm(sample: KernelSample, offsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The more strongly felt half of each kernel: its rows of the sample, and offsets.
-
-    A firm touch is deep in the skin, so small motion errors do not lose contact.
-    """
-    order = np.lexsort((-sample.columns["strength"], quick_to_sort(sample.kernel)))
-    rank = np.arange(len(order)) - offsets[sample.kernel]
-    sizes = (np.diff(offsets) + 1) // 2
-    firm = np.sort(order[rank < sizes[sample.kernel]])
-    return firm, np.concatenate([[0], np.cumsum(sizes)])
+    return ((there / firm.sizes[i] + back / firm.sizes[j]) / 2).astype(np.float32)
 
 
 def as_numbers(name: str, rows: Any) -> np.ndarray:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from selftouch_drake.agent.representation.kernels import KernelSets
+
 #: Value in `kernel_mode` of a configuration whose mode is unknown.
 NO_MODE = -1
 
@@ -145,9 +147,10 @@ class QuotientRepresentation:
         return self.num_set_aside / max(self.num_touches, 1)
 
     @property
-    def kernel_x(self) -> np.ndarray:
-        """`(R, J)` rad, float32, scaled configurations, joints that matter; see `mattering`."""
-        return mattering(self.scaled(self.kernel_q), self.kernel_mode, self.mode_joints)
+    def kernel_sets(self) -> KernelSets:
+        """The kernel sets, rad, float32: scaled configurations, joints that matter."""
+        x = mattering(self.scaled(self.kernel_q), self.kernel_mode, self.mode_joints)
+        return KernelSets(x, self.kernel_offsets)
 
     def scaled(self, q: np.ndarray) -> np.ndarray:
         """`(..., J)` rad, scaled configurations, between which distances are measured."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from selftouch_drake.agent.clusters import clusters
 from selftouch_drake.agent.network import Network, standardised, train_to_expect
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 
 #: The network that predicts sensations: hidden layers, outputs (principal components of target
@@ -68,8 +69,7 @@ _SURE = 0.87
 
 
 def touch_modes(
-    kernel_x: np.ndarray,
-    kernel_offsets: np.ndarray,
+    sets: KernelSets,
     target_sensations: np.ndarray,
     part: np.ndarray,
     *,
@@ -79,8 +79,7 @@ def touch_modes(
     """Finds the modes of touch, and the mode of each stored configuration.
 
     Args:
-        kernel_x: `(R, J)` configurations grouped by kernel, scaled or not.
-        kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
+        sets: K sets of configurations, scaled or not.
         target_sensations: `(K, S)` unit L2 norm.
         part: `(K,)` the part of the body of each kernel; 0 is the largest.
         seed: the same seed gives the same bytes, on one machine.
@@ -90,7 +89,7 @@ def touch_modes(
         `(R,)` int8, the mode of each configuration, or `NO_MODE`; `(M, J)` bool, the joints that
         matter in each mode.
     """
-    kernel = np.repeat(np.arange(len(part)), np.diff(kernel_offsets))
+    kernel = sets.kernel
     of_part = part[kernel]
     rng = np.random.default_rng(seed)
     tested = {}
@@ -99,16 +98,16 @@ def touch_modes(
         if len(rows) >= _FEWEST:
             tested[number] = rng.permutation(rows)[: min(_NUM_TESTED, len(rows) // 5)]
     # In fragments, and where little was touched, all joints matter.
-    mode = np.zeros(len(kernel_x), dtype=np.int8)
-    relevant = np.ones((1, kernel_x.shape[1]), dtype=bool)
+    mode = np.zeros(len(kernel), dtype=np.int8)
+    relevant = np.ones((1, sets.x.shape[1]), dtype=bool)
     if not tested:
         return mode, relevant
     # Importance is measured on held-out rows: on memorised rows every joint would matter.
-    held_out = np.zeros(len(kernel_x), dtype=bool)
+    held_out = np.zeros(len(kernel), dtype=bool)
     held_out[np.concatenate([*tested.values()])] = True
     trained = np.flatnonzero(~held_out)
     expected = _Expectation.learned(
-        kernel_x, kernel, target_sensations, of_part, trained, list(tested.values()), rng, progress
+        sets.x, kernel, target_sensations, of_part, trained, list(tested.values()), rng, progress
     )
     for number, some in tested.items():
         rows = np.flatnonzero(of_part == number)

@@ -14,6 +14,7 @@ from functools import lru_cache
 import numba
 import numpy as np
 
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.threads import in_slices, mapped
 
 #: Most queries per set. More of them change distances by less than 2 %.
@@ -69,8 +70,7 @@ SET_DISTANCES: dict[str, SetDistance] = {
 
 
 def set_distances(
-    kernel_x: np.ndarray,
-    kernel_offsets: np.ndarray,
+    sets: KernelSets,
     *names: str,
     max_queries: int = MAX_QUERIES,
     rough: np.ndarray | None = None,
@@ -82,8 +82,7 @@ def set_distances(
     evenly strided ones) are compared with every configuration of every other set.
 
     Args:
-        kernel_x: `(R, J)` rad, scaled configurations grouped by kernel.
-        kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
+        sets: K sets of scaled configurations, rad.
         names: in `SET_DISTANCES`.
         max_queries: most queries per set.
         rough: `(K, K)` bool, symmetric, pairs of sets for which 16 queries are enough; None if
@@ -100,20 +99,20 @@ def set_distances(
         raise ValueError(
             f"set distance {unknown[0]!r} is unknown: choose one of {', '.join(SET_DISTANCES)}"
         )
-    offsets = np.asarray(kernel_offsets, dtype=np.int64)
-    if (empty := np.flatnonzero(np.diff(offsets) <= 0)).size:
-        raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from kernel_offsets")
+    offsets = np.asarray(sets.offsets, dtype=np.int64)
+    if (empty := np.flatnonzero(sets.sizes <= 0)).size:
+        raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from its offsets")
     kinds = [SET_DISTANCES[name] for name in names]
-    members = np.ascontiguousarray(kernel_x, dtype=np.float32)
-    kernels = np.arange(len(offsets) - 1)
+    members = np.ascontiguousarray(sets.x, dtype=np.float32)
+    kernels = np.arange(len(sets))
     search = _nearest_squared(members.shape[1], False)
 
     def queries(kernel: int, most: int) -> np.ndarray:
         return members[_strided(offsets[kernel], offsets[kernel + 1], most)]
 
-    def nearest(x: np.ndarray, sets: np.ndarray) -> np.ndarray:
-        squared = np.empty((len(sets), len(x)), dtype=np.float32)
-        search(x.T.copy(), members, offsets[sets], offsets[sets + 1], squared, _NOT_TOLD)
+    def nearest(x: np.ndarray, asked: np.ndarray) -> np.ndarray:
+        squared = np.empty((len(asked), len(x)), dtype=np.float32)
+        search(x.T.copy(), members, offsets[asked], offsets[asked + 1], squared, _NOT_TOLD)
         return np.sqrt(squared.T)
 
     def roughly(first: int) -> None:
@@ -124,9 +123,9 @@ def set_distances(
             there[:, kernel] = [kind.reduce(table) for kind in kinds]
 
     def exactly(kernel: int) -> None:
-        sets = kernels if rough is None else np.flatnonzero(~rough[kernel])
-        near = nearest(queries(kernel, max_queries), sets)
-        there[:, kernel, sets] = [kind.reduce(near) for kind in kinds]
+        asked = kernels if rough is None else np.flatnonzero(~rough[kernel])
+        near = nearest(queries(kernel, max_queries), asked)
+        there[:, kernel, asked] = [kind.reduce(near) for kind in kinds]
 
     there = np.empty((len(kinds), len(kernels), len(kernels)), dtype=np.float32)
     if rough is not None:
@@ -147,7 +146,7 @@ class LinkedNearest:
     Attributes:
         offsets: `(L + 1,)` link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration
             of its first kernel, in their order.
-        row: int32, the row in `kernel_x` of the nearest configuration.
+        row: int32, the row of the nearest configuration among all.
         squared: float32 rad^2, its squared distance.
     """
 
@@ -156,32 +155,29 @@ class LinkedNearest:
     squared: np.ndarray
 
 
-def linked_nearest(
-    kernel_x: np.ndarray, kernel_offsets: np.ndarray, links: np.ndarray
-) -> LinkedNearest:
+def linked_nearest(sets: KernelSets, links: np.ndarray) -> LinkedNearest:
     """Finds, for every configuration of a kernel, the nearest one in each linked kernel.
 
     Args:
-        kernel_x: `(R, J)` rad, scaled configurations grouped by kernel.
-        kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
+        sets: K sets of scaled configurations, rad.
         links: `(L, 2)` first and second kernel of each link.
     """
-    members = np.ascontiguousarray(kernel_x, dtype=np.float32)
-    kernel_offsets = np.asarray(kernel_offsets, dtype=np.int64)
-    offsets = np.cumsum([0, *np.diff(kernel_offsets)[links[:, 0]]])
+    members = np.ascontiguousarray(sets.x, dtype=np.float32)
+    set_offsets = np.asarray(sets.offsets, dtype=np.int64)
+    offsets = np.cumsum([0, *sets.sizes[links[:, 0]]])
     row, squared = np.empty(offsets[-1], np.int32), np.empty(offsets[-1], np.float32)
     search = _nearest_squared(members.shape[1], True)
 
     def along(some: slice) -> None:
         for link in range(len(links))[some]:
             tail, head = links[link]
-            queries = members[slice(*kernel_offsets[tail : tail + 2])]
+            queries = members[slice(*set_offsets[tail : tail + 2])]
             entries = slice(*offsets[link : link + 2])
             search(
                 np.ascontiguousarray(queries.T),
                 members,
-                kernel_offsets[head : head + 1],
-                kernel_offsets[head + 1 : head + 2],
+                set_offsets[head : head + 1],
+                set_offsets[head + 1 : head + 2],
                 squared[None, entries],
                 row[None, entries],
             )

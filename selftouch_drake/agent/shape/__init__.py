@@ -1,27 +1,27 @@
 """Recovers the body from the quotient graph: shape, holes and dimension (paper, section IV)."""
 
-from selftouch_drake.agent.shape.body import Body, DistrustWarning, RecoveredPart, recover
-from selftouch_drake.agent.shape.dimension import intrinsic_dimension
+from selftouch_drake.agent.shape.body import (
+    Body,
+    DistrustWarning,
+    MisfitWarning,
+    RecoveredPart,
+    recover,
+)
+from selftouch_drake.agent.shape.dimension import (
+    intrinsic_dimension,
+    skin_dimension,
+    space_dimension,
+)
 from selftouch_drake.agent.shape.embedding import (
     Embedding,
-    MisfitWarning,
     classical_embedding,
     curvature_corrected_mds,
     stress_embedding,
-    warn_of_misfit,
 )
 from selftouch_drake.agent.shape.homology import Topology, alpha_persistence, topology
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, BodyGraph, ShapeMetric
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
-from selftouch_drake.agent.shape.surface import alpha_surface, fitted_surface, rolled_surface
-from selftouch_drake.agent.shape.unrolling import (
-    Torsion,
-    Turns,
-    double_cover,
-    landmarks,
-    torsion,
-    turns,
-)
+from selftouch_drake.agent.shape.surface import fitted_line, fitted_surface, rolled_surface
 
 __all__ = [
     "SHAPE_METRICS",
@@ -33,22 +33,17 @@ __all__ = [
     "RecoveredPart",
     "ShapeMetric",
     "Topology",
-    "Torsion",
-    "Turns",
     "alpha_persistence",
-    "alpha_surface",
     "classical_embedding",
     "curvature_corrected_mds",
-    "double_cover",
+    "fitted_line",
     "fitted_surface",
     "intrinsic_dimension",
-    "landmarks",
     "quotient_coordinates",
     "recover",
     "rolled_surface",
+    "skin_dimension",
+    "space_dimension",
     "stress_embedding",
     "topology",
-    "torsion",
-    "turns",
-    "warn_of_misfit",
 ]

@@ -13,14 +13,24 @@ from scipy.sparse import csr_array
 from selftouch_drake.agent.representation.neighbours import geodesics
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.confidence import expected_error, trusted
-from selftouch_drake.agent.shape.dimension import LEAST_KERNELS, intrinsic_dimension
-from selftouch_drake.agent.shape.embedding import Embedding, warn_of_misfit
+from selftouch_drake.agent.shape.dimension import (
+    LEAST_KERNELS,
+    MISFIT,
+    intrinsic_dimension,
+    skin_dimension,
+    space_dimension,
+)
+from selftouch_drake.agent.shape.embedding import Embedding
 from selftouch_drake.agent.shape.homology import Topology, flat, topology
-from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
+from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, sensorimotor
 
 
 class DistrustWarning(UserWarning):
     """A metric cannot be trusted on a part of the body."""
+
+
+class MisfitWarning(UserWarning):
+    """The distances do not fit in three dimensions: the layout cannot be trusted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,15 +41,21 @@ class RecoveredPart:
         doubt: why the metric cannot be trusted here, and what was used instead; None if it can.
         kernels: `(n,)` kernels on this part, ascending.
         distances: `(n, n)` geodesic distances along the part, in the metric's unit.
-        embedding: layout of the kernels in space, in a pose and unit of this part.
-        pieces: `(P, 3)` positions of the pieces of kernels that were cut into pieces.
-        topology: its holes; None if not requested, or if all places lie in a plane.
+        skin: dimension of the skin, 1 for a line and 2 for a surface.
+        space: dimension of the space that the part needs, 2, 3 or 4.
+        embedding: layout of the kernels in that space, in a pose and unit of this part; in three
+            dimensions if the part needs a fourth.
+        pieces: `(P, d)` positions of the pieces of kernels that were cut into pieces.
+        topology: its holes; None if not requested, or if all places lie in a plane of three
+            dimensions.
         dimension: its intrinsic dimension; None if not requested, or with fewer than 50 kernels.
     """
 
     doubt: str | None
     kernels: np.ndarray
     distances: np.ndarray
+    skin: int
+    space: int
     embedding: Embedding
     pieces: np.ndarray
     topology: Topology | None
@@ -47,12 +63,12 @@ class RecoveredPart:
 
     @property
     def positions(self) -> np.ndarray:
-        """`(n, 3)` positions of the kernels."""
+        """`(n, d)` positions of the kernels, d = 2 or 3."""
         return self.embedding.positions
 
     @property
     def places(self) -> np.ndarray:
-        """`(n + P, 3)` positions of the kernels, then of the pieces: the part without gaps."""
+        """`(n + P, d)` positions of the kernels, then of the pieces: the part without gaps."""
         return np.concatenate([self.embedding.positions, self.pieces])
 
 
@@ -72,10 +88,14 @@ class Body:
 
     @property
     def positions(self) -> np.ndarray:
-        """`(K, 3)` positions, in the pose and unit of each kernel's part; NaN in fragments."""
+        """`(K, 3)` positions, in the pose and unit of each kernel's part; NaN in fragments.
+
+        A part in a plane has 0 as its third coordinate.
+        """
         positions = np.full((self.num_kernels, 3), np.nan)
         for part in self.parts:
-            positions[part.kernels] = part.positions
+            positions[part.kernels] = 0.0
+            positions[part.kernels, : part.positions.shape[1]] = part.positions
         return positions
 
     @property
@@ -89,8 +109,11 @@ class Body:
 
     @property
     def expected_error(self) -> float | None:
-        """Expected error of the worst part, as a fraction of its extent; None if not calibrated."""
-        if not SHAPE_METRICS[self.metric].calibrated:
+        """Expected error of the worst part, as a fraction of its extent; None if not calibrated.
+
+        It is calibrated on surfaces. Of a line, distances show the length alone, and no error.
+        """
+        if not SHAPE_METRICS[self.metric].calibrated or any(part.skin == 1 for part in self.parts):
             return None
         return max(expected_error(part.embedding) for part in self.parts)
 
@@ -107,11 +130,27 @@ class Body:
     def warn_of_misfit(self) -> None:
         """Warns about each part whose distances do not fit in three dimensions.
 
+        Geodesic distances on a closed surface never fit exactly, so the fourth eigenvalue is never
+        0. A large one means shortcuts, wrong lengths, or a quotient space that is not a body; where
+        a fourth dimension takes the misfit away, the part is said to need it.
+
         Warns:
-            MisfitWarning: see `embedding.warn_of_misfit`.
+            MisfitWarning: the fourth eigenvalue is above 0.15; the text gives it.
         """
         for part in self.parts:
-            warn_of_misfit(part.embedding)
+            misfit = part.embedding.fourth_eigenvalue
+            if misfit > MISFIT:
+                remedy = (
+                    "it needs a fourth dimension, and is laid out in three"
+                    if part.space == 4
+                    else "babble longer, or choose another metric"
+                )
+                warnings.warn(
+                    f"the recovered body does not fit in space: the fourth eigenvalue is "
+                    f"{misfit:.0%} of the first, above {MISFIT:.0%}: {remedy}",
+                    MisfitWarning,
+                    stacklevel=2,
+                )
 
 
 def recover(
@@ -161,8 +200,10 @@ def _recovered(
     progress: Callable[[float], None],
 ) -> RecoveredPart:
     """Recovers one part from the representation restricted to its `kernels`."""
+    by_feel = sensorimotor(representation)
+    skin = skin_dimension(geodesics(by_feel.edges, by_feel.length, len(kernels)))
     graph = SHAPE_METRICS[metric].graph(
-        representation, seed, lambda fraction: progress(0.9 * fraction)
+        representation, skin, seed, lambda fraction: progress(0.9 * fraction)
     )
     if graph.doubt is not None:
         warnings.warn(
@@ -174,7 +215,11 @@ def _recovered(
     num_kernels = len(kernels)
     kernel = np.arange(num_kernels) if graph.kernel is None else graph.kernel
     distances = geodesics(graph.edges, graph.length, len(kernel))
-    layout = SHAPE_METRICS[metric].layout(graph, distances)
+    lay_out = SHAPE_METRICS[metric].layout
+    layout = lay_out(graph, distances, skin + 1)
+    space = space_dimension(graph.edges, distances, layout, skin)
+    if skin + 1 != min(space, 3):
+        layout = lay_out(graph, distances, space)
     # The position and the distances of a kernel are the means over its pieces.
     number = np.bincount(kernel, minlength=num_kernels)
     mean = csr_array(
@@ -186,6 +231,8 @@ def _recovered(
         doubt=graph.doubt,
         kernels=kernels,
         distances=between,
+        skin=skin,
+        space=space,
         embedding=dataclasses.replace(layout, positions=mean @ layout.positions),
         pieces=layout.positions[number[kernel] > 1],
         topology=None,
@@ -198,5 +245,5 @@ def _with_holes(part: RecoveredPart) -> RecoveredPart:
     return dataclasses.replace(
         part,
         topology=None if flat(part.places) else topology(part.places),
-        dimension=intrinsic_dimension(part.distances) if enough else None,
+        dimension=intrinsic_dimension(part.distances, part.skin) if enough else None,
     )

@@ -10,9 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Skin is a surface: cells are wide in two directions and thin in the third. Measured on the torus,
-#: the third width of a cell is a fifth of its second.
-_DIMENSION = 2
+from selftouch_drake.agent.representation.kernels import KernelSets
 
 #: Share of a cell's configurations that are dropped as outliers: those farthest from its centre.
 _STRAYS = 0.1
@@ -20,8 +18,8 @@ _STRAYS = 0.1
 #: Weight of the pooled covariance, in configurations, when a cell's own is shrunk towards it.
 _PRIOR = 20
 
-#: Variance added to a cell in all directions, as a share of its second-largest: on a bent surface,
-#: neighbours off the tangent plane are still near.
+#: Variance added to a cell in all directions, as a share of the smallest along the skin: on a bent
+#: surface, neighbours off the tangent plane are still near.
 _ACROSS = 0.1
 
 #: Rad, largest angle between a neighbour and the tangent plane that is corrected as curvature.
@@ -32,24 +30,32 @@ _MOST_BENT = 1.2
 class Cells:
     """Means and widths of kernel sets in quotient coordinates.
 
+    A cell is wide in as many directions as the skin has, d, and thin in all others: on a torus, the
+    third width is a fifth of the second.
+
     Attributes:
         mean: `(K, D)` mean of each cell.
         covariance: `(K, D, D)` covariance within each cell.
-        tangent: `(K, D, 2)` orthonormal, the two directions in which each cell is widest.
-        second: `(K,)` variance in the second of these.
-        area: `(K,)` product of the standard deviations in both.
+        tangent: `(K, D, d)` orthonormal, the directions in which each cell is widest.
+        least: `(K,)` variance in the last of these.
+        area: `(K,)` product of the standard deviations in all of them.
     """
 
     mean: np.ndarray
     covariance: np.ndarray
     tangent: np.ndarray
-    second: np.ndarray
+    least: np.ndarray
     area: np.ndarray
 
     @classmethod
-    def of(cls, coordinates: np.ndarray, offsets: np.ndarray) -> Cells:
-        """Measures the cells of `(R, D)` coordinates grouped by kernel, without outliers."""
-        groups = np.split(np.asarray(coordinates, dtype=float), offsets[1:-1])
+    def of(cls, sets: KernelSets, skin: int = 2) -> Cells:
+        """Measures the cells of kernel sets in quotient coordinates, without outliers.
+
+        Args:
+            sets: K sets in quotient coordinates.
+            skin: dimension of the skin, 1 or 2.
+        """
+        groups = np.split(np.asarray(sets.x, dtype=float), sets.offsets[1:-1])
         scatters = [_scatter(group, group.mean(axis=0)) / len(group) for group in groups]
         pooled = np.mean(scatters, axis=0)
         pooled += 1e-9 * np.trace(pooled) * np.eye(len(pooled))
@@ -59,15 +65,15 @@ class Cells:
         return cls(
             mean=mean,
             covariance=covariance,
-            tangent=directions[:, :, -_DIMENSION:],
-            second=variance[:, -_DIMENSION],
-            area=np.sqrt(variance[:, -_DIMENSION:].prod(axis=1)),
+            tangent=directions[:, :, -skin:],
+            least=variance[:, -skin],
+            area=np.sqrt(variance[:, -skin:].prod(axis=1)),
         )
 
     def distances(self) -> np.ndarray:
         """`(K, K)` in cell widths: root mean square of the distances seen from either cell."""
         num_cells, num_coordinates = self.mean.shape
-        thick = self.covariance + (_ACROSS * self.second)[:, None, None] * np.eye(num_coordinates)
+        thick = self.covariance + (_ACROSS * self.least)[:, None, None] * np.eye(num_coordinates)
         inverse = np.linalg.inv(thick)
         # (x_l - x_k) A_k (x_l - x_k), multiplied out: as two matrix products over all pairs.
         x = self.mean - self.mean.mean(axis=0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -20,11 +19,6 @@ from selftouch_drake.threads import Threads, mapped
 _one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 
 
-#: Threshold of the fourth eigenvalue, above which a layout is doubted. Measured on six bodies, 100
-#: to 1000 kernels: 0.03 to 0.13 where the shape is right, 0.17 to 0.8 where it is wrong.
-_MISFIT = 0.15
-
-
 #: Passes end with the first that leaves more than this share of the stress; it is discarded. A body
 #: whose second pass is kept has rims, and needs more.
 _LEAST_LOWERED, _LEAST_LOWERED_WITH_RIMS = 2 / 3, 0.95
@@ -36,16 +30,12 @@ _TINY = 1e-300
 _ROWS = 256
 
 
-class MisfitWarning(UserWarning):
-    """The distances do not fit in three dimensions: the layout cannot be trusted."""
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Embedding:
     """Kernels laid out in space.
 
     Attributes:
-        positions: `(K, 3)` in the unit of the distances, centred, in an arbitrary pose.
+        positions: `(K, d)` in the unit of the distances, centred, in an arbitrary pose.
         stress: weighted squared misfit of distances, as a share: 0 is exact.
         spectrum: `(K,)` eigenvalues of classical scaling, descending, as shares of the largest.
             The fourth shows how far the distances are from fitting in three dimensions.
@@ -57,7 +47,7 @@ class Embedding:
 
     @property
     def fourth_eigenvalue(self) -> float:
-        """The fourth eigenvalue, as a share of the largest: see `MisfitWarning`."""
+        """The first eigenvalue that three dimensions leave out, as a share of the largest."""
         return float(self.spectrum[3])
 
 
@@ -86,16 +76,18 @@ class Majoriser:
     def __call__(
         self, positions: np.ndarray, distances: np.ndarray, num_iterations: int
     ) -> np.ndarray:
-        """Moves `(K, 3)` positions, step by step, toward `(K, K)` distances (Guttman transform)."""
-        pull, laid = self.weights * distances, positions.T.copy()
+        """Moves `(K, d)` positions, step by step, toward `(K, K)` distances (Guttman transform)."""
+        pull, dimension = self.weights * distances, positions.shape[1]
+        add_pulls = _add_pulls_in_four if dimension > 3 else _add_pulls
+        laid = np.zeros((max(dimension, 3), len(pull)))
+        laid[:dimension] = positions.T
         total = np.empty_like(laid)
         with Threads() as pool:
             for left in reversed(range(num_iterations)):
-                add_pulls = partial(_add_pulls, laid, pull, total)
-                list(pool.map(add_pulls, range(0, len(pull), _ROWS)))
+                list(pool.map(partial(add_pulls, laid, pull, total), range(0, len(pull), _ROWS)))
                 moved = total @ self.inverse
                 laid = 2.0 * moved - laid if left else moved
-        return laid.T
+        return laid[:dimension].T
 
     def stress(self, positions: np.ndarray, distances: np.ndarray) -> float:
         """Weighted squared misfit over weighted squared distance, at the best common scale."""
@@ -103,13 +95,14 @@ class Majoriser:
 
 
 @_one_thread
-def classical_embedding(distances: np.ndarray) -> Embedding:
+def classical_embedding(distances: np.ndarray, dimension: int = 3) -> Embedding:
     """Lays out points by classical multidimensional scaling.
 
     Args:
         distances: `(K, K)` symmetric, finite.
+        dimension: of the layout.
     """
-    axes, spectrum = _classical_axes(distances, 3)
+    axes, spectrum = _classical_axes(distances, dimension)
     return Embedding(
         positions=axes, stress=_stress(axes, distances, _weights(distances)), spectrum=spectrum
     )
@@ -119,7 +112,8 @@ def classical_embedding(distances: np.ndarray) -> Embedding:
 def stress_embedding(
     distances: np.ndarray,
     *,
-    starts: Sequence[tuple[int, int, int]] = ((0, 1, 2), (0, 1, 3), (0, 1, 4), (0, 1, 5)),
+    dimension: int = 3,
+    last_axes: Sequence[int] = (0, 1, 2, 3),
     num_trial_iterations: int = 30,
     num_iterations: int = 100,
     majoriser: Majoriser | None = None,
@@ -128,12 +122,13 @@ def stress_embedding(
 
     Weights of 1 / d^2 give near neighbours as much influence as far ones: geodesic distances are
     accurate nearby and too long far away. Stress has many local minima (a ring's third axis may be
-    the second harmonic of the ring), so several triples of classical axes are tried, and only the
-    one with the lowest stress is iterated to the end.
+    the second harmonic of the ring), so several classical axes are tried as the last one, and only
+    the layout with the lowest stress is iterated to the end.
 
     Args:
         distances: `(K, K)` symmetric, finite, positive off the diagonal.
-        starts: triples of classical axes to start from.
+        dimension: of the layout, 2, 3 or 4.
+        last_axes: which of the further classical axes are tried as the last one to start from.
         num_trial_iterations: iterations for each start.
         num_iterations: iterations for the best start.
         majoriser: of these distances; None makes one.
@@ -147,12 +142,13 @@ def stress_embedding(
         )
     if not np.isfinite(distances).all():
         raise ValueError("distances are infinite where no path exists: connect the graph first")
-    num_axes = min(1 + max(max(start) for start in starts), len(distances))
+    first = list(range(dimension - 1))
+    num_axes = min(dimension + max(last_axes), len(distances))
     axes, spectrum = _classical_axes(distances, num_axes)
     majoriser = majoriser or Majoriser.of(distances)
     trials = mapped(
-        lambda start: majoriser(axes[:, start], distances, num_trial_iterations),
-        [start for start in starts if max(start) < num_axes],
+        lambda last: majoriser(axes[:, [*first, last]], distances, num_trial_iterations),
+        [dimension - 1 + last for last in last_axes if dimension - 1 + last < num_axes],
     )
     best = min(trials, key=lambda positions: majoriser.stress(positions, distances))
     positions = majoriser(best, distances, num_iterations)
@@ -166,6 +162,7 @@ def curvature_corrected_mds(
     edges: np.ndarray,
     distances: np.ndarray,
     *,
+    dimension: int = 3,
     most_passes: int = 5,
     num_iterations: int = 40,
 ) -> Embedding:
@@ -179,11 +176,12 @@ def curvature_corrected_mds(
     Args:
         edges: `(E, 2)` pairs of neighbours that connect all points.
         distances: `(K, K)` shortest paths over these edges, whatever the edge lengths.
+        dimension: of the layout, 2, 3 or 4.
         most_passes: 0 keeps the layout of `stress_embedding`.
         num_iterations: of majorisation, in each pass.
     """
     majoriser = Majoriser.of(distances)
-    found = stress_embedding(distances, majoriser=majoriser)
+    found = stress_embedding(distances, dimension=dimension, majoriser=majoriser)
     unbend = unbending(edges, distances, majoriser, num_iterations=num_iterations)
     for number in range(most_passes):
         positions, stress = unbend(found.positions)
@@ -197,7 +195,7 @@ def curvature_corrected_mds(
 def unbending(
     edges: np.ndarray, distances: np.ndarray, majoriser: Majoriser, *, num_iterations: int
 ) -> Callable[[np.ndarray], tuple[np.ndarray, float]]:
-    """Builds one pass: from `(K, 3)` positions to better ones and a stress.
+    """Builds one pass: from `(K, d)` positions to better ones and a stress.
 
     Args:
         edges: `(E, 2)` pairs of neighbours that connect all points.
@@ -214,25 +212,6 @@ def unbending(
         return positions, majoriser.stress(positions, straight)
 
     return unbend
-
-
-def warn_of_misfit(embedding: Embedding) -> None:
-    """Warns when distances do not fit in three dimensions.
-
-    Geodesic distances on a closed surface never fit exactly, so the fourth eigenvalue is never 0.
-    A large one means shortcuts, wrong lengths, or a quotient space that is not a body.
-
-    Warns:
-        MisfitWarning: the fourth eigenvalue is above 0.15; the text gives it.
-    """
-    if embedding.fourth_eigenvalue > _MISFIT:
-        warnings.warn(
-            f"the recovered body does not fit in space: the fourth eigenvalue is "
-            f"{embedding.fourth_eigenvalue:.0%} of the first, above {_MISFIT:.0%}: babble longer, "
-            "or choose another metric",
-            MisfitWarning,
-            stacklevel=3,
-        )
 
 
 def _classical_axes(distances: np.ndarray, num_axes: int) -> tuple[np.ndarray, np.ndarray]:
@@ -288,3 +267,13 @@ def _add_pulls(positions: np.ndarray, pull: np.ndarray, total: np.ndarray, start
             sum_y += ratio * dy
             sum_z += ratio * dz
         total[0, i], total[1, i], total[2, i] = sum_x, sum_y, sum_z
+
+
+def _add_pulls_in_four(
+    positions: np.ndarray, pull: np.ndarray, total: np.ndarray, start: int
+) -> None:
+    """The same in four dimensions, of `(4, K)` positions: needed so seldom that NumPy is enough."""
+    rows = slice(start, start + _ROWS)
+    apart = positions[:, rows, None] - positions[:, None]
+    ratio = pull[rows] / np.sqrt(np.maximum(np.square(apart).sum(axis=0), _TINY))
+    total[:, rows] = (ratio * apart).sum(axis=2)

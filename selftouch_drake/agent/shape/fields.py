@@ -49,7 +49,11 @@ _LEAST_EXPLAINED = 0.9
 
 
 def corrected_lengths(
-    targets: np.ndarray, kernel: np.ndarray, edges: np.ndarray, length: np.ndarray
+    targets: np.ndarray,
+    kernel: np.ndarray,
+    edges: np.ndarray,
+    length: np.ndarray,
+    skin: int = 2,
 ) -> np.ndarray | None:
     """Lengths of edges that explain the angles between the sensations of their ends.
 
@@ -58,6 +62,7 @@ def corrected_lengths(
         kernel: `(N,)` the kernel of each node; a kernel may be cut into several.
         edges: `(E, 2)` pairs of nodes that connect all.
         length: `(E,)` first estimate, positive.
+        skin: dimension of the skin, 1 or 2.
 
     Returns:
         `(E,)` lengths; None where the model does not explain what is felt.
@@ -75,9 +80,12 @@ def corrected_lengths(
         along = geodesics(edges, length, len(kernel))
         majoriser = Majoriser.of(along)
         if positions is None:
-            positions = stress_embedding(along, **_FIRST_LAYOUT, majoriser=majoriser).positions
+            first = stress_embedding(
+                along, dimension=skin + 1, **_FIRST_LAYOUT, majoriser=majoriser
+            )
+            positions = first.positions
         positions, _ = unbending(edges, along, majoriser, num_iterations=_NUM_ITERATIONS)(positions)
-        model = _model(readings, whole, positions, edges)
+        model = _model(readings, whole, positions, edges, skin)
         if model is None:
             return None
         modelled = angles(model, edges)
@@ -119,24 +127,26 @@ def _model(
     whole: np.ndarray,
     positions: np.ndarray,
     edges: np.ndarray,
+    skin: int,
 ) -> np.ndarray | None:
     """`(N, S)` what receptors that are all alike would feel at nodes, unit L2 norm.
 
     Args:
         readings: `(N, S)` what they felt.
         whole: `(N,)` nodes at whose place that was felt.
-        positions: `(N, 3)` of the nodes in the layout.
+        positions: `(N, skin + 1)` of the nodes in the layout.
         edges: `(E, 2)` pairs of neighbours.
+        skin: dimension of the skin.
     """
     at_place = np.where(whole[:, None], readings, 0.0)
     node, receptor = np.nonzero(at_place > _LEAST_READING)
     reading = at_place[node, receptor]
-    # A receptor lies near the node where it feels most, in the plane of the body there.
+    # A receptor lies near the node where it feels most, in the tangent plane of the skin there.
     nearest = at_place.argmax(axis=0)
     near = np.eye(len(positions))
     near[edges[:, 0], edges[:, 1]] = near[edges[:, 1], edges[:, 0]] = 1.0
     rings = near @ near > 0
-    plane = np.array([_plane(positions[rings[node]]) for node in nearest])
+    plane = np.array([_plane(positions[rings[node]], skin) for node in nearest])
     weight = at_place**3
     place = (weight.T @ positions) / weight.sum(axis=0)[:, None] - positions[nearest]
     place = positions[nearest] + np.einsum("sdt,set,se->sd", plane, plane, place)
@@ -159,11 +169,11 @@ def _model(
         toward = np.einsum("rdt,rd->rt", plane[receptor], -offset)
         toward /= np.maximum(np.linalg.norm(toward, axis=1), 1e-9)[:, None]
         missing = curve.distance_at(reading / strength[node]) - distance
-        normal = np.zeros((len(place), 2, 2))
-        pull = np.zeros((len(place), 2))
+        normal = np.zeros((len(place), skin, skin))
+        pull = np.zeros((len(place), skin))
         np.add.at(normal, receptor[steep], toward[steep, :, None] * toward[steep, None])
         np.add.at(pull, receptor[steep], toward[steep] * missing[steep, None])
-        step = np.linalg.solve(normal + 1e-6 * np.eye(2), pull[..., None])[..., 0]
+        step = np.linalg.solve(normal + 1e-6 * np.eye(skin), pull[..., None])[..., 0]
         place += np.einsum("sdt,st->sd", plane, step)
     apart = np.linalg.norm(positions[:, None] - place, axis=2) * bent
     model = curve.reading_at(apart)
@@ -185,9 +195,9 @@ def _strengths(
     return strength / np.median(strength[whole])
 
 
-def _plane(points: np.ndarray) -> np.ndarray:
-    """`(3, 2)` axes of the plane through `(n, 3)` points."""
-    return np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][:2].T
+def _plane(points: np.ndarray, skin: int) -> np.ndarray:
+    """`(d, skin)` axes of the plane, or of the line, through `(n, d)` points."""
+    return np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][:skin].T
 
 
 def _steps(positions: np.ndarray, pairs: np.ndarray) -> np.ndarray:

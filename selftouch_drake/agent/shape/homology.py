@@ -17,8 +17,8 @@ from scipy.spatial import Delaunay, cKDTree
 #: Bars between these lengths, in spacings, may be true or false.
 _UNSURE = (1.0, 1.3)
 
-#: Stands for the length of no bar.
-_NO_LENGTH = 1e-100
+#: Stands for the length of no bar; and the largest margin, where no bar is false.
+_NO_LENGTH, _MOST_MARGIN = 1e-100, 100.0
 
 #: Bars born later than this, in spacings, are not holes of the body. On sampled surfaces, loops are
 #: born when neighbours meet, measured at 1 to 1.4, and voids when faces close, at 1.7 to 2.5.
@@ -34,8 +34,9 @@ class Topology:
 
     Attributes:
         betti: numbers of components, loops and voids: (1, 0, 1) for a ball's surface, (1, 2, 1)
-            for a torus.
-        margin: length of the shortest true bar over the longest false one; near 1 means unsure.
+            for a torus, (1, 1, 0) for a ring; a plane has no voids.
+        margin: length of the shortest true bar over the longest false one, at most 100; near 1
+            means unsure.
         scale: radius at which every true bar has just been born, in the unit of the points.
         spacing: radius at which neighbours meet, in the unit of the points.
         diagram: three arrays `(bars, 2)` of births and deaths, for H0, H1 and H2.
@@ -70,10 +71,11 @@ def topology(points: np.ndarray) -> Topology:
     missing kernel splits the body.
 
     Args:
-        points: `(K, 3)`, evenly spread, not in one plane.
+        points: `(K, d)` in a plane (d = 2) or in space (d = 3), evenly spread over it, not in a
+            line or a plane of it.
 
     Raises:
-        ValueError: the points are too few, not finite, or lie in a plane.
+        ValueError: the points are too few, not finite, or do not spread.
     """
     found = _bars(points)
     h0, h1, h2 = diagram = _diagram(found)
@@ -106,7 +108,7 @@ def _sparsity(points: np.ndarray, bars: Sequence[Bar]) -> np.ndarray:
 
 
 def spacings(points: np.ndarray, num_neighbours: int) -> np.ndarray:
-    """`(K,)` the spacing around each of `(K, 3)` points: median distance to its neighbours."""
+    """`(K,)` the spacing around each of `(K, d)` points: median distance to its neighbours."""
     neighbours = min(num_neighbours, len(points) - 1)
     distance, _ = cKDTree(points).query(points, neighbours + 1)
     return np.median(distance[:, 1:], axis=1)
@@ -130,21 +132,22 @@ def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
     ratio = np.where(np.isinf(above), surely_true, above) / np.maximum(below, _NO_LENGTH)
     cut = int(np.where(allowed, ratio, -np.inf).argmax())
     shortest = surely_true if np.isinf(above[cut]) else float(above[cut])
-    return float(above[cut]), shortest / max(float(below[cut]), longest_gap, _NO_LENGTH)
+    margin = shortest / max(float(below[cut]), longest_gap, _NO_LENGTH)
+    return float(above[cut]), min(margin, _MOST_MARGIN)
 
 
 def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Computes the persistence diagram of the alpha filtration of points in space.
+    """Computes the persistence diagram of the alpha filtration of points.
 
     Args:
-        points: `(K, 3)`, at least 5, not in one plane.
+        points: `(K, d)`, at least 5, as of `topology`.
 
     Returns:
         Three arrays `(bars, 2)`, births and deaths in the unit of the points, for H0, H1 and H2;
         bars of zero length are omitted, one component never dies (infinity).
 
     Raises:
-        ValueError: the points are too few or lie in a plane.
+        ValueError: the points are too few or do not spread.
     """
     return _diagram(_bars(points))
 
@@ -192,12 +195,12 @@ def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[fl
     with the first of the simplices that it bounds.
 
     Returns:
-        Simplices as sorted tuples of point indices, from corners to tetrahedra; squared radii.
+        Simplices as sorted tuples of point indices, corners first; squared radii.
     """
-    points, tetrahedra = delaunay(points)
-    radius2 = circumspheres(points, tetrahedra)[1]
-    levels = [dict(zip(map(tuple, tetrahedra.tolist()), radius2.tolist(), strict=True))]
-    for _ in ("triangles", "edges"):
+    points, largest = delaunay(points)
+    radius2 = circumspheres(points, largest)[1]
+    levels = [dict(zip(map(tuple, largest.tolist()), radius2.tolist(), strict=True))]
+    for _ in range(points.shape[1] - 1):
         above: dict[tuple[int, ...], list[tuple[int, float]]] = {}
         for simplex, value in levels[-1].items():
             for left_out in simplex:
@@ -218,49 +221,54 @@ def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[fl
 
 
 def delaunay(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulates points in space, jittered into general position by 1e-6 of their extent.
+    """Triangulates points, jittered into general position by 1e-6 of their extent.
 
     Args:
-        points: `(K, 3)`.
+        points: `(K, d)`, d = 2 or 3.
 
     Returns:
-        `(K, 3)` the moved points and `(T, 4)` their tetrahedra, corners sorted.
+        `(K, d)` the moved points and `(T, d + 1)` their simplices, corners sorted.
 
     Raises:
-        ValueError: the points are too few, not finite, or lie in a plane.
+        ValueError: the points are too few, not finite, or do not spread.
     """
     points = np.asarray(points, dtype=float)
-    if points.ndim != 2 or points.shape[1] != 3 or len(points) < 5:
-        raise ValueError(f"points have shape {points.shape}: give at least 5 points, as (K, 3)")
+    if points.ndim != 2 or points.shape[1] not in (2, 3) or len(points) < 5:
+        raise ValueError(
+            f"points have shape {points.shape}: give at least 5 points, as (K, 2) or (K, 3)"
+        )
     if not np.isfinite(points).all():
         raise ValueError("points hold NaN or infinity: embed the representation first")
     if flat(points):
-        raise ValueError("points lie in a plane: give points that spread in space")
+        raise ValueError(
+            f"points lie in a {'line' if points.shape[1] == 2 else 'plane'}: give points that "
+            f"spread in {points.shape[1]} dimensions"
+        )
     jitter = np.random.default_rng(0).uniform(-1e-6, 1e-6, points.shape) * np.ptp(points)
     moved = points + jitter
     return moved, np.sort(Delaunay(moved).simplices, axis=1)
 
 
 def flat(points: np.ndarray) -> bool:
-    """Whether `(K, 3)` points lie in a plane, and so have no alpha complex in space."""
+    """Whether `(K, d)` points lie in fewer than d dimensions, and so have no alpha complex."""
     extent = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    return bool(extent[2] < 1e-6 * extent[0])
+    return bool(extent[-1] < 1e-6 * extent[0])
 
 
 def circumspheres(points: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The smallest sphere through all corners of each simplex.
 
     Args:
-        points: `(K, 3)`.
-        simplices: `(N, 2)`, `(N, 3)` or `(N, 4)` corners.
+        points: `(K, d)`.
+        simplices: `(N, 2)` to `(N, d + 1)` corners.
 
     Returns:
-        `(N, 3)` centres and `(N,)` squared radii.
+        `(N, d)` centres and `(N,)` squared radii.
     """
     first = points[simplices[:, 0]]
     sides = points[simplices[:, 1:]] - first[:, None]
     half = np.square(sides).sum(axis=2)[..., None] / 2
-    if sides.shape[1] == 3:
+    if sides.shape[1] == sides.shape[2]:
         # Not by the products of the sides: those of a very flat tetrahedron are singular.
         centre = np.linalg.solve(sides, half)[..., 0]
     else:
@@ -282,7 +290,7 @@ def _persistence_pairs(simplices: Sequence[tuple[int, ...]]) -> list[tuple[int, 
     killer: dict[int, int] = {}
     reduced: dict[int, set[int]] = {}
     births: set[int] = set()
-    for size in (4, 3, 2, 1):
+    for size in range(max(map(len, simplices)), 0, -1):
         for p, simplex in enumerate(simplices):
             if len(simplex) != size or p in killer:
                 continue

@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.graphs import unlike
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.neighbours import (
     complete_edges,
     connected_edges,
@@ -34,7 +35,6 @@ from selftouch_drake.agent.shape.embedding import (
 from selftouch_drake.agent.shape.fields import angles, corrected_lengths
 from selftouch_drake.agent.shape.pieces import cut_wide_cells
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
-from selftouch_drake.agent.shape.revolute import revolute_coordinates
 
 Progress = Callable[[float], None]
 
@@ -88,33 +88,32 @@ class ShapeMetric:
     """A way to measure a part of the body.
 
     Attributes:
-        graph: builds the graph from a representation, a seed, and a function that is called with
-            the fraction done.
-        layout: lays out N nodes from the graph and `(N, N)` shortest paths on it.
-        naive: whether it uses only motor configurations and sensations.
+        graph: builds the graph from a representation, the dimension of the skin, a seed, and a
+            function that is called with the fraction done.
+        layout: lays out N nodes from the graph, `(N, N)` shortest paths on it, and the dimension of
+            the space.
         calibrated: whether `confidence` is calibrated for its layouts.
     """
 
-    graph: Callable[[QuotientRepresentation, int, Progress], BodyGraph]
-    layout: Callable[[BodyGraph, np.ndarray], Embedding]
-    naive: bool = True
+    graph: Callable[[QuotientRepresentation, int, int, Progress], BodyGraph]
+    layout: Callable[[BodyGraph, np.ndarray, int], Embedding]
     calibrated: bool = True
 
 
-def literal(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
+def literal(
+    representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
+) -> BodyGraph:
     """Exactly as in the paper: the complete graph of minimum distances, in rad."""
     (minimum,) = set_distances(
-        representation.kernel_x,
-        representation.kernel_offsets,
-        "minimum",
-        max_queries=_LITERAL_QUERIES,
-        progress=progress,
+        representation.kernel_sets, "minimum", max_queries=_LITERAL_QUERIES, progress=progress
     )
     edges = complete_edges(len(minimum))
     return BodyGraph(edges=edges, length=minimum[edges[:, 0], edges[:, 1]])
 
 
-def motor(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
+def motor(
+    representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
+) -> BodyGraph:
     """Set distances between neighbours, each scaled to the spacing around it."""
     edges = representation.edges
     length = representation.set_distance[edges[:, 0], edges[:, 1]]
@@ -122,7 +121,10 @@ def motor(representation: QuotientRepresentation, seed: int, progress: Progress)
 
 
 def sensorimotor(
-    representation: QuotientRepresentation, seed: int, progress: Progress
+    representation: QuotientRepresentation,
+    skin: int = 2,
+    seed: int = 0,
+    progress: Progress = lambda fraction: None,
 ) -> BodyGraph:
     """The same neighbours; the length of an edge is the angle between target sensations."""
     edges = representation.edges
@@ -130,7 +132,9 @@ def sensorimotor(
 
 
 @_one_thread
-def learned(representation: QuotientRepresentation, seed: int, progress: Progress) -> BodyGraph:
+def learned(
+    representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
+) -> BodyGraph:
     """Neighbours in a quotient map learned from motor kernels; lengths from map and sensations.
 
     Lengths from sensations are corrected for where the receptors lie, and shortened where the map
@@ -141,30 +145,29 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
     def of_network(number: int) -> Progress:
         return lambda fraction: progress((number + fraction) / _MOST_NETWORKS)
 
-    targets = representation.target_sensations
+    targets, sets = representation.target_sensations, representation.kernel_sets
     tries: list[tuple[float, BodyGraph, np.ndarray]] = []
     share_unlike = 1.0
     for number in range(_MOST_NETWORKS):
         coordinates = quotient_coordinates(
-            representation.kernel_x,
-            representation.kernel_offsets,
+            sets,
             seed=seed + number,
             target_sensations=targets if number else None,
             progress=of_network(number),
         )
-        graph = _between_cells(coordinates, representation.kernel_offsets)
+        graph = between_cells(coordinates, skin)
         ends = graph.edges if graph.kernel is None else graph.kernel[graph.edges]
         share = float(unlike(targets)[ends[:, 0], ends[:, 1]].mean())
         share_unlike = min(share, share_unlike)
         if share > _MOST_UNLIKE:
             continue
-        felt = _felt_lengths(targets, graph)
+        felt = _felt_lengths(targets, graph, skin)
         shortened = replace(graph, length=_with_rims(felt, graph, representation.set_distance))
         tries.append((_disagreement(graph, shortened.length), shortened, felt))
         if tries[-1][0] < _MOST_APART:
             break
     if not tries:
-        graph = sensorimotor(representation, seed, progress)
+        graph = sensorimotor(representation)
         doubt = f"{share_unlike:.0%} of the neighbours in the learned map feel nothing in common"
         return replace(graph, doubt=f"{doubt}; the sensorimotor metric is used instead")
     apart, graph, felt = min(tries, key=lambda one: one[0])
@@ -176,7 +179,7 @@ def learned(representation: QuotientRepresentation, seed: int, progress: Progres
     return replace(graph, length=felt, doubt=f"{doubt}; those from sensations are used")
 
 
-def _felt_lengths(targets: np.ndarray, graph: BodyGraph) -> np.ndarray:
+def _felt_lengths(targets: np.ndarray, graph: BodyGraph, skin: int) -> np.ndarray:
     """`(E,)` lengths from sensations, scaled to match those of the graph.
 
     They are corrected for where the receptors lie, if a model of the receptors explains what is
@@ -189,7 +192,7 @@ def _felt_lengths(targets: np.ndarray, graph: BodyGraph) -> np.ndarray:
     felt = angles(targets, ends)
     felt = np.where(one, graph.length, felt * graph.length[~one].mean() / felt[~one].mean())
     first = np.sqrt(felt * graph.length)
-    corrected = corrected_lengths(targets, kernel, graph.edges, first)
+    corrected = corrected_lengths(targets, kernel, graph.edges, first, skin)
     if corrected is None:
         return felt
     return np.where(one, graph.length, corrected * first[~one].mean() / corrected[~one].mean())
@@ -242,37 +245,28 @@ def _disagreement(graph: BodyGraph, felt: np.ndarray) -> float:
     return float(np.log(by_map[long] / by_feel[long]).std())
 
 
-@_one_thread
-def revolute_reference(
-    representation: QuotientRepresentation, seed: int, progress: Progress
-) -> BodyGraph:
-    """Not naive: neighbours and lengths in coordinates found by knowing that all joints turn."""
-    return _between_cells(
-        *revolute_coordinates(representation.kernel_q, representation.kernel_offsets)
-    )
-
-
-def _between_cells(coordinates: np.ndarray, offsets: np.ndarray) -> BodyGraph:
-    cells = Cells.of(coordinates, offsets)
-    coordinates, offsets, kernel = cut_wide_cells(coordinates, offsets, cells)
+def between_cells(coordinates: KernelSets, skin: int) -> BodyGraph:
+    """Neighbours and lengths in coordinates of a quotient map, in widths of the cells."""
+    cells = Cells.of(coordinates, skin)
+    pieces, kernel = cut_wide_cells(coordinates, cells)
     if len(kernel) > len(cells.mean):
-        cells = Cells.of(coordinates, offsets)
+        cells = Cells.of(pieces, skin)
     distance = cells.distances()
     edges = connected_edges(neighbour_edges(distance), distance)
     length = locally_scaled(cells.lengths(edges), edges)
     return BodyGraph(edges=edges, length=length, kernel=kernel)
 
 
-def _classical(graph: BodyGraph, distances: np.ndarray) -> Embedding:
-    return classical_embedding(distances)
+def _classical(graph: BodyGraph, distances: np.ndarray, dimension: int) -> Embedding:
+    return classical_embedding(distances, dimension)
 
 
-def _stress(graph: BodyGraph, distances: np.ndarray) -> Embedding:
-    return stress_embedding(distances)
+def _stress(graph: BodyGraph, distances: np.ndarray, dimension: int) -> Embedding:
+    return stress_embedding(distances, dimension=dimension)
 
 
-def _unbent(graph: BodyGraph, distances: np.ndarray) -> Embedding:
-    return curvature_corrected_mds(graph.edges, distances)
+def _unbent(graph: BodyGraph, distances: np.ndarray, dimension: int) -> Embedding:
+    return curvature_corrected_mds(graph.edges, distances, dimension=dimension)
 
 
 #: The metrics by name.
@@ -281,5 +275,4 @@ SHAPE_METRICS: dict[str, ShapeMetric] = {
     "motor": ShapeMetric(motor, _stress, calibrated=False),
     "learned": ShapeMetric(learned, _unbent),
     "sensorimotor": ShapeMetric(sensorimotor, _unbent),
-    "revolute_reference": ShapeMetric(revolute_reference, _unbent, naive=False),
 }

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from selftouch_drake.agent.clusters import clusters
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.neighbours import neighbour_edges, one_ring
 from selftouch_drake.agent.shape.cells import Cells
 
@@ -23,35 +24,32 @@ _LARGEST = 0.75
 _LEAST_SIZE = 20
 
 
-def cut_wide_cells(
-    coordinates: np.ndarray, offsets: np.ndarray, cells: Cells
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def cut_wide_cells(sets: KernelSets, cells: Cells) -> tuple[KernelSets, np.ndarray]:
     """Cuts each cell at least 1.5 times as large as those around it into pieces.
 
     k-means in the cell's own tangent plane finds the pieces.
 
     Args:
-        coordinates: `(R, D)` of a quotient map, grouped by kernel.
-        offsets: `(K + 1,)` of the kernels.
+        sets: K sets in coordinates of a quotient map.
         cells: of these.
 
     Returns:
-        `(R, D)` the same rows grouped by piece, `(P + 1,)` offsets of the pieces, and `(P,)` the
-        kernel of each piece, ascending.
+        The same coordinates as P sets, one for each piece, and `(P,)` the kernel of each piece,
+        ascending.
     """
-    sizes = np.diff(offsets)
+    sizes = sets.sizes
     number = np.minimum((_times_larger(cells) / _LARGEST).astype(int), sizes // _LEAST_SIZE)
     if number.max() < 2:
-        return coordinates, offsets, np.arange(len(sizes))
-    piece = np.zeros(len(coordinates), dtype=int)
-    for kernel in np.flatnonzero(number > 1):
-        rows = slice(offsets[kernel], offsets[kernel + 1])
-        along = (coordinates[rows] - cells.mean[kernel]) @ cells.tangent[kernel]
+        return sets, np.arange(len(sizes))
+    piece = np.zeros(len(sets.x), dtype=int)
+    for kernel in np.flatnonzero(number > 1).tolist():
+        along = (sets.members(kernel) - cells.mean[kernel]) @ cells.tangent[kernel]
+        rows = slice(*sets.offsets[kernel : kernel + 2])
         piece[rows] = clusters(along, number[kernel])
-    owner = np.repeat(np.arange(len(sizes)), sizes)
+    owner = sets.kernel
     order = np.lexsort((piece, owner))
     first = np.flatnonzero(np.diff(owner, prepend=-1) | np.diff(piece[order], prepend=-1))
-    return coordinates[order], np.append(first, len(coordinates)), owner[first]
+    return KernelSets(sets.x[order], np.append(first, len(order))), owner[first]
 
 
 def _times_larger(cells: Cells) -> np.ndarray:

@@ -19,6 +19,7 @@ import numpy as np
 from scipy.linalg import eigh
 
 from selftouch_drake.agent.network import Network, standardised, train, train_to_expect
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.threads import in_slices
 
 #: Three hidden layers of 128, 16 outputs. With 10 outputs some networks fold the torus: they learn
@@ -48,44 +49,42 @@ _ROWS = 16_384
 
 
 def quotient_coordinates(
-    kernel_x: np.ndarray,
-    kernel_offsets: np.ndarray,
+    sets: KernelSets,
     *,
     seed: int,
     target_sensations: np.ndarray | None = None,
     num_steps: int = _NUM_STEPS,
     progress: Callable[[float], None] = lambda fraction: None,
-) -> np.ndarray:
+) -> KernelSets:
     """Learns the quotient map and applies it to the motor configurations.
 
     Args:
-        kernel_x: `(R, J)` configurations grouped by kernel, scaled or not.
-        kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
+        sets: K sets of configurations, scaled or not.
         seed: the same seed gives the same bytes, on one machine.
         target_sensations: `(K, S)` that the network first learns to predict; None skips this.
         num_steps: of training.
         progress: called with the fraction done.
 
     Returns:
-        `(R, D)` quotient coordinates, 3 to 16, each of unit variance across all kernels, those
-        that vary least within kernels first.
+        The sets in `(R, D)` quotient coordinates, 3 to 16, each of unit variance across all
+        kernels, those that vary least within kernels first.
 
     Raises:
         ValueError: no kernel holds two configurations, so nothing shows what must be constant.
     """
-    sizes = np.diff(kernel_offsets)
+    sizes = sets.sizes
     if sizes.max() < 2:
         raise ValueError(
             "kernel_q holds one configuration per kernel: the learned metric needs several; "
             "babble longer, or ask for fewer targets"
         )
     rng = np.random.default_rng(seed)
-    x = standardised(kernel_x)
+    x = standardised(sets.x)
 
     def pairs(count: int) -> np.ndarray:
         """One configuration of each pair in the first half, its partner in the second."""
         kernel = rng.integers(len(sizes), size=count)
-        members = kernel_offsets[kernel] + (rng.random((2, count)) * sizes[kernel]).astype(int)
+        members = sets.offsets[kernel] + (rng.random((2, count)) * sizes[kernel]).astype(int)
         return x[members.ravel()]
 
     network = Network.random([x.shape[1], *_HIDDEN, _NUM_OUTPUTS], rng)
@@ -94,8 +93,7 @@ def quotient_coordinates(
         expecting = round(_EXPECTING * num_steps)
         _expect(
             network,
-            x,
-            sizes,
+            sets.at(x),
             target_sensations,
             rng,
             expecting,
@@ -112,13 +110,12 @@ def quotient_coordinates(
         num_steps - expecting,
         lambda fraction: progress((expecting + (num_steps - expecting) * fraction) / num_steps),
     )
-    return discriminants(network(x), kernel_offsets)
+    return discriminants(sets.at(network(x)))
 
 
 def _expect(
     network: Network,
-    x: np.ndarray,
-    sizes: np.ndarray,
+    sets: KernelSets,
     target_sensations: np.ndarray,
     rng: np.random.Generator,
     num_steps: int,
@@ -128,24 +125,23 @@ def _expect(
 
     Args:
         network: its hidden layers are changed.
-        x: `(R, J)` float32, standardised configurations grouped by kernel.
-        sizes: `(K,)` configurations of each kernel.
+        sets: K sets of standardised configurations, float32.
         target_sensations: `(K, S)` to be predicted.
         rng: draws the configurations.
         num_steps: of training.
         progress: called with the fraction done.
     """
-    wanted = target_sensations - np.average(target_sensations, axis=0, weights=sizes)
-    spread = np.sqrt(np.average(np.square(wanted).sum(axis=1), weights=sizes))
+    wanted = target_sensations - np.average(target_sensations, axis=0, weights=sets.sizes)
+    spread = np.sqrt(np.average(np.square(wanted).sum(axis=1), weights=sets.sizes))
     out = Network.random([network.weights[-1].shape[0], wanted.shape[1]], rng)
     train_to_expect(
         Network(
             weights=network.weights[:-1] + out.weights, biases=network.biases[:-1] + out.biases
         ),
-        x,
-        np.repeat(np.arange(len(sizes)), sizes),
+        sets.x,
+        sets.kernel,
         (wanted / spread).astype(np.float32),
-        lambda: rng.integers(len(x), size=2 * _NUM_PAIRS),
+        lambda: rng.integers(len(sets.x), size=2 * _NUM_PAIRS),
         num_steps,
         progress,
     )
@@ -189,22 +185,18 @@ def _loss_slope(outputs: np.ndarray) -> np.ndarray:
     return scatter_loss(outputs)[1].astype(np.float32)
 
 
-def discriminants(
-    outputs: np.ndarray, offsets: np.ndarray, *, max_directions: int = _NUM_OUTPUTS
-) -> np.ndarray:
+def discriminants(sets: KernelSets, *, max_directions: int = _NUM_OUTPUTS) -> KernelSets:
     """Linear discriminants: rotates and scales the outputs, and drops the noisy directions.
 
     Args:
-        outputs: `(R, F)` grouped by kernel.
-        offsets: `(K + 1,)` of the kernels.
+        sets: K sets of outputs.
         max_directions: most coordinates.
 
     Returns:
-        `(R, D)` of unit variance, all kernels weighted alike.
+        The same sets, of unit variance, all kernels weighted alike.
     """
-    sizes = np.diff(offsets)
-    kernel = np.repeat(np.arange(len(sizes)), sizes)
-    mean = np.add.reduceat(outputs, offsets[:-1], dtype=float) / sizes[:, None]
+    outputs, sizes, kernel = sets.x, sets.sizes, sets.kernel
+    mean = np.add.reduceat(outputs, sets.offsets[:-1], dtype=float) / sizes[:, None]
     near = mean.astype(outputs.dtype)
     weight = np.sqrt(1.0 / sizes / len(sizes)).astype(outputs.dtype)
     apart = np.empty_like(outputs)
@@ -226,4 +218,4 @@ def discriminants(
         np.matmul(outputs[rows] - middle, directions, out=found[rows])
 
     in_slices(turn, len(outputs), _ROWS)
-    return found
+    return sets.at(found)

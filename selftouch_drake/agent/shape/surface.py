@@ -1,4 +1,4 @@
-"""A triangle surface through the recovered body (paper, figure 3: "shaded areas are fitted")."""
+"""The surface or line through the recovered body (paper, figure 3: "shaded areas are fitted")."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def fitted_surface(points: np.ndarray, found: Topology) -> np.ndarray:
     """Finds the surface through the points: closed if they enclose a void, else with a rim.
 
     Args:
-        points: `(K, 3)`.
+        points: `(K, d)`, of a surface.
         found: the topology of these points.
 
     Returns:
@@ -29,23 +29,39 @@ def fitted_surface(points: np.ndarray, found: Topology) -> np.ndarray:
     """
     if found.betti[2]:
         return rolled_surface(points, found.scale)
-    # At the scale of a loop's birth some triangles are still missing; two spacings cover the
-    # surface, as when components are counted.
-    return alpha_surface(points, max(found.scale, 2.0 * found.spacing))
+    return alpha_simplices(points, covering_scale(found), 3)
 
 
-def alpha_surface(points: np.ndarray, scale: float) -> np.ndarray:
-    """`(F, 3)` triangles of the alpha complex of `(K, 3)` points at a scale; may have a rim.
+def fitted_line(points: np.ndarray, found: Topology) -> np.ndarray:
+    """`(E, 2)` steps of the line through `(K, 2)` points with this topology.
 
     Raises:
-        ValueError: the points are too few or lie in a plane.
+        ValueError: the points are too few or lie in a line.
     """
-    triangles = [
+    return alpha_simplices(points, covering_scale(found), 2)
+
+
+def covering_scale(found: Topology) -> float:
+    """The radius at which balls around the points cover the part.
+
+    At the scale of a loop's birth some simplices are still missing; two spacings cover the part, as
+    when components are counted.
+    """
+    return max(found.scale, 2.0 * found.spacing)
+
+
+def alpha_simplices(points: np.ndarray, scale: float, size: int) -> np.ndarray:
+    """`(N, size)` simplices of the alpha complex of `(K, d)` points at a scale; may have a rim.
+
+    Raises:
+        ValueError: the points are too few or do not spread.
+    """
+    simplices = [
         simplex
         for simplex, radius2 in zip(*alpha_filtration(points), strict=True)
-        if len(simplex) == 3 and radius2 <= scale**2
+        if len(simplex) == size and radius2 <= scale**2
     ]
-    return np.array(triangles, dtype=int).reshape(-1, 3)
+    return np.array(simplices, dtype=int).reshape(-1, size)
 
 
 def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:

@@ -13,11 +13,8 @@ from pydrake.math import RigidTransform
 
 from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
-from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
-from selftouch_drake.show.meshcat.receptors import rgba
-from selftouch_drake.show.meshcat.server import open_meshcat
-from selftouch_drake.show.meshcat.stage import VIEW
-from selftouch_drake.show.meshcat.text_meshes import put_text
+from selftouch_drake.show.meshcat.skin_drawing import rgba
+from selftouch_drake.show.meshcat.stage import VIEW, FeelingRobot, open_meshcat
 from selftouch_drake.show.recovered import laid_on_skins
 from selftouch_drake.show.skins import surfaces_of
 from selftouch_drake.show.style import INK, RECOVERED
@@ -39,15 +36,16 @@ class LifePage:
     Args:
         meshcat: where it is shown.
         frame_s: s, from frame to frame.
-
-    Attributes:
-        status: what is written below the robot.
     """
 
     def __init__(self, meshcat: Meshcat, *, frame_s: float = _FRAME_S):
         self._meshcat, self._frame_s = meshcat, frame_s
-        self.status = ""
         meshcat.AddButton(END, "Escape")
+
+    @property
+    def status(self) -> str:
+        """What is written below the robot."""
+        return self._robot.status
 
     def enter(self, world: World) -> None:
         """Draws the robot with its current body."""
@@ -66,7 +64,7 @@ class LifePage:
                 raise KeyboardInterrupt
             self._robot.show(q[row].astype(float), sensation[row].astype(float))
             time.sleep(self._frame_s)
-        self._say(f"{life.num_touches:,} touches: {_mood(life)}")
+        self._robot.say(f"{life.num_touches:,} touches: {_mood(life)}")
 
     def scored(self, found: Quality, num_touches: int) -> None:
         """Draws the body that the agent knows so far."""
@@ -85,19 +83,12 @@ class LifePage:
                 f"{path}/edges", part.places.T, part.faces.T, rgba(INK), wireframe=True
             )
 
-    def _say(self, text: str) -> None:
-        if text != self.status:
-            under = self._robot.middle - 0.75 * self._robot.size * VIEW.axes[1]
-            size = 0.08 * self._robot.size
-            put_text(self._meshcat, "/status", text, under, VIEW, size=size, color=rgba(INK))
-            self.status = text
-
 
 def _mood(life: Life) -> str:
     if life.has_doubts:
         return "this is not what it expects"
     if life.noticed:
-        return f"it found: {life.noticed[-1].mending.in_words}"
+        return f"it found: {life.noticed[-1].change.in_words}"
     return "it learns" if life.learner.knows else "it begins"
 
 

@@ -12,9 +12,9 @@ from selftouch_drake.agent.motions import Motion
 from selftouch_drake.evaluation import cosine_distance
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.robot import Simulation
-from selftouch_drake.show.meshcat.braking import BRAKING_S, braked
+from selftouch_drake.robot.limits import commanded
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
-from selftouch_drake.show.meshcat.server import open_meshcat
+from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.paths import SkinPath, touch_paths
 from selftouch_drake.show.run_data import RunData
 
@@ -27,6 +27,10 @@ FRAME_S = 1 / 30
 _REST_S = 1.0
 # Stops of a tour: as different as possible, so that it covers the whole body.
 _NUM_STOPS = 24
+#: s, from full speed to rest: at 1 rad/s that is 2.5 rad/s², half of what plans may use.
+BRAKING_S = 0.4
+# s, between two samples of a motion that is slowed down.
+_STEP_S = 0.01
 # Frames between two drawings of the trace.
 _TRACE_EVERY = 6
 # Name of the paths of a motion.
@@ -256,3 +260,20 @@ def play_live(
         while not show.ended:
             show.step()
     announce("ended")
+
+
+def braked(motion: Motion, time_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The rest of a motion, slowed down to a stop on its own path and so on the skin.
+
+    Args:
+        motion: T instants.
+        time_s: s, when it is interrupted.
+
+    Returns:
+        `(N,)` s from 0, `(N, J)` configurations and `(N, J)` their velocities.
+    """
+    since = np.linspace(0.0, BRAKING_S, round(BRAKING_S / _STEP_S) + 1)
+    # The motion's own time, which goes on ever more slowly.
+    at = (time_s + since - since**2 / (2 * BRAKING_S)).clip(0.0, motion.time_s[-1])
+    path = commanded(motion.time_s, motion.q, motion.v)
+    return since, path(at), path(at, 1) * (1.0 - since / BRAKING_S)[:, None]

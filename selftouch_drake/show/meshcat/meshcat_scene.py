@@ -19,10 +19,15 @@ from pydrake.perception import BaseField, Fields, PointCloud
 
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.geometry import farthest_points
-from selftouch_drake.show.meshcat.receptors import key_frames, linear_light, rgba
-from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
+from selftouch_drake.show.meshcat.skin_drawing import (
+    Receptors,
+    SkinDrawing,
+    key_frames,
+    linear_light,
+    rgba,
+)
 from selftouch_drake.show.meshcat.stage import VIEW, draw_balls, set_stage
-from selftouch_drake.show.meshcat.text_meshes import put_legend, put_text
+from selftouch_drake.show.meshcat.text_meshes import put_text
 from selftouch_drake.show.paths import SkinPath, evenly_spaced
 from selftouch_drake.show.run_data import MissingError, RunData
 from selftouch_drake.show.skins import all_moved, as_one, moved
@@ -36,6 +41,8 @@ _RARE = 0.03
 _NUM_POSTURES = 200
 # Between lines of text, as a share of the size.
 _LINE = 0.18
+# Balls of the legend of the colours.
+_NUM_COLORS = 13
 # Sensations whose numbers are written on the recovered body.
 _NUM_NUMBERS = 16
 # Paths of the real skins, of the expected ones, and of the recovered body.
@@ -176,10 +183,15 @@ class MeshcatScene:
         self._write("/status", text, line=2)
 
     def draw_legend(self, full: float) -> None:
-        """Draws the scale of the colours, up to `full` N, below the body's title."""
+        """Draws the scale of the receptors' colours, up to `full` N, below the body's title."""
+        share = np.linspace(0.0, 1.0, _NUM_COLORS)
         centre = self._under - _LINE * self.size * VIEW.axes[1]
-        width = 0.8 * self.size
-        put_legend(self._meshcat, "/legend", full, centre, VIEW, width=width, color=rgba(INK))
+        places = centre + 0.8 * self.size * (share - 0.5)[:, None] * VIEW.axes[0]
+        Receptors(self._meshcat, "/legend/colors", places, 0.02 * self.size).show(share)
+        for end, text in ((-1.0, "0"), (1.0, f"{full:.1f} N\nper receptor")):
+            self._write(
+                f"/legend/{end:.0f}", text, aside=0.6 * end * self.size * VIEW.axes[0], line=1
+            )
 
     def _draw_recovered(self, data: RunData, middle: np.ndarray) -> tuple[np.ndarray, str]:
         """Draws the recovered body; returns the places of the kernels, and its title."""
@@ -226,7 +238,7 @@ class MeshcatScene:
         dots = np.concatenate([evenly_spaced(s, spacing) for s in points.stretches()])
         self._meshcat.SetObject(f"{path}/dots", _cloud(dots, color), point_size=point_size)
 
-    def _write(self, path: str, text: str, *, aside: np.ndarray | float = 0.0, line: int = 0):
+    def _write(self, path: str, text: str, *, aside: np.ndarray | float = 0.0, line: float = 0.0):
         centre = self._under + aside - _LINE * self.size * line * VIEW.axes[1]
         size = 0.08 * self.size
         put_text(self._meshcat, path, text, centre, VIEW, size=size, color=rgba(INK))

@@ -10,12 +10,7 @@ import numpy as np
 from pydrake.geometry import Meshcat
 
 from selftouch_drake.robot import World
-from selftouch_drake.show.meshcat.feeling_robot import FeelingRobot
-from selftouch_drake.show.meshcat.receptors import rgba
-from selftouch_drake.show.meshcat.server import open_meshcat
-from selftouch_drake.show.meshcat.stage import VIEW
-from selftouch_drake.show.meshcat.text_meshes import put_text
-from selftouch_drake.show.style import INK
+from selftouch_drake.show.meshcat.stage import FeelingRobot, open_meshcat
 
 END = "end"
 # s between two readings of the sliders.
@@ -33,7 +28,6 @@ class RobotPage:
 
     Attributes:
         meshcat: where it is shown.
-        status: what is written below the robot.
     """
 
     def __init__(self, meshcat: Meshcat, world: World):
@@ -45,9 +39,12 @@ class RobotPage:
         for name, low, high, value in zip(robot.joint_names, lower, upper, self._q, strict=True):
             meshcat.AddSlider(name, low, high, _SLIDER_STEP, value)
         meshcat.AddButton(END, "Escape")
-        self._under = self._drawing.middle - 0.75 * self._drawing.size * VIEW.axes[1]
-        self.status = ""
         self.show(self._q)
+
+    @property
+    def status(self) -> str:
+        """What is written below the robot."""
+        return self._drawing.status
 
     @property
     def ended(self) -> bool:
@@ -71,10 +68,7 @@ class RobotPage:
         status = f"feels {felt.sum():.1f} N" if felt.any() else "touches nothing"
         if depth > 0:
             status = "rigid parts run into each other: no posture of this robot"
-        if status != self.status:
-            size = 0.08 * self._drawing.size
-            put_text(self.meshcat, "/status", status, self._under, VIEW, size=size, color=rgba(INK))
-            self.status = status
+        self._drawing.say(status)
 
 
 def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None:

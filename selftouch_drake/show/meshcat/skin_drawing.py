@@ -1,20 +1,26 @@
-"""Skins in Meshcat: each below one path, whose transform follows its link."""
+"""Skins in Meshcat: they follow their links, and their receptors are coloured by their readings."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatAnimation
+from matplotlib.colors import to_rgb
+from pydrake.geometry import Meshcat, MeshcatAnimation, Rgba, Sphere
 from pydrake.math import RigidTransform, RotationMatrix
 
-from selftouch_drake.show.meshcat.receptors import Receptors, rgba
 from selftouch_drake.show.skins import SkinSurface
-from selftouch_drake.show.style import SKIN
+from selftouch_drake.show.style import PRESSURE, SKIN
+
+# Number of colours for pressure: few, so that a receptor's colour changes rarely.
+_STEPS = 24
+_COLORS = PRESSURE(np.arange(_STEPS + 1) / _STEPS)
 
 
 class SkinDrawing:
     """All skins of a robot, which can be moved and show a sensation.
+
+    Each is drawn below one path, whose transform follows its link.
 
     Args:
         meshcat: where they are drawn.
@@ -54,6 +60,71 @@ class SkinDrawing:
                     recording.SetTransform(frame, path, _transform(pose))
         for skin, receptors in zip(self._skins, self._receptors, strict=True):
             receptors.record(recording, sensation[:, skin.readings])
+
+
+class Receptors:
+    """Receptors on one skin, coloured by their readings.
+
+    Args:
+        meshcat: where they are drawn.
+        path: of all of them in Meshcat; they move with it.
+        positions: `(S, 3)` m, in the frame of that path.
+        radius: m, of the ball that stands for one.
+    """
+
+    def __init__(self, meshcat: Meshcat, path: str, positions: np.ndarray, radius: float):
+        self._meshcat = meshcat
+        self._paths = [f"{path}/{receptor}" for receptor in range(len(positions))]
+        self._shown = np.zeros(len(positions), dtype=int)
+        for each, position in zip(self._paths, positions, strict=True):
+            meshcat.SetObject(each, Sphere(radius), Rgba(*_COLORS[0]))
+            meshcat.SetTransform(each, RigidTransform(position))
+
+    def show(self, felt: np.ndarray) -> None:
+        """Shows `(S,)` readings, 1 in the strongest colour."""
+        steps = _steps(felt)
+        for receptor in np.flatnonzero(steps != self._shown):
+            self._meshcat.SetProperty(
+                self._paths[receptor], "color", _COLORS[steps[receptor]].tolist()
+            )
+        self._shown = steps
+
+    def record(self, recording: MeshcatAnimation, felt: np.ndarray) -> None:
+        """Records `(frames, S)` readings, 1 in the strongest colour.
+
+        A recorded property named `color` is not played back (Drake issue 20879). The colour of the
+        material is, and is blended in linear light; live it does nothing.
+        """
+        colors = linear_light(_COLORS[:, :3]).tolist()
+        for path, steps in zip(self._paths, _steps(felt).T, strict=True):
+            for frame in key_frames(steps):
+                recording.SetProperty(
+                    frame, f"{path}/<object>", "material.color", colors[steps[frame]]
+                )
+
+
+def key_frames(values: np.ndarray) -> Iterator[int]:
+    """The frames that are enough for a series whose values are held between changes.
+
+    Playing blends from key to key, so that the last frame before a change is a key as well; and
+    each series starts over when it ends, so that all have to end with the last frame.
+    """
+    changes = np.flatnonzero(np.diff(values) != 0)
+    yield from np.unique([0, *changes, *(changes + 1), len(values) - 1]).tolist()
+
+
+def linear_light(srgb: np.ndarray) -> np.ndarray:
+    """Linear light of sRGB components, both from 0 to 1."""
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
+
+
+def rgba(color: str, alpha: float = 1.0) -> Rgba:
+    """A colour as Meshcat takes it."""
+    return Rgba(*to_rgb(color), alpha)
+
+
+def _steps(felt: np.ndarray) -> np.ndarray:
+    return np.rint(_STEPS * np.clip(felt, 0.0, 1.0)).astype(int)
 
 
 def _transform(pose: np.ndarray) -> RigidTransform:

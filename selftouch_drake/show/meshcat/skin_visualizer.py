@@ -14,8 +14,7 @@ from pydrake.multibody.plant import ContactResults, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from selftouch_drake.robot import TactileSkin, WornSkin
-from selftouch_drake.show.meshcat.receptors import key_frames
-from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing
+from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, key_frames
 from selftouch_drake.show.skins import surfaces_of
 from selftouch_drake.show.style import FIRM, PRESSURE
 

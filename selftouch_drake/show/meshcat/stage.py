@@ -1,22 +1,72 @@
-"""Background, camera and robot in Meshcat."""
+"""Meshcat with its background, its camera and a robot that can be posed."""
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 
 import numpy as np
-from pydrake.geometry import Meshcat, MeshcatVisualizer, SceneGraph, Sphere
+from pydrake.geometry import Meshcat, MeshcatParams, MeshcatVisualizer, SceneGraph, Sphere
+from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.robot import MakeRobot, SkinModel
-from selftouch_drake.show.meshcat.receptors import rgba
+from selftouch_drake.robot import MakeRobot, SkinModel, World
+from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, rgba
+from selftouch_drake.show.meshcat.text_meshes import put_text
 from selftouch_drake.show.robot_shape import RobotShape
-from selftouch_drake.show.style import VERMILION
+from selftouch_drake.show.skins import all_moved, as_one, surfaces_of
+from selftouch_drake.show.style import FIRM, INK, VERMILION
 from selftouch_drake.show.view import View
 
 VIEW = View(elevation=20.0, azimuth=-70.0)
+
+
+def open_meshcat(port: int | None = None) -> Meshcat:
+    """A Meshcat on this machine alone, opened without log messages.
+
+    Args:
+        port: of the page; by default the first free one from 7000 on.
+
+    Raises:
+        ValueError: the port is taken.
+    """
+    logger = logging.getLogger("drake")
+    level = logger.level
+    logger.setLevel(logging.WARNING)
+    try:
+        return Meshcat(MeshcatParams(host="localhost", port=port, show_stats_plot=False))
+    except RuntimeError:
+        raise ValueError(f"--port {port} is in use; give another, or leave it out") from None
+    finally:
+        logger.setLevel(level)
+
+
+def set_stage(
+    meshcat: Meshcat, view: View, middle: np.ndarray, size: float, *, beside_panel: bool = False
+) -> None:
+    """Sets background and camera, so that three bodies of a size in m stand round `middle`.
+
+    Args:
+        meshcat: where.
+        view: the camera's direction.
+        middle: `(3,)` m.
+        size: m.
+        beside_panel: whether the bodies stand left of the middle of the page, so that Meshcat's
+            controls do not cover them on a page that is at least 4:3.
+    """
+    for prop in ("/Grid", "/Axes"):
+        meshcat.SetProperty(prop, "visible", False)
+    meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
+    meshcat.SetProperty("/Background/<object>", "bottom_color", [0.87, 0.89, 0.92])
+    # Room above for arms.
+    centre = middle + np.array([0.0, 0.0, 0.04])
+    distance = 0.35 + 1.7 * size
+    if beside_panel:
+        distance *= 1.25
+        centre = centre + 0.2 * distance * view.axes[0]
+    meshcat.SetCameraPose(centre + distance * view.towards, centre)
 
 
 class RobotDrawing:
@@ -62,27 +112,46 @@ def draw_balls(meshcat: Meshcat, shape: RobotShape) -> dict[int, str]:
     return paths
 
 
-def set_stage(
-    meshcat: Meshcat, view: View, middle: np.ndarray, size: float, *, beside_panel: bool = False
-) -> None:
-    """Sets background and camera, so that three bodies of a size in m stand round `middle`.
+class FeelingRobot:
+    """A robot that can be posed and coloured by sensations, with a line of text below.
 
     Args:
-        meshcat: where.
-        view: the camera's direction.
-        middle: `(3,)` m.
-        size: m.
-        beside_panel: whether the bodies stand left of the middle of the page, so that Meshcat's
-            controls do not cover them on a page that is at least 4:3.
+        meshcat: where it is drawn.
+        world: of the robot.
+
+    Attributes:
+        home: `(J,)` rad or m, the posture that its model has by default.
+        size: m, longest side of its skins in that posture.
+        status: the text.
     """
-    for prop in ("/Grid", "/Axes"):
-        meshcat.SetProperty(prop, "visible", False)
-    meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
-    meshcat.SetProperty("/Background/<object>", "bottom_color", [0.87, 0.89, 0.92])
-    # Room above for arms.
-    centre = middle + np.array([0.0, 0.0, 0.04])
-    distance = 0.35 + 1.7 * size
-    if beside_panel:
-        distance *= 1.25
-        centre = centre + 0.2 * distance * view.axes[0]
-    meshcat.SetCameraPose(centre + distance * view.towards, centre)
+
+    def __init__(self, meshcat: Meshcat, world: World):
+        self._meshcat, self._robot = meshcat, world.robot
+        self._drawing = RobotDrawing(meshcat, world.experiment, world.skins)
+        skins = surfaces_of(world.skins)
+        self._skins = SkinDrawing(meshcat, "/skins", skins)
+        self._balls = draw_balls(meshcat, RobotShape(self._robot, world.experiment.touching))
+        plant = self._robot.plant
+        self.home = plant.GetPositions(plant.CreateDefaultContext())
+        at_home = as_one(all_moved(skins, self._robot.skin_positions(self.home[None])[0]))
+        low, high = at_home.vertices.min(axis=0), at_home.vertices.max(axis=0)
+        self._middle, self.size = (low + high) / 2, float((high - low).max())
+        self.status = ""
+        set_stage(meshcat, VIEW, self._middle, self.size)
+
+    def show(self, q: np.ndarray, felt: np.ndarray) -> None:
+        """Shows the robot at `(J,)` q, feeling `(S,)` N."""
+        self._drawing.put(q)
+        self._skins.move(self._robot.skin_positions(q[None])[0])
+        places = self._robot.toucher_positions(q[None])[0]
+        for number, path in self._balls.items():
+            self._meshcat.SetTransform(path, RigidTransform(places[number]))
+        self._skins.show(felt / FIRM)
+
+    def say(self, text: str) -> None:
+        """Writes a line below the robot."""
+        if text != self.status:
+            under = self._middle - 0.75 * self.size * VIEW.axes[1]
+            size = 0.08 * self.size
+            put_text(self._meshcat, "/status", text, under, VIEW, size=size, color=rgba(INK))
+            self.status = text

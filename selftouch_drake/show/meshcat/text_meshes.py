@@ -1,4 +1,4 @@
-"""Text in Meshcat, which has none: letters as flat meshes, and the legend of the colours.
+"""Text in Meshcat, which has none: letters as flat meshes.
 
 Meshes and not pictures: a page requests a picture only after it has heard of it, and a slow page
 requests pictures that are gone by then.
@@ -12,7 +12,6 @@ from matplotlib.textpath import TextPath
 from pydrake.geometry import Meshcat, Rgba
 from pydrake.math import RigidTransform, RotationMatrix
 
-from selftouch_drake.show.style import PRESSURE
 from selftouch_drake.show.view import View
 
 # Size at which outlines are taken from the font: fine enough that bends look round.
@@ -42,47 +41,9 @@ def put_text(
         color: of the letters.
     """
     vertices, faces = letters(text)
-    meshcat.SetTriangleMesh(path, _flat(size * vertices), faces.T, color)
-    meshcat.SetTransform(path, _facing(view, centre))
-
-
-def put_legend(
-    meshcat: Meshcat,
-    path: str,
-    full: float,
-    centre: np.ndarray,
-    view: View,
-    *,
-    width: float,
-    color: Rgba,
-) -> None:
-    """Draws the legend of the receptors' colours; `full` N has the strongest.
-
-    Args:
-        meshcat: where.
-        path: in Meshcat.
-        full: N.
-        centre: `(3,)` m, the middle of the bar.
-        view: the camera.
-        width: m, of the bar.
-        color: of the letters.
-    """
-    share = np.linspace(0.0, 1.0, 33)
-    x = width * (share - 0.5)
-    height = 0.06 * width
-    points = np.stack([np.tile(x, 2), np.repeat([0.0, height], len(x))], axis=1)
-    left, above = np.arange(len(x) - 1), len(x)
-    lower = np.stack([left, left + 1, left + 1 + above], axis=1)
-    upper = np.stack([left, left + 1 + above, left + above], axis=1)
-    faces = np.concatenate([lower, upper])
-    colors = np.tile(PRESSURE(share)[:, :3], (2, 1))
-    meshcat.SetTriangleColorMesh(f"{path}/bar", _flat(points), faces.T, colors.T)
-    meshcat.SetTransform(f"{path}/bar", _facing(view, centre))
-    size = 1.3 * height
-    for place, text in ((-0.5, "0"), (0.0, "N per receptor"), (0.5, f"{full:.1f}")):
-        where = centre + place * width * view.axes[0] - 0.9 * height * view.axes[1]
-        name = f"{path}/{text.replace(' ', '_')}"
-        put_text(meshcat, name, text, where, view, size=size, color=color)
+    flat = np.vstack([size * vertices.T, np.zeros(len(vertices))])
+    meshcat.SetTriangleMesh(path, flat, faces.T, color)
+    meshcat.SetTransform(path, RigidTransform(RotationMatrix(view.axes.T), centre))
 
 
 def letters(text: str) -> tuple[np.ndarray, np.ndarray]:
@@ -106,12 +67,3 @@ def letters(text: str) -> tuple[np.ndarray, np.ndarray]:
     if not rings:
         return np.zeros((0, 2)), np.zeros((0, 3), dtype=int)
     return np.concatenate(rings) / _FONT_SIZE, np.asarray(manifold3d.triangulate(rings))
-
-
-def _flat(points: np.ndarray) -> np.ndarray:
-    """`(3, V)` the points `(V, 2)` in the plane z = 0."""
-    return np.vstack([points.T, np.zeros(len(points))])
-
-
-def _facing(view: View, centre: np.ndarray) -> RigidTransform:
-    return RigidTransform(RotationMatrix(view.axes.T), centre)

@@ -9,6 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
+from selftouch_drake.show.page.meshes import surface
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -17,7 +18,6 @@ from selftouch_drake.show.page.scene import (
     scale_bar,
     share_scale,
 )
-from selftouch_drake.show.page.solids import surface
 from selftouch_drake.show.run_data import TouchSample
 from selftouch_drake.show.skins import SkinSurface, as_one, moved
 from selftouch_drake.show.style import AMOUNT, styled

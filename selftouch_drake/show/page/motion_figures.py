@@ -111,35 +111,6 @@ def contact_and_tracking(execution: Execution, names: Sequence[str], turns: np.n
     return figure
 
 
-@styled
-def learning_curve(naive: np.ndarray, remembering: np.ndarray, num_tries: np.ndarray) -> Figure:
-    """How rehearsals of other pairs improve first tries.
-
-    Args:
-        naive: `(N,)` share of the time in contact at the first try of each pair, without memory.
-        remembering: `(N,)` the same with the memory of all rehearsals before.
-        num_tries: `(N,)` of the rehearsal of each pair.
-    """
-    figure = Figure(figsize=(9.0, 3.4), layout="constrained")
-    better, tries = figure.subplots(1, 2, width_ratios=(1.6, 1.0))
-    pairs = np.arange(1, len(naive) + 1)
-    for lost, label, color in (
-        (1.0 - naive, "without memory", MUTED),
-        (1.0 - remembering, "remembering earlier pairs", BLUE),
-    ):
-        better.plot(pairs, np.cumsum(lost), color=color, label=label, linewidth=1.6)
-    better.set(
-        xlabel="pairs so far", ylabel="motions' worth of time without contact",
-        xlim=(0.5, pairs[-1] + 0.5), ylim=(0, None), title="First tries, added up",
-    )  # fmt: skip
-    better.legend(loc="upper left")
-    counts = np.bincount(num_tries, minlength=2)[1:]
-    tries.bar(np.arange(1, len(counts) + 1), counts, color=BLUE)
-    tries.set(xlabel="tries", ylabel="pairs", title="Until contact is never lost")
-    tries.set_xticks(np.arange(1, len(counts) + 1))
-    return figure
-
-
 def _columns(names: Sequence[str]) -> int:
     """As many as fit below a figure."""
     return max(1, min(len(names), 130 // (8 + max(map(len, names)))))

@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from selftouch_drake.show.page.meshes import balls, surface
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -17,7 +18,6 @@ from selftouch_drake.show.page.scene import (
     share_scale,
     visible,
 )
-from selftouch_drake.show.page.solids import balls, surface
 from selftouch_drake.show.paths import SkinPath, evenly_spaced
 from selftouch_drake.show.skins import SkinSurface
 from selftouch_drake.show.style import BLUE, GREEN, SKIN, VERMILION, styled

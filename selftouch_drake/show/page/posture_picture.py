@@ -9,8 +9,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from selftouch_drake.robot import World
+from selftouch_drake.show.page.meshes import ColoredMesh, balls, rod, shell, surface
 from selftouch_drake.show.page.scene import add_scene, draw, visible
-from selftouch_drake.show.page.solids import Solid, balls, rod, shell, surface
 from selftouch_drake.show.robot_shape import DrawnRobot, RobotShape
 from selftouch_drake.show.skins import SkinSurface, all_moved, as_one, surfaces_of
 from selftouch_drake.show.style import FIRM, PALE, PRESSURE, SKIN, VERMILION, styled
@@ -93,7 +93,7 @@ class PostureCamera:
         ax.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
         return figure
 
-    def _balls(self, robot: DrawnRobot) -> Iterator[Solid]:
+    def _balls(self, robot: DrawnRobot) -> Iterator[ColoredMesh]:
         if len(robot.balls):
             radii = np.maximum(robot.radii, _BALL * self._size)
             yield balls(robot.balls, radii, VERMILION, detail=2)

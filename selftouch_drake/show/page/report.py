@@ -3,112 +3,98 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from selftouch_drake.experiment import dump_experiment
 from selftouch_drake.show.page.tables import (
-    joint_rows,
-    part_rows,
-    plan_rows,
-    skin_rows,
-    toucher_rows,
+    Table,
+    joint_table,
+    part_table,
+    plan_table,
+    skin_table,
+    toucher_table,
 )
 from selftouch_drake.show.page.turnable import turnable_body
 from selftouch_drake.show.run_data import MissingError, NoSurfaceError, RunData
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Picture:
-    """A figure as the page shows it, or why it does not.
-
-    Attributes:
-        image: the PNG as base64; empty if there is none.
-        missing: the reason why there is none.
-    """
-
-    image: str = ""
-    missing: str = ""
-
-    @staticmethod
-    def of(path: Path) -> Picture:
-        """The picture in a PNG file."""
-        return Picture(image=base64.b64encode(path.read_bytes()).decode("ascii"))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Playback:
-    """The recording beside the page, or why there is none.
-
-    Attributes:
-        file: its name.
-        missing: the reason why there is none.
-    """
-
-    file: str = ""
-    missing: str = ""
-
-
-def report_page(data: RunData, pictures: Mapping[str, Picture], recording: Playback) -> str:
+def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Path | str) -> str:
     """The report of a run as HTML that holds all it shows and asks nothing of a network.
 
     What was not made yet is named, with the command that makes it.
 
     Args:
         data: of the run, with any of its stages done.
-        pictures: by the names of `FIGURES`.
-        recording: of the plan that is shown.
+        pictures: the PNG file of each of `FIGURES`, or why there is none.
+        recording: the page with the recorded plan, or why there is none.
     """
-    plans = list(plan_rows(data))
-    body = no_surface = ""
+    body = no_surface = robot_missing = ""
     try:
         body = turnable_body(data)
     except NoSurfaceError as reason:
         no_surface = str(reason)
     except MissingError:
         pass
+    joints = skins = touchers = None
+    collisions = ""
+    try:
+        joints, skins, touchers = joint_table(data), skin_table(data), toucher_table(data)
+        collisions = _collisions(data)
+    except MissingError as reason:
+        robot_missing = str(reason)
+    images = {name: _encoded(it) for name, it in pictures.items() if isinstance(it, Path)}
     return _template().render(
         experiment=data.experiment,
         settings=dump_experiment(data.experiment),
-        pictures=pictures,
+        images=images,
+        missing={name: it for name, it in pictures.items() if isinstance(it, str)},
         headline=data.headline,
         readings=data.readings,
+        joints=joints,
+        skins=skins,
+        touchers=touchers,
+        collisions=collisions,
+        robot_missing=robot_missing,
         parts=_parts(data),
         body=body,
         no_surface=no_surface,
         viewer=(files(__package__) / "turnable.js").read_text(encoding="utf-8"),
-        plans=plans,
-        flights=any(plan.num_flights for plan in plans),
+        plans=plan_table(data),
         shown=data.shown_pair if data.pairs else None,
-        recording=recording,
-        **_robot(data),
+        recording=recording.name if isinstance(recording, Path) else "",
+        no_recording=recording if isinstance(recording, str) else "",
     )
 
 
-def _robot(data: RunData) -> dict[str, Any]:
-    try:
-        return {
-            "joints": joint_rows(data),
-            "skins": skin_rows(data),
-            "touchers": toucher_rows(data),
-            "robot_missing": "",
-        }
-    except MissingError as reason:
-        return {"joints": [], "skins": [], "touchers": [], "robot_missing": str(reason)}
+def _collisions(data: RunData) -> str:
+    """What else of the robot collides, in a sentence."""
+    pairs = len(data.robot.rigid_pairs)
+    if not pairs:
+        return (
+            "Nothing else collides: the links of this robot have no collision geometry that could, "
+            "so they pass through one another and through the skins."
+        )
+    count = "One pair" if pairs == 1 else f"{pairs} pairs"
+    return (
+        f"{count} of rigid links must not run into each other; other links pass through the skins."
+    )
 
 
-def _parts(data: RunData) -> Sequence[Any]:
-    """The rows of the table of parts; none where there is one part on one skin."""
+def _encoded(image: Path) -> str:
+    return base64.b64encode(image.read_bytes()).decode("ascii")
+
+
+def _parts(data: RunData) -> Table | None:
+    """The table of parts; none where there is one part on one skin."""
     try:
-        rows = part_rows(data)
+        table = part_table(data)
     except MissingError:
-        return ()
-    return rows if len(rows) > 1 or len(data.experiment.skins) > 1 else ()
+        return None
+    return table if len(table.rows) > 1 or len(data.experiment.skins) > 1 else None
 
 
 def _template():

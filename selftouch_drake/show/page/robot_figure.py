@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from selftouch_drake.show.page.meshes import balls, rod, shell, surface
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -16,7 +17,6 @@ from selftouch_drake.show.page.scene import (
     unhidden,
     visible,
 )
-from selftouch_drake.show.page.solids import balls, rod, shell, surface
 from selftouch_drake.show.robot_shape import DrawnRobot
 from selftouch_drake.show.skins import SkinSurface, as_one, moved
 from selftouch_drake.show.style import (
@@ -152,11 +152,11 @@ def _draw_joints(
         (turns & (number >= 3), _JOINTS, GREEN, "three in one point"),
         (~turns, _JOINT, ORANGE, "joints that slide"),
     )
-    solids = [
+    meshes = [
         balls(places[those & seen], radius * size, color, detail=3)
         for those, radius, color, _ in kinds
     ]
-    draw(ax, view, *solids, zorder=3)
+    draw(ax, view, *meshes, zorder=3)
     return [(color, label) for those, _, color, label in kinds if those.any()]
 
 

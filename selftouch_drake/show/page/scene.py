@@ -16,7 +16,7 @@ from matplotlib.gridspec import SubplotSpec
 from scipy.spatial import cKDTree
 
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.show.page.solids import EDGE, Solid
+from selftouch_drake.show.page.meshes import EDGE, ColoredMesh
 from selftouch_drake.show.style import INK, MUTED
 from selftouch_drake.show.view import View
 
@@ -41,23 +41,23 @@ def add_scene(figure: Figure, where: SubplotSpec, title: str = "") -> Axes:
 def draw(
     ax: Axes,
     view: View,
-    *solids: Solid,
+    *meshes: ColoredMesh,
     opacity: float = 1.0,
     ambient: float = _AMBIENT,
     zorder: float = 1.0,
 ) -> None:
-    """Draws the sides of solids that face the camera, each triangle over those behind it.
+    """Draws the sides of meshes that face the camera, each triangle over those behind it.
 
     Args:
         ax: the axes of a scene.
         view: the camera.
-        solids: what is sorted together.
+        meshes: what is sorted together.
         opacity: of the whole; what is hidden behind the front of it stays hidden.
         ambient: share of the light that comes from everywhere; high where colours mean amounts.
         zorder: above what has a lower one.
     """
     triangles, normals, rgb = (
-        np.concatenate([getattr(solid, name) for solid in solids])
+        np.concatenate([getattr(mesh, name) for mesh in meshes])
         for name in ("triangles", "normals", "rgb")
     )
     facing = normals @ view.towards > -0.02

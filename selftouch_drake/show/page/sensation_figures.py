@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.lazy import trimesh
+from selftouch_drake.show.page.meshes import balls, surface
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -22,7 +23,6 @@ from selftouch_drake.show.page.scene import (
     share_scale,
     visible,
 )
-from selftouch_drake.show.page.solids import balls, surface
 from selftouch_drake.show.skins import SkinSurface, as_one
 from selftouch_drake.show.style import BLUE, GREEN, MUTED, PRESSURE, SKIN, styled
 from selftouch_drake.show.view import View

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from selftouch_drake.show.page.meshes import ColoredMesh, balls, surface
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -18,7 +19,6 @@ from selftouch_drake.show.page.scene import (
     share_scale,
     visible,
 )
-from selftouch_drake.show.page.solids import Solid, balls, surface
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.skins import SkinSurface, as_one
 from selftouch_drake.show.style import BLUE, GREEN, INK, MUTED, ORANGE, RECOVERED, SKIN, styled
@@ -136,9 +136,9 @@ def _typical(skins: Sequence[SkinSurface]) -> float:
     return float(np.median([skin.extent for skin in skins]))
 
 
-def _fitted(part: RecoveredSkin) -> Solid:
-    solid = surface(part.places, part.faces, RECOVERED, cuts=2)
-    return solid if part.closed else solid.both_sides()
+def _fitted(part: RecoveredSkin) -> ColoredMesh:
+    mesh = surface(part.places, part.faces, RECOVERED, cuts=2)
+    return mesh if part.closed else mesh.both_sides()
 
 
 def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: float) -> int:

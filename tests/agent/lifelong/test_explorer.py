@@ -1,6 +1,7 @@
 """The explorer stays in touch, and goes where it knows least."""
 
 import dataclasses
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -8,14 +9,13 @@ import pytest
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.lifelong import (
-    ExplorationSettings,
-    Explorer,
     JointRanges,
     OnlineLearner,
     PostureSampler,
+    Walker,
 )
-from selftouch_drake.agent.lifelong.explorer import kernel_of
-from selftouch_drake.agent.lifelong.recall import recalled
+from selftouch_drake.agent.lifelong import explorer as module
+from selftouch_drake.agent.lifelong.explorer import kernel_of, recalled
 from selftouch_drake.agent.representation.quotient import NO_MODE
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
@@ -23,7 +23,6 @@ pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 JOINTS = JointRanges(lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.15))
 #: A searcher makes moves of some strides at once.
 NARROW = JointRanges(lower=JOINTS.lower, upper=JOINTS.upper, stride=np.full(3, 0.05))
-MANNER = ExplorationSettings(pace=0.2, dwell=300, air=0.1, walked=1, hops=0)
 DEPTH = 0.15
 
 
@@ -46,10 +45,18 @@ def sensors():
 SENSORS = sensors()
 
 
-def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=Explorer, joints=JOINTS):
+walker = partial(Walker, pace=0.2)
+
+
+@pytest.fixture(autouse=True)
+def dwells_shortly(monkeypatch):
+    monkeypatch.setattr(module, "_DWELL", 300)
+
+
+def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=walker, joints=JOINTS):
     start = np.array(start)
     explorer = explores(
-        agent, joints, MANNER, start, ball_feels(start[None])[0], np.random.default_rng(seed)
+        agent, joints, start, ball_feels(start[None])[0], np.random.default_rng(seed)
     )
     moves = explorer.moves()
     path, met = next(moves), []
@@ -102,8 +109,10 @@ def test_it_goes_where_its_predictions_failed():
 
     def goals(surprise):
         rng = np.random.default_rng(0)
-        explorer = Explorer(agent, JOINTS, MANNER, nowhere, nowhere, rng, surprise)
-        rows, kernels = zip(*(explorer._goal(agent) for _ in range(1000)), strict=True)
+        explorer = walker(agent, JOINTS, nowhere, nowhere, rng, surprise)
+        rows, kernels = zip(
+            *(explorer._goal(agent.representation) for _ in range(1000)), strict=True
+        )
         offsets = agent.representation.kernel_offsets
         assert (offsets[list(kernels)] <= rows).all()
         assert (rows < offsets[np.add(kernels, 1)]).all()
@@ -161,7 +170,7 @@ def test_it_looks_between_neighbours_on_the_skin():
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     agent = who_knows(points, ball_feels(points))
     nowhere = np.zeros(3)
-    searcher = PostureSampler(agent, NARROW, MANNER, nowhere, nowhere, np.random.default_rng(0))
+    searcher = PostureSampler(agent, NARROW, nowhere, nowhere, np.random.default_rng(0))
     tried = [next(searcher._look_between(agent))[0] for _ in range(200)]
     # Neighbouring targets are half a radius apart, a target and a random one 1.4.
     apart = np.linalg.norm(np.array(tried)[:, None] - points, axis=2).min(axis=1)
@@ -177,7 +186,7 @@ def test_half_of_the_gaps_begin_where_its_predictions_failed():
 
     def share(surprise):
         rng = np.random.default_rng(0)
-        searcher = PostureSampler(agent, NARROW, MANNER, nowhere, nowhere, rng, surprise)
+        searcher = PostureSampler(agent, NARROW, nowhere, nowhere, rng, surprise)
         gaps = [searcher._gap(known) for _ in range(400)]
         linked = {tuple(edge) for edge in known.edges.tolist()}
         assert all(tuple(sorted((kernel_of(known, row), end))) in linked for row, end in gaps)
@@ -194,7 +203,7 @@ def test_it_starts_from_touches_of_receptors_that_seldom_felt_anything():
     # Below, only few places are known; there all receptors were felt, though seldom.
     points = np.concatenate([points[points[:, 2] > -0.2], points[points[:, 2] <= -0.2][:20]])
     agent, nowhere = who_knows(points, ball_feels(points)), np.zeros(3)
-    searcher = PostureSampler(agent, NARROW, MANNER, nowhere, nowhere, np.random.default_rng(0))
+    searcher = PostureSampler(agent, NARROW, nowhere, nowhere, np.random.default_rng(0))
     starts = np.array(list(islice(searcher._seldom_felt(agent), 300)))
     assert (np.linalg.norm(starts[:, None] - points, axis=2).min(axis=1) < 1e-6).all()
     assert (points[:, 2] <= -0.2).mean() < 0.05

@@ -7,7 +7,7 @@ from skins import touch
 from selftouch_drake.agent.lifelong import OnlineLearner
 from selftouch_drake.agent.lifelong import learner as module
 from selftouch_drake.agent.lifelong.distances import remeasured
-from selftouch_drake.agent.representation import QuotientLearner, set_distances
+from selftouch_drake.agent.representation import KernelSets, QuotientLearner, set_distances
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
@@ -94,7 +94,7 @@ def test_the_work_for_a_touch_does_not_grow(monkeypatch):
     """Number of touches used to choose targets, and of measured kernels, in a long life."""
     q, sensation, *_ = touch(["sphere"], 9_000, num_receptors=20)
     work = []
-    counts = {"assign": lambda rows, _: len(rows), "remeasured": lambda *given: given[3].sum()}
+    counts = {"assign": lambda rows, _: len(rows), "remeasured": lambda *given: given[2].sum()}
     for name, count in counts.items():
         real = getattr(module, name)
 
@@ -139,10 +139,10 @@ def test_distances_are_measured_again_where_kernels_changed():
     rng = np.random.default_rng(0)
     offsets = np.cumsum([0, *rng.integers(3, 200, 20)])
     x = rng.normal(size=(offsets[-1], 4)).astype(np.float32)
-    (before,) = set_distances(x, offsets, "quantile")
+    (before,) = set_distances(KernelSets(x, offsets), "quantile")
     changed = np.isin(np.arange(20), [3, 11])
     x[np.repeat(changed, np.diff(offsets))] += 1.0
-    (after,) = set_distances(x, offsets, "quantile")
+    (after,) = set_distances(KernelSets(x, offsets), "quantile")
     np.testing.assert_allclose(
-        remeasured(before, x, offsets, changed, "quantile"), after, rtol=1e-5, atol=1e-6
+        remeasured(before, KernelSets(x, offsets), changed, "quantile"), after, rtol=1e-5, atol=1e-6
     )

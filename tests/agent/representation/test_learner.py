@@ -55,7 +55,7 @@ def test_edge_cost_is_between_firm_configurations(experience, representation):
     def firm(kernel):
         members = representation.members(kernel)
         order = np.argsort(-representation.kernel_strength[members])
-        return representation.kernel_x[members][order[: (len(order) + 1) // 2]]
+        return representation.kernel_sets.x[members][order[: (len(order) + 1) // 2]]
 
     i, j = representation.edges[10]
     apart = np.linalg.norm(firm(i)[:, None] - firm(j)[None], axis=2)

@@ -94,7 +94,7 @@ def test_scaled_configurations_go_back_to_the_same(representation):
     np.testing.assert_allclose(scaled.unscaled(x), scaled.kernel_q, rtol=1e-12)
     matter = scaled.mode_joints[scaled.kernel_mode]
     kernel_x = np.where(matter, x, x.mean(axis=0))
-    np.testing.assert_array_equal(scaled.kernel_x, kernel_x.astype(np.float32))
+    np.testing.assert_array_equal(scaled.kernel_sets.x, kernel_x.astype(np.float32))
 
 
 def test_some_kernels_alone_keep_their_rows_and_edges(representation):

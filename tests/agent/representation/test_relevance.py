@@ -46,7 +46,7 @@ def test_each_hand_has_a_mode_of_its_own_joints(learned):
 
 def test_joints_that_do_not_matter_are_no_part_of_distances(learned):
     representation, _ = learned
-    x = representation.kernel_x
+    x = representation.kernel_sets.x
     left = representation.kernel_mode == 1
     assert np.ptp(x[left][:, 3:], axis=0).max() < 1e-6
     scaled = representation.scaled(representation.kernel_q).astype(np.float32)

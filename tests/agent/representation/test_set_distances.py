@@ -4,6 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import cdist
 
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.set_distances import (
     SET_DISTANCES,
     linked_nearest,
@@ -27,16 +28,16 @@ def reference(sets, name):
 def random_sets(sizes, num_joints, seed):
     rng = np.random.default_rng(seed)
     sets = [rng.uniform(-3, 3, (size, num_joints)).astype(np.float32) for size in sizes]
-    return sets, np.concatenate(sets), np.cumsum([0, *sizes])
+    return sets, KernelSets(np.concatenate(sets), np.cumsum([0, *sizes]))
 
 
 @settings(max_examples=40, deadline=None)
 @given(st.lists(st.integers(1, 9), min_size=1, max_size=6), st.integers(1, 8), st.integers(0, 99))
 def test_compiled_equals_reference(sizes, num_joints, seed):
-    sets, q, offsets = random_sets(sizes, num_joints, seed)
-    found = set_distances(q, offsets, *SET_DISTANCES)
+    parts, sets = random_sets(sizes, num_joints, seed)
+    found = set_distances(sets, *SET_DISTANCES)
     for name, distance in zip(SET_DISTANCES, found, strict=True):
-        np.testing.assert_allclose(distance, reference(sets, name), rtol=1e-4, atol=1e-4)
+        np.testing.assert_allclose(distance, reference(parts, name), rtol=1e-4, atol=1e-4)
         assert (distance == distance.T).all()
         assert (np.diag(distance) == 0).all()
         assert (distance >= 0).all()
@@ -44,10 +45,12 @@ def test_compiled_equals_reference(sizes, num_joints, seed):
 
 def test_by_hand():
     q = np.array([[0.0], [10.0], [1.0], [13.0]])
-    found = set_distances(q, np.array([0, 2, 4]), "minimum", "mean_nearest", "hausdorff")
+    sets = KernelSets(q, np.array([0, 2, 4]))
+    found = set_distances(sets, "minimum", "mean_nearest", "hausdorff")
     assert [distance[0, 1] for distance in found] == [1.0, 2.0, 3.0]
 
 
+@settings(deadline=None)
 @given(st.integers(1, 130), st.integers(0, 99))
 def test_quantile_is_that_of_numpy_to_the_bit(num_queries, seed):
     near = np.random.default_rng(seed).random((num_queries, 5), dtype=np.float32)
@@ -57,18 +60,18 @@ def test_quantile_is_that_of_numpy_to_the_bit(num_queries, seed):
 
 
 def test_few_queries_stand_for_many():
-    _, q, offsets = random_sets([700, 900, 800], 3, 0)
-    (all_ask,) = set_distances(q, offsets, "mean_nearest", max_queries=1000)
-    (few_ask,) = set_distances(q, offsets, "mean_nearest", max_queries=200)
+    _, sets = random_sets([700, 900, 800], 3, 0)
+    (all_ask,) = set_distances(sets, "mean_nearest", max_queries=1000)
+    (few_ask,) = set_distances(sets, "mean_nearest", max_queries=200)
     np.testing.assert_allclose(few_ask, all_ask, rtol=0.1)
 
 
 def test_rough_distances_are_near_and_the_others_exact():
-    _, q, offsets = random_sets([700, 900, 800, 600], 3, 0)
+    _, sets = random_sets([700, 900, 800, 600], 3, 0)
     rough = np.zeros((4, 4), dtype=bool)
     rough[0, 1:] = rough[1:, 0] = True
-    (exact,) = set_distances(q, offsets, "mean_nearest")
-    (mixed,) = set_distances(q, offsets, "mean_nearest", rough=rough)
+    (exact,) = set_distances(sets, "mean_nearest")
+    (mixed,) = set_distances(sets, "mean_nearest", rough=rough)
     np.testing.assert_array_equal(mixed[~rough], exact[~rough])
     np.testing.assert_allclose(mixed[rough], exact[rough], rtol=0.3)
     assert (mixed[rough] != exact[rough]).all()
@@ -76,18 +79,18 @@ def test_rough_distances_are_near_and_the_others_exact():
 
 @pytest.mark.parametrize("num_threads", [1, 2, 7])
 def test_any_number_of_threads_gives_the_same_bytes(num_threads, monkeypatch):
-    _, q, offsets = random_sets([30, 70, 1, 40, 55], 6, 0)
+    _, sets = random_sets([30, 70, 1, 40, 55], 6, 0)
     monkeypatch.setattr("joblib.cpu_count", lambda: num_threads)
-    found = set_distances(q, offsets, *SET_DISTANCES)
+    found = set_distances(sets, *SET_DISTANCES)
     monkeypatch.undo()
-    for here, there in zip(found, set_distances(q, offsets, *SET_DISTANCES), strict=True):
+    for here, there in zip(found, set_distances(sets, *SET_DISTANCES), strict=True):
         assert here.tobytes() == there.tobytes()
 
 
 def test_progress_rises_to_one():
     fractions = []
-    _, q, offsets = random_sets([3, 4], 2, 0)
-    set_distances(q, offsets, "minimum", progress=fractions.append)
+    _, sets = random_sets([3, 4], 2, 0)
+    set_distances(sets, "minimum", progress=fractions.append)
     assert fractions == [0.5, 1.0]
 
 
@@ -103,13 +106,13 @@ def test_progress_rises_to_one():
         (
             [0, 4, 4],
             "minimum",
-            "kernel 1 holds no configuration: drop it from kernel_offsets",
+            "kernel 1 holds no configuration: drop it from its offsets",
         ),
     ],
 )
 def test_errors(offsets, name, message):
     with pytest.raises(ValueError, match=r"kernel|unknown") as error:
-        set_distances(np.zeros((4, 2)), np.array(offsets), name)
+        set_distances(KernelSets(np.zeros((4, 2)), np.array(offsets)), name)
     assert str(error.value) == message
 
 
@@ -119,7 +122,7 @@ def test_the_nearest_over_each_link_is_the_nearest_of_all(num_joints):
     offsets = np.cumsum([0, 7, 1, 13, 4])
     q = rng.normal(size=(offsets[-1], num_joints)).astype(np.float32)
     links = np.array([[0, 2], [2, 0], [1, 3], [3, 1], [0, 1]])
-    nearest = linked_nearest(q, offsets, links)
+    nearest = linked_nearest(KernelSets(q, offsets), links)
     for link, (tail, head) in enumerate(links):
         entries = slice(*nearest.offsets[link : link + 2])
         here, there = (slice(*offsets[k : k + 2]) for k in (tail, head))

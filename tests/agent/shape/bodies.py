@@ -39,6 +39,39 @@ def patch(num_side: int) -> np.ndarray:
     return np.stack([x.ravel(), y.ravel(), 0.4 * x.ravel() ** 2], axis=1)
 
 
+def ring(num_points: int) -> np.ndarray:
+    """A circle in a tilted plane of space."""
+    turn = 2 * np.pi * np.arange(num_points) / num_points
+    x, y = np.cos(turn), np.sin(turn)
+    return np.stack([x, 0.8 * y, 0.6 * y], axis=1)
+
+
+def trefoil(num_points: int) -> np.ndarray:
+    """A knotted ring."""
+    t = 2 * np.pi * np.arange(4000) / 4000
+    points = [np.sin(t) + 2 * np.sin(2 * t), np.cos(t) - 2 * np.cos(2 * t), -np.sin(3 * t)]
+    return farthest(np.stack(points, axis=1), num_points)
+
+
+def square(num_points: int) -> np.ndarray:
+    """A flat patch, tilted in space."""
+    x, y = np.random.default_rng(0).uniform(-1, 1, (2, 40 * num_points))
+    return farthest(np.stack([x, 0.8 * y, 0.6 * y], axis=1), num_points)
+
+
+def bowl(num_points: int) -> np.ndarray:
+    """A third of a sphere."""
+    points = np.random.default_rng(0).normal(size=(200 * num_points, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    return farthest(points[points[:, 2] > 0.35][: 40 * num_points], num_points)
+
+
+def flat_torus(num_points: int) -> np.ndarray:
+    """A torus in four dimensions, flat everywhere: it has no place in three."""
+    u, v = np.random.default_rng(0).uniform(0, 2 * np.pi, (2, 40 * num_points))
+    return farthest(np.stack([np.cos(u), np.sin(u), np.cos(v), np.sin(v)], axis=1), num_points)
+
+
 def farthest(points: np.ndarray, num_points: int) -> np.ndarray:
     picked = [0]
     distance = np.linalg.norm(points - points[0], axis=1)

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from bodies import shape_error
+from bodies import flat_torus, shape_error
 from skins import touch
 
 from selftouch_drake.agent.representation import QuotientLearner
-from selftouch_drake.agent.shape import fitted_surface, recover
+from selftouch_drake.agent.shape import MisfitWarning, fitted_line, fitted_surface, recover
 
 
 @pytest.fixture(scope="module")
@@ -76,3 +76,55 @@ def test_a_fragment_is_kept_but_not_recovered():
     assert len(body.parts) == 1
     lost = np.isnan(body.positions).all(axis=1)
     np.testing.assert_array_equal(lost, representation.part == 1)
+
+
+def lone_part(shape, metric):
+    """A body of one part, and the true positions of its kernels."""
+    q, sensation, _, place = touch([shape], 12_000, num_receptors=24, width=0.9)
+    representation = QuotientLearner(100, random_state=0).fit(sensation, q).representation_
+    rows = [representation.kernel_row[representation.members(k)] for k in range(100)]
+    return recover(representation, metric), np.array([np.median(place[r], axis=0) for r in rows])
+
+
+def test_a_line_of_skin_is_laid_out_in_a_plane():
+    body, true = lone_part("ring", "learned")
+    (part,) = body.parts
+    assert (part.skin, part.space) == (1, 2)
+    assert part.positions.shape == (100, 2)
+    assert part.topology.betti == (1, 1, 0)
+    assert part.dimension == pytest.approx(1, abs=0.15)
+    assert shape_error(body.positions, true) < 0.04
+    assert len(np.unique(fitted_line(part.places, part.topology))) == len(part.places)
+    assert body.expected_error is None
+
+
+def test_a_flat_patch_is_laid_out_in_a_plane():
+    body, true = lone_part("square", "sensorimotor")
+    (part,) = body.parts
+    assert (part.skin, part.space) == (2, 2)
+    assert part.topology.betti == (1, 0, 0)
+    assert np.all(body.positions[:, 2] == 0)
+    assert shape_error(body.positions, true) < 0.03
+    assert len(np.unique(fitted_surface(part.places, part.topology))) == len(part.places)
+
+
+def test_a_body_without_a_place_in_space_is_said_to_need_a_fourth_dimension():
+    u, v = np.random.default_rng(0).uniform(0, 2 * np.pi, (2, 8000))
+    place, receptors = (
+        np.stack([np.cos(u), np.sin(u), np.cos(v), np.sin(v)], axis=1),
+        flat_torus(60),
+    )
+    apart = np.linalg.norm(place[:, None] - receptors, axis=2)
+    sensation = np.clip(1.0 - apart / 1.2, 0.0, None)
+    representation = QuotientLearner(200, random_state=0).fit(sensation, place).representation_
+    body = recover(representation, "sensorimotor")
+    (part,) = body.parts
+    assert (part.skin, part.space) == (2, 4)
+    assert part.positions.shape == (200, 3)
+    with pytest.warns(MisfitWarning) as caught:
+        body.warn_of_misfit()
+    assert str(caught[0].message) == (
+        "the recovered body does not fit in space: the fourth eigenvalue is "
+        f"{part.embedding.fourth_eigenvalue:.0%} of the first, above 15%: it needs a fourth "
+        "dimension, and is laid out in three"
+    )

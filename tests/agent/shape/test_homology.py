@@ -2,7 +2,7 @@ import time
 
 import numpy as np
 import pytest
-from bodies import cube, patch, sphere, torus
+from bodies import cube, patch, ring, sphere, square, torus
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from ripser import ripser
@@ -24,8 +24,13 @@ from selftouch_drake.agent.shape.homology import alpha_filtration, circumspheres
         (np.vstack([sphere(120), sphere(120) + np.array([5, 0, 0])]), (2, 0, 2), 3.0),
         (np.vstack([sphere(150), torus(300, 2.2, 0.9) + np.array([9, 0, 0])]), (2, 2, 2), 1.5),
         (patch(15), (1, 0, 0), 1.2),
+        (square(200)[:, :2], (1, 0, 0), 1.2),
+        (ring(30)[:, :2], (1, 1, 0), 5.0),
     ],
-    ids=["sphere", "cube", "torus", "fine", "thin", "two spheres", "sphere and torus", "patch"],
+    ids=[
+        *("sphere", "cube", "torus", "fine", "thin", "two spheres", "sphere and torus", "patch"),
+        *("flat", "ring"),
+    ],
 )
 def test_bodies_of_known_topology(points, betti, least_margin):
     found = topology(points)
@@ -165,11 +170,11 @@ def test_a_thousand_kernels_take_seconds():
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        (np.eye(3), "points have shape (3, 3): give at least 5 points, as (K, 3)"),
+        (np.eye(3), "points have shape (3, 3): give at least 5 points, as (K, 2) or (K, 3)"),
         (np.full((9, 3), np.nan), "points hold NaN or infinity: embed the representation first"),
         (
             np.random.default_rng(0).normal(size=(9, 3)) * [1, 1, 0],
-            "points lie in a plane: give points that spread in space",
+            "points lie in a plane: give points that spread in 3 dimensions",
         ),
     ],
 )

@@ -1,5 +1,3 @@
-import dataclasses
-
 import numpy as np
 import pytest
 from bodies import shape_error, sphere
@@ -15,7 +13,6 @@ from selftouch_drake.agent.shape import (
     recover,
     topology,
 )
-from selftouch_drake.agent.shape.revolute import revolute_coordinates
 
 
 @pytest.fixture(scope="module")
@@ -45,7 +42,6 @@ def bodies(touched):
         ("motor", 0.06),
         ("learned", 0.06),
         ("sensorimotor", 0.03),
-        ("revolute_reference", 0.04),
     ],
 )
 def test_every_metric_recovers_a_touched_sphere(touched, bodies, metric, most):
@@ -56,7 +52,7 @@ def test_every_metric_recovers_a_touched_sphere(touched, bodies, metric, most):
     assert shape_error(bodies[metric].embedding.positions, true_positions(*touched)) < most
 
 
-@pytest.mark.parametrize("metric", ["motor", "learned", "sensorimotor", "revolute_reference"])
+@pytest.mark.parametrize("metric", ["motor", "learned", "sensorimotor"])
 def test_every_pruned_metric_finds_topology_and_dimension(bodies, metric):
     found = topology(bodies[metric].embedding.positions)
     assert found.betti == (1, 0, 1)
@@ -66,9 +62,6 @@ def test_every_pruned_metric_finds_topology_and_dimension(bodies, metric):
 
 def test_metrics_are_those_of_the_experiment():
     assert set(SHAPE_METRICS) == set(experiment.SHAPE_METRICS)
-    assert [name for name, metric in SHAPE_METRICS.items() if not metric.naive] == [
-        "revolute_reference"
-    ]
 
 
 def test_the_same_seed_learns_the_same_on_any_number_of_threads(touched, bodies):
@@ -83,8 +76,8 @@ def maps(monkeypatch):
     """Quotient maps that replace the learned ones, in order; used ones are removed."""
     given = []
 
-    def take(kernel_x, kernel_offsets, **_):
-        return given.pop(0)
+    def take(sets, **_):
+        return sets.at(given.pop(0))
 
     monkeypatch.setattr(metrics, "quotient_coordinates", take)
     return given
@@ -144,19 +137,6 @@ def test_progress_rises_to_one(touched):
     assert fractions[-1] == 1.0
 
 
-def test_who_knows_that_joints_turn_finds_the_place():
-    rng = np.random.default_rng(1)
-    angle = rng.uniform(-np.pi, np.pi, (60, 3))
-    q = np.repeat(angle, 40, axis=0) + 0.02 * rng.standard_normal((2400, 3))
-    # The last joint has no effect.
-    q[:, 2] = rng.uniform(-np.pi, np.pi, 2400)
-    found, offsets = revolute_coordinates(q, np.arange(61) * 40)
-    assert found.shape == (2400, 3)
-    np.testing.assert_array_equal(offsets, np.arange(61) * 40)
-    within = found.reshape(60, 40, 3).std(axis=1)
-    assert within.max() < 0.3 * found.std(axis=0).min()
-
-
 def test_an_embedded_representation_is_otherwise_the_same(touched, bodies):
     representation, _ = touched
     found = recover(representation, "motor", holes=False).embed(representation)
@@ -169,8 +149,7 @@ def test_errors(touched):
     with pytest.raises(ValueError, match="metric") as error:
         recover(touched[0], "visual")
     assert str(error.value) == (
-        "metric 'visual' is unknown: choose one of literal, motor, learned, sensorimotor, "
-        "revolute_reference"
+        "metric 'visual' is unknown: choose one of literal, motor, learned, sensorimotor"
     )
     single = QuotientLearner(6).fit(np.eye(6), np.arange(6.0)[:, None]).representation_
     with pytest.raises(ValueError, match="one configuration") as error:
@@ -178,14 +157,6 @@ def test_errors(touched):
     assert str(error.value) == (
         "kernel_q holds one configuration per kernel: the learned metric needs several; "
         "babble longer, or ask for fewer targets"
-    )
-    kernel_q = np.zeros((len(touched[0].kernel_q), 8))
-    every = {"joint_scale": np.ones(8), "mode_joints": np.ones((1, 8), dtype=bool)}
-    wide = dataclasses.replace(touched[0], kernel_q=kernel_q, **every)
-    with pytest.raises(ValueError, match="8 joints") as error:
-        recover(wide, "revolute_reference")
-    assert str(error.value) == (
-        "q has 8 joints, more than the 7 of the revolute reference: choose the learned metric"
     )
 
 

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.network import Network, train
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.shape import quotient_coordinates
 from selftouch_drake.agent.shape.cells import Cells
 from selftouch_drake.agent.shape.quotient_map import discriminants, scatter_loss
@@ -81,7 +82,7 @@ def test_discriminants_separate_kernels():
     kernel = np.repeat(np.arange(60), sizes)
     signal = rng.standard_normal((60, 3))[kernel] + 0.05 * rng.standard_normal((len(kernel), 3))
     mixed = np.hstack([signal, rng.standard_normal((len(kernel), 2))]) @ rng.standard_normal((5, 5))
-    found = discriminants(mixed, np.concatenate([[0], np.cumsum(sizes)]))
+    found = discriminants(KernelSets(mixed, np.concatenate([[0], np.cumsum(sizes)]))).x
     assert found.shape == (len(kernel), 3)
     fit = np.linalg.lstsq(np.c_[signal, np.ones(len(kernel))], found, rcond=None)[0]
     assert np.abs(np.c_[signal, np.ones(len(kernel))] @ fit - found).max() < 0.2
@@ -93,7 +94,7 @@ def test_coordinates_are_constant_on_kernels_and_differ_between_them():
     angle = np.repeat(np.linspace(-np.pi, np.pi, 40, endpoint=False), 60)
     share = rng.uniform(-2, 2, len(angle))
     q = np.stack([angle - share, share, rng.uniform(-2, 2, len(angle))], axis=1)
-    found = quotient_coordinates(q, np.arange(41) * 60, seed=0, num_steps=100)
+    found = quotient_coordinates(KernelSets(q, np.arange(41) * 60), seed=0, num_steps=100).x
     groups = found.reshape(40, 60, -1)
     assert groups.std(axis=1).mean() < 0.2 * groups.mean(axis=1).std(axis=0).mean()
     middle = groups.mean(axis=1)
@@ -108,13 +109,13 @@ def test_cells_measure_a_bent_sheet_in_their_own_widths():
     around = np.repeat(turn, 200) + 0.03 * rng.standard_normal(80 * 200)
     up = np.repeat(height, 200) + 0.03 * rng.standard_normal(80 * 200)
     points = np.stack([np.cos(around), np.sin(around), 2.0 * up], axis=1)
-    cells = Cells.of(points, np.arange(81) * 200)
+    cells = Cells.of(KernelSets(points, np.arange(81) * 200))
     edges = np.array([[33, 34], [33, 43], [33, 35], [33, 36]])
     lengths = cells.lengths(edges)
     np.testing.assert_allclose(lengths / lengths[0], [1.0, 1.0, 2.0, 3.0], rtol=0.12)
     distance = cells.distances()
     np.testing.assert_array_equal(distance, distance.T)
-    thick = cells.covariance + 0.1 * cells.second[:, None, None] * np.eye(3)
+    thick = cells.covariance + 0.1 * cells.least[:, None, None] * np.eye(3)
     step = cells.mean[40] - cells.mean[33]
     squared = [step @ np.linalg.solve(thick[k], step) for k in (33, 40)]
     assert distance[33, 40] == pytest.approx(np.sqrt(np.mean(squared)))
@@ -124,6 +125,6 @@ def test_cells_measure_a_bent_sheet_in_their_own_widths():
 def test_a_cell_of_one_configuration_is_as_wide_as_the_mean():
     rng = np.random.default_rng(7)
     points = np.concatenate([rng.standard_normal((50, 3)), [[9.0, 0, 0]]])
-    cells = Cells.of(points, np.array([0, 25, 50, 51]))
+    cells = Cells.of(KernelSets(points, np.array([0, 25, 50, 51])))
     assert np.isfinite(cells.lengths(np.array([[0, 2], [1, 2]]))).all()
     np.testing.assert_array_equal(cells.mean[2], [9.0, 0, 0])

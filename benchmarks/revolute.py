@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from selftouch_drake.agent.representation import KernelSets, QuotientRepresentation
+from selftouch_drake.agent.shape import BodyGraph
+from selftouch_drake.agent.shape.metrics import Progress, between_cells
 from selftouch_drake.agent.shape.quotient_map import discriminants
 
 #: Most configurations per kernel; more do not change the discriminants of 729 products.
@@ -19,41 +22,43 @@ _MAX_PRODUCTS = 3**7
 _NUM_COORDINATES = 3
 
 
-def revolute_coordinates(
-    kernel_q: np.ndarray, kernel_offsets: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def revolute_reference(
+    representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
+) -> BodyGraph:
+    """A shape metric: neighbours and lengths in these coordinates."""
+    sets = KernelSets(representation.kernel_q, representation.kernel_offsets)
+    return between_cells(revolute_coordinates(sets), skin)
+
+
+def revolute_coordinates(sets: KernelSets) -> KernelSets:
     """Finds quotient coordinates among the products of 1, cos q and sin q.
 
     Args:
-        kernel_q: `(R, J)` rad, grouped by kernel.
-        kernel_offsets: `(K + 1,)` kernel k owns rows `kernel_offsets[k]:kernel_offsets[k + 1]`.
+        sets: K sets of configurations, rad.
 
     Returns:
-        `(M, 3)` coordinates of some of the configurations, in cell widths, and `(K + 1,)` their
-        offsets.
+        Some of the configurations of each set in `(M, 3)` coordinates, in cell widths.
 
     Raises:
         ValueError: there are more than 7 joints.
     """
-    if 3 ** kernel_q.shape[1] > _MAX_PRODUCTS:
-        raise ValueError(
-            f"q has {kernel_q.shape[1]} joints, more than the 7 of the revolute reference: choose "
-            "the learned metric"
-        )
-    sizes = np.minimum(np.diff(kernel_offsets), _MAX_ROWS)
+    num_joints = sets.x.shape[1]
+    if 3**num_joints > _MAX_PRODUCTS:
+        raise ValueError(f"q has {num_joints} joints, more than the 7 of the revolute reference")
+    sizes = np.minimum(sets.sizes, _MAX_ROWS)
     rows = np.concatenate(
         [
             start + (np.arange(size) * (stop - start)) // size
-            for start, stop, size in zip(kernel_offsets, kernel_offsets[1:], sizes, strict=False)
+            for start, stop, size in zip(sets.offsets, sets.offsets[1:], sizes, strict=False)
         ]
     )
-    offsets = np.concatenate([[0], np.cumsum(sizes)])
     products = np.ones((len(rows), 1), dtype=np.float32)
-    for angle in kernel_q[rows].astype(np.float32).T:
+    for angle in sets.x[rows].astype(np.float32).T:
         factors = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
         products = (products[:, :, None] * factors[:, None, :]).reshape(len(rows), -1)
     # The first product is constant.
-    found = discriminants(products[:, 1:], offsets, max_directions=_NUM_COORDINATES)
+    some = KernelSets(products[:, 1:], np.concatenate([[0], np.cumsum(sizes)]))
+    found = discriminants(some, max_directions=_NUM_COORDINATES)
     # Cells are equally wide in all directions: in their widths, a flat body stays flat.
-    middle = np.add.reduceat(found, offsets[:-1]) / sizes[:, None]
-    return found / (found - np.repeat(middle, sizes, axis=0)).std(axis=0), offsets
+    middle = np.add.reduceat(found.x, found.offsets[:-1]) / sizes[:, None]
+    return found.at(found.x / (found.x - np.repeat(middle, sizes, axis=0)).std(axis=0))

@@ -3,8 +3,7 @@ import sys
 import numpy as np
 import pytest
 from bodies import along_sphere, sphere, torus
-
-from selftouch_drake.agent.shape import double_cover, landmarks, torsion, turns
+from unrolling import double_cover, landmarks, torsion, turns
 
 
 def modulo_turns(num_points: int, order: int) -> np.ndarray:

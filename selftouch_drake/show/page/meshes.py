@@ -14,7 +14,7 @@ EDGE = 0.85
 
 
 @dataclass(frozen=True, slots=True)
-class Solid:
+class ColoredMesh:
     """Triangles with colours.
 
     Attributes:
@@ -27,9 +27,9 @@ class Solid:
     normals: np.ndarray
     rgb: np.ndarray
 
-    def both_sides(self) -> Solid:
+    def both_sides(self) -> ColoredMesh:
         """The same as a sheet that is seen from both sides."""
-        return Solid(
+        return ColoredMesh(
             np.tile(self.triangles, (2, 1, 1)),
             np.concatenate([self.normals, -self.normals]),
             np.tile(self.rgb, (2, 1)),
@@ -38,7 +38,7 @@ class Solid:
 
 def surface(
     vertices: np.ndarray, faces: np.ndarray, color: str | np.ndarray, *, cuts: int = 0
-) -> Solid:
+) -> ColoredMesh:
     """A triangle surface.
 
     Args:
@@ -60,10 +60,10 @@ def surface(
     triangles, normals, rgb = np.split(corners, 3, axis=2)
     normals = normals.mean(axis=1)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return Solid(triangles, normals, rgb.mean(axis=1))
+    return ColoredMesh(triangles, normals, rgb.mean(axis=1))
 
 
-def shell(vertices: np.ndarray, faces: np.ndarray, color: str, max_edge: float) -> Solid:
+def shell(vertices: np.ndarray, faces: np.ndarray, color: str, max_edge: float) -> ColoredMesh:
     """A surface of any triangles, cut until their edges are short enough to be sorted by depth.
 
     Args:
@@ -83,25 +83,25 @@ def shell(vertices: np.ndarray, faces: np.ndarray, color: str, max_edge: float) 
         return_index=True,
     )
     outward = (normals[area > 0] / area[area > 0, None])[face]
-    return Solid(cut[triangles], outward, np.broadcast_to(to_rgb(color), outward.shape))
+    return ColoredMesh(cut[triangles], outward, np.broadcast_to(to_rgb(color), outward.shape))
 
 
 def balls(
     centres: np.ndarray, radius: float | np.ndarray, color: str | np.ndarray, *, detail: int = 2
-) -> Solid:
+) -> ColoredMesh:
     """Spheres round `centres` `(N, 3)`, of one radius or `(N,)`, in one colour or `(N, 3)` RGB."""
     ball = trimesh.creation.icosphere(subdivisions=detail)
     corners = np.asarray(ball.triangles)
     rgb = np.broadcast_to(to_rgb(color) if isinstance(color, str) else color, centres.shape)
     radii = np.broadcast_to(radius, len(centres))[:, None, None, None]
-    return Solid(
+    return ColoredMesh(
         (centres[:, None, None] + radii * corners).reshape(-1, 3, 3),
         np.tile(np.asarray(ball.face_normals), (len(centres), 1)),
         np.repeat(rgb, len(corners), axis=0),
     )
 
 
-def rod(start: np.ndarray, end: np.ndarray, radius: float, color: str) -> Solid:
+def rod(start: np.ndarray, end: np.ndarray, radius: float, color: str) -> ColoredMesh:
     """A round rod between two points `(3,)`, cut short enough to be sorted by depth."""
     mesh = trimesh.creation.cylinder(radius, segment=np.stack([start, end]), sections=24)
     return shell(mesh.vertices, mesh.faces, color, max_edge=radius)

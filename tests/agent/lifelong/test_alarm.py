@@ -1,0 +1,116 @@
+"""Two tests tell that a body changed, and are silent as long as it does not."""
+
+import copy
+
+import numpy as np
+
+from selftouch_drake.agent.lifelong import ReceptorTest, SurpriseTest
+
+
+def alike(num):
+    """The novelty of touches that are equally novel on average."""
+    return np.random.default_rng(7).random(num)
+
+
+def test_the_alarm_is_silent_on_what_is_usual_and_quick_on_what_is_not():
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        alarm = SurpriseTest.calibrated(rng.exponential(size=2000), alike(2000))
+        assert alarm.watch(rng.exponential(size=100_000), alike(100_000)) is None
+        row = alarm.watch(2.0 * rng.exponential(size=500), alike(500))
+        assert row is not None
+        assert row < 150
+        assert abs(alarm.since - row - 1) < 50
+
+
+def test_novel_touches_surprise_and_raise_no_alarm():
+    rng = np.random.default_rng(0)
+
+    def touched(num, novel, rise=1.0):
+        novelty = np.where(rng.random(num) < novel, rng.uniform(1, 2, num), rng.uniform(0, 1, num))
+        return rise * rng.exponential(size=num) * np.where(novelty > 1, 5.0, 1.0), novelty
+
+    alarm = SurpriseTest.calibrated(*touched(2000, 0.5))
+    assert alarm.watch(*touched(50_000, 0.8)) is None
+    row = alarm.watch(*touched(500, 0.5, rise=2.0))
+    assert row is not None
+    assert row < 150
+
+
+def test_touches_that_come_in_runs_count_for_less():
+    rng = np.random.default_rng(1)
+    runs, novelty = np.repeat(rng.exponential(size=20_000), 5), np.repeat(alike(20_000), 5)
+    alarm = SurpriseTest.calibrated(runs[:4000], novelty[:4000])
+    assert alarm.correlation > 3
+    assert alarm.watch(runs[4000:], novelty[4000:]) is None
+
+
+def test_receptors_that_are_rare_are_not_new_and_those_that_begin_to_feel_are():
+    rng = np.random.default_rng(0)
+    rate = np.geomspace(1e-5, 1e-3, 100)
+    for _ in range(5):
+        # What comes in runs is one encounter.
+        felt = (rng.random((20_000, 100)) < rate).repeat(5, axis=0).astype(np.float32)
+        never_felt = ~felt[:10_000].any(axis=0)
+        assert never_felt.any()
+        nothing = np.zeros_like(felt)
+        test = ReceptorTest.calibrated(nothing[:1000], felt[:1000], never_felt, 10_000)
+        assert test.watch(nothing[10_000:], felt[10_000:]) is None
+        felt[:500][:, never_felt] = rng.random((500, never_felt.sum())) < 0.03
+        test = ReceptorTest.calibrated(nothing[:1000], felt[:1000], never_felt, 10_000)
+        row = test.watch(nothing[:500], felt[:500])
+        assert row is not None
+        assert row < 300
+        assert test.since > row / 2
+
+
+def calibrated(expected, felt):
+    """A test of receptors that have all felt something."""
+    return ReceptorTest.calibrated(expected, felt, np.zeros(felt.shape[1], dtype=bool), len(felt))
+
+
+def encounters(rng, num, miss):
+    """What is expected of 30 receptors in runs of five touches, and what they feel."""
+    here = rng.random((num // 5, 30)) < 0.1
+    felt = here & (rng.random(here.shape) > miss)
+    return (np.repeat(one, 5, axis=0).astype(np.float32) for one in (here, felt))
+
+
+def test_receptors_that_miss_now_and_then_are_not_silent_and_those_that_always_miss_are():
+    rng = np.random.default_rng(0)
+    miss = np.linspace(0.0, 0.2, 30)
+    for dead in (0, 15):
+        test = calibrated(*encounters(rng, 2000, miss))
+        assert test.watch(*encounters(rng, 50_000, miss)) is None
+        assert 0.1 < test.doubt[0] < 1.0
+        expected, felt = encounters(rng, 2000, miss)
+        felt[400:, dead] = 0.0
+        row = test.watch(expected, felt)
+        assert row is not None
+        assert 400 < row < 1400
+        assert -300 < test.since - (row + 1 - 400) < 300
+
+
+def test_receptors_that_fall_silent_together_are_noticed_sooner_than_one():
+    rng = np.random.default_rng(2)
+    test = calibrated(*encounters(rng, 2000, 0.2))
+    expected, felt = encounters(rng, 2000, 0.2)
+    noticed = []
+    for dead in (1, 10):
+        silent = felt.copy()
+        silent[400:, :dead] = 0.0
+        watching = copy.deepcopy(test)
+        noticed.append(watching.watch(expected, silent) - 400)
+        assert -100 < watching.since - (noticed[-1] + 1) < 100
+    assert 0 < noticed[1] < noticed[0] / 4
+
+
+def test_silence_does_not_depend_on_how_touches_are_cut():
+    rng = np.random.default_rng(1)
+    expected, felt = encounters(rng, 3000, 0.1)
+    felt[1000:, 3] = 0.0
+    one, other = (calibrated(expected[:1000], felt[:1000]) for _ in range(2))
+    row = one.watch(expected[1000:], felt[1000:])
+    rows = [other.watch(expected[at : at + 7], felt[at : at + 7]) for at in range(1000, 3000, 7)]
+    at, last = next((at, found) for at, found in enumerate(rows) if found is not None)
+    assert row == 7 * at + last

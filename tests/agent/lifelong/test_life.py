@@ -1,0 +1,64 @@
+"""A life notices that the body changed, explains it, and adapts what it knows."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from selftouch_drake.agent.lifelong import Life, OnlineLearner, TouchSet, explanation
+from selftouch_drake.agent.lifelong import life as module
+
+pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
+
+
+@pytest.fixture(autouse=True)
+def short(monkeypatch):
+    """Lives that are shorter."""
+    monkeypatch.setattr(module, "_FIRST", 3000)
+    monkeypatch.setattr(module, "_TO_EXPLAIN", 600)
+    monkeypatch.setattr(module, "_TO_REFINE", (1200,))
+    monkeypatch.setattr(explanation, "_NETWORKS", 1)
+
+
+def lived(touches, num_steps, chunk=6500):
+    life = Life(lambda: OnlineLearner(60), num_steps=num_steps)
+    for start in range(0, 6500, chunk):
+        rows = touches[:6500][start : start + chunk]
+        life.take(rows.q, rows.sensation)
+    return life
+
+
+def test_a_displacement_is_learned_again(touches, unbent):
+    q = np.concatenate([touches.q[:5000], unbent(touches.q[5000:])])
+    life = lived(TouchSet(q, touches.sensation), 200)
+    (noticed,) = life.noticed
+    assert noticed.change.displacement
+    # Networks grow with the touches that they were learned from.
+    assert noticed.change.displacement[0].weights[0].shape[1] >= round(32 * np.sqrt(1.2))
+    moved = noticed.change.adapted(touches[: noticed.since])
+    assert life.learner.num_touches == len(moved) + 1500
+
+
+def test_new_receptors_are_filled_in_again(touches):
+    sensation = touches.sensation.copy()
+    sensation[:5000, [7, 8]] = 0.0
+    life = lived(TouchSet(touches.q, sensation)[sensation.any(axis=1)], 200)
+    (noticed,) = life.noticed
+    new = noticed.change.new
+    assert np.flatnonzero(new.receptors).tolist() == [7, 8]
+    assert len(new.felt) >= 1200
+
+
+def test_a_life_does_not_depend_on_how_it_is_cut(touches):
+    q = touches.q.copy()
+    q[4500:, 0] += 0.5
+    changed = TouchSet(q, touches.sensation)
+    one, other = lived(changed, 150, 250), lived(changed, 150, 730)
+    (noticed,) = one.noticed
+    assert 4500 <= noticed.row < 5000
+    assert noticed.explained_at <= 6000
+    assert noticed.change.offset[0] == pytest.approx(-0.5, abs=0.1)
+    assert not one.has_doubts
+    for field in dataclasses.fields(one.learner.representation):
+        mine, its = (getattr(x.learner.representation, field.name) for x in (one, other))
+        assert np.array_equal(mine, its, equal_nan=field.name == "embedding")
