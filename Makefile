@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 DEMO ?= runs/demo
 BEFORE ?= build/before
 
-.PHONY: help demo test test-all fuzz kills mutants lint docs wheel bench million memory pictures notebooks install clean
+.PHONY: help demo test test-all fuzz kills mutants lint docs wheel bench memory pictures notebooks install clean
 
 help:  ## list all commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -44,7 +44,7 @@ bench: $(VENV)/.installed-bench $(BEFORE)/Makefile  ## measure speed and memory,
 	$(BIN)/python benchmarks/table.py --before $(BEFORE)
 
 $(BEFORE)/Makefile:  # the version that `bench` compares with
-	git worktree add --detach $(BEFORE) 3128edc
+	git worktree add --detach $(BEFORE) 9497d1c
 
 pictures: $(VENV)/.installed-test  ## redraw all pictures of README and documentation: half an hour
 	$(BIN)/python benchmarks/pictures.py
@@ -52,10 +52,7 @@ pictures: $(VENV)/.installed-test  ## redraw all pictures of README and document
 notebooks: $(VENV)/.installed-test  ## run all notebooks and store their outputs: an hour
 	$(BIN)/python benchmarks/notebooks.py
 
-million: $(VENV)/.installed  ## collect a million touches of sphere, cube and torus
-	$(BIN)/python benchmarks/million.py
-
-memory: $(VENV)/.installed  ## measure peak memory of every stage, with RUN and with ten times its touches
+memory: $(VENV)/.installed  ## measure peak memory of every stage, at a million touches and at ten
 	$(BIN)/python benchmarks/memory.py $(RUN)
 
 install: $(VENV)/.installed  ## install the package into .venv

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from selftouch_drake.experiment import Experiment
+from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
@@ -18,3 +18,18 @@ def babbled(path: Path, experiment: Experiment) -> RunDirectory:
         with local_executor(2) as executor:
             stages.babble(run, World(experiment), executor)
     return run
+
+
+def run_at(path: Path, num_samples: int) -> RunDirectory:
+    """The run at a path; one that is missing is made, of the body and seed of its name.
+
+    Args:
+        path: of a run, such as `runs/torus_951`.
+        num_samples: touches of a run that is made.
+    """
+    if path.exists():
+        return RunDirectory.open(path)
+    body, _, seed = path.name.rpartition("_")
+    size = {"seed": int(seed), "babbling": {"num_samples": num_samples}}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return babbled(path, load_experiment(body, size))

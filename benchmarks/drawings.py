@@ -1,4 +1,4 @@
-"""Pictures of the tables in `docs/data` and `sweeps/results`, in the style of the report.
+"""Pictures of the tables in `docs/data`, in the style of the report.
 
 `benchmarks/pictures.py` draws them all.
 """
@@ -12,11 +12,9 @@ import numpy as np
 from exploration import picture as over_lives
 from joints import picture as over_joints
 from matplotlib.figure import Figure
-from shape_picture import ablation
 from trust import picture as expected_and_true
 
 from selftouch_drake.show.style import BLUE, PALE, styled
-from selftouch_drake.sweep.table import read_table
 
 ROOT = Path(__file__).parents[1]
 DATA = ROOT / "docs" / "data"
@@ -25,45 +23,6 @@ DATA = ROOT / "docs" / "data"
 def rows_of(name: str) -> list[dict[str, str]]:
     with (DATA / name).open(newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
-
-
-@styled
-def learning() -> Figure:
-    """Time and memory of `learn` over each thing that grows; `benchmarks/learning.py` measures."""
-    points = rows_of("learning.csv")
-    grown = {"rows": "touches", "targets": "target sensations", "kernel size": "kernel size"}
-    costs = {"processor_s": "processor time (s)", "peak_MB": "peak memory (MB)"}
-    figure = Figure(figsize=(9, 5), layout="constrained")
-    axes = figure.subplots(2, 3, sharey="row")
-    for column, (name, label) in enumerate(grown.items()):
-        own = [point for point in points if point["grown"] == name]
-        x = [float(point[name.replace(" ", "_")]) for point in own]
-        for ax, (cost, cost_label) in zip(axes[:, column], costs.items(), strict=True):
-            ax.plot(x, [float(point[cost]) for point in own], "o-", color=BLUE)
-            ax.set(xscale="log", ylim=(0, 1.1 * max(float(point[cost]) for point in points)))
-            ax.set(ylabel=cost_label if column == 0 else "", xlabel=label)
-    return figure
-
-
-@styled
-def memory() -> Figure:
-    """Peak memory of each stage at two sizes; `benchmarks/memory.py` measures."""
-    rows = rows_of("memory.csv")
-    sizes = [key for key in rows[0] if key != "stage"]
-    figure = Figure(figsize=(8, 3), layout="constrained")
-    ax = figure.subplots()
-    place = np.arange(len(rows))
-    for number, (size, color) in enumerate(zip(sizes, (PALE, BLUE), strict=True)):
-        touches = int(size.removeprefix("MB_at_").removesuffix("_touches"))
-        height = [float(row[size]) for row in rows]
-        label = f"{touches:,} touches"
-        bars = ax.bar(place + 0.38 * number, height, 0.36, color=color, label=label)
-        ax.bar_label(bars, fmt="%.0f", fontsize=8)
-    ax.set_xticks(place + 0.19, [row["stage"].replace(", ", ",\n") for row in rows])
-    ax.set(ylabel="peak memory (MB)")
-    ax.margins(y=0.15)
-    figure.legend(loc="outside upper right", ncols=2)
-    return figure
 
 
 @styled
@@ -98,11 +57,6 @@ def two_fingers() -> Figure:
     return figure
 
 
-def shape_ablation() -> Figure:
-    """Shape error over receptors; `selftouch sweep ablation` measures."""
-    return ablation(read_table(ROOT / "sweeps" / "results" / "ablation.parquet").to_pylist())
-
-
 def confidence() -> Figure:
     """True error over the error that the agent expects; `benchmarks/trust.py` measures."""
     return expected_and_true(rows_of("confidence.csv"))
@@ -115,15 +69,12 @@ def joints() -> Figure:
 
 def exploration() -> Figure:
     """Shape error of active and random babbling; `benchmarks/exploration.py` measures."""
-    return over_lives(rows_of("exploration.csv"))
+    return over_lives(rows_of("exploration_touches.csv") + rows_of("exploration_clock.csv"))
 
 
 DRAWINGS = {
     "confidence": confidence,
     "exploration": exploration,
     "joints": joints,
-    "learning": learning,
-    "memory": memory,
     "two_fingers": two_fingers,
-    "shape_ablation": shape_ablation,
 }

@@ -1,4 +1,4 @@
-"""Compares active babbling with random and goal babbling, and the living with the offline learner.
+"""Compares active babbling with random and goal babbling, and the online with the offline learner.
 
     python benchmarks/exploration.py touches --bodies torus cube sphere --seeds 1 2 3
     python benchmarks/exploration.py clock --bodies cube torus --seeds 1 --until 60
@@ -18,8 +18,8 @@ Each life is scored along the way:
 
 Without metrics, only the second group is scored.
 
-`learning` compares a living learner with an offline one, on the same touches, at ten moments of the
-stored experience of runs.
+`learning` compares an online learner with an offline one, on the same touches, at ten moments of
+the stored experience of runs.
 
 There are four ways to babble. The two with goals choose them in the space of sensations (after
 Baranes and Oudeyer 2013; Moulin-Frier, Rouanet and Oudeyer 2014), on our interface, not with their
@@ -31,13 +31,13 @@ code:
   with noise;
 - `progress`: as `goals`, but a target is drawn more often if its competence changed lately.
 
-Rows are added to a CSV file, from which `make pictures` draws the figure.
+The rows of each are a table of its own, `exploration_WHAT.csv`, from which `make pictures` draws
+the figure.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import time
 import warnings
 from collections.abc import Iterator, Sequence
@@ -47,21 +47,22 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from results import results
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.lifelong import Explorer, OnlineLearner
+from selftouch_drake.agent.lifelong import OnlineLearner, Walker
 from selftouch_drake.agent.lifelong.explorer import Moves
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.shape import recover
 from selftouch_drake.evaluation import kernel_truth, random_pairs, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader, Shard, collect_walk
-from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource
+from selftouch_drake.experience.walkers import SAMPLE_PERIOD, DynamicWalker, KinematicWalker
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.first_tries import FirstTries
-from selftouch_drake.show.style import styled
+from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, PINK, VERMILION, styled
 
 #: Numbers of touches, and simulated minutes, at which a life is scored.
 TOUCHES = (5000, 10_000, 20_000, 100_000)
@@ -74,7 +75,7 @@ MOMENTS = (1000, 2000, 3000, 5000, 8000, 12_000, 20_000, 35_000, 60_000, 100_000
 _NOISE, _RECENT, _AT_RANDOM = 1.0, 8, 0.2
 
 
-class Goals(Explorer):
+class Goals(Walker):
     """Random goal babbling: a goal, the posture that is best for it so far, and noise."""
 
     #: By the number of a target, the cosine between it and what was felt, at each try.
@@ -122,7 +123,7 @@ def babbled(experiment: Experiment, way: str, ends: Sequence[int] = ()) -> Itera
     world = World(experiment)
     dynamic = experiment.babbling.mode == "dynamic"
     life = None if way == "random" else Exploration(experiment, WAYS[way])
-    source = None if life else (DynamicSource if dynamic else KinematicSource)(world)
+    source = None if life else (DynamicWalker if dynamic else KinematicWalker)(world)
     done, number = 0, 0
     while True:
         size = max(250, min(done // 10, 2000))
@@ -186,7 +187,7 @@ def scores(
     representation: QuotientRepresentation, contacts: Contacts, world: World, metrics: list[str]
 ) -> dict[str, Any]:
     """Error and holes by each metric, and share of planned paths that is in contact."""
-    truth = kernel_truth(representation, contacts.take(representation.kernel_row))
+    truth = kernel_truth(representation, contacts[representation.kernel_row])
     found: dict[str, Any] = {}
     for metric in metrics:
         body = recover(representation, metric)
@@ -236,7 +237,7 @@ def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespa
 
 
 def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[str, Any]]:
-    """Scores a living learner and an offline one at ten moments."""
+    """Scores an online learner and an offline one at ten moments."""
     run = RunDirectory.open(path)
     reader = ExperienceReader(run.experience)
     q, sensation = reader.read("q"), reader.read("sensation")
@@ -249,7 +250,7 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
             rows = slice(taken, min(taken + 500, moment))
             learner.take(q[rows], sensation[rows])
             taken = rows.stop
-        known = {"living": learner.representation}
+        known = {"online": learner.representation}
         cpu_s += time.process_time() - began
         offline = QuotientLearner(num_targets).fit(sensation[:moment], q[:moment])
         for way, representation in {**known, "offline": offline.representation_}.items():
@@ -260,26 +261,41 @@ def learning(path: Path, metrics: list[str], num_targets: int) -> Iterator[dict[
 
 @styled
 def picture(rows: list[dict[str, str]]) -> Figure:
-    """The error of the shape, over touches (mean of the seeds) and over simulated minutes."""
+    """The error of the shape, over touches (mean of the seeds) and over simulated minutes.
+
+    A colour is a body, filled marks and full lines are active babbling, open marks and broken lines
+    random babbling.
+    """
     figure = Figure(figsize=(10, 4), layout="constrained")
-    panels = (("touches", "touches", "log"), ("clock", "minutes", "linear"))
-    for axes, (what, x, scale) in zip(figure.subplots(1, 2), panels, strict=True):
-        curves: dict[str, dict[float, list[float]]] = {}
-        for row in rows:
-            scored = row["what"] == what and row["error_sensorimotor"]
-            if scored and row["way"] in ("active", "random"):
-                seed = f" {row['seed']}" if what == "clock" else ""
-                points = curves.setdefault(f"{row['body']}{seed}, {row['way']}", {})
+    scored = [row for row in rows if row["error_sensorimotor"] and row["way"] in LINES]
+    bodies = sorted({row["body"] for row in scored if row["what"] in PANELS})
+    colors = dict(zip(bodies, (BLUE, ORANGE, GREEN, VERMILION, PINK), strict=False))
+    for axes, (what, (x, scale)) in zip(figure.subplots(1, 2), PANELS.items(), strict=True):
+        curves: dict[tuple[str, str, str], dict[float, list[float]]] = {}
+        for row in scored:
+            if row["what"] == what:
+                seed = row["seed"] if what == "clock" else ""
+                points = curves.setdefault((row["body"], row["way"], seed), {})
                 points.setdefault(float(row[x]), []).append(100 * float(row["error_sensorimotor"]))
-        for name, points in sorted(curves.items()):
-            at = sorted(points)
-            axes.plot(at, [np.mean(points[one]) for one in at], "o-", label=name)
+        for (body, way, _), points in sorted(curves.items()):
+            at, style = sorted(points), {"color": colors[body], "markersize": 5}
+            means = [np.mean(points[one]) for one in at]
+            face = colors[body] if way == "active" else "white"
+            axes.plot(at, means, LINES[way], markerfacecolor=face, **style)
         axes.set(xscale=scale, xlabel=x, ylabel="shape error, % (sensorimotor)", ylim=(0, None))
-        if curves:
-            axes.legend(fontsize=7)
+    axes = figure.axes[1]
+    for body in bodies:
+        axes.plot([], [], color=colors[body], label=body)
+    for way, line in LINES.items():
+        face = INK if way == "active" else "white"
+        axes.plot([], [], line, color=INK, markerfacecolor=face, markersize=5, label=way)
+    axes.legend()
     return figure
 
 
+# What is measured: over what, and the scale of that axis; and the line of each way to babble.
+PANELS = {"touches": ("touches", "log"), "clock": ("minutes", "linear")}
+LINES = {"active": "o-", "random": "o--"}
 FIELDS = (
     *("what", "body", "seed", "way", "touches", "minutes", "cpu_s", "share", "last_share"),
     *("receptors_felt", "skins_touched", "pairs_touched", "parts", "contact"),
@@ -306,7 +322,7 @@ def main() -> None:
     )
     parser.add_argument("--executed", type=int, default=0, help="pairs to execute under dynamics")
     parser.add_argument("--targets", type=int, default=300)
-    parser.add_argument("--out", type=Path, default=Path("docs/data/exploration.csv"))
+    parser.add_argument("--update", action="store_true", help="replace the shipped table")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")  # graphs in pieces, as long as little is known
 
@@ -319,14 +335,9 @@ def main() -> None:
                     for way in arguments.ways:
                         yield from lives(arguments.what, body, seed, way, arguments)
 
-    new = not arguments.out.exists()
-    with arguments.out.open("a", newline="") as file:
-        table = csv.DictWriter(file, FIELDS)
-        if new:
-            table.writeheader()
+    with results(f"exploration_{arguments.what}", update=arguments.update) as add:
         for row in made():
-            table.writerow(row)
-            file.flush()
+            add(dict.fromkeys(FIELDS) | row)
             print(
                 *(f"{key} {value}" for key, value in row.items() if value is not None), flush=True
             )

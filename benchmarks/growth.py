@@ -10,7 +10,7 @@ import argparse
 import time
 
 from selftouch_drake.experience import collect_walk
-from selftouch_drake.experience.sources import KinematicSource
+from selftouch_drake.experience.walkers import KinematicWalker
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 
@@ -23,7 +23,7 @@ def measure(name: str, overrides: dict, num_touches: int) -> str:
     experiment = load_experiment(name, overrides)
     began = time.process_time()
     world = World(experiment)
-    source = KinematicSource(world)
+    source = KinematicWalker(world)
     built = time.process_time() - began
     collect_walk(source, experiment, 0, 50)
     began = time.process_time()

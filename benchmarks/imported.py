@@ -118,14 +118,14 @@ def scored(data: Data, contacts: Contacts, world: World, num_targets: int, metri
     body = agent.recover(metric)
     seconds = time.process_time() - began
     known = agent.representation
-    truth = kernel_truth(known, contacts.take(felt.rows[known.kernel_row]))
+    truth = kernel_truth(known, contacts[felt.rows[known.kernel_row]])
     errors = shape_errors(body.positions, known.part, truth)
     part, held = body.parts[0], 100 * contact(agent, world)
     holes = "" if part.topology is None else " ".join(map(str, part.topology.betti))
     margin = "" if part.topology is None else f"{part.topology.margin:.1f}"
     return (
         f"| {len(felt.rows):,} | {100 * false:.1f} % | {100 * errors.get(0, np.nan):.1f} % "
-        f"| {holes} | {margin} | {part.dimension or np.nan:.2f} | {part.metric} "
+        f"| {holes} | {margin} | {part.dimension or np.nan:.2f} | {body.metric} "
         f"| {held.mean():.1f} % | {held.min():.0f} % | {seconds:.0f} s |"
     )
 

@@ -1,7 +1,6 @@
 """Shape and contact over the number of joints: a torus on a neck with more and more joints.
 
     python benchmarks/joints.py --joints 6 7 9 12 16 --pairs 20 --out runs/joints
-    python benchmarks/joints.py --out runs/joints --table docs/data/joints.csv
 
 The paper's arm touches a torus on a neck of joints that turn about z, y and x in turn; the more
 there are, the less each one turns. What has run already is not run again.
@@ -10,7 +9,6 @@ there are, the less each one turns. What has run already is not run again.
 from __future__ import annotations
 
 import argparse
-import csv
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -18,6 +16,7 @@ from typing import Any
 import yaml
 from babbled import babbled
 from matplotlib.figure import Figure
+from results import add_update_option, results
 
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.resources import MODELS
@@ -169,7 +168,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=20)
     parser.add_argument("--seed", type=int, default=501)
     parser.add_argument("--out", type=Path, default=Path("runs/joints"))
-    parser.add_argument("--table", type=Path, help="a CSV file to write, for `make pictures`")
+    add_update_option(parser, "joints")
     arguments = parser.parse_args()
     arguments.out.mkdir(parents=True, exist_ok=True)
     print(
@@ -177,16 +176,11 @@ def main() -> None:
         "| contact, mean / worst | reached | doubt |"
     )
     print("|---|---|---|---|---|---|---|---|---|")
-    found = {}
-    for num_joints in arguments.joints:
-        found[num_joints] = measured(num_joints, arguments)
-        print(line(num_joints, found[num_joints]), flush=True)
-    if arguments.table:
-        rows = [row(num_joints, one) for num_joints, one in found.items()]
-        with arguments.table.open("w", newline="", encoding="utf-8") as file:
-            table = csv.DictWriter(file, rows[0], lineterminator="\n")
-            table.writeheader()
-            table.writerows(rows)
+    with results("joints", update=arguments.update) as add:
+        for num_joints in arguments.joints:
+            found = measured(num_joints, arguments)
+            add(row(num_joints, found))
+            print(line(num_joints, found), flush=True)
 
 
 if __name__ == "__main__":

@@ -1,29 +1,33 @@
 """Peak memory of every stage at a million touches and at ten million. Run: `make memory`.
 
-The larger run has the shards of the smaller one ten times, under the names and stamps of its own.
-In both the last walks are left out, and babbled where memory is measured, after the main process
-has checked all the others. Every stage, and every worker, is a process of its own.
+The smaller run is made if it is missing. The larger one has its shards ten times, under the names
+and stamps of its own. In both the last walks are left out, and babbled where memory is measured,
+after the main process has checked all the others. Every stage, and every worker, is a process of
+its own.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import itertools
 import json
+import multiprocessing
 import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from babbled import babbled
+from results import add_update_option, results
 
 from selftouch_drake.experience import ExperienceReader, Shard, walk_sizes, write_shard
+from selftouch_drake.experiment import load_experiment
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.executors import local_executor
 from selftouch_drake.show.outputs import write_report
 
 # Walks that are babbled where memory is measured.
@@ -72,7 +76,8 @@ def do(stage: str, path: Path) -> dict[str, float]:
     """Runs a stage in this process; returns the peak memory of its processes, in MB."""
     run = RunDirectory.open(path)
     if stage == "babble":
-        with local_executor(1) as executor:
+        spawn = multiprocessing.get_context("spawn")
+        with ProcessPoolExecutor(1, mp_context=spawn) as executor:
             stages.babble(run, stages.make_world(run), executor)
             worker = executor.submit(peak_memory_mb).result()
         return {STAGES[0]: worker, STAGES[1]: peak_memory_mb()}
@@ -87,16 +92,20 @@ def do(stage: str, path: Path) -> dict[str, float]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("run", type=Path, help="that has babbled; both runs are made of it")
+    parser.add_argument("run", type=Path, nargs="?", default=Path("runs/memory"))
+    parser.add_argument("--touches", type=int, default=1_000_000, help="of a run that is made")
     parser.add_argument("--times", type=int, default=10, help="as many touches in the larger")
     parser.add_argument("--targets", type=int, default=300, help="target sensations of both")
-    parser.add_argument("--data", type=Path, default=Path("docs/data/memory.csv"))
+    add_update_option(parser, "memory")
     parser.add_argument("--stage", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     if arguments.stage:
         print(json.dumps(do(arguments.stage, arguments.run)))
         return
 
+    if not arguments.run.exists():
+        walks = {"num_samples": arguments.touches, "walk_size": arguments.touches // 50}
+        babbled(arguments.run, load_experiment("cube", {"babbling": walks}))
     num_touches = RunDirectory.open(arguments.run).experiment.babbling.num_samples
     peaks: dict[str, list[float]] = {stage: [] for stage in STAGES}
     with tempfile.TemporaryDirectory(dir=arguments.run.parent) as folder:
@@ -111,10 +120,10 @@ def main() -> None:
                     print(f"{times * num_touches:>12,}  {name:<26}{peak:8.0f} MB", flush=True)
             shutil.rmtree(copy)
     sizes = [num_touches, arguments.times * num_touches]
-    with arguments.data.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["stage", *(f"MB_at_{size}_touches" for size in sizes)])
-        writer.writerows([stage, *(round(peak) for peak in peaks[stage])] for stage in STAGES)
+    with results("memory", update=arguments.update) as add:
+        for stage in STAGES:
+            mb = (f"MB_at_{size}_touches" for size in sizes)
+            add({"stage": stage} | dict(zip(mb, map(round, peaks[stage]), strict=True)))
     print(f"\n{'':<26}{sizes[0]:>12,}{sizes[1]:>12,}{'more':>8}")
     for stage, (small, large) in peaks.items():
         print(f"{stage:<26}{small:>9.0f} MB{large:>9.0f} MB{large / small - 1:>8.1%}")

@@ -1,48 +1,56 @@
 """How soon an agent notices that its body changed, and how well it mends. Run it as a script.
 
-    python benchmarks/mending.py --out docs/data/mending.csv
-    python benchmarks/mending.py --bodies torus --seeds 0 1 --kinds link joint
+    python benchmarks/mending.py --bodies sphere torus cube --seeds 6
+    python benchmarks/mending.py --lives active --kinds link joint dead --seeds 6 7
+    python benchmarks/mending.py --lives unchanged --seeds 6 --targets 200
 
-All lives are random walks in the kinematic world. For each body and seed an agent lives `--touches`
-touches. Then, for each kind of change, this life goes on with the changed body until the agent has
-regained its quality and is as good as one that learned the changed body anew, or for half as many
-touches. Quality is the error of the shape, the holes, and contact on 100 planned paths, in the
-world as it then is, every 1000 touches. One quality is as good as another if the error is at most
-1.15 times the other's, the holes are the same or right, and contact is at most two hundredths
-lower; the quality of an unchanged body differs by so much. For comparison, an agent learns the
-changed body anew: the table says after how many touches, out of a few numbers, it has the quality
-that the other had before, and how good it is after as many touches as the other had before.
+All lives are in the kinematic world. For each body and seed an agent lives `--touches` touches of
+random walks, or (`active`) of its own exploration, by what it knows. Then, for each kind of change,
+this life goes on with the changed body until the agent has regained its quality and is as good as
+one that learned the changed body anew, in the same way, or for `--watched` touches. Quality is the
+error of the shape, the holes, and contact on `--pairs` planned paths before practice, in the world
+as it then is, every 1000 touches. One quality is as good as another if the error is at most 1.15
+times the other's, the holes are the same or right, and contact is at most two hundredths lower; the
+quality of an unchanged body differs by so much.
 
-Every combination is a row of the CSV file. Rows that are already in the file are not computed
-again. At the end the whole file is printed as a table, one line per kind of change.
+`unchanged` lives 100,000 touches of a body that does not change: a row holds the number of alarms,
+which are false, and the greatest evidence of a change as a share of what raises an alarm: by
+surprise, silent receptors, new receptors.
+
+Every life is a row of a CSV file.
 """
 
 from __future__ import annotations
 
 import argparse
 import copy
-import csv
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from results import results
 
-from selftouch_drake.agent.lifelong import Life, OnlineLearner
+from selftouch_drake.agent.lifelong import Life, OnlineLearner, TouchSet
 from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.evaluation.life import planned_contact, quality
 from selftouch_drake.experience import collect_walk
-from selftouch_drake.experience.sources import KinematicSource
-from selftouch_drake.experiment import Experiment, load_experiment
+from selftouch_drake.experience.walkers import KinematicWalker
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 
 #: Bodies with their holes.
 BODIES = {"sphere": "1 0 1", "cube": "1 0 1", "torus": "1 2 1"}
 #: Touches between two looks at the quality.
 LOOK = 1000
-#: Shares of `--touches` after which the agent that learns anew is scored, at the next look.
+#: Shares of `--touches` after which the agent that learns anew is scored.
 LADDER = (1 / 2, 3 / 4, 1)
+#: Fewest and most touches in each round of exploration; in between, a tenth of those before.
+ROUND = 250, 1000
+#: Name of the table of each kind of lives.
+TABLES = {"random": "mending", "active": "active_lives", "unchanged": "false_alarms"}
+KINDS = ("one", "dead", "swapped", "turned", "slipped", "stretched", "new", "link", "joint")
 
 
 def changes(kind: str, patch: list[int]) -> tuple[list[dict], list[dict]]:
@@ -62,39 +70,75 @@ def changes(kind: str, patch: list[int]) -> tuple[list[dict], list[dict]]:
     whole: dict[str, dict] = {
         "link": {"links": {"forearm": 0.1}},
         "joint": {"joints": {"elbow_pitch": 0.1}},
-        "none": {},
     }
     return [], [whole[kind]]
 
 
-KINDS = ("one", "dead", "swapped", "turned", "slipped", "stretched", "new", "link", "joint")
+class Walks:
+    """An agent that lives, or learns only, from random walks in a world."""
+
+    def __init__(self, mind: Life | OnlineLearner, world: World, first_walk: int):
+        self.mind = mind
+        self.enter(world, first_walk)
+
+    def enter(self, world: World, first_walk: int) -> None:
+        """From now on, touches are those of this world."""
+        self._touches = self._halves(world, first_walk)
+
+    def _halves(self, world: World, walk: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        source = KinematicWalker(world)
+        while True:
+            shard = collect_walk(source, world.experiment, walk, 2 * LOOK)
+            for rows in (slice(LOOK), slice(LOOK, None)):
+                yield shard.q[rows], shard.sensation[rows]
+            walk += 1
+
+    def live(self, until: int) -> None:
+        """Takes touches until there are so many."""
+        while self.mind.num_touches < until:
+            self.mind.take(*next(self._touches))
+
+    def in_another_body(self, world: World) -> Walks:
+        """The same agent in another world; this one stays as it is."""
+        return Walks(copy.deepcopy(self.mind), world, 200)
 
 
-def touches(
-    world: World, first_walk: int, walk_size: int = 2 * LOOK
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """What is felt where, in half walks, without end."""
-    source, walk, half = KinematicSource(world), first_walk, walk_size // 2
-    while True:
-        shard = collect_walk(source, world.experiment, walk, walk_size)
-        for rows in (slice(half), slice(half, None)):
-            yield shard.q[rows], shard.sensation[rows]
-        walk += 1
+class Explores:
+    """An agent that explores a world, by what it knows."""
+
+    def __init__(self, exploration: Exploration):
+        self._exploration = exploration
+
+    @property
+    def mind(self) -> Life | OnlineLearner:
+        """What takes the touches."""
+        return self._exploration.mind
+
+    def live(self, until: int) -> None:
+        """Makes rounds until there are so many touches."""
+        while (taken := self._exploration.num_touches) < until:
+            shard = self._exploration.explore(min(int(np.clip(taken // 10, *ROUND)), until - taken))
+            self._exploration.remember(shard.q, shard.sensation)
+
+    def in_another_body(self, world: World) -> Explores:
+        """The same agent in another world; this one stays as it is."""
+        other = copy.copy(self._exploration)
+        other.mind = copy.deepcopy(self._exploration.mind)
+        other.enter(world)
+        return Explores(other)
 
 
-def scored(life: Life | OnlineLearner, world: World, num_pairs: int) -> dict[str, Any]:
+def life_of(agent: Walks | Explores) -> Life:
+    """The life of an agent that watches its body."""
+    assert isinstance(agent.mind, Life)
+    return agent.mind
+
+
+def scored(mind: Life | OnlineLearner, world: World, num_pairs: int) -> dict[str, Any]:
     """Error of the shape, holes, and contact on planned paths, measured in `world`."""
-    learner = life.learner if isinstance(life, Life) else life
-    found = quality(learner, world, num_pairs)
+    found = quality(mind.learner if isinstance(mind, Life) else mind, world, num_pairs)
     holes = " ".join(map(str, found.holes))
     return {"error": found.error, "holes": holes, "contact": found.contact}
-
-
-def still_true(q: np.ndarray, sensation: np.ndarray, world: World) -> tuple[float, float]:
-    """Share of touches that still touch; median cosine distance to what is felt there now."""
-    felt = world.probe.sensations(q)
-    touching = felt.any(axis=1)
-    return float(touching.mean()), float(np.median(cosine_distance(felt, sensation)[touching]))
 
 
 def as_good(one: dict[str, Any], other: dict[str, Any], right: str) -> bool:
@@ -106,43 +150,12 @@ def as_good(one: dict[str, Any], other: dict[str, Any], right: str) -> bool:
     )
 
 
-def qualities(
-    was: dict[str, Any],
-    at_once: float,
-    now: dict[str, Any],
-    anew: list[dict[str, Any]],
-    reached: dict[str, int],
-    wanted: dict[str, Any],
-    right: str,
-) -> dict[str, Any]:
-    """Columns of a row: how good the agent was and is, beside one that learns the body anew.
-
-    Args:
-        was: quality before the change.
-        at_once: contact in the changed body before the agent mends.
-        now: quality at the end.
-        anew: qualities of an agent that learns anew, in order; if none, `was` takes their place.
-        reached: number of touches since the change after which quality was as good as before the
-            change (`touches`), and as good as that of the other agent (`touches_as_anew`).
-        wanted: quality that the agent that learns anew is to reach.
-        right: true holes.
-    """
-    last = anew[-1] if anew else was
-    return {
-        "error_before": was["error"],
-        "error": now["error"],
-        "holes_before": was["holes"],
-        "holes": now["holes"],
-        "contact_before": was["contact"],
-        "contact_unmended": at_once,
-        "contact": now["contact"],
-        "touches": reached.get("touches", ""),
-        "anew": next((one["touches"] for one in anew if as_good(one, wanted, right)), ""),
-        "error_anew": last["error"],
-        "holes_anew": last["holes"],
-        "contact_anew": last["contact"],
-        "touches_as_anew": reached.get("touches_as_anew", ""),
-    }
+def still_true(touches: TouchSet, world: World) -> tuple[float, float]:
+    """Share of touches that still touch; median cosine distance to what is felt there now."""
+    felt = world.probe.sensations(touches.q)
+    touching = felt.any(axis=1)
+    off = cosine_distance(felt, touches.sensation)[touching]
+    return float(touching.mean()), float(np.median(off))
 
 
 class Bench:
@@ -150,66 +163,69 @@ class Bench:
 
     def __init__(self, body: str, seed: int, args: argparse.Namespace):
         self.body, self.seed, self.args = body, seed, args
-        p_LS = World(load_experiment(body, {"seed": seed})).skins[0].fields.p_LS
+        p_LS = self.world([]).skins[0].fields.p_LS
         farthest = p_LS[p_LS[:, 0].argmax()]
         near = np.argsort(np.linalg.norm(p_LS - farthest, axis=1))
         self.patch = near[: len(p_LS) // 10].tolist()
-        self._lives: dict[bool, tuple[Life, dict[str, Any]]] = {}
+        self._lives: dict[bool, tuple[Walks | Explores, dict[str, Any]]] = {}
 
     def world(self, made: list[dict]) -> World:
         """A world whose body has these changes from birth."""
-        experiment: Experiment = load_experiment(self.body, {"seed": self.seed, "changes": made})
-        return World(experiment)
+        return World(load_experiment(self.body, {"seed": self.seed, "changes": made}))
 
-    def new_life(self) -> Life:
-        """An agent that knows nothing."""
-        num_targets = self.args.targets
-        return Life(lambda: OnlineLearner(num_targets, seed=self.seed), seed=self.seed)
+    def born(self, world: World, first_walk: int, *, lives: bool = True) -> Walks | Explores:
+        """An agent that knows nothing, and watches its body if it lives."""
+
+        def learner() -> OnlineLearner:
+            return OnlineLearner(self.args.targets, seed=self.seed)
+
+        mind = Life(learner, seed=self.seed) if lives else learner()
+        if self.args.lives != "active":
+            return Walks(mind, world, first_walk)
+        exploration = Exploration(load_experiment(self.body, {"seed": self.seed}), world=world)
+        exploration.mind = mind
+        return Explores(exploration)
 
     def anew(self, world: World) -> list[dict[str, Any]]:
         """The quality of an agent that learns this world's body anew, at several moments."""
-        learner = OnlineLearner(self.args.targets, seed=self.seed)
-        walks, scores = touches(world, 500), []
+        agent, scores = self.born(world, 500, lives=False), []
         for rung in (int(share * self.args.touches) for share in LADDER):
-            while learner.num_touches < rung:
-                learner.take(*next(walks))
-            found = scored(learner, world, self.args.pairs)
-            scores.append(found | {"touches": learner.num_touches})
+            agent.live(rung)
+            found = scored(agent.mind, world, self.args.pairs)
+            scores.append(found | {"touches": agent.mind.num_touches})
             print(self.body, self.seed, "anew", scores[-1], flush=True)
         return scores
 
-    def life(self, before: list[dict]) -> tuple[Life, dict[str, Any]]:
+    def life(self, before: list[dict]) -> tuple[Walks | Explores, dict[str, Any]]:
         """A life up to the change, and its quality."""
-        key = bool(before)
-        if key not in self._lives:
-            world, life = self.world(before), self.new_life()
-            walks = touches(world, 0)
-            while life.num_touches < self.args.touches:
-                life.take(*next(walks))
+        if bool(before) not in self._lives:
+            world = self.world(before)
+            agent = self.born(world, 0)
+            agent.live(self.args.touches)
+            life = life_of(agent)
             found = scored(life, world, self.args.pairs)
             found |= {"false": len(life.noticed) + life.has_doubts}
             print(self.body, self.seed, "before", found, flush=True)
-            self._lives[key] = life, found
-        life, found = self._lives[key]
-        fresh = copy.deepcopy(life)
-        return fresh, found
+            self._lives[bool(before)] = agent, found
+        return self._lives[bool(before)]
 
-    def measure(self, kind: str) -> dict[str, Any]:
-        """One row of the table."""
+    def changed(self, kind: str) -> dict[str, Any]:
+        """One row: a life goes on in a body that changed."""
         before, after = changes(kind, self.patch)
-        life, was = self.life(before)
-        wanted = self.life([])[1] if kind == "new" else was
         world, began = self.world(after), time.process_time()
-        at_once = planned_contact(life.learner, world, self.args.pairs)
+        agent, was = self.life(before)
+        wanted, right = self.life([])[1] if kind == "new" else was, BODIES[self.body]
+        agent = agent.in_another_body(world)
+        life = life_of(agent)
+        start, at_once = life.num_touches, planned_contact(life.learner, world, self.args.pairs)
         held = life.learner.remembered().columns
         some = np.random.default_rng(0).choice(len(held["q"]), 3000)
-        old = held["q"][some], held["sensation"][some]
-        anew, right = self.anew(world), BODIES[self.body]
-        walks, start = touches(world, 200), life.num_touches
-        now: dict[str, Any] = {}
+        old = TouchSet(held["q"], held["sensation"])[some]
+        anew = self.anew(world)
+        now: dict[str, Any] = was
         reached: dict[str, int] = {}
-        while life.num_touches - start < self.args.touches // 2 and len(reached) < 2:
-            life.take(*next(walks))
+        while (num := life.num_touches - start) < self.args.watched and len(reached) < 2:
+            agent.live(start + num + LOOK)
             if life.has_doubts:
                 continue
             now, num = scored(life, world, self.args.pairs), life.num_touches - start
@@ -218,40 +234,57 @@ class Bench:
                 if as_good(now, aim, right):
                     reached.setdefault(name, num)
         noticed = [one for one in life.noticed if one.row >= start]
-        mended = noticed[0].mending.mended(*old) if noticed else old
+        adapted = noticed[0].change.adapted(old) if noticed else old
         (touch_at_once, off_at_once), (touch, off) = (
-            still_true(*rows, world) for rows in (old, mended)
+            still_true(rows, world) for rows in (old, adapted)
         )
         return {
             "body": self.body,
             "seed": self.seed,
             "kind": kind,
+            "before": self.args.touches,
             "noticed": noticed[0].row + 1 - start if noticed else "",
-            "found": noticed[0].mending.in_words if noticed else "",
+            "found": noticed[0].change.in_words if noticed else "",
             "touch_at_once": touch_at_once,
             "touch": touch,
             "off_at_once": off_at_once,
             "off": off,
-            **qualities(was, at_once, now, anew, reached, wanted, right),
+            "error_before": was["error"],
+            "error": now["error"],
+            "holes_before": was["holes"],
+            "holes": now["holes"],
+            "contact_before": was["contact"],
+            "contact_unmended": at_once,
+            "contact": now["contact"],
+            "touches": reached.get("touches", ""),
+            "anew": next((one["touches"] for one in anew if as_good(one, wanted, right)), ""),
+            "error_anew": anew[-1]["error"],
+            "holes_anew": anew[-1]["holes"],
+            "contact_anew": anew[-1]["contact"],
+            "touches_as_anew": reached.get("touches_as_anew", ""),
             "false": was["false"] + max(len(noticed) - 1, 0) + life.has_doubts,
             "cpu_s": time.process_time() - began,
         }
 
+    def unchanged(self) -> dict[str, Any]:
+        """One row: a life in a body that does not change."""
+        began, agent = time.process_time(), self.born(self.world([]), 0)
+        agent.live(self.args.touches)
+        life = life_of(agent)
+        surprise, silenced, newcomers = np.max(life.doubts, axis=0) if life.doubts else [0.0] * 3
+        return {
+            "body": self.body,
+            "seed": self.seed,
+            "touches": life.num_touches,
+            "alarms": len(life.noticed) + life.has_doubts,
+            "surprise": surprise,
+            "silenced": silenced,
+            "newcomers": newcomers,
+            "cpu_s": time.process_time() - began,
+        }
 
-def kept(path: Path) -> list[dict[str, str]]:
-    """The rows of a CSV file; none if there is no file."""
-    return list(csv.DictReader(path.open())) if path.exists() else []
 
-
-def store(rows: list[dict[str, str]], path: Path) -> None:
-    """Writes rows that have the same columns."""
-    with path.open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
-
-
-def table(rows: list[dict[str, str]]) -> Iterator[str]:
+def table(rows: list[dict[str, Any]]) -> Iterator[str]:
     """One line per kind of change: medians of all lives, the worst, or one number for each life."""
     lives = sorted({(row["body"], row["seed"]) for row in rows})
     names = ", ".join(f"{body} {seed}" for body, seed in lives)
@@ -270,33 +303,36 @@ def table(rows: list[dict[str, str]]) -> Iterator[str]:
             (("error_before", "error", "error_anew"), 1),
             (("contact_before", "contact_unmended", "contact", "contact_anew"), 0),
         ):
-            medians = [np.median([float(row[name]) for row in found.values()]) for name in columns]
+            medians = [np.median([row[name] for row in found.values()]) for name in columns]
             shown.append(", ".join(f"{100 * median:.{digits}f}" for median in medians))
         for name in ("touches", "anew", "touches_as_anew"):
-            shown.append(", ".join(found[one][name] or "no" for one in lives if one in found))
+            shown.append(", ".join(str(found[one][name]) or "no" for one in lives if one in found))
         yield f"| {' | '.join(shown)} |"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--bodies", nargs="+", default=BODIES)
+    parser.add_argument("--lives", choices=TABLES, default="random")
+    parser.add_argument("--bodies", nargs="+", choices=BODIES, default=list(BODIES))
     parser.add_argument("--seeds", nargs="+", type=int, default=[0])
-    parser.add_argument("--kinds", nargs="+", default=KINDS, choices=[*KINDS, "none"])
-    parser.add_argument("--touches", type=int, default=15_000)
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=KINDS)
+    parser.add_argument("--touches", type=int, help="15,000, or 100,000 of an unchanged body")
+    parser.add_argument("--watched", type=int, default=7500, help="most touches since a change")
     parser.add_argument("--targets", type=int, default=300)
     parser.add_argument("--pairs", type=int, default=100)
-    parser.add_argument("--out", type=Path, default=Path("docs/data/mending.csv"))
+    parser.add_argument("--update", action="store_true", help="replace the shipped table")
     args = parser.parse_args()
-    rows = kept(args.out)
-    done = {(row["body"], int(row["seed"]), row["kind"]) for row in rows}
-    for body in args.bodies:
-        for seed in args.seeds:
-            bench = Bench(body, seed, args)
-            for kind in args.kinds:
-                if (body, seed, kind) not in done:
-                    rows.append({k: str(v) for k, v in bench.measure(kind).items()})
-                    store(rows, args.out)
-    print(*table(rows), sep="\n")
+    unchanged = args.lives == "unchanged"
+    args.touches = args.touches or (100_000 if unchanged else 15_000)
+    rows = []
+    with results(TABLES[args.lives], update=args.update) as add:
+        for body in args.bodies:
+            for seed in args.seeds:
+                bench = Bench(body, seed, args)
+                for kind in ("none",) if unchanged else args.kinds:
+                    rows.append(bench.unchanged() if unchanged else bench.changed(kind))
+                    add(rows[-1])
+    print(*(rows if unchanged else table(rows)), sep="\n")
 
 
 if __name__ == "__main__":

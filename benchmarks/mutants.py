@@ -248,10 +248,10 @@ MUTANTS = (
     ),
     Mutant(
         name="import: three standard deviations count as touch",
-        file="agent/readings.py",
+        file="agent/calibration.py",
         old="_SILENCE = 6.0",
         new="_SILENCE = 3.0",
-        first=("tests/agent/test_readings.py", "tests/run/test_imported.py"),
+        first=("tests/agent/test_calibration.py", "tests/run/test_imported.py"),
     ),
     Mutant(
         name="collisions: parts may overlap a centimetre more",

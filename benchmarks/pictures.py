@@ -4,9 +4,10 @@
     python benchmarks/pictures.py live two_fingers # some
     python benchmarks/pictures.py --check          # are they as the code would draw them now?
 
-`body_shape.png` and `plan_path.png` are figures of a torus' report, `moving.gif` its arm under full
-dynamics, `live.png` the live page, `my_robot.png` the robot of the tutorial. The others are drawn
-from stored tables: see `drawings.py`. What has run already is not run again.
+`body_shape.png` and `plan_path.png` are figures of a torus' report, `moving.gif` its arm under
+dynamics, `live.png` the live page, `my_robot.png` the robot of the tutorial; pictures with the name
+of an experiment are of its report. The others are drawn from stored tables: see `drawings.py`. What
+has run already is not run again.
 """
 
 from __future__ import annotations
@@ -46,9 +47,19 @@ OF_A_RUN = ("show/page/*.py", "show/*.py")
 IN_MESHCAT = ("show/meshcat/*.py", "show/*.py")
 SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 SIZE = {"babbling": {"num_samples": 400_000}, "representation": {"num_targets": 1000}}
+FEW_PAIRS = {"evaluation": {"num_pairs": 2}}
 #: Of the tour that is shown: target sensations, frames a second, pixels and colours.
 TOUR = (3, 250, 700, 480, 3)
-RATE_HZ, PIXELS, COLORS = 12, 720, 64
+#: Shipped experiments whose recovered bodies are shown.
+GALLERY: dict[str, dict] = {
+    "two_arms": {"babbling": {"num_samples": 200_000}},
+    "infant": {},
+    "icub": {},
+    "planar": {},
+}
+RATE_HZ, PIXELS, COLORS = 5, 760, 96
+# Instants of the execution between two marks of the path so far.
+TRAIL_EVERY = 4
 # Frames of the live page before the picture is taken: in the middle of a motion.
 NUM_FRAMES = 45
 # Pixels of the page without its empty margins.
@@ -58,7 +69,7 @@ LIVE_CLIP = {"x": 160, "y": 180, "width": 730, "height": 285}
 @functools.cache
 def torus(folder: Path) -> RunData:
     """A run of the torus, with one executed plan and one executed tour."""
-    data = learned(folder / "torus", load_experiment("torus", SIZE))
+    data = evaluated(folder / "torus", load_experiment("torus", SIZE | FEW_PAIRS))
     for targets in (TOUR[:2], TOUR):
         if not data.run.plan(*targets).exists():
             stages.plan(data.run, data.world, *targets)
@@ -75,17 +86,24 @@ def tutorial_robot(folder: Path) -> RunData:
     for text in re.findall(r"^```(?:xml|yaml)\n(.*?)^```$", page, re.DOTALL | re.MULTILINE):
         if name := re.match(r"(?:#|<!--) (\S+\.(?:yaml|sdf))", text):
             (files / name[1]).write_text(text, encoding="utf-8")
-    return learned(folder / "my_robot", load_experiment(files / "my_robot.yaml"))
+    return evaluated(folder / "my_robot", load_experiment(files / "my_robot.yaml", FEW_PAIRS))
 
 
-def learned(folder: Path, experiment: Experiment) -> RunData:
-    """A run that has learned."""
+def shipped(name: str, folder: Path) -> RunData:
+    """A run of a shipped experiment."""
+    return evaluated(folder / name, load_experiment(name, GALLERY[name] | FEW_PAIRS))
+
+
+def evaluated(folder: Path, experiment: Experiment) -> RunData:
+    """A run that has learned and whose shape error is known."""
     run, world = RunDirectory.create(folder, experiment), World(experiment)
     if not stages.has_babbled(run):
         with ThreadPoolExecutor() as executor:
             stages.babble(run, world, executor)
     if not stages.has_learned(run):
         stages.learn(run)
+    if not stages.has_evaluated(run):
+        stages.evaluate(run, world)
     return RunData(run, world)
 
 
@@ -106,8 +124,13 @@ def moving(runs: Path) -> None:
     execution = load_execution(data.run, *TOUR)
     time_s = execution.motion.time_s
     shown = np.searchsorted(time_s, np.arange(0.0, time_s[-1], 1 / RATE_HZ))
-    camera = PostureCamera(data.world, pixels=PIXELS)
-    pictures = [camera.picture(execution.q_measured[i], execution.felt[i]) for i in shown]
+    q = execution.q_measured[shown]
+    camera = PostureCamera(data.world, pixels=PIXELS, postures=q)
+    tips = data.world.robot.toucher_positions(execution.q_measured)[:, 0]
+    pictures = [
+        camera.picture(q[k], execution.felt[i], trail=tips[: i + 1 : TRAIL_EVERY])
+        for k, i in enumerate(shown)
+    ]
     frames = [Image.fromarray(each) for each in cropped(np.array(pictures))]
     # One palette for all, so that colours do not flicker.
     palette = frames[len(frames) // 2].quantize(COLORS)
@@ -160,6 +183,10 @@ FROM_RUNS: dict[str, Callable[[Path], Figure]] = {
     "body_shape": functools.partial(figure, "body_shape", torus),
     "plan_path": functools.partial(figure, "plan_path", torus),
     "my_robot": functools.partial(figure, "body_shape", tutorial_robot),
+    **{
+        name: functools.partial(figure, "body_shape", functools.partial(shipped, name))
+        for name in GALLERY
+    },
 }
 
 
@@ -170,12 +197,11 @@ def digest(name: str) -> str:
     if name in DRAWINGS:
         files += [
             Path(__file__).with_name("drawings.py"),
-            Path(__file__).with_name("shape_picture.py"),
             Path(__file__).with_name("trust.py"),
             Path(__file__).with_name("joints.py"),
             Path(__file__).with_name("exploration.py"),
         ]
-        files += [*(ROOT / "docs" / "data").glob("*.csv"), *(ROOT / "sweeps").glob("results/*")]
+        files += [*(ROOT / "docs" / "data").glob("*.csv")]
     else:
         kinds = IN_MESHCAT if name == "live" else OF_A_RUN
         files += [Path(__file__), *(file for kind in kinds for file in package.glob(kind))]

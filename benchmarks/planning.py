@@ -28,8 +28,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.planning import Planner, smooth_path
-from selftouch_drake.agent.planning.members import goal_members
+from selftouch_drake.agent.planning import Planner, goal_members, smooth_path
 from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
 from selftouch_drake.evaluation import random_pairs
 from selftouch_drake.experiment import SurfaceSettings
@@ -339,7 +338,7 @@ def main() -> None:
         return answer
 
     def quotient(question: Question) -> BSpline:
-        return planner.plan(question.q_start, question.start, question.goal).path
+        return planner.plan(question.q_start, [question.start, question.goal]).path
 
     asked = questions(run, representation, arguments.pairs)
     methods = {

@@ -27,14 +27,15 @@ among the twelve nearest. Seconds are of CPU time.
 from __future__ import annotations
 
 import argparse
-import csv
 import time
 import warnings
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from babbled import run_at
 from minisom import MiniSom
+from results import add_update_option, results
 from scipy.spatial.distance import cdist, pdist, squareform
 from shape import Case, Experience, learned_representation
 from sklearn.manifold import MDS, Isomap
@@ -45,7 +46,6 @@ from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 from selftouch_drake.agent.shape import intrinsic_dimension, recover, topology
 from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
-from selftouch_drake.run.directory import RunDirectory
 
 #: Touches that a rival learns from at most, where more only take longer.
 _MOST_ROWS = 20_000
@@ -176,25 +176,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("runs", nargs="+", type=Path, help="that have babbled")
+    parser.add_argument(
+        "runs", nargs="+", type=Path, help="a missing one, such as torus_951, is babbled"
+    )
     parser.add_argument("--touches", nargs="+", type=int, default=[10_000, 100_000])
     parser.add_argument("--targets", type=int, default=300)
     parser.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS))
     parser.add_argument("--seed", type=int, default=0, help="of the ways that learn")
-    parser.add_argument("--cache", type=Path, default=Path("shape-cache"))
-    parser.add_argument("--out", type=Path, default=Path("rivals.csv"))
+    add_update_option(parser, "rivals")
     arguments = parser.parse_args()
     print("| body | touches | way | shape error | surface error | holes | margin ", end="")
     print("| dimension | neighbours | CPU s |")
     print("|---" * len(COLUMNS) + "|")
-    with arguments.out.open("w", newline="") as file:
-        table = csv.writer(file)
-        table.writerow(COLUMNS)
+    with results("rivals", update=arguments.update) as add:
         for path in arguments.runs:
-            experience = Experience(RunDirectory.open(path))
+            experience = Experience(run_at(path, max(arguments.touches)))
             for touches in arguments.touches:
                 for row in rows(experience, touches, arguments):
-                    table.writerow(row)
+                    add(dict(zip(COLUMNS, row, strict=True)))
                     print(line(row), flush=True)
 
 
@@ -210,8 +209,8 @@ def rows(experience: Experience, touches: int, arguments: argparse.Namespace):
         queries=MAX_QUERIES,
     )
     felt, q, contacts = experience.felt(case)
-    representation, _ = learned_representation(case, felt, q, arguments.cache)
-    truth = kernel_truth(representation, contacts.take(representation.kernel_row))
+    representation, _ = learned_representation(case, felt, q)
+    truth = kernel_truth(representation, contacts[representation.kernel_row])
     on_surface = truth.on_surface(experience.fields)
     for way in arguments.ways:
         began = time.process_time()

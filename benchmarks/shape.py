@@ -1,15 +1,12 @@
 """Accuracy of every shape metric on runs that have babbled. Run it as a script.
 
-    python benchmarks/shape.py runs/torus runs/cube --out docs/data/shape.csv
+    python benchmarks/shape.py runs/torus runs/cube
     python benchmarks/shape.py runs/torus --skins lopsided noisy worn --metrics learned
     python benchmarks/shape.py runs/torus --samples 30000 100000 --targets 100 300
 
-    python benchmarks/shape.py --out docs/data/shape.csv
-
-Every combination is a row of the CSV file. Rows that it holds already are not computed again, so
-that a long table can be stopped and resumed. What was learned is kept in `--cache`. Seconds are of
-CPU time, so that other work does not change them. At the end all rows of the file are printed as a
-table: medians and worst over the seeds of runs and networks.
+Every combination is a row of the table; `revolute_reference` knows that joints turn. Seconds are of
+CPU time, so that other work does not change them. At the end the rows are printed as a table:
+medians and worst over the seeds of runs and networks.
 
 Of a body in several parts the error is that of the worst skin, the numbers of holes are those of
 each part, the other figures those of the worst part, and the dimension is that of the largest.
@@ -31,19 +28,30 @@ import dataclasses
 import itertools
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from babbled import run_at
+from results import add_update_option, results
+from revolute import revolute_reference
 
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
-from selftouch_drake.agent.shape import SHAPE_METRICS, Body, intrinsic_dimension, recover, topology
+from selftouch_drake.agent.shape import (
+    SHAPE_METRICS,
+    Body,
+    ShapeMetric,
+    curvature_corrected_mds,
+    intrinsic_dimension,
+    recover,
+    topology,
+)
 from selftouch_drake.agent.shape.confidence import trusted
 from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader
-from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.files import load_arrays
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 
@@ -56,6 +64,15 @@ SKINS = {
     "patchy": (2 / 3, True),
 }
 LEARNING_METRICS = ("learned",)
+SHAPE_METRICS["revolute_reference"] = ShapeMetric(
+    revolute_reference,
+    lambda graph, distances, dimension: curvature_corrected_mds(
+        graph.edges, distances, dimension=dimension
+    ),
+)
+
+#: Adds a row to a table.
+Add = Callable[[dict[str, object]], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +131,7 @@ class Experience:
             dead = rng.choice(sensation.shape[1], round(0.05 * sensation.shape[1]), replace=False)
             sensation[:, dead] = 0.0
         touching = np.flatnonzero(sensation.any(axis=1))
-        return sensation[touching], self.q[touching], self.contacts.take(touching)
+        return sensation[touching], self.q[touching], self.contacts[touching]
 
     def _missing(self, share: float, rng: np.random.Generator) -> np.ndarray:
         """Missing receptors: a share of those on one half of each skin."""
@@ -129,20 +146,13 @@ class Experience:
 
 
 def learned_representation(
-    case: Case, sensation: np.ndarray, q: np.ndarray, cache: Path
+    case: Case, sensation: np.ndarray, q: np.ndarray
 ) -> tuple[QuotientRepresentation, float]:
-    """Learns, or loads an earlier result; also returns the CPU seconds."""
-    path, clock = cache / f"{case.name}.npz", cache / f"{case.name}.txt"
-    if not clock.exists():
-        began = time.process_time()
-        learner = QuotientLearner(
-            case.targets, max_queries=case.queries, random_state=case.seed
-        ).fit(sensation, q)
-        seconds = time.process_time() - began
-        cache.mkdir(parents=True, exist_ok=True)
-        save_arrays(path, learner.representation_.to_arrays())
-        clock.write_text(f"{seconds:.1f}")
-    return QuotientRepresentation.from_arrays(load_arrays(path)), float(clock.read_text())
+    """What is learned from these touches, and the CPU seconds that it takes."""
+    began = time.process_time()
+    learner = QuotientLearner(case.targets, max_queries=case.queries, random_state=case.seed)
+    learned = learner.fit(sensation, q).representation_
+    return learned, time.process_time() - began
 
 
 def score(body: Body, seconds: float) -> dict[str, object]:
@@ -152,7 +162,7 @@ def score(body: Body, seconds: float) -> dict[str, object]:
     return {
         "betti": ", ".join(" ".join(map(str, one.betti)) for one in found),
         "margin": round(min(one.margin for one in found), 2),
-        "dimension": round(intrinsic_dimension(largest.distances), 2),
+        "dimension": round(intrinsic_dimension(largest.distances, largest.skin), 2),
         "fourth_eigenvalue": round(max(layout.fourth_eigenvalue for layout in layouts), 4),
         "stress": round(max(layout.stress for layout in layouts), 5),
         "metric_cpu_s": round(seconds, 1),
@@ -160,19 +170,19 @@ def score(body: Body, seconds: float) -> dict[str, object]:
 
 
 def rows(
-    experience: Experience, case: Case, metrics: list[tuple[str, int]], cache: Path
+    experience: Experience, case: Case, metrics: list[tuple[str, int]]
 ) -> Iterator[dict[str, object]]:
     """The rows of one case, one per metric and network seed."""
     sensation, q, contacts = experience.felt(case)
-    representation, seconds = learned_representation(case, sensation, q, cache)
-    truth = kernel_truth(representation, contacts.take(representation.kernel_row))
+    representation, seconds = learned_representation(case, sensation, q)
+    truth = kernel_truth(representation, contacts[representation.kernel_row])
     on_surface = truth.on_surface(experience.fields)
     common = {
         "rows": len(q),
         "spread_median_m": round(float(np.median(truth.spread)), 4),
         "spread_worst_m": round(float(truth.spread.max()), 4),
         "agreement": round(neighbour_agreement(representation.set_distance, truth.positions), 4),
-        "learn_cpu_s": seconds,
+        "learn_cpu_s": round(seconds, 1),
     }
     for metric, network_seed in metrics:
         began = time.process_time()
@@ -196,31 +206,21 @@ def rows(
 
 
 def measure(
-    run: RunDirectory, cases: list[Case], wanted: list[tuple[str, int]], out: Path, cache: Path
-) -> None:
-    """Adds missing rows of a run's cases, by metrics and network seeds, to a file."""
-    done = {_key(row) for row in read(out)}
-    experience = None
+    run: RunDirectory, cases: list[Case], wanted: list[tuple[str, int]], add: Add
+) -> list[dict[str, str]]:
+    """Adds a row for each of a run's cases, metrics and network seeds; returns them as text."""
+    experience, found = Experience(run), []
     for case in cases:
-        missing = [
-            (metric, seed)
-            for metric, seed in wanted
-            if _key({**dataclasses.asdict(case), "metric": metric, "network_seed": seed})
-            not in done
-        ]
-        if not missing:
-            continue
-        experience = experience or Experience(run)
-        for row in rows(experience, case, missing, cache):
-            _append(out, row)
+        for row in rows(experience, case, wanted):
+            add(row)
+            found.append({name: str(value) for name, value in row.items()})
             figures = ("body", "seed", "skin", "metric", "network_seed", "error", "betti")
             print(*(row[name] for name in figures), file=sys.stderr, flush=True)
+    return found
 
 
 def read(path: Path) -> list[dict[str, str]]:
-    """The rows of a table; none if it does not exist yet."""
-    if not path.exists():
-        return []
+    """The rows of a table."""
     with path.open() as file:
         return list(csv.DictReader(file))
 
@@ -229,15 +229,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("runs", nargs="*", type=Path, help="that have babbled")
-    parser.add_argument("--out", type=Path, default=Path("shape.csv"), help="where rows are added")
-    parser.add_argument("--cache", type=Path, default=Path("shape-cache"))
+    parser.add_argument(
+        "runs", nargs="+", type=Path, help="a missing one, such as torus_951, is babbled"
+    )
     parser.add_argument("--metrics", nargs="+", choices=SHAPE_METRICS, default=list(SHAPE_METRICS))
     parser.add_argument("--skins", nargs="+", choices=SKINS, default=["whole"])
     parser.add_argument("--samples", nargs="+", type=int, default=[1_000_000])
     parser.add_argument("--targets", nargs="+", type=int, default=[1000])
     parser.add_argument("--queries", type=int, default=MAX_QUERIES, help="of set distances")
     parser.add_argument("--network-seeds", nargs="+", type=int, default=[0])
+    add_update_option(parser, "shape")
     arguments = parser.parse_args()
 
     wanted = [
@@ -245,23 +246,24 @@ def main() -> None:
         for metric in arguments.metrics
         for seed in (arguments.network_seeds if metric in LEARNING_METRICS else [0])
     ]
-    for path in arguments.runs:
-        run = RunDirectory.open(path)
-        grid = itertools.product(arguments.skins, arguments.samples, arguments.targets)
-        cases = [
-            Case.of(run, skin=skin, samples=samples, targets=targets, queries=arguments.queries)
-            for skin, samples, targets in grid
-        ]
-        measure(run, cases, wanted, arguments.out, arguments.cache)
-    if arguments.out.exists():
-        print(summary(arguments.out))
+    found = []
+    with results("shape", update=arguments.update) as add:
+        for path in arguments.runs:
+            run = run_at(path, max(arguments.samples))
+            grid = itertools.product(arguments.skins, arguments.samples, arguments.targets)
+            cases = [
+                Case.of(run, skin=skin, samples=samples, targets=targets, queries=arguments.queries)
+                for skin, samples, targets in grid
+            ]
+            found += measure(run, cases, wanted, add)
+    print(summary(found))
 
 
-def summary(path: Path) -> str:
+def summary(rows: list[dict[str, str]]) -> str:
     """The table as Markdown: a line for each body, skin, size and metric."""
     columns = ("body", "skin", "samples", "targets", "receptors", "metric")
     groups: dict[tuple[str, ...], list[dict[str, str]]] = {}
-    for row in read(path):
+    for row in rows:
         groups.setdefault(tuple(row[name] for name in columns), []).append(row)
     header = (
         *columns,
@@ -298,23 +300,6 @@ def summary(path: Path) -> str:
         )
         lines.append(" | ".join(cells))
     return "\n".join(f"| {line} |" for line in lines)
-
-
-def _key(row: dict) -> tuple[str, ...]:
-    names = [field.name for field in dataclasses.fields(Case)] + ["metric", "network_seed"]
-    return tuple(str(row[name]) for name in names)
-
-
-def _append(path: Path, row: dict[str, object]) -> None:
-    """Adds a row, without columns that the table lacks."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    columns = list(read(path)[0]) if read(path) else list(row)
-    begins = not path.exists()
-    with path.open("a", newline="") as file:
-        writer = csv.DictWriter(file, fieldnames=columns, extrasaction="ignore")
-        if begins:
-            writer.writeheader()
-        writer.writerow(row)
 
 
 if __name__ == "__main__":

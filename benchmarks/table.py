@@ -23,9 +23,7 @@ from pathlib import Path
 
 import numpy as np
 from babbling import measure, measure_steps
-from learning import measure_peers
-from ompl import util as ou
-from planning import measure_cpu, ompl_planner, questions
+from peers import measure_peers
 
 from selftouch_drake.run import stages
 from selftouch_drake.run.acting import Pilot
@@ -134,6 +132,10 @@ def start_rows(versions: dict[str, Path], folder: Path, turns: int) -> Iterator[
 
 def query_row(run: RunDirectory, num_pairs: int) -> Iterator[Row]:
     """Queries, including the first, compared with OMPL with the true model."""
+    # Only this row needs OMPL.
+    from ompl import util as ou
+    from planning import measure_cpu, ompl_planner, questions
+
     ou.setLogLevel(ou.LogLevel.LOG_ERROR)
     ou.RNG.setSeed(1)
     world, agent = stages.make_world(run), load_agent(run)
@@ -226,6 +228,7 @@ def main() -> None:
     parser.add_argument("--touches", type=int, default=200_000, help="a million takes five minutes")
     parser.add_argument("--turns", type=int, default=3)
     parser.add_argument("--pairs", type=int, default=20, help="that are planned")
+    parser.add_argument("--touching", action="store_true", help="only the rows of stored touches")
     options = parser.parse_args()
     versions = {"ours": HERE} | ({"before": options.before.resolve()} if options.before else {})
     rows: list[Row] = []
@@ -234,6 +237,8 @@ def main() -> None:
 
         def parts() -> Iterator[Row]:
             yield from touch_rows(options.turns)
+            if options.touching:
+                return
             yield from run_rows(versions, folder, options.touches)
             torus = RunDirectory.open(folder / "torus-ours")
             yield from query_row(torus, options.pairs)

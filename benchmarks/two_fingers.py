@@ -1,10 +1,7 @@
-"""Two fingers: how many turns of the hand close a loop, for ideal presses and touches.
+"""Two fingers: how many turns of the hand close a loop, and what kernels of two fingers are.
 
-    python benchmarks/two_fingers.py ideal     # numpy alone: chords on a sphere, a few minutes
     python benchmarks/two_fingers.py touches   # Drake: a hand spread wide, some ten minutes
-    python benchmarks/two_fingers.py mixed     # sensations as they are, one touch or two
     python benchmarks/two_fingers.py runs RUN... # runs of shipped experiments with two fingers
-    python benchmarks/two_fingers.py prediction RUN... # predictions along their plans
 
 Needs ripser: pip install 'selftouch-drake[homology]'. docs/two_fingers.md has the results.
 """
@@ -12,19 +9,19 @@ Needs ripser: pip install 'selftouch-drake[homology]'. docs/two_fingers.md has t
 from __future__ import annotations
 
 import argparse
-import csv
 import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from babbled import run_at
+from results import add_update_option, results
 from scipy.sparse import csr_array, diags
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 from unrolling import Turns, landmarks, turns
 
-from selftouch_drake.agent.rehearsal import RehearsalMemory
 from selftouch_drake.agent.representation import (
     KernelReservoir,
     KernelSets,
@@ -44,44 +41,10 @@ from selftouch_drake.agent.representation.touches import (
 )
 from selftouch_drake.agent.shape import intrinsic_dimension
 from selftouch_drake.agent.shape.metrics import motor
-from selftouch_drake.evaluation import cosine_distance, in_link_frames, random_pairs
 from selftouch_drake.experience import Contacts, ExperienceReader, random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.robot.broadphase import BroadPhase
-from selftouch_drake.run.acting import Pilot
-from selftouch_drake.run.artifacts import load_agent
-from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.worlds import make_world
-
-DOCS = Path(__file__).parent.parent / "docs"
-
-
-def sphere_points(num_points: int) -> np.ndarray:
-    i = np.arange(num_points) + 0.5
-    z, turn = 1 - 2 * i / num_points, i * np.pi * (1 + np.sqrt(5))
-    flat = np.sqrt(1 - z**2)
-    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=1)
-
-
-def random_chords(num: int, angle: float, rng: np.random.Generator) -> np.ndarray:
-    """`(num, 2, 3)` ends of random chords of the unit sphere, `angle` rad apart."""
-    middle, across = rng.standard_normal((2, num, 3))
-    middle /= np.linalg.norm(middle, axis=1, keepdims=True)
-    across -= np.einsum("nx,nx->n", across, middle)[:, None] * middle
-    across /= np.linalg.norm(across, axis=1, keepdims=True)
-    return np.stack(
-        [np.cos(angle / 2) * middle + side * np.sin(angle / 2) * across for side in (1, -1)], axis=1
-    )
-
-
-def felt(points: np.ndarray, receptors: np.ndarray) -> np.ndarray:
-    """Overlapping round fields on the unit sphere that sum to one, like those of the skin."""
-    angle = np.arccos(np.clip(sphere_points(5000) @ receptors.T, -1, 1))
-    radius = 1.15 * np.sort(angle, axis=1)[:, 2].max()
-    angle = np.arccos(np.clip(points @ receptors.T, -1, 1))
-    bump = np.square(np.maximum(1 - np.square(angle / radius), 0))
-    return bump / bump.sum(axis=1, keepdims=True)
 
 
 def by_sensation(targets: np.ndarray) -> np.ndarray:
@@ -117,40 +80,11 @@ def lines(name: str, found: Turns) -> Iterator[dict]:
         }
 
 
-def write(name: str, rows: list[dict]) -> None:
-    path = DOCS / "data" / f"two_fingers_{name}.csv"
-    path.parent.mkdir(exist_ok=True)
-    with path.open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
-    print(path.read_text())
-
-
-def ideal(arguments: argparse.Namespace) -> None:
-    """Chords of one length with equal ends, with distinguished ends, and with lifted fingers."""
-    rng = np.random.default_rng(arguments.seed)
-    receptors = sphere_points(100)
-
-    def targets(angle: float, ends: np.ndarray, num: int) -> np.ndarray:
-        chords = random_chords(20 * num, np.radians(angle), rng)
-        press = felt(chords.reshape(-1, 3), receptors).reshape(*chords.shape[:2], -1)
-        return target_sensations(np.einsum("nes,ne->ns", press, ends)[:40_000], num)
-
-    rows = []
-    for angle, num in ((75, 1000), (75, 2000), (75, 4000), (90, 1000), (90, 2000), (90, 4000)):
-        alike = targets(angle, np.ones((20 * num, 2)), num)
-        found = turns(few(by_sensation(alike), arguments.landmarks))
-        rows += [{"angle_deg": angle, "targets": num, **line} for line in lines("alike", found)]
-    num = 4000
-    share = np.pi / 2 * rng.uniform(size=20 * num)
-    lifted = np.stack([np.cos(share), np.sin(share)], axis=1)
-    # Two fingers are not alike if one always presses half as hard.
-    unlike = np.tile([1.0, 0.5], (20 * num, 1))
-    for name, ends in (("unlike", unlike), ("one or two touches", lifted)):
-        found = turns(few(by_sensation(targets(90, ends, num)), arguments.landmarks))
-        rows += [{"angle_deg": 90, "targets": num, **line} for line in lines(name, found)]
-    write("ideal", rows)
+def write(name: str, rows: list[dict], *, update: bool) -> None:
+    with results(f"two_fingers_{name}", update=update) as add:
+        for row in rows:
+            add(row)
+            print(row)
 
 
 def collect(seed: int, num_rows: int) -> dict[str, np.ndarray]:
@@ -250,24 +184,7 @@ def touches(arguments: argparse.Namespace) -> None:
                 {"rows": num_rows, "targets": num_targets, **line, **labels}
                 for line in lines(f"two touches, {metric}", found)
             ]
-        write(f"touches_s{arguments.seed}", rows)
-
-
-def mixed(arguments: argparse.Namespace) -> None:
-    """Unchanged sensations: with unequal forces, and with touches of one finger."""
-    data = np.load(arguments.data)
-    two = separate_touches(data["s"], overlapping(data["as_"]))[0] == 2
-    rows = []
-    for name, kept in (("two touches as felt", two), ("one or two touches", two | True)):
-        targets, _, _, by_motor = by_kernels(data["q"][kept], data["s"][kept], 4000)
-        for metric, distances in (("motor", by_motor), ("sensation", by_sensation(targets))):
-            found = turns(few(distances, arguments.landmarks))
-            rows += [
-                {"rows": int(kept.sum()), "targets": 4000, **line}
-                for line in lines(f"{name}, {metric}", found)
-            ]
-            print(rows[-1], flush=True)
-    write(f"mixed_s{arguments.seed}", rows)
+        write(f"touches_s{arguments.seed}", rows, update=arguments.update)
 
 
 def cosine(p: np.ndarray) -> float:
@@ -355,15 +272,16 @@ def leading_sign(i: np.ndarray, j: np.ndarray, sign: np.ndarray, num: int) -> np
 def num_touchers(contacts: Contacts) -> np.ndarray:
     """`(N,)` number of pressing touchers of each touch: the truth."""
     pairs = np.unique(np.stack([contacts.row, contacts.toucher], axis=1), axis=0)
-    return np.bincount(pairs[:, 0], minlength=contacts.num_rows)
+    return np.bincount(pairs[:, 0], minlength=len(contacts))
 
 
 def runs(arguments: argparse.Namespace) -> None:
     """Kernels of ordinary runs, and the dimension of their quotient graphs."""
     rows = []
-    for run in arguments.runs:
+    for path in arguments.runs:
+        run = run_at(path, arguments.rows)
         kept = slice(arguments.rows)
-        experience, truth = ExperienceReader(run / "experience"), ExperienceReader(run / "truth")
+        experience, truth = ExperienceReader(run.experience), ExperienceReader(run.truth)
         q, sensation = (experience.read(column)[kept] for column in ("q", "sensation"))
         both = num_touchers(Contacts.joined(list(truth.contacts())))[kept] > 1
         learned = QuotientLearner(arguments.targets, 400).fit(sensation, q).representation_
@@ -372,7 +290,7 @@ def runs(arguments: argparse.Namespace) -> None:
         share = np.add.reduceat(both[learned.kernel_row], learned.kernel_offsets[:-1])
         share = share / np.diff(learned.kernel_offsets)
         line = {
-            "body": load_experiment(run / "experiment.yaml").name.partition("_")[0],
+            "body": run.experiment.name.partition("_")[0],
             "rows": len(q),
             "targets": arguments.targets,
             "rows_of_two": round(float(both.mean()), 3),
@@ -388,89 +306,12 @@ def runs(arguments: argparse.Namespace) -> None:
             )
         print(line, flush=True)
         rows.append(line)
-        write("runs", rows)
-
-
-def prediction(arguments: argparse.Namespace) -> None:
-    """Prints the errors of predictions along plans, and of three limits that use the truth.
-
-    Two limits take the stored touches whose fingertips were nearest to the true positions of the
-    fingertips, and average them or fit them linearly. The third takes the stored touch most similar
-    to what is felt.
-    """
-    for path in arguments.runs:
-        run = RunDirectory.open(path)
-        agent, world = load_agent(run, predicts=True), make_world(run)
-        agent = agent.recalling(RehearsalMemory.blank(agent.representation))
-        pilot, stored = Pilot(agent, world), agent.kernel_sensation
-        tips = tip_places(world, agent.representation.kernel_q.astype(float))
-        tree = cKDTree(tips)
-        errors: dict[str, list[float]] = {}
-        for pair in random_pairs(run.experiment, agent.representation):
-            query = pilot.plan(*pair)
-            motion = query.motion
-            executed = pilot.execute(motion)[0].felt
-            felt = world.probe.sensations(motion.q)
-            kept = felt.any(axis=1) & executed.any(axis=1) & motion.touching
-            felt, there = felt[kept], tip_places(world, motion.q[kept])
-            distance, near = tree.query(there, 60)
-            around = tips[near] - there[:, None]
-            predicted = {
-                "from stored touches": query.agent.predict(query.plan, motion.s[kept]).sensation,
-                "from following the plan first": motion.predicted[kept],
-                "limit: mean of the 8 nearest": fitted(
-                    stored, near[:, :8], around[:, :8, :0], distance[:, :8]
-                ),
-                "limit: linear in the 60 nearest": fitted(stored, near, around, distance),
-            }
-            found = {name: cosine_distance(felt, each) for name, each in predicted.items()}
-            unit = felt / np.linalg.norm(felt, axis=1, keepdims=True)
-            found["limit: most similar touch"] = 1.0 - (stored @ unit.T).max(axis=0)
-            found["the same, under dynamics"] = cosine_distance(
-                executed[kept], motion.predicted[kept]
-            )
-            for name, error in found.items():
-                errors.setdefault(name, []).append(float(np.mean(error)))
-        for name, of_plans in errors.items():
-            print(
-                f"| {path.name} | {name} | {np.mean(of_plans):.4f} / {max(of_plans):.4f} |",
-                flush=True,
-            )
-
-
-def fitted(
-    stored: csr_array, near: np.ndarray, around: np.ndarray, distance: np.ndarray
-) -> np.ndarray:
-    """`(T, S)` the sensation at a place, by a linear fit to stored touches near it.
-
-    Args:
-        stored: `(R, S)` what was felt.
-        near: `(T, n)` rows of it.
-        around: `(T, n, D)` m, where they are from the place; with D = 0 they are averaged.
-        distance: `(T, n)` m, how far away; the nearer one counts more.
-    """
-    result = []
-    for rows, x, apart in zip(near, around, distance, strict=True):
-        weight = 1.0 / (apart + 1e-3)
-        terms = np.concatenate([np.ones((len(rows), 1)), x / 0.01], axis=1) * weight[:, None]
-        ridge = np.diag([0.0] + [1e-3 * weight.sum()] * x.shape[1])
-        felt = stored[rows].toarray() * weight[:, None]
-        result.append(np.linalg.solve(terms.T @ terms + ridge, terms.T @ felt)[0])
-    return np.maximum(result, 0.0)
-
-
-def tip_places(world: World, q: np.ndarray) -> np.ndarray:
-    """`(N, 3 F)` m, the centres of the fingertips in the frame of the body: the truth."""
-    p_LT = in_link_frames(world.robot.toucher_positions(q), world.robot.skin_positions(q))
-    return p_LT[:, 0].reshape(len(q), -1)
+        write("runs", rows, update=arguments.update)
 
 
 WHAT = {
-    "ideal": ideal,
     "touches": touches,
-    "mixed": mixed,
     "runs": runs,
-    "prediction": prediction,
 }
 
 
@@ -483,6 +324,7 @@ def main() -> None:
     parser.add_argument("--targets", type=int, default=1000, help="of runs")
     parser.add_argument("--landmarks", type=int, default=300)
     parser.add_argument("--data", type=Path, default=Path("two_fingers.npz"))
+    add_update_option(parser, "two_fingers_...")
     arguments = parser.parse_args()
     WHAT[arguments.what](arguments)
 

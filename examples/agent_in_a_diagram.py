@@ -15,7 +15,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.experience import collect_walk
-from selftouch_drake.experience.sources import KinematicSource
+from selftouch_drake.experience.walkers import KinematicWalker
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import MakeDynamicStation, World
 from selftouch_drake.robot.timing import time_path
@@ -82,7 +82,8 @@ class NaiveAgent(LeafSystem):
         goal, now = int(self._goal.Eval(context)[0]), context.get_time()
         if goal == reached or (reached is not None and now < path.end_time()):
             return
-        plan = self._agent.plan_from(self._q.Eval(context), self._sensation.Eval(context), goal)
+        here = self._agent.felt(self._sensation.Eval(context))
+        plan = self._agent.tour([here, goal], q_start=self._q.Eval(context))
         limit = np.ones(self._num_joints)
         timed = time_path(
             plan.path, velocity_limit=SPEED * limit, acceleration_limit=ACCELERATION * limit
@@ -100,7 +101,7 @@ class NaiveAgent(LeafSystem):
 
 def learned(world: World) -> Agent:
     """An agent with a few thousand touches."""
-    touches = collect_walk(KinematicSource(world), world.experiment, 0, NUM_TOUCHES)
+    touches = collect_walk(KinematicWalker(world), world.experiment, 0, NUM_TOUCHES)
     return Agent.learn(touches.q, touches.sensation, num_targets=NUM_TARGETS)
 
 

@@ -5,6 +5,7 @@ Slow imports, above all Drake, happen where they are needed, after all checks th
 
 from __future__ import annotations
 
+import functools
 import gc
 import os
 import sys
@@ -13,7 +14,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 
@@ -44,6 +45,11 @@ SCHEDULER = click.option(
     "--scheduler",
     metavar="ADDRESS",
     help="Address of a Dask scheduler whose workers do the babbling, tcp://host:port.",
+)
+PORT = click.option(
+    "--port",
+    type=click.IntRange(1024, 65535),
+    help="Port of the page.  [default: the first free one]",
 )
 FROM = click.option(
     "--from", "start", type=int, help="Number of the target sensation to start from."
@@ -82,11 +88,49 @@ FROM_Q = click.option(
 )
 
 
+def of_an_experiment(command: Callable[..., None]) -> Callable[..., None]:
+    """Adds the experiment of a run that begins, and the options that decide on it."""
+    return EXPERIMENT(OUT(SET(command)))
+
+
+class PlanOptions(NamedTuple):
+    """The options that name a plan."""
+
+    start: int | None
+    q_start: list[float] | None
+    goal: int | None
+    through: list[int] | None
+
+    def targets(self) -> list:
+        """The targets that name the plan; checks the combination of options."""
+        from selftouch_drake.run.naming import free_start
+
+        begins = [self.start is not None, self.q_start is not None, self.through is not None]
+        if sum(begins) != 1 or (self.goal is None) != (self.through is not None):
+            raise click.UsageError(
+                "start or goal is missing, or given twice; give --from and --to, or --from-q and "
+                "--to, or --through alone"
+            )
+        if self.through is None:
+            return [free_start(self.q_start) if self.q_start else self.start, self.goal]
+        if len(self.through) < 2:
+            raise click.UsageError(
+                f"--through is {self.through[0]}; give at least two target sensations"
+            )
+        return self.through
+
+
 def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
-    """Adds the run, and the options that name one of its plans."""
+    """Adds the run, and the options that name one of its plans, as `PlanOptions`."""
+
+    @functools.wraps(command)
+    def named(run: Path, **options: Any) -> None:
+        which = PlanOptions(**{name: options.pop(name) for name in PlanOptions._fields})
+        command(run, which, **options)
+
     for option in (THROUGH, TO, FROM_Q, FROM, RUN):
-        command = option(command)
-    return command
+        named = option(named)
+    return named
 
 
 class InOrderOfUse(click.Group):
@@ -126,21 +170,17 @@ def cli(ctx: click.Context) -> None:
 
 
 @cli.command()
-@EXPERIMENT
-@OUT
-@SET
+@of_an_experiment
 @WORKERS
 @SCHEDULER
-def run(
-    experiment: str, out: Path | None, overrides: str, workers: int | None, scheduler: str | None
-) -> None:
+def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
     """Do everything, from babbling to the report.
 
     EXPERIMENT is the name of a shipped experiment (see `selftouch experiments`; by default cube) or
     a YAML file. Finished stages are skipped: a stopped run resumes.
     """
     with local_executor(workers) as executor:
-        directory, world = _begin(experiment, out, overrides, executor)
+        directory, world = _begin(**given, executor=executor)
 
         from selftouch_drake.run import stages
         from selftouch_drake.show.outputs import write_figures, write_report
@@ -164,19 +204,15 @@ def run(
 
 
 @cli.command()
-@EXPERIMENT
-@OUT
-@SET
+@of_an_experiment
 @WORKERS
 @SCHEDULER
-def babble(
-    experiment: str, out: Path | None, overrides: str, workers: int | None, scheduler: str | None
-) -> None:
+def babble(workers: int | None, scheduler: str | None, **given: Any) -> None:
     """Walk at random through motor space and keep every touch.
 
     EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
     """
-    directory, world = _begin(experiment, out, overrides)
+    directory, world = _begin(**given)
 
     with local_executor(workers) as executor:
         _babble(directory, world, executor, scheduler)
@@ -267,24 +303,14 @@ def learn(run: Path) -> None:
 
 
 @cli.command()
-@RUN
-@FROM
-@FROM_Q
-@TO
-@THROUGH
-def plan(
-    run: Path,
-    start: int | None,
-    q_start: list[float] | None,
-    goal: int | None,
-    through: list[int] | None,
-) -> None:
+@of_a_plan
+def plan(run: Path, which: PlanOptions) -> None:
     """Plan a smooth motion from one sensation to another.
 
     RUN is a run directory that has learned. The report of the run has a map of the numbers.
     """
     directory = _open(run)
-    targets = _targets(start, q_start, goal, through)
+    targets = which.targets()
 
     import numpy as np
 
@@ -292,17 +318,17 @@ def plan(
 
     without_world = directory.experiment.imported is not None
     if without_world:
-        if q_start is not None:
+        if which.q_start is not None:
             raise click.UsageError(
                 f"--from-q needs a simulated robot, and {run} was imported: give --from, the "
                 "target sensation felt at the start"
             )
         motion = stages.plan_imported(directory, *targets)
-    elif q_start is None:
+    elif which.q_start is None:
         motion = stages.plan(directory, stages.make_world(directory), *targets)
     else:
         world = stages.make_world(directory)
-        motion = stages.plan_from(directory, world, np.array(q_start), targets[-1])
+        motion = stages.plan_from(directory, world, np.array(which.q_start), targets[-1])
     click.echo(f"route: {_route(motion)}\nduration: {motion.time_s[-1]:.2f} s")
     click.echo(f"plan: {directory.plan(*targets)}")
     if without_world:
@@ -318,22 +344,15 @@ def plan(
     metavar="N",
     help="Plan and execute up to N times until contact is never lost; remember what failed.",
 )
-def execute(
-    run: Path,
-    start: int | None,
-    q_start: list[float] | None,
-    goal: int | None,
-    through: list[int] | None,
-    max_tries: int | None,
-) -> None:
+def execute(run: Path, which: PlanOptions, max_tries: int | None) -> None:
     """Execute a plan under full dynamics and store the sensations.
 
     RUN is a run directory. Make the plan first, with `selftouch plan` and the same options.
     """
     directory = _open(run)
-    targets = _targets(start, q_start, goal, through)
-    if max_tries is not None and start is None:
-        given = "--from-q" if q_start else "--through"
+    targets = which.targets()
+    if max_tries is not None and which.start is None:
+        given = "--from-q" if which.q_start else "--through"
         raise click.UsageError(f"--rehearse is given with {given}; use --from and --to instead")
 
     from selftouch_drake.agent.rehearsal import best
@@ -354,20 +373,14 @@ def execute(
 
 @cli.command()
 @of_a_plan
-def record(
-    run: Path,
-    start: int | None,
-    q_start: list[float] | None,
-    goal: int | None,
-    through: list[int] | None,
-) -> None:
+def record(run: Path, which: PlanOptions) -> None:
     """Record an executed plan as a 3D page.
 
     The HTML page is written beside the plan in the run directory RUN, and needs no network. The
     report has a recording of its own.
     """
     directory = _open(run)
-    targets = _targets(start, q_start, goal, through)
+    targets = which.targets()
 
     from selftouch_drake.show.outputs import write_recording
 
@@ -410,24 +423,11 @@ def report(run: Path, vector: bool) -> None:
 
 
 @cli.command()
-@EXPERIMENT
-@OUT
-@SET
+@of_an_experiment
 @WORKERS
-@click.option(
-    "--port",
-    type=click.IntRange(1024, 65535),
-    help="Port of the page.  [default: the first free one]",
-)
+@PORT
 @click.option("--no-page", is_flag=True, help="Show no page; only store the curves for the report.")
-def live(
-    experiment: str,
-    out: Path | None,
-    overrides: str,
-    workers: int | None,
-    port: int | None,
-    no_page: bool,
-) -> None:
+def live(workers: int | None, port: int | None, no_page: bool, **given: Any) -> None:
     """Watch an agent learn from its first touch on.
 
     EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
@@ -437,7 +437,7 @@ def live(
     body changes, and corrects what it knows. The report shows its life as curves. End with the
     button on the page or with Ctrl-C.
     """
-    directory, world = _begin(experiment, out, overrides)
+    directory, world = _begin(**given)
 
     from selftouch_drake.run import lifelong, stages
     from selftouch_drake.show.outputs import show_live
@@ -455,11 +455,7 @@ def live(
 
 @cli.command()
 @RUN
-@click.option(
-    "--port",
-    type=click.IntRange(1024, 65535),
-    help="Port of the page.  [default: the first free one]",
-)
+@PORT
 def play(run: Path, port: int | None) -> None:
     """Watch the agent of RUN move, and choose what it feels next.
 
@@ -592,30 +588,11 @@ def exit_status(command: Callable[[], object]) -> int:
     return 2
 
 
-def _targets(
-    start: int | None, q_start: list[float] | None, goal: int | None, through: list[int] | None
-) -> list:
-    """Returns the targets that name a plan; checks the combination of options."""
-    from selftouch_drake.run.naming import free_start
-
-    begins = [start is not None, q_start is not None, through is not None]
-    if sum(begins) != 1 or (goal is None) != (through is not None):
-        raise click.UsageError(
-            "start or goal is missing, or given twice; give --from and --to, or --from-q and --to, "
-            "or --through alone"
-        )
-    if through is None:
-        return [free_start(q_start) if q_start else start, goal]
-    if len(through) < 2:
-        raise click.UsageError(f"--through is {through[0]}; give at least two target sensations")
-    return through
-
-
 def _route(motion) -> str:
     """The target sensations of the route, and a line that explains each sign used."""
     words: list[str] = []
     before: list[int] = []
-    for node, in_air in zip(motion.nodes, [False, *motion.in_air], strict=True):
+    for node, in_air in zip(motion.plan.nodes, [False, *motion.plan.in_air], strict=True):
         if before and node == before[-1]:
             continue  # the same sensation on a slide or a detour
         if in_air and before[-1] >= 0:

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -36,7 +35,7 @@ from selftouch_drake.experience import (
     write_shard,
 )
 from selftouch_drake.experience.collect import keep_touches, step_sizes, stored_walks
-from selftouch_drake.experience.sources import SAMPLE_PERIOD, DynamicSource, KinematicSource, Steps
+from selftouch_drake.experience.walkers import SAMPLE_PERIOD, DynamicWalker, KinematicWalker, Steps
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import World
 
@@ -63,8 +62,7 @@ class Exploration:
 
     Args:
         experiment: decides everything that happens.
-        explorer: makes an explorer from the arguments of `Explorer`; by default one that suits the
-            world.
+        explorer: decides where the agent goes; by default the one that suits the world.
         world: the world of the experiment; built by default.
 
     Attributes:
@@ -76,15 +74,12 @@ class Exploration:
     def __init__(
         self,
         experiment: Experiment,
-        explorer: Callable[..., Explorer] | None = None,
+        explorer: type[Explorer] | None = None,
         world: World | None = None,
     ):
         self.experiment = experiment
-        self._explorer = explorer or PostureSampler
-        if explorer is None and experiment.babbling.mode == "dynamic":
-            # Each sample decides on the next step; the agent moves as fast as random babbling.
-            pace = SAMPLE_PERIOD / experiment.babbling.step_duration
-            self._explorer = partial(Walker, pace=pace)
+        dynamic = experiment.babbling.mode == "dynamic"
+        self._explorer = explorer or (Walker if dynamic else PostureSampler)
         self.enter(world or World(experiment))
         (seed,) = experiment.random_stream("explorer").generate_state(1)
         self.mind: Life | OnlineLearner = (
@@ -100,11 +95,16 @@ class Exploration:
 
     def enter(self, world: World) -> None:
         """From now on, the agent has the body of this world."""
-        dynamic, robot = self.experiment.babbling.mode == "dynamic", world.robot
-        self.world, self.source = world, DynamicSource(world) if dynamic else KinematicSource(world)
+        babbling, robot = self.experiment.babbling, world.robot
+        dynamic = babbling.mode == "dynamic"
+        self.world, self.source = world, DynamicWalker(world) if dynamic else KinematicWalker(world)
         lower, upper = robot.babbled_range
         self._joints = JointRanges(
-            lower=lower, upper=upper, stride=step_sizes(self.experiment, robot)
+            lower=lower,
+            upper=upper,
+            stride=step_sizes(self.experiment, robot),
+            # Each sample decides on the next step; the agent moves as fast as random babbling.
+            pace=SAMPLE_PERIOD / babbling.step_duration if dynamic else 1.0,
         )
 
     @property

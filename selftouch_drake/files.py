@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 #: How the name of a file ends that is being written.
 _ASIDE = ".part"
@@ -56,6 +57,29 @@ def require_writable(folder: Path) -> None:
     """
     if not os.access(folder, os.W_OK, effective_ids=True):
         raise PermissionError(f"{folder} cannot be written; make it writable, or work on a copy")
+
+
+@contextlib.contextmanager
+def locked(folder: Path, refusal: Exception) -> Iterator[None]:
+    """Locks a folder for one writer; the lock ends with its process, however that ends.
+
+    Args:
+        folder: the folder.
+        refusal: raised if another process writes there.
+
+    Raises:
+        PermissionError: nothing can be written there.
+    """
+    require_writable(folder)
+    lock = FileLock(folder / ".lock")
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise refusal from None
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def write_text_whole(path: Path, text: str) -> None:

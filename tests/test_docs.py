@@ -73,6 +73,18 @@ def test_pages_name_only_files_and_headings_that_are_there():
     assert missing == []
 
 
+def test_every_table_is_named():
+    text = "".join(TEXTS.values())
+    tables = [path.name for path in (DOCS / "data").glob("*.csv")]
+    assert [name for name in tables if f"docs/data/{name}" not in text] == []
+
+
+def test_every_picture_is_shown():
+    text = "".join(TEXTS.values())
+    pictures = [path.name for path in (DOCS / "images").iterdir() if path.suffix != ".json"]
+    assert [name for name in pictures if f"images/{name})" not in text] == []
+
+
 def test_benchmarks_that_are_named_have_the_options_that_are_named():
     wrong = []
     for page in PAGES:

@@ -479,7 +479,7 @@ def holds(there, fields):
     return all(holds(there[name], value) for name, value in fields.items())
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(fields=valid_fields)
 def test_what_is_dumped_loads_as_the_same_experiment(fields, tmp_path_factory):
     experiment = experiment_from_fields(fields)
@@ -530,13 +530,13 @@ def _loads_or_is_refused(load) -> None:
         assert experiment_from_fields(yaml.safe_load(dump_experiment(experiment))) == experiment
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(fields=junk | st.dictionaries(known_keys, junk))
 def test_any_data_loads_or_is_refused(fields):
     _loads_or_is_refused(lambda: experiment_from_fields(fields))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(fields=valid_fields, section=known_keys, key=known_keys, value=junk)
 def test_one_wrong_value_loads_or_is_refused(fields, section, key, value):
     _loads_or_is_refused(lambda: experiment_from_fields(fields | {section: {key: value}}))
@@ -555,7 +555,7 @@ tokens = st.sampled_from(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(text=st.lists(tokens, max_size=12).map("".join) | st.text(max_size=40))
 def test_any_text_loads_or_is_refused(text, tmp_path_factory):
     _loads_or_is_refused(lambda: experiment_from_fields(parse_overrides(text)))
@@ -564,7 +564,7 @@ def test_any_text_loads_or_is_refused(text, tmp_path_factory):
     _loads_or_is_refused(lambda: load_experiment(path))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(content=st.binary(max_size=40))
 def test_any_file_loads_or_is_refused(content, tmp_path_factory):
     path = tmp_path_factory.getbasetemp() / "any.yaml"
@@ -572,7 +572,7 @@ def test_any_file_loads_or_is_refused(content, tmp_path_factory):
     _loads_or_is_refused(lambda: load_experiment(path))
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(name=st.text(max_size=30))
 def test_any_name_of_an_experiment_loads_or_is_refused(name):
     _loads_or_is_refused(lambda: load_experiment(name))

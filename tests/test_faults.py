@@ -18,7 +18,7 @@ import pytest
 from commands import SMALL, refused, selftouch
 from filelock import FileLock
 
-from selftouch_drake.agent.rehearsal import RehearsalMemory
+from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.experience import ExperienceReader, StoreError, collect, require_complete
 from selftouch_drake.experiment import load_experiment, parse_overrides
 from selftouch_drake.files import load_arrays, save_arrays

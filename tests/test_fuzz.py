@@ -20,8 +20,9 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.agent.motions import Execution, Motion
-from selftouch_drake.agent.rehearsal import RehearsalMemory
+from selftouch_drake.agent.memory import RehearsalMemory
+from selftouch_drake.agent.motions import Execution, Motion, Plan
+from selftouch_drake.agent.planning import smooth_path
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience import (
@@ -182,11 +183,14 @@ def run(tmp_path_factory):
     save_memory(made, RehearsalMemory.blank(representation))
     save_arrays(made.skin, {"body_p_LS": np.zeros((100, 3)), "body_vertices": np.zeros((4, 3))})
     motion = Motion(
-        nodes=np.array([3, 1, 4]),
-        links=np.array([2, 3]),
-        in_air=np.zeros(2, bool),
-        waypoints_q=random.uniform(-1, 1, (3, 6)),
-        waypoint_s=np.arange(3.0),
+        plan=Plan(
+            nodes=np.array([3, 1, 4]),
+            links=np.array([2, 3]),
+            in_air=np.zeros(2, bool),
+            waypoints_q=random.uniform(-1, 1, (3, 6)),
+            waypoint_s=np.arange(3.0),
+            path=smooth_path(random.uniform(-1, 1, (3, 6))),
+        ),
         time_s=np.arange(7.0),
         s=np.linspace(0, 2, 7),
         q=random.uniform(-1, 1, (7, 6)),

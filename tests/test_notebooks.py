@@ -58,6 +58,7 @@ def made_small(notebook, folder):
     return notebook
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
 def test_notebook_runs(path, folder, tmp_path):
     notebook = made_small(nbformat.read(path, as_version=4), folder)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.motions import Execution, Motion, Plan
+from selftouch_drake.agent.memory import RehearsalMemory
+from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.planning import (
     KNOT_SPACING,
     FindNearest,
@@ -22,8 +23,6 @@ from selftouch_drake.agent.planning import (
     predict_sensation,
     recall_sensation,
 )
-from selftouch_drake.agent.practice import DryRun, go_along, out_of_the_way, practise
-from selftouch_drake.agent.rehearsal import RehearsalMemory, Try, judge
 from selftouch_drake.agent.representation import (
     QuotientRepresentation,
     felt_kernels,
@@ -31,10 +30,9 @@ from selftouch_drake.agent.representation import (
     learn,
     linked_nearest,
 )
-from selftouch_drake.agent.sliding import Slider
-from selftouch_drake.agent.touch_profile import TouchProfile, felt_across
 
 if TYPE_CHECKING:
+    from selftouch_drake.agent.practice import DryRun
     from selftouch_drake.agent.representation import Batches
     from selftouch_drake.agent.shape import Body
 
@@ -44,14 +42,15 @@ if TYPE_CHECKING:
 class Agent:
     """A naive agent: it knows motor configurations and sensations, and nothing else.
 
-    It is immutable: methods that change it return another agent.
+    It is immutable: methods that change it return another agent. What it does in a world is in
+    `practice` and `rehearsal`.
 
     Attributes:
         representation: what it learned from its experience.
-        memory: what it learned from rehearsals.
+        memory: what it learned from practice and rehearsals.
         kernel_sensation: `(R, S)` unit L2 norm, the sensation at each configuration of the
             representation; it makes prediction errors five times smaller. None if not kept.
-        knot_spacing: rad of path length between knots of smooth paths; larger is smoother.
+        knot_spacing: as of `Planner`.
         find_nearest: as of `Planner`.
     """
 
@@ -67,28 +66,15 @@ class Agent:
         representation: QuotientRepresentation,
         *,
         memory: RehearsalMemory | None = None,
-        kernel_sensation: csr_array | np.ndarray | None = None,
-        knot_spacing: float = KNOT_SPACING,
-        find_nearest: FindNearest = linked_nearest,
+        **fields: Any,
     ) -> Agent:
         """An agent with a representation learned before; its memory is blank by default."""
-        return cls(
-            representation=representation,
-            memory=RehearsalMemory.blank(representation) if memory is None else memory,
-            kernel_sensation=kernel_sensation,
-            knot_spacing=knot_spacing,
-            find_nearest=find_nearest,
-        )
+        memory = RehearsalMemory.blank(representation) if memory is None else memory
+        return cls(representation=representation, memory=memory, **fields)
 
     @classmethod
     def learn(
-        cls,
-        q: np.ndarray,
-        sensation: np.ndarray,
-        *,
-        num_targets: int = 500,
-        max_kernel_size: int = 1000,
-        seed: int = 0,
+        cls, q: np.ndarray, sensation: np.ndarray, *, num_targets: int = 500, **parameters: Any
     ) -> Agent:
         """Learns from experience held in arrays.
 
@@ -96,36 +82,39 @@ class Agent:
             q: `(n, J)` motor configurations, in the robot's units.
             sensation: `(n, S)` N, sensations at these configurations; no row null.
             num_targets: K, number of target sensations.
-            max_kernel_size: most motor configurations kept per kernel.
-            seed: the same seed and experience give the same bytes.
+            parameters: as for `learn_batches`.
 
         Raises:
             ValueError: the experience cannot be learned from; the text says why.
         """
-        return cls.learn_batches(
-            lambda: [(sensation, q)],
-            num_targets=num_targets,
-            max_kernel_size=max_kernel_size,
-            seed=seed,
-        )
+        batches = [(sensation, q)]
+        return cls.learn_batches(lambda: batches, num_targets=num_targets, **parameters)
 
     @classmethod
-    def learn_batches(cls, batches: Batches, *, seed: int = 0, **parameters: Any) -> Agent:
-        """Learns from experience of any size, in bounded memory.
+    def learn_batches(
+        cls,
+        batches: Batches,
+        *,
+        num_targets: int = 500,
+        max_kernel_size: int = 1000,
+        seed: int = 0,
+        **parameters: Any,
+    ) -> Agent:
+        """Learns from experience of any size, in bounded memory; see `learn`.
 
         Args:
             batches: called three times, returns the same `(sensation, q)` batches each time.
+            num_targets: K, number of target sensations.
+            max_kernel_size: most motor configurations kept per kernel.
             seed: the same seed and experience give the same bytes, whatever the batches.
             parameters: as for `representation.learn`.
-
-        Raises:
-            ValueError: the experience cannot be learned from; the text says why.
         """
-        sizes = {"num_targets": 500, "max_kernel_size": 1000}
-        representation = learn(batches, **sizes | parameters, seed=seed).representation
+        sizes = {"num_targets": num_targets, "max_kernel_size": max_kernel_size}
+        representation = learn(batches, **sizes, seed=seed, **parameters).representation
         sensations = (sensation for sensation, _ in batches())
         return cls.of(
-            representation, kernel_sensation=kernel_sensations(representation, sensations)
+            representation,
+            kernel_sensation=kernel_sensations(representation.kernel_row, sensations),
         )
 
     def recover(self, metric: str = "learned", *, seed: int = 0) -> Body:
@@ -138,23 +127,17 @@ class Agent:
         """The same agent with its representation embedded in the recovered `body`."""
         return self._with(representation=body.embed(self.representation))
 
+    def recalling(self, memory: RehearsalMemory) -> Agent:
+        """The same agent with another memory."""
+        return self._with(memory=memory)
+
     def felt(self, sensation: np.ndarray) -> int | None:
         """The target sensation nearest to a `(S,)` sensation; None if nothing is felt."""
         kernels = felt_kernels(self.representation, sensation)
         return int(kernels[0]) if len(kernels) else None
 
     def plan(self, start: int, goal: int, *, q_start: np.ndarray | None = None) -> Plan:
-        """Plans from one target sensation to another.
-
-        Args:
-            start: the target sensation that is felt now.
-            goal: the target sensation to feel.
-            q_start: `(J,)` positions of the joints; by default the configuration of `start` whose
-                sensation is nearest to it.
-
-        Raises:
-            ValueError: as `Planner.plan_tour`.
-        """
+        """Plans from one target sensation to another; see `tour`."""
         return self.tour([start, goal], q_start=q_start)
 
     def tour(
@@ -168,21 +151,21 @@ class Agent:
     ) -> Plan:
         """Plans one continuous motion through several target sensations, in order.
 
+        The plan comes from what the agent has learned and remembers; nobody has followed it.
+
         Args:
             targets: two or more; the first is felt at the start, None if nothing is.
             q_start: `(J,)` positions of the joints; by default the configuration of the first
                 target whose sensation is nearest to it.
-            aside: as for `Planner.plan_tour`.
-            lift_off: as for `Planner.plan_tour`.
+            aside: as for `Planner.plan`.
+            lift_off: as for `Planner.plan`.
             limits: of the joints; by default the range of experience.
 
         Raises:
-            ValueError: as `Planner.plan_tour`.
+            ValueError: as `Planner.plan`.
         """
-        if q_start is None:
-            q_start = self._typical(targets)
-        return self.planner.plan_tour(
-            q_start,
+        return self.planner.plan(
+            self._typical(targets) if q_start is None else q_start,
             targets,
             link_penalty=self.memory.link_penalty,
             slides=self.memory.slides,
@@ -191,40 +174,13 @@ class Agent:
             limits=limits,
         )
 
-    def plan_from(
-        self,
-        q_start: np.ndarray,
-        felt: np.ndarray,
-        goal: int,
-        *,
-        aside: np.ndarray | None = None,
-        lift_off: bool = False,
-        limits: Limits | None = None,
-    ) -> Plan:
-        """Plans from any configuration, whether it touches or not.
-
-        Args:
-            q_start: `(J,)` positions of the joints, in the robot's units.
-            felt: `(S,)` N, the sensation there.
-            goal: the target sensation to feel.
-            aside: as for `Planner.plan_tour`.
-            lift_off: as for `Planner.plan_tour`.
-            limits: of the joints; by default the range of experience.
-
-        Raises:
-            ValueError: as `Planner.plan_tour`.
-        """
-        targets = [self.felt(felt), goal]
-        return self.tour(targets, q_start=q_start, aside=aside, lift_off=lift_off, limits=limits)
-
-    def predict(self, plan: Plan, s: np.ndarray, passage: DryRun | None = None) -> Prediction:
+    def predict(self, plan: Plan, s: np.ndarray, dry_run: DryRun | None = None) -> Prediction:
         """The sensation expected at path lengths `s` `(T,)` of a plan, in rad.
 
-        If the agent went along the plan before (`passage`), it is what was felt then; else it comes
-        from stored touches.
+        After a dry run it is what was felt then; before, it comes from stored touches.
         """
-        if passage is not None:
-            return recall_sensation(plan, s, passage.s, passage.felt)
+        if dry_run is not None:
+            return recall_sensation(plan, s, dry_run.s, dry_run.felt)
         return predict_sensation(self.representation, plan, s, self.kernel_sensation)
 
     def motion(
@@ -235,12 +191,12 @@ class Agent:
         s: np.ndarray,
         q: np.ndarray,
         v: np.ndarray,
-        passage: DryRun | None = None,
+        dry_run: DryRun | None = None,
     ) -> Motion:
         """A plan with times and with the sensations that the agent expects; see `Motion`."""
-        expected = self.predict(plan, s, passage)
-        return Motion.of(
-            plan,
+        expected = self.predict(plan, s, dry_run)
+        return Motion(
+            plan=plan,
             time_s=time_s,
             s=s,
             q=q,
@@ -248,52 +204,6 @@ class Agent:
             predicted=expected.sensation,
             predicted_spread=expected.spread,
         )
-
-    def judge(self, execution: Execution) -> Try:
-        """The agent's own judgement of an executed plan."""
-        return judge(execution, self.representation)
-
-    def go_along(self, plan: Plan, slider: Slider) -> DryRun:
-        """What happens when the agent follows a plan slowly; see `practice.go_along`."""
-        return go_along(plan, self.representation, slider)
-
-    def aside(self, plan: Plan, slider: Slider) -> np.ndarray | None:
-        """Where to move joints that obstruct a plan; see `practice.out_of_the_way`."""
-        return out_of_the_way(plan, self.representation, slider)
-
-    def felt_across(self, motion: Motion, offsets: np.ndarray, slider: Slider) -> TouchProfile:
-        """The sensations on either side of a motion; see `pressing.felt_across`."""
-        return felt_across(motion, offsets, self.representation, slider)
-
-    def prepare(self, plan: Plan, doubtful: np.ndarray, slider: Slider) -> Agent:
-        """The agent after it searched for other ways for the doubtful steps of a plan.
-
-        Links for which it found none cost more from then on.
-        """
-        memory, lost = self._practised(plan, doubtful, slider)
-        return self._with(memory=memory.avoiding(lost))
-
-    def practise(self, plan: Plan, one: Try, slider: Slider) -> Agent:
-        """The agent after it practised slides where a try of a plan lost contact.
-
-        Links on which it found no slide cost more from then on, and so does the last link if the
-        goal was missed.
-        """
-        in_touch = one.lost_steps[~plan.in_air[one.lost_steps]]
-        memory, lost = self._practised(plan, in_touch, slider)
-        missed = plan.links[len(plan.links) - (not one.reached) :]
-        return self._with(memory=memory.after(_links(np.append(lost, missed))))
-
-    def _practised(
-        self, plan: Plan, doubtful: np.ndarray, slider: Slider
-    ) -> tuple[RehearsalMemory, np.ndarray]:
-        """The memory with new ways, and the links of steps for which none was found."""
-        memory, found = practise(plan, doubtful, slider, self.memory, self.representation)
-        return memory, _links(plan.links[doubtful[~found]])
-
-    def recalling(self, memory: RehearsalMemory) -> Agent:
-        """The same agent with another memory of rehearsals."""
-        return self._with(memory=memory)
 
     @cached_property
     def planner(self) -> Planner:
@@ -317,8 +227,3 @@ class Agent:
         members = self.representation.members(checked_target(start, self.representation))
         best = members.start + int(self.representation.kernel_error[members].argmin())
         return self.representation.kernel_q[best].astype(float)
-
-
-def _links(rows: np.ndarray) -> np.ndarray:
-    """The rows that are links, unique and sorted; steps in the air have none."""
-    return np.unique(rows[rows >= 0]).astype(int)

@@ -1,14 +1,14 @@
 """Motions of the agent: planned, timed, executed.
 
 A `Plan` is a path. A `Motion` adds times and the sensations that the agent predicts. An `Execution`
-records what happened. Each can be converted to a flat dictionary of arrays and back, so that other
-packages can store it.
+adds what happened. Each holds the one before.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from typing import Any, Self
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -17,8 +17,54 @@ from scipy.interpolate import BSpline
 NO_KERNEL = -1
 
 
+class _Record:
+    """A record of arrays, which is saved as one flat dictionary of arrays by name."""
+
+    __slots__ = ()
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """All fields, and those of the record that it holds.
+
+        A path becomes `path_knots` and `path_control`.
+        """
+        arrays: dict[str, np.ndarray] = {}
+        for name, value in ((f.name, getattr(self, f.name)) for f in fields(self)):  # type: ignore[arg-type]
+            if isinstance(value, _Record):
+                arrays |= value.to_arrays()
+            elif isinstance(value, BSpline):
+                arrays |= {"path_knots": value.t, "path_control": value.c}
+            else:
+                arrays[name] = value
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Self:
+        """Inverse of `to_arrays`; other names are ignored.
+
+        Raises:
+            ValueError: an array is missing or does not fit the others; the text names it.
+        """
+        return cls(**{field.name: _restored(field.name, arrays) for field in fields(cls)})  # type: ignore[arg-type]
+
+
+def _restored(name: str, arrays: Mapping[str, np.ndarray]) -> Any:
+    if name == "plan":
+        return Plan.from_arrays(arrays)
+    if name == "motion":
+        return Motion.from_arrays(arrays)
+    if name == "path":
+        knots, control = (_restored(part, arrays) for part in ("path_knots", "path_control"))
+        fits = knots.ndim == 1 and control.ndim == 2 and len(knots) > len(control) + 1
+        if not fits or {knots.dtype.kind, control.dtype.kind} != {"f"}:
+            raise ValueError("path_control does not fit path_knots")
+        return BSpline(knots, control, len(knots) - len(control) - 1)
+    if name not in arrays:
+        raise ValueError(f"{name} is missing")
+    return np.asarray(arrays[name])
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plan:
+class Plan(_Record):
     """A geometric path in motor space through one configuration of each kernel on a route.
 
     W waypoints and J joints. Motor configurations are in the robot's units; lengths along the path
@@ -28,7 +74,7 @@ class Plan:
         nodes: `(W,)` kernels, from the start to the goal; the first is `NO_KERNEL` if the agent
             touches nothing there.
         links: `(W - 1,)` row of each step in the planner's `links`; -1 where there is none: in the
-            air, and on a literal route.
+            air.
         in_air: `(W - 1,)` bool, steps through the air, from one touch (or none) to another.
         waypoints_q: `(W, J)` one motor configuration per kernel.
         waypoint_s: `(W,)` rad, parameter of each waypoint on `path`: polyline length up to it.
@@ -47,44 +93,31 @@ class Plan:
     path: BSpline
 
     def __post_init__(self) -> None:
-        _check(self, _of_plan(self.nodes, self.waypoints_q))
+        num = self.nodes.size
+        steps = dict.fromkeys(("links", "in_air"), (num - 1,))
+        q = (num, _width(self.waypoints_q))
+        _check(self, {"nodes": (num,), **steps, "waypoints_q": q, "waypoint_s": (num,)})
 
     @property
     def goal(self) -> int:
         """The kernel to be felt at the end."""
         return int(self.nodes[-1])
 
-    def to_arrays(self) -> dict[str, np.ndarray]:
-        """All fields as arrays, by name; the path as `path_knots` and `path_control`."""
-        return _arrays(self, but="path") | {"path_knots": self.path.t, "path_control": self.path.c}
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Plan:
-        """Inverse of `to_arrays`; other names are ignored.
-
-        Raises:
-            ValueError: an array is missing or does not fit the others; the text names it.
-        """
-        found = _named(arrays, "path_knots", "path_control")
-        knots, control = found["path_knots"], found["path_control"]
-        degree = len(knots) - len(control) - 1
-        if knots.ndim != 1 or control.ndim != 2 or degree < 1:
-            raise ValueError("path_control does not fit path_knots")
-        return cls(**_fields(cls, arrays, but="path"), path=BSpline(knots, control, degree))
+    def touching(self, s: np.ndarray) -> np.ndarray:
+        """`(T,)` bool, whether the agent expects contact at each `s`; at the end it always does."""
+        if not len(self.in_air):
+            return np.ones(len(s), dtype=bool)
+        return ~self.in_air[steps(self.waypoint_s, s)] | (s >= self.waypoint_s[-1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion:
+class Motion(_Record):
     """A plan with times, and with the sensations that the agent predicts.
 
-    W waypoints, J joints, S receptors and T instants, evenly spaced in time.
+    J joints, S receptors and T instants, evenly spaced in time.
 
     Attributes:
-        nodes: `(W,)` as in `Plan`.
-        links: `(W - 1,)` as in `Plan`.
-        in_air: `(W - 1,)` bool, as in `Plan`.
-        waypoints_q: `(W, J)` as in `Plan`.
-        waypoint_s: `(W,)` rad, as in `Plan`.
+        plan: the plan.
         time_s: `(T,)` s.
         s: `(T,)` rad, desired position along the path.
         q: `(T, J)` desired motor configurations, in the robot's units.
@@ -96,11 +129,7 @@ class Motion:
         ValueError: shapes disagree; the text names the first array that does not fit.
     """
 
-    nodes: np.ndarray
-    links: np.ndarray
-    in_air: np.ndarray
-    waypoints_q: np.ndarray
-    waypoint_s: np.ndarray
+    plan: Plan
     time_s: np.ndarray
     s: np.ndarray
     q: np.ndarray
@@ -109,52 +138,25 @@ class Motion:
     predicted_spread: np.ndarray
 
     def __post_init__(self) -> None:
-        num_times, num_joints = self.time_s.size, _width(self.waypoints_q)
-        expected = {
-            **_of_plan(self.nodes, self.waypoints_q),
-            **dict.fromkeys(("time_s", "s", "predicted_spread"), (num_times,)),
-            **dict.fromkeys(("q", "v"), (num_times, num_joints)),
-            "predicted": (num_times, _width(self.predicted)),
-        }
-        _check(self, expected)
-
-    @classmethod
-    def of(
-        cls,
-        plan: Plan,
-        *,
-        time_s: np.ndarray,
-        s: np.ndarray,
-        q: np.ndarray,
-        v: np.ndarray,
-        predicted: np.ndarray,
-        predicted_spread: np.ndarray,
-    ) -> Motion:
-        """Combines a plan with times and predictions; arguments are the fields."""
-        return cls(
-            **_arrays(plan, but="path"),
-            time_s=time_s,
-            s=s,
-            q=q,
-            v=v,
-            predicted=predicted,
-            predicted_spread=predicted_spread,
-        )
+        num = self.time_s.size
+        rows = dict.fromkeys(("time_s", "s", "predicted_spread"), (num,))
+        moves = dict.fromkeys(("q", "v"), (num, _width(self.plan.waypoints_q)))
+        _check(self, {**rows, **moves, "predicted": (num, _width(self.predicted))})
 
     @property
     def goal(self) -> int:
         """The kernel to be felt at the end."""
-        return int(self.nodes[-1])
+        return self.plan.goal
 
     @property
     def step(self) -> np.ndarray:
         """`(T,)` the step of each instant; step i leads from waypoint i to the next."""
-        return steps(self.waypoint_s, self.s)
+        return steps(self.plan.waypoint_s, self.s)
 
     @property
     def touching(self) -> np.ndarray:
         """`(T,)` bool, whether contact is expected: where the agent is not in the air."""
-        return touching(self.waypoint_s, self.in_air, self.s)
+        return self.plan.touching(self.s)
 
     def contact(self, felt: np.ndarray) -> float:
         """Share of the time with expected contact in which sensations `felt` `(T, S)` are not null.
@@ -164,22 +166,9 @@ class Motion:
         expected = self.touching
         return float(np.mean(np.any(felt, axis=1)[expected])) if expected.any() else 1.0
 
-    def to_arrays(self) -> dict[str, np.ndarray]:
-        """All fields, by name."""
-        return _arrays(self)
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Motion:
-        """Inverse of `to_arrays`; other names are ignored.
-
-        Raises:
-            ValueError: an array is missing or does not fit the others; the text names it.
-        """
-        return cls(**_fields(cls, arrays))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Execution:
+class Execution(_Record):
     """What happened when a motion was executed.
 
     T instants, S receptors, J joints; N instants at which torques were read.
@@ -202,33 +191,15 @@ class Execution:
     torque: np.ndarray
 
     def __post_init__(self) -> None:
-        motion = self.motion
+        moves = dict.fromkeys(("q_measured", "v_measured"), self.motion.q.shape)
         num_torques = self.torque.shape[0] if self.torque.ndim else 0
-        expected = {
-            "felt": motion.predicted.shape,
-            "q_measured": motion.q.shape,
-            "v_measured": motion.q.shape,
-            "torque": (num_torques, _width(motion.q)),
-        }
-        _check(self, expected)
+        torque = (num_torques, _width(self.motion.q))
+        _check(self, {"felt": self.motion.predicted.shape, **moves, "torque": torque})
 
     @property
     def contact(self) -> float:
         """Share of the time with expected contact in which something was felt."""
         return self.motion.contact(self.felt)
-
-    def to_arrays(self) -> dict[str, np.ndarray]:
-        """All fields, and those of the motion, by name."""
-        return self.motion.to_arrays() | _arrays(self, but="motion")
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Execution:
-        """Inverse of `to_arrays`; other names are ignored.
-
-        Raises:
-            ValueError: an array is missing or does not fit the others; the text names it.
-        """
-        return cls(motion=Motion.from_arrays(arrays), **_fields(cls, arrays, but="motion"))
 
 
 def steps(waypoint_s: np.ndarray, s: np.ndarray) -> np.ndarray:
@@ -236,55 +207,20 @@ def steps(waypoint_s: np.ndarray, s: np.ndarray) -> np.ndarray:
     return np.searchsorted(waypoint_s, s, side="right").clip(1, max(len(waypoint_s) - 1, 1)) - 1
 
 
-def touching(waypoint_s: np.ndarray, in_air: np.ndarray, s: np.ndarray) -> np.ndarray:
-    """`(T,)` bool, whether the agent expects contact at each `s`; at the end it always does."""
-    if not len(in_air):
-        return np.ones(len(s), dtype=bool)
-    return ~in_air[steps(waypoint_s, s)] | (s >= waypoint_s[-1])
-
-
-def _of_plan(nodes: np.ndarray, waypoints_q: np.ndarray) -> dict[str, tuple[int, ...]]:
-    num = nodes.size
-    return {
-        "nodes": (num,),
-        "links": (num - 1,),
-        "in_air": (num - 1,),
-        "waypoints_q": (num, _width(waypoints_q)),
-        "waypoint_s": (num,),
-    }
-
-
 def _width(array: np.ndarray) -> int:
     return array.shape[1] if array.ndim == 2 else 0
 
 
-#: Kinds of numbers of the arrays that do not hold real numbers.
-_KINDS = {"nodes": "iu", "links": "iu", "in_air": "b"}
+_WHOLE, _BOOLEANS = ("iu", "whole numbers"), ("b", "booleans")
+#: Kinds of numbers of the arrays that do not hold real numbers, and their names in errors.
+_KINDS = {"nodes": _WHOLE, "links": _WHOLE, "in_air": _BOOLEANS}
 
 
-def _check(record: Plan | Motion | Execution, expected: Mapping[str, tuple[int, ...]]) -> None:
+def _check(record: _Record, expected: Mapping[str, tuple[int, ...]]) -> None:
     for name, shape in expected.items():
         array = getattr(record, name)
-        if array.shape != shape or array.ndim != len(shape):
+        if array.shape != shape:
             raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
-        if array.dtype.kind not in _KINDS.get(name, "iuf") or not np.isfinite(array).all():
-            raise ValueError(f"{name} must hold {_WORDS.get(name, 'finite numbers')}")
-
-
-_WORDS = {"nodes": "whole numbers", "links": "whole numbers", "in_air": "booleans"}
-
-
-def _named(arrays: Mapping[str, np.ndarray], *names: str) -> dict[str, np.ndarray]:
-    if missing := [name for name in names if name not in arrays]:
-        raise ValueError(f"{missing[0]} is missing")
-    return {name: np.asarray(arrays[name]) for name in names}
-
-
-def _fields(
-    cls: type[Plan | Motion | Execution], arrays: Mapping[str, np.ndarray], but: str = ""
-) -> dict[str, np.ndarray]:
-    return _named(arrays, *(field.name for field in fields(cls) if field.name != but))
-
-
-def _arrays(record: Plan | Motion | Execution, but: str = "") -> dict[str, np.ndarray]:
-    return {f.name: getattr(record, f.name) for f in fields(record) if f.name != but}
+        kinds, words = _KINDS.get(name, ("iuf", "finite numbers"))
+        if array.dtype.kind not in kinds or not np.isfinite(array).all():
+            raise ValueError(f"{name} must hold {words}")

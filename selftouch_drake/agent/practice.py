@@ -1,19 +1,31 @@
-"""Practice: the agent follows a plan slowly and repairs it where it would fail (naive)."""
+"""Practice: the agent follows a plan slowly, without dynamics, and repairs it where it would fail.
+
+A plan before practice (`Agent.tour`) comes from what the agent has learned alone. In practice the
+agent feels along the plan and searches other ways for its doubtful steps; it remembers them. Also
+here: what it learns from a try under dynamics (naive).
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
-from selftouch_drake.agent.motions import Plan, steps, touching
-from selftouch_drake.agent.planning.members import of_mode
-from selftouch_drake.agent.rehearsal import RehearsalMemory
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.memory import RehearsalMemory
+from selftouch_drake.agent.motions import Plan, steps
+from selftouch_drake.agent.planning import Limits
+from selftouch_drake.agent.rehearsal import Try
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider, straight
 
 #: rad of path between the places at which the agent feels, and checks that it can be there.
 _SAMPLED = 0.03
+
+#: Most rounds of practice: a plan round steps without another way may have other doubtful steps.
+_MOST_ROUNDS = 8
 
 #: Number of remembered configurations that a detour through the air may pass: first those that
 #: lengthen the path least; then any, because few paths lead out of some configurations.
@@ -21,6 +33,10 @@ _NUM_SHORT, _NUM_ANY = 60, 300
 
 #: Number of remembered configurations to try as a place to move aside.
 _NUM_ASIDE = 24
+
+
+class NoWayError(ValueError):
+    """No motion was found that keeps the rigid parts of the robot apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,21 +57,76 @@ class DryRun:
     lost: np.ndarray
     impossible: np.ndarray
 
+    @property
+    def doubtful(self) -> np.ndarray:
+        """Steps for which another way is needed."""
+        return np.union1d(self.lost, self.impossible)
 
-def go_along(plan: Plan, representation: QuotientRepresentation, slider: Slider) -> DryRun:
-    """Follows the smooth path of a plan slowly.
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Practised:
+    """A plan after practice.
+
+    Attributes:
+        agent: the agent that planned, with what it learned in practice.
+        unpractised: the plan before practice, as the agent makes it from what it has learned.
+        plan: the practised plan; the same if nothing was to be repaired.
+        dry_run: what was felt along the practised plan.
+    """
+
+    agent: Agent
+    unpractised: Plan
+    plan: Plan
+    dry_run: DryRun
+
+
+def practise(
+    agent: Agent,
+    slider: Slider,
+    targets: Sequence[int | None],
+    *,
+    q_start: np.ndarray,
+    limits: Limits | None = None,
+) -> Practised:
+    """Plans, and practises the plan.
+
+    Where the plan would lose contact, the agent slides; in the air it takes detours; joints that
+    are in the way move aside. Then it plans again. If rigid parts of the robot still run into each
+    other, the agent lifts off, lands at each goal, and practises that.
 
     Args:
-        plan: the plan.
-        representation: the one used to make the plan.
-        slider: feels in the agent's world.
+        agent: the agent.
+        slider: slides in the agent's world.
+        targets: as of `Agent.tour`.
+        q_start: `(J,)` positions of the joints.
+        limits: as of `Agent.tour`.
+
+    Raises:
+        NoWayError: rigid parts of the robot run into each other on every plan.
+        ValueError: as `Agent.tour`.
     """
+    tour = partial(Agent.tour, targets=targets, q_start=q_start, limits=limits)
+    unpractised = tour(agent)
+    wiser, plan, felt = _repaired(tour, agent, unpractised, slider)
+    if len(felt.impossible):
+        in_air = partial(tour, lift_off=True)
+        wiser, plan, felt = _repaired(in_air, agent, in_air(agent), slider)
+    if len(felt.impossible):
+        raise NoWayError(
+            f"no way to target {plan.goal} was found on which the rigid parts of the robot do not "
+            "run into each other: choose another start or goal, or babble longer"
+        )
+    return Practised(agent=wiser, unpractised=unpractised, plan=plan, dry_run=felt)
+
+
+def dry_run(plan: Plan, slider: Slider) -> DryRun:
+    """Follows the smooth path of a plan slowly; nothing is dynamic, nothing is repaired."""
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, 2 + int(length / _SAMPLED))
-    x = representation.scaled(plan.path(s))
+    x = plan.path(s) * slider.joint_scale
     felt = slider.feel(x)
     step = steps(plan.waypoint_s, s)
-    lost = touching(plan.waypoint_s, plan.in_air, s) & ~felt.any(axis=1)
+    lost = plan.touching(s) & ~felt.any(axis=1)
     impossible = ~slider.possible(x)
     if not len(plan.in_air):  # a plan to stay
         lost[:] = impossible[:] = False
@@ -64,7 +135,20 @@ def go_along(plan: Plan, representation: QuotientRepresentation, slider: Slider)
     )
 
 
-def practise(
+def learn_from(one: Try, agent: Agent, slider: Slider) -> Agent:
+    """The agent after it practised slides where a try lost contact.
+
+    Links on which it found no slide cost more from then on, and so does the last link if the goal
+    was missed.
+    """
+    plan = one.execution.motion.plan
+    in_touch = one.lost_steps[~plan.in_air[one.lost_steps]]
+    memory, lost = other_ways(plan, in_touch, slider, agent.memory, agent.representation)
+    missed = plan.links[len(plan.links) - (not one.reached) :]
+    return agent.recalling(memory.after(_links(np.append(lost, missed))))
+
+
+def other_ways(
     plan: Plan,
     doubtful: np.ndarray,
     slider: Slider,
@@ -81,42 +165,26 @@ def practise(
         representation: the one used to make the plan.
 
     Returns:
-        The memory with the ways that were found, and `(n,)` bool, whether one was found per step.
+        The memory with the ways that were found, and the links of the steps without one.
     """
     slides, x = memory.slides, representation.scaled(plan.waypoints_q)
-    found = np.zeros(len(doubtful), dtype=bool)
-    for number, step in enumerate(doubtful):
+    without = []
+    for step in doubtful:
         x_from, x_to = x[step : step + 2]
+        passed, node = x[:0], plan.nodes[:0]
         if plan.in_air[step]:
-            detour = _detour(representation, slider, x_from, x_to)
-            if detour is None:
-                continue
-            passed, node = detour, np.repeat(plan.nodes[step + 1], len(detour))
-        elif plan.links[step] < 0:
-            continue  # The joints that move are not those that touch.
+            passed = _detour(representation, slider, x_from, x_to)
+            node = np.repeat(plan.nodes[step + 1], len(passed))
+        # On a step without a link, the joints that move are not those that touch.
+        elif plan.links[step] >= 0 and (slid := slider.slide(x_from, x_to)) is not None:
+            passed, felt = slid
+            node = (felt @ representation.target_sensations.T).argmax(axis=1)
+        # An empty slide means that the step is already as short as a part of a slide.
+        if len(passed):
+            slides = slides.and_also(x_from, x_to, passed, node)
         else:
-            slid = slider.slide(x_from, x_to)
-            # An empty slide means that the step is already as short as a part of a slide.
-            if slid is None or not len(slid[0]):
-                continue
-            passed = slid[0]
-            node = (slid[1] @ representation.target_sensations.T).argmax(axis=1)
-        slides = slides.and_also(x_from, x_to, passed, node)
-        found[number] = True
-    return replace(memory, slides=slides), found
-
-
-def _detour(
-    representation: QuotientRepresentation, slider: Slider, x_from: np.ndarray, x_to: np.ndarray
-) -> np.ndarray | None:
-    """`(n, J)` configurations that a detour through the air passes; None if none was found."""
-    x = representation.scaled(representation.kernel_q[:: max(representation.num_rows // 2000, 1)])
-    length = np.linalg.norm(x - x_from, axis=1) + np.linalg.norm(x - x_to, axis=1)
-    shortest = x[np.argsort(length, kind="stable")]
-    for over in (shortest[:_NUM_SHORT], shortest[:: max(len(shortest) // _NUM_ANY, 1)]):
-        if (found := slider.detour(x_from, x_to, over)) is not None:
-            return found
-    return None
+            without.append(step)
+    return replace(memory, slides=slides), _links(plan.links[without])
 
 
 def out_of_the_way(
@@ -139,10 +207,52 @@ def out_of_the_way(
     best, most = None, int(slider.possible(x).sum())
     if most == len(x):
         return None
-    rows = np.concatenate([of_mode(representation, k, None) for k in np.unique(plan.nodes)])
+    members = [representation.members(kernel) for kernel in np.unique(plan.nodes)]
+    rows = np.concatenate([np.r_[some] for some in members])
     for row in rows[:: max(len(rows) // _NUM_ASIDE, 1)]:
         other = np.where(still, representation.scaled(representation.kernel_q[row]), x)
         there = int(slider.possible(other).sum())
         if there > most and slider.possible(straight(x[0], other[0])).all():
             best, most = other[0], there
     return best
+
+
+def _repaired(
+    tour: Callable[..., Plan], agent: Agent, plan: Plan, slider: Slider
+) -> tuple[Agent, Plan, DryRun]:
+    """The agent after practice, its plan, and what it felt along it; `tour` plans again."""
+    felt, aside = dry_run(plan, slider), None
+    for _ in range(_MOST_ROUNDS):
+        if not len(felt.doubtful):
+            break
+        if aside is None:
+            aside = out_of_the_way(plan, agent.representation, slider)
+            if aside is not None:
+                plan = tour(agent, aside=aside)
+                felt = dry_run(plan, slider)
+        before = agent.memory
+        memory, lost = other_ways(plan, felt.doubtful, slider, before, agent.representation)
+        agent = agent.recalling(memory.avoiding(lost))
+        if agent.memory.same_as(before):
+            break
+        plan = tour(agent, aside=aside)
+        felt = dry_run(plan, slider)
+    return agent, plan, felt
+
+
+def _detour(
+    representation: QuotientRepresentation, slider: Slider, x_from: np.ndarray, x_to: np.ndarray
+) -> np.ndarray:
+    """`(n, J)` configurations that a detour through the air passes; none if none was found."""
+    x = representation.scaled(representation.kernel_q[:: max(representation.num_rows // 2000, 1)])
+    length = np.linalg.norm(x - x_from, axis=1) + np.linalg.norm(x - x_to, axis=1)
+    shortest = x[np.argsort(length, kind="stable")]
+    for over in (shortest[:_NUM_SHORT], shortest[:: max(len(shortest) // _NUM_ANY, 1)]):
+        if (found := slider.detour(x_from, x_to, over)) is not None:
+            return found
+    return x[:0]
+
+
+def _links(rows: np.ndarray) -> np.ndarray:
+    """The rows that are links, unique and sorted; steps in the air have none."""
+    return np.unique(rows[rows >= 0]).astype(int)

@@ -8,19 +8,12 @@ less when the touch is weaker or stronger than wanted.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Protocol
 
 import numpy as np
-from numba import njit
 from scipy.sparse.csgraph import dijkstra
-
-#: Maps `(n, J)` scaled configurations to the sensations there, `(n, S)` N.
-Feel = Callable[[np.ndarray], np.ndarray]
-
-#: Maps `(n, J)` scaled configurations to `(n,)` bool, whether the robot can take them.
-Possible = Callable[[np.ndarray], np.ndarray]
 
 #: rad, length of a step, and of a trial to either side. Measured on 51 ways of 2 rad between
 #: touches of a forearm with nine joints that matter: 86 % succeed by sliding, 12 % if straight.
@@ -38,9 +31,6 @@ _LEAST_FELT, _MOST_FELT = 0.3, 3.0
 # It gives up if less than this share of the remaining way is along the skin.
 _ACROSS = 1e-3
 
-# rad, tolerance for stored float32 configurations.
-_SAME = 1e-5
-
 # Number of straight ways checked for a detour before it gives up.
 _MOST_CHECKS = 300
 
@@ -48,146 +38,45 @@ _MOST_CHECKS = 300
 _MOST_HALVINGS, _CORRECTIONS = 5, 4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Slides:
-    """Ways from one touch to another along which the agent slid.
+class PracticeWorld(Protocol):
+    """Where an agent may try motor configurations one by one, without dynamics.
 
-    N slides through M configurations of J joints in all, scaled (rad).
+    Configurations are in the robot's units, `(n, J)`.
 
     Attributes:
-        ends: `(N, 2, J)` first and last configuration of each slide.
-        offsets: `(N + 1,)` slide n passes rows `offsets[n]:offsets[n + 1]` of `x`.
-        x: `(M, J)` touching configurations in between.
-        node: `(M,)` the kernel that is felt at each.
+        lower: `(J,)` lower limits of the joints.
+        upper: `(J,)` upper limits.
     """
 
-    ends: np.ndarray
-    offsets: np.ndarray
-    x: np.ndarray
-    node: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
 
-    @classmethod
-    def none(cls, num_joints: int) -> Slides:
-        """No slides."""
-        return cls(
-            ends=np.empty((0, 2, num_joints)),
-            offsets=np.zeros(1, dtype=int),
-            x=np.empty((0, num_joints)),
-            node=np.empty(0, dtype=int),
-        )
+    def feel(self, q: np.ndarray) -> np.ndarray:
+        """`(n, S)` N, the sensations at these configurations."""
 
-    def check(self, num_joints: int, num_kernels: int) -> None:
-        """Checks that these are slides of the given number of joints, between known kernels.
-
-        Raises:
-            ValueError: an array does not fit; the text names it.
-        """
-        num, num_x = max(self.offsets.size - 1, 0), len(np.atleast_1d(self.x))
-        shapes = {
-            "offsets": (num + 1,),
-            "ends": (num, 2, num_joints),
-            "x": (num_x, num_joints),
-            "node": (num_x,),
-        }
-        for name, shape in shapes.items():
-            array = getattr(self, name)
-            whole = name in ("offsets", "node")
-            if array.shape != shape or array.dtype.kind not in ("iu" if whole else "f"):
-                raise ValueError(
-                    f"slide_{name} is {array.dtype} of shape {array.shape}, expected "
-                    f"{'whole' if whole else 'real'} numbers of shape {shape}"
-                )
-            if not np.isfinite(array).all():
-                raise ValueError(f"slide_{name} must hold finite numbers")
-        ends = self.offsets[[0, -1]].tolist()
-        if ends != [0, num_x] or (self.offsets[1:] < self.offsets[:-1]).any():
-            raise ValueError(f"slide_offsets must rise from 0 to {num_x}")
-        if num_x and not 0 <= self.node.min() <= self.node.max() < num_kernels:
-            raise ValueError(f"slide_node must name kernels 0 to {num_kernels - 1}")
-
-    def and_also(
-        self, x_from: np.ndarray, x_to: np.ndarray, x: np.ndarray, node: np.ndarray
-    ) -> Slides:
-        """These slides and one more: its first and last configuration, and what it passes."""
-        return Slides(
-            ends=np.concatenate([self.ends, np.stack([x_from, x_to])[None]]),
-            offsets=np.append(self.offsets, self.offsets[-1] + len(x)),
-            x=np.concatenate([self.x, x]),
-            node=np.concatenate([self.node, node]),
-        )
-
-    def between(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The known slide between two configurations: `(m, J)` rad and `(m,)` kernels.
-
-        Joints that do not move on a slide may have any position; m is 0 if no slide is known.
-        """
-        slide = _latest(self.ends, x_from, x_to)
-        if slide < 0:
-            return self.x[:0], self.node[:0]
-        rows = slice(*self.offsets[slide : slide + 2])
-        moved = self.ends[slide, 0] != self.ends[slide, 1]
-        return np.where(moved, self.x[rows], x_from), self.node[rows]
-
-    def all_between(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As `between`, with later slides that replaced parts of the slide."""
-        passed, felt = self.between(x_from, x_to)
-        if not len(passed):
-            return passed, felt
-        way = [x_from, *passed, x_to]
-        parts = [self.between(*ends) for ends in pairwise(way)]
-        x = [x for (mend, _), at in zip(parts, way[1:], strict=True) for x in (*mend, at)]
-        node = [n for (_, mend), at in zip(parts, [*felt, -1], strict=True) for n in (*mend, at)]
-        return np.array(x[:-1]), np.array(node[:-1])
-
-    def within(self, lower: np.ndarray, upper: np.ndarray) -> Slides:
-        """The slides that stay between `lower` and `upper`, `(J,)` each."""
-        outside = np.any((self.x < lower) | (self.x > upper), axis=1)
-        passed = pairwise(self.offsets.tolist())
-        kept = np.array([not bool(outside[a:b].any()) for a, b in passed], dtype=bool)
-        sizes = np.diff(self.offsets)
-        rows = np.repeat(kept, sizes)
-        return Slides(
-            ends=self.ends[kept],
-            offsets=np.concatenate([[0], np.cumsum(sizes[kept])]),
-            x=self.x[rows],
-            node=self.node[rows],
-        )
-
-
-@njit(cache=True)
-def _latest(ends, x_from, x_to):
-    """The last of the slides with these ends, or -1."""
-    for slide in range(len(ends) - 1, -1, -1):
-        start, end = ends[slide]
-        same = True
-        for j in range(len(start)):
-            if start[j] == end[j]:
-                off = abs(x_to[j] - x_from[j])
-            else:
-                off = max(abs(start[j] - x_from[j]), abs(end[j] - x_to[j]))
-            if off >= _SAME:
-                same = False
-                break
-        if same:
-            return slide
-    return -1
+    def possible(self, q: np.ndarray) -> np.ndarray:
+        """`(n,)` bool, whether the robot can take these configurations."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Slider:
-    """Slides by feel.
+    """Slides by feel; all its configurations are scaled, in rad.
 
     Attributes:
-        feel: returns the sensations at configurations.
-        possible: returns whether the robot can take configurations.
-        lower: `(J,)` rad, scaled lower limits of the joints.
-        upper: `(J,)` rad, scaled upper limits.
+        world: where it feels.
+        joint_scale: `(J,)` factors of the agent's representation.
     """
 
-    feel: Feel
-    possible: Possible
-    lower: np.ndarray
-    upper: np.ndarray
+    world: PracticeWorld
+    joint_scale: np.ndarray
+
+    def feel(self, x: np.ndarray) -> np.ndarray:
+        """`(n, S)` N, the sensations at `(n, J)` configurations."""
+        return self.world.feel(x / self.joint_scale)
+
+    def possible(self, x: np.ndarray) -> np.ndarray:
+        """`(n,)` bool, whether the robot can take `(n, J)` configurations."""
+        return self.world.possible(x / self.joint_scale)
 
     def slide(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Slides from one touching configuration to another; only joints that differ move.
@@ -273,7 +162,7 @@ class Slider:
 
     def within(self, x: np.ndarray) -> np.ndarray:
         """`(..., J)` the nearest positions within the limits of the joints."""
-        return x.clip(self.lower, self.upper)
+        return x.clip(self.world.lower * self.joint_scale, self.world.upper * self.joint_scale)
 
     def _go(
         self, x: np.ndarray, x_to: np.ndarray, felt: np.ndarray, wanted: float, joints: np.ndarray

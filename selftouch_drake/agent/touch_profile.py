@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from selftouch_drake.agent.motions import Motion
-from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider
 
 #: rad of path, between these places. Takes about 0.3 s of computing for a path of 5 rad.
@@ -42,18 +41,15 @@ class TouchProfile:
     strength: np.ndarray
 
 
-def felt_across(
-    motion: Motion, offsets: np.ndarray, representation: QuotientRepresentation, slider: Slider
-) -> TouchProfile:
+def felt_across(motion: Motion, offsets: np.ndarray, slider: Slider) -> TouchProfile:
     """Measures the sensations of a motion that is displaced towards the skin or away from it.
 
     Args:
         motion: the motion.
         offsets: `(G,)` rad, displacements, to either side.
-        representation: the one used to plan the motion.
         slider: feels in the agent's world.
     """
-    x = representation.scaled(motion.q)
+    x = motion.q * slider.joint_scale
     _, rows = np.unique((motion.s / _SAMPLED).astype(int), return_index=True)
     across = np.zeros((len(rows), x.shape[1]))
     strength = np.zeros((len(rows), len(offsets)))

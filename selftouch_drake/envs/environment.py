@@ -16,7 +16,7 @@ from gymnasium.spaces import Box, Dict, Space
 from selftouch_drake.envs.postures import possible_posture
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import Simulation, Touches, World
-from selftouch_drake.robot.joints import remembered
+from selftouch_drake.robot.imperfections import remembered
 from selftouch_drake.robot.limits import JointLimits
 from selftouch_drake.robot.world import drakes_refusals
 from selftouch_drake.show import FeelingRobot, PostureCamera, open_meshcat

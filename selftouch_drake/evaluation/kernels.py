@@ -65,9 +65,9 @@ def kernel_truth(representation: QuotientRepresentation, contacts: Contacts) -> 
     Raises:
         ValueError: there are contacts of another number of rows, or a kernel has none at all.
     """
-    if contacts.num_rows != len(representation.kernel_row):
+    if len(contacts) != len(representation.kernel_row):
         raise ValueError(
-            f"contacts has {contacts.num_rows} rows, the kernels "
+            f"contacts has {len(contacts)} rows, the kernels "
             f"{len(representation.kernel_row)}; give one for each of kernel_row"
         )
     skin, positions, spread = [], [], []

@@ -9,14 +9,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.motions import Motion, Plan, touching
+from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.planning import polyline
 from selftouch_drake.agent.rehearsal import reached
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import World
 
-# Jerk is compared on samples this far apart, in rad of path length, as `jerk_reduction` does.
+# Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline grows
+# without bound as samples get denser, so the ratio has a meaning only for a stated spacing.
 _JERK_SPACING = 0.02
 # rad of path length, between samples of a plan without times.
 _SAMPLED = 0.01
@@ -86,7 +87,7 @@ def contact_along(world: World, plan: Plan) -> float:
     """Share of a path with expected contact on which something is felt, without dynamics."""
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, max(2, int(length / _SAMPLED)))
-    expected = touching(plan.waypoint_s, plan.in_air, s)
+    expected = plan.touching(s)
     return float(np.mean(world.probe.sensations(plan.path(s[expected])).any(axis=1)))
 
 
@@ -223,8 +224,30 @@ def spatial_jerk_reduction(
     at = np.linspace(s[0], s[-1], max(5, int(np.ptp(s) / _JERK_SPACING)))
     smooth = CubicSpline(s[moved], path[moved])(at)
     rough = to_space(polyline(waypoints_q, waypoint_s)(at))
-    jerk = [np.sqrt(np.mean(np.square(np.diff(p, 3, axis=0)))) for p in (rough, smooth)]
-    return float(jerk[0] / jerk[1]) if jerk[1] else None
+    jerk = _jerk(smooth)
+    return _jerk(rough) / jerk if jerk else None
+
+
+def jerk_reduction(plan: Plan, joint_scale: np.ndarray) -> float:
+    """How many times smaller the jerk of a plan is than that of its polyline, in motor space.
+
+    As `spatial_jerk_reduction`, of scaled configurations; 1 if the polyline has no corner.
+
+    Args:
+        plan: the plan.
+        joint_scale: `(J,)` factors of the representation used to make the plan.
+    """
+    if len(np.unique(plan.waypoint_s)) < 3:
+        return 1.0
+    length = plan.waypoint_s[-1]
+    s = np.linspace(0.0, length, max(5, int(length / _JERK_SPACING)))
+    rough = polyline(plan.waypoints_q, plan.waypoint_s)
+    return _jerk(rough(s) * joint_scale) / _jerk(plan.path(s) * joint_scale)
+
+
+def _jerk(samples: np.ndarray) -> float:
+    """Root mean square of the third differences of `(N, D)` samples."""
+    return float(np.sqrt(np.mean(np.square(np.diff(samples, 3, axis=0)))))
 
 
 def _moved(s: np.ndarray) -> np.ndarray:

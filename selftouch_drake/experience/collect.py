@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from selftouch_drake.experience.sources import DynamicSource, KinematicSource, Source, Steps
 from selftouch_drake.experience.store import (
     Contacts,
     Shard,
@@ -21,10 +20,11 @@ from selftouch_drake.experience.store import (
     write_shard,
 )
 from selftouch_drake.experience.walk import RandomWalk
+from selftouch_drake.experience.walkers import DynamicWalker, KinematicWalker, Steps
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import remove_unfinished
 from selftouch_drake.robot import Robot, World
-from selftouch_drake.robot.joints import remembered
+from selftouch_drake.robot.imperfections import remembered
 from selftouch_drake.threads import OncePerThread
 
 # A walk without a touch in this many steps is given up.
@@ -76,14 +76,16 @@ def step_sizes(experiment: Experiment, robot: Robot) -> np.ndarray:
     return experiment.babbling.step_size * share
 
 
-def collect_walk(source: Source, experiment: Experiment, walk: int, num_rows: int) -> Shard:
+def collect_walk(
+    walker: KinematicWalker | DynamicWalker, experiment: Experiment, walk: int, num_rows: int
+) -> Shard:
     """Walks until `num_rows` touching configurations that the robot can take are found.
 
     Raises:
         NeverTouchesError: there was no touch in `PATIENCE` steps.
     """
-    source.begin(random_walk(experiment, source.robot, walk))
-    return keep_touches(source.next_steps, source.possible, experiment, walk, num_rows)
+    walker.begin(random_walk(experiment, walker.robot, walk))
+    return keep_touches(walker.next_steps, walker.possible, experiment, walk, num_rows)
 
 
 def keep_touches(
@@ -96,8 +98,8 @@ def keep_touches(
     """Keeps touching configurations that the robot can take, until there are `num_rows`.
 
     Args:
-        next_steps: as `Source.next_steps`.
-        can_take: as `Source.possible`.
+        next_steps: as of a walker.
+        can_take: as of a walker.
         experiment: the experiment.
         walk: number of the walk.
         num_rows: number of touches to keep.
@@ -288,16 +290,13 @@ def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
 
 
 def _collect_and_store(folder: Path, fingerprint: str, walk: Walk) -> WalkCounts:
-    source = _source(walk.experiment, fingerprint)
-    shard = collect_walk(source, walk.experiment, walk.number, walk.num_rows)
+    walker = _walker(walk.experiment, fingerprint)
+    shard = collect_walk(walker, walk.experiment, walk.number, walk.num_rows)
     write_shard(folder, shard, fingerprint=fingerprint)
     return shard.counts
 
 
 @OncePerThread
-def _source(experiment: Experiment, fingerprint: str) -> Source:
-    kinds: dict[str, Callable[[World], Source]] = {
-        "kinematic": KinematicSource,
-        "dynamic": DynamicSource,
-    }
-    return kinds[experiment.babbling.mode](world_of(experiment, fingerprint))
+def _walker(experiment: Experiment, fingerprint: str) -> KinematicWalker | DynamicWalker:
+    dynamic = experiment.babbling.mode == "dynamic"
+    return (DynamicWalker if dynamic else KinematicWalker)(world_of(experiment, fingerprint))

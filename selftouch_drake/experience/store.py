@@ -8,11 +8,11 @@ first: if the experience of a walk exists, it is complete, and so is its truth.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -23,6 +23,9 @@ from selftouch_drake.threads import Threads
 
 if TYPE_CHECKING:
     import pyarrow.dataset
+
+# A vector column of a shard, or its contacts.
+Part = TypeVar("Part", np.ndarray, "Contacts")
 
 # Shards that are read ahead, side by side.
 _AHEAD = 2
@@ -87,17 +90,16 @@ class Contacts:
             p_LC=np.concatenate([part.p_LC for part in parts]),
         )
 
-    @property
-    def num_rows(self) -> int:
+    def __len__(self) -> int:
         """N."""
         return len(self.offsets) - 1
 
     @property
     def row(self) -> np.ndarray:
         """`(C,)` the touch that each contact belongs to."""
-        return np.repeat(np.arange(self.num_rows), np.diff(self.offsets))
+        return np.repeat(np.arange(len(self)), np.diff(self.offsets))
 
-    def take(self, rows: np.ndarray) -> Contacts:
+    def __getitem__(self, rows: np.ndarray) -> Contacts:
         """The contacts of some touches, in any order."""
         return Contacts.of_rows(self.row, self.skin, self.toucher, self.p_LC, np.asarray(rows))
 
@@ -267,21 +269,14 @@ class ExperienceReader:
     def take_contacts(self, rows: np.ndarray) -> Contacts:
         """The contacts of some touches, in memory that does not grow with the store.
 
+        Args:
+            rows: `(R,)` numbers of touches, in any order.
+
         Raises:
             StoreError: a number of a row is too large, or a shard is damaged.
         """
-        order = np.argsort(rows, kind="stable")
-        taken, first, parts = 0, 0, []
-        for contacts in self.contacts():
-            end = int(np.searchsorted(rows, first + contacts.num_rows, sorter=order))
-            parts.append(contacts.take(rows[order[taken:end]] - first))
-            taken, first = end, first + contacts.num_rows
-        if taken < len(rows):
-            raise StoreError(
-                f"{self._paths[0].parent} has {first} rows, but row {max(rows)} is needed; it "
-                "belongs to another experiment: babble again"
-            )
-        return Contacts.joined(parts).take(np.argsort(order, kind="stable"))
+        parts, order = self._taken(rows, self.contacts())
+        return Contacts.joined(parts)[order]
 
     def touches(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays per shard."""
@@ -297,19 +292,23 @@ class ExperienceReader:
         Raises:
             StoreError: a number of a row is too large.
         """
+        parts, order = self._taken(rows, self.batches(column))
+        return np.concatenate(parts)[order]
+
+    def _taken(self, rows: np.ndarray, shards: Iterable[Part]) -> tuple[list[Part], np.ndarray]:
+        """The given rows of each shard, ascending, and the order that makes them `rows`."""
         order = np.argsort(rows, kind="stable")
         taken, first, parts = 0, 0, []
-        for batch in self.batches(column):
-            end = int(np.searchsorted(rows, first + len(batch), sorter=order))
-            parts.append(batch[rows[order[taken:end]] - first])
-            taken, first = end, first + len(batch)
+        for shard in shards:
+            end = int(np.searchsorted(rows, first + len(shard), sorter=order))
+            parts.append(shard[rows[order[taken:end]] - first])
+            taken, first = end, first + len(shard)
         if taken < len(rows):
             raise StoreError(
                 f"{self._paths[0].parent} has {first} rows, but row {max(rows)} is needed; it "
                 "belongs to another experiment: babble again"
             )
-        found = np.concatenate(parts)
-        return found[np.argsort(order, kind="stable")]
+        return parts, np.argsort(order, kind="stable")
 
     def read(self, column: str) -> np.ndarray:
         """All rows `(N, width)` of a vector column."""

@@ -8,7 +8,6 @@ from selftouch_drake.geometry.hollow import (
     hollow_skin,
     tet_volumes,
     vtk_text,
-    write_vtk,
 )
 from selftouch_drake.geometry.patches import betti_of_patch, submesh, touched_patch
 from selftouch_drake.geometry.receptors import ReceptiveFields, place_receptors, receptive_fields
@@ -47,5 +46,4 @@ __all__ = [
     "touched_patch",
     "vtk_text",
     "wall_points",
-    "write_vtk",
 ]

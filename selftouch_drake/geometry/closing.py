@@ -11,7 +11,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
-from selftouch_drake.geometry.hollow import hollow_skin
+from selftouch_drake.geometry.hollow import hollow_skin, point_text
 from selftouch_drake.geometry.solid import rounded_solid, triangulated
 from selftouch_drake.lazy import ndimage, trimesh
 
@@ -109,7 +109,7 @@ def _rounded_surface(
     large = 1 + np.flatnonzero(volume >= _DEBRIS * volume.sum())
     if len(large) > 1:
         centres = ndimage.center_of_mass(label > 0, label, large[:2])
-        near = " and ".join(_point(solid.origin + solid.cell * np.array(c)) for c in centres)
+        near = " and ".join(point_text(solid.origin + solid.cell * np.array(c)) for c in centres)
         raise ValueError(
             f"surface has {len(large)} parts that do not touch each other, or only where they are "
             f"thinner than {2 * edge:.3g} m: near {near} m; give a mesh file that joins them, or a "
@@ -153,7 +153,3 @@ def _closed_triangles(piece: trimesh.Trimesh) -> np.ndarray:
         return closed  # It is flat, and encloses nothing anyway.
     enclosed = np.linalg.det(closed - piece.vertices.mean(axis=0)).sum() / 6
     return closed if abs(enclosed) > _SHEET * hull.volume else hull.points[hull.simplices]
-
-
-def _point(p: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value:.3f}" for value in p) + ")"

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import PathLike
-from pathlib import Path
 
 import numpy as np
 import scipy.sparse
@@ -85,7 +83,7 @@ def hollow_skin(
     if crushed is not None:
         raise ValueError(
             f"thickness is {thickness:g} m, thicker than the surface allows near "
-            f"{_point(crushed)} m; make the skin thinner or the surface larger"
+            f"{point_text(crushed)} m; make the skin thinner or the surface larger"
         )
     inner = trimesh.Trimesh(inner_vertices, faces, process=False)
     if entering_radius is not None:
@@ -94,7 +92,7 @@ def hollow_skin(
             raise ValueError(
                 f"thickness is {thickness:g} m, which leaves opposite walls nearer than the "
                 f"diameter of the toucher, {2 * entering_radius:g} m, near "
-                f"{_point(narrow)} m; make the skin thinner or the surface larger"
+                f"{point_text(narrow)} m; make the skin thinner or the surface larger"
             )
     return HollowSkin(
         vertices=vertices,
@@ -112,13 +110,8 @@ def tet_volumes(vertices: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
     return np.einsum("ni,ni->n", np.cross(b - a, c - a), d - a) / 6
 
 
-def write_vtk(skin: HollowSkin, path: str | PathLike[str]) -> None:
-    """Writes the tetrahedra as a legacy ASCII VTK file, as `pydrake.geometry.Mesh` reads them."""
-    Path(path).write_text(vtk_text(skin), encoding="ascii", newline="\n")
-
-
 def vtk_text(skin: HollowSkin) -> str:
-    """Returns the text that `write_vtk` writes, with all digits of the coordinates."""
+    """The tetrahedra as a legacy ASCII VTK file, as `pydrake.geometry.Mesh` reads them."""
     num_vertices, num_tets = len(skin.tet_vertices), len(skin.tetrahedra)
     lines = [
         "# vtk DataFile Version 3.0",
@@ -314,5 +307,6 @@ def _finest(surface: trimesh.Trimesh) -> float:
     return float(np.sqrt(surface.area / _MOST_SAMPLES))
 
 
-def _point(p: np.ndarray) -> str:
+def point_text(p: np.ndarray) -> str:
+    """A place `(3,)` m as errors show it."""
     return "(" + ", ".join(f"{value:.3f}" for value in p) + ")"

@@ -14,6 +14,7 @@ import manifold3d
 import numpy as np
 
 from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
+from selftouch_drake.geometry.hollow import point_text
 from selftouch_drake.geometry.intersections import first_self_intersection
 from selftouch_drake.lazy import trimesh
 
@@ -234,7 +235,7 @@ def mesh_file(
     crossing = first_self_intersection(surface.vertices, surface.faces)
     if crossing is not None:
         raise ValueError(
-            f"surface.mesh {path} intersects itself near {_point(crossing)} m; "
+            f"surface.mesh {path} intersects itself near {point_text(crossing)} m; "
             "repair it so that its surface never crosses itself"
         )
     return surface
@@ -322,7 +323,3 @@ def _require_triangles(num_triangles: float, resolution: float) -> None:
             f"surface.resolution {resolution:g} m cuts it into {num_triangles:.0f} triangles, "
             f"more than {MAX_TRIANGLES}; give a coarser resolution, and all lengths in metres"
         )
-
-
-def _point(p: np.ndarray) -> str:
-    return "(" + ", ".join(f"{value:.3f}" for value in p) + ")"

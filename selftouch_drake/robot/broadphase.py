@@ -1,7 +1,6 @@
 """Finds pairs of toucher and skin that cannot touch, so that their contact need not be computed.
 
-Exact in one direction: rejected pairs are out of reach, as the covering balls and the grids of
-`reach` prove.
+Conservative: a rejected pair cannot touch, as the covering balls and the grids of `reach` prove.
 
 Most configurations of a random walk touch nothing. Those cost what it takes to place the touchers
 and to see that they are outside the skins' boxes, many configurations at a time: the innermost
@@ -166,7 +165,10 @@ def _move(q, turns, sine, cosine, shift):
 
 @inner
 def _carry(X, parent, joint, X_PF, sine, cosine, shift):
-    """Places what a joint carries. Indices are unsigned, or no vector instructions come of it."""
+    """Places what a joint carries.
+
+    Indices are unsigned: with signed ones the compiler makes no vector instructions.
+    """
     lanes = np.uint64(_LANES)
     two, three = lanes + lanes, lanes + lanes + lanes
     for i in range(3):

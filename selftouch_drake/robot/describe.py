@@ -73,7 +73,7 @@ def _touching(robot: Robot) -> Iterator[tuple[str, ...]]:
 
 def _rigid_title(number: int) -> str:
     if not number:
-        return "No rigid links can run into each other"
+        return "No links can run into each other: they have no collision geometry that could"
     return f"{_counted(number, 'pair', 'pairs')} of rigid links must not run into each other"
 
 

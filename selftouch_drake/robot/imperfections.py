@@ -1,4 +1,4 @@
-"""Readings of a real skin: noise, dead receptors, quantisation and other imperfections."""
+"""Readings of real skins and joints: noise, dead receptors, quantisation, slipped joints."""
 
 from __future__ import annotations
 
@@ -157,6 +157,21 @@ def _leak(fields: ReceptiveFields) -> np.ndarray:
     overlap = (fields.vertex_weights.T @ fields.vertex_weights).toarray()
     np.fill_diagonal(overlap, 0.0)
     return overlap / overlap.sum(axis=1, keepdims=True)
+
+
+def remembered(experiment: Experiment, q: np.ndarray) -> np.ndarray:
+    """`(N, J)` configurations as the agent remembers them, for true ones `q` `(N, J)`."""
+    if not experiment.joints.noise:
+        return q
+    (seed,) = experiment.random_stream("joints", 1).generate_state(1, np.uint64)
+    error = standard_noise(q, q.shape[1], seed=int(seed))
+    return (q + experiment.joints.noise * error).astype(q.dtype)
+
+
+def slip(experiment: Experiment, num_joints: int) -> np.ndarray:
+    """`(J,)` rad or m, by how much joint readings exceed the true positions after babbling."""
+    chance = np.random.default_rng(experiment.random_stream("joints", 0))
+    return experiment.joints.offset * chance.standard_normal(num_joints)
 
 
 def standard_noise(q: np.ndarray, width: int, *, seed: int) -> np.ndarray:

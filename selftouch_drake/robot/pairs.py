@@ -255,7 +255,7 @@ def rigid_pairs(
 
 
 def _softness(link: RigidBody, worn: Sequence[WornSkin]) -> float:
-    """m, how deep a link's own geometry is soft."""
+    """m, depth of the soft outer layer of a link's own geometry."""
     thickness = (
         skin.model.wall.thickness
         for skin in worn

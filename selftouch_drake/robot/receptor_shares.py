@@ -147,7 +147,7 @@ def _list_nearest(corners, tet, centroid, near, num, squares, faces, total):
         beaten = False
         for other in range(start, total):
             beaten |= _nearer(squares, faces[other], faces[n])
-        # A face that is beaten stays in the comparison: what beats it beats what it beats.
+        # A face that is beaten stays in the comparison: being nearer is transitive.
         squares[faces[n], 4] = -1.0 if beaten else 1.0
     for n in range(start, total):
         if squares[faces[n], 4] > 0:

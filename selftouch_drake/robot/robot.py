@@ -79,12 +79,12 @@ class Robot:
 
     @property
     def lower(self) -> np.ndarray:
-        """`(J,)` rad or m, lower joint limits; infinite where a joint turns on and on."""
+        """`(J,)` rad or m, lower joint limits; infinite where a joint has none."""
         return self.plant.GetPositionLowerLimits()
 
     @property
     def upper(self) -> np.ndarray:
-        """`(J,)` rad or m, upper joint limits; infinite where a joint turns on and on."""
+        """`(J,)` rad or m, upper joint limits; infinite where a joint has none."""
         return self.plant.GetPositionUpperLimits()
 
     @property

@@ -13,7 +13,7 @@ from pydrake.systems.primitives import LogVectorOutput
 from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.robot.joints import slip
+from selftouch_drake.robot.imperfections import slip
 from selftouch_drake.robot.servo import Beside, TouchServo
 from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.sources import PathSource

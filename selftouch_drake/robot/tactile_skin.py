@@ -247,7 +247,7 @@ def connected(
 
 
 def _free_name(builder: DiagramBuilder, name: str) -> str:
-    """A body may wear several skins: the second is called `name_2`."""
+    """A name that is free in the diagram: the second skin of a body is called `name_2`."""
     number, free = 1, name
     while builder.HasSubsystemNamed(free):
         number += 1

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning import Limits, checked_configuration, jerk_reduction
-from selftouch_drake.agent.practice import DryRun
-from selftouch_drake.agent.rehearsal import Try
+from selftouch_drake.agent.planning import Limits, checked_configuration
+from selftouch_drake.agent.practice import DryRun, NoWayError, dry_run, learn_from, practise
+from selftouch_drake.agent.rehearsal import Try, judge
 from selftouch_drake.agent.sliding import Slider
+from selftouch_drake.agent.touch_profile import felt_across
+from selftouch_drake.evaluation import jerk_reduction
 from selftouch_drake.robot import LOG_PERIOD, Log, World
 from selftouch_drake.robot.servo import OFFSETS, Beside
 from selftouch_drake.robot.timing import time_path
@@ -22,12 +24,19 @@ from selftouch_drake.robot.timing import time_path
 # m, less than the allowed depth of rigid parts in each other: executions are off by less.
 _MARGIN = 0.0005
 
-# The agent plans round steps without another way; the new plan may have other doubtful steps.
-_MOST_PREPARATIONS = 8
 
+class _KinematicWorld:
+    """Where the agent practises: its robot without dynamics."""
 
-class NoWayError(ValueError):
-    """No motion was found that keeps the rigid parts of the robot apart."""
+    def __init__(self, world: World):
+        self.lower, self.upper = world.robot.lower, world.robot.upper
+        self._probe = world.probe
+
+    def feel(self, q: np.ndarray) -> np.ndarray:
+        return self._probe.sensations(q)
+
+    def possible(self, q: np.ndarray) -> np.ndarray:
+        return self._probe.collision_depth(q, _MARGIN) == 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,26 +64,6 @@ class Query:
         return jerk_reduction(self.plan, self.agent.representation.joint_scale)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Request:
-    """What an agent is asked to plan; the fields are arguments of `Agent.tour`."""
-
-    targets: Sequence[int | None]
-    q_start: np.ndarray
-    limits: Limits | None
-    lift_off: bool = False
-
-    def plan(self, agent: Agent, aside: np.ndarray | None = None) -> Plan:
-        """The plan of an agent."""
-        return agent.tour(
-            self.targets,
-            q_start=self.q_start,
-            aside=aside,
-            lift_off=self.lift_off,
-            limits=self.limits,
-        )
-
-
 class Pilot:
     """An agent in its world: plans become motions, and motions are executed.
 
@@ -91,7 +80,7 @@ class Pilot:
         """Prepares everything that queries need, so that the first one takes no longer."""
         for edge in self.agent.representation.edges[:1].tolist():
             plan = self.agent.tour(edge)
-            self.motion(plan, self.agent.go_along(plan, self._slider))
+            self.motion(plan, dry_run(plan, self._slider))
 
     def plan(self, *targets: int) -> Query:
         """Plans through two or more target sensations, in order.
@@ -139,12 +128,12 @@ class Pilot:
         stream = self.world.experiment.random_stream("start", *targets)
         return members[np.random.default_rng(stream).integers(len(members))].astype(float)
 
-    def motion(self, plan: Plan, passage: DryRun | None = None) -> Motion:
+    def motion(self, plan: Plan, felt: DryRun | None = None) -> Motion:
         """The timed plan, with what the agent expects to feel.
 
         Args:
             plan: the plan.
-            passage: what it felt when it followed the plan slowly; without, it expects what it
+            felt: what it felt when it followed the plan slowly; without, it expects what it
                 knows from stored touches.
         """
         timed = time_path(
@@ -154,7 +143,7 @@ class Pilot:
             rate_hz=1 / LOG_PERIOD,
         )
         return self.agent.motion(
-            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, passage=passage
+            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, dry_run=felt
         )
 
     def execute(self, motion: Motion, *, practised: bool = True) -> tuple[Execution, Log]:
@@ -175,7 +164,7 @@ class Pilot:
 
     def beside(self, motion: Motion) -> Beside:
         """What the agent feels beside a motion, for the touch servo."""
-        felt = self.agent.felt_across(motion, OFFSETS, self._slider)
+        felt = felt_across(motion, OFFSETS, self._slider)
         return Beside(
             time_s=felt.time_s,
             across=felt.across,
@@ -218,8 +207,8 @@ class Pilot:
                 tries.append(known)
             else:
                 execution, _ = self.execute(query.motion)
-                tries.append(self.agent.judge(execution))
-            self.agent = query.agent.practise(query.plan, tries[-1], self._slider)
+                tries.append(judge(execution, self.agent.representation))
+            self.agent = learn_from(tries[-1], query.agent, self._slider)
         return tries
 
     @property
@@ -230,55 +219,19 @@ class Pilot:
     @cached_property
     def _slider(self) -> Slider:
         """The slider of the agent: it feels, and knows which configurations are possible."""
-        scaled, unscaled = self.agent.representation.scaled, self.agent.representation.unscaled
-        probe, robot = self.world.probe, self.world.robot
-        return Slider(
-            feel=lambda x: probe.sensations(unscaled(x)),
-            possible=lambda x: probe.collision_depth(unscaled(x), _MARGIN) == 0,
-            lower=scaled(robot.lower),
-            upper=scaled(robot.upper),
-        )
+        return Slider(_KinematicWorld(self.world), self.agent.representation.joint_scale)
 
     def _query(
         self, targets: Sequence[int | None], q_start: np.ndarray, limits: Limits | None = None
     ) -> Query:
-        """Plans, practises the doubtful steps of the plan, and plans again."""
+        """Plans and practises the plan."""
         began = time.perf_counter()
-        request = _Request(targets, q_start, limits)
-        unpractised = request.plan(self.agent)
-        agent, plan, passage = self._practised(request, unpractised)
-        if len(passage.impossible):
-            in_air = replace(request, lift_off=True)
-            agent, plan, passage = self._practised(in_air, in_air.plan(self.agent))
-            if len(passage.impossible):
-                raise NoWayError(
-                    f"no way to target {plan.nodes[-1]} was found on which the rigid parts of the "
-                    "robot do not run into each other: choose another start or goal, or babble "
-                    "longer"
-                )
-        motion = self.motion(plan, passage)
-        seconds = time.perf_counter() - began
+        done = practise(self.agent, self._slider, targets, q_start=q_start, limits=limits)
+        motion = self.motion(done.plan, done.dry_run)
         return Query(
-            agent=agent, plan=plan, unpractised=unpractised, motion=motion, seconds=seconds
+            agent=done.agent,
+            plan=done.plan,
+            unpractised=done.unpractised,
+            motion=motion,
+            seconds=time.perf_counter() - began,
         )
-
-    def _practised(self, request: _Request, plan: Plan) -> tuple[Agent, Plan, DryRun]:
-        """The agent and its plan after practice, and what it felt along the plan.
-
-        Parts of the robot that are in the way are moved aside.
-        """
-        agent, aside, slider = self.agent, None, self._slider
-        passage = agent.go_along(plan, slider)
-        for _ in range(_MOST_PREPARATIONS):
-            if not len(passage.lost) and not len(passage.impossible):
-                break
-            if aside is None and (aside := agent.aside(plan, slider)) is not None:
-                plan = request.plan(agent, aside)
-                passage = agent.go_along(plan, slider)
-            before, doubtful = agent, np.union1d(passage.lost, passage.impossible)
-            agent = agent.prepare(plan, doubtful, slider)
-            if agent.memory.same_as(before.memory):
-                break
-            plan = request.plan(agent, aside)
-            passage = agent.go_along(plan, slider)
-        return agent, plan, passage

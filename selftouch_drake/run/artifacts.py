@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.memory import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
-from selftouch_drake.agent.rehearsal import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.representation import (
     KernelSets,
     LinkedNearest,
@@ -59,7 +59,7 @@ def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
     felt = None
     if predicts:
         batches = ExperienceReader(run.experience).batches("sensation")
-        felt = kernel_sensations(representation, batches)
+        felt = kernel_sensations(representation.kernel_row, batches)
     return Agent.of(
         representation,
         memory=load_memory(run, representation),

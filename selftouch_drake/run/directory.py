@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 import yaml
-from filelock import FileLock, Timeout
 
 from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
-from selftouch_drake.files import content_digest, load_arrays, require_writable, write_text_whole
+from selftouch_drake.files import content_digest, load_arrays, locked, write_text_whole
 from selftouch_drake.run.fingerprint import (
     Digests,
     experience_fingerprint,
@@ -36,6 +35,16 @@ class RunError(ValueError):
     """A run directory that cannot be used; the text names it and the remedy."""
 
 
+class _Inside:
+    """The path of a file or folder of a run."""
+
+    def __init__(self, name: str):
+        self._name = name
+
+    def __get__(self, run: RunDirectory, kind: type) -> Path:
+        return run.path / self._name
+
+
 @dataclass(frozen=True, slots=True)
 class RunDirectory:
     """Paths and metrics of one run.
@@ -45,6 +54,33 @@ class RunDirectory:
 
     path: Path
     experiment: Experiment
+
+    #: Folder of the agent's experience, in shards.
+    experience = _Inside("experience")
+    #: Folder of the truth, in shards; only the experimenter may read it.
+    truth = _Inside("truth")
+    #: Receptors and outer surfaces of the skins; part of the truth.
+    skin = _Inside("skin.npz")
+    #: What the agent learned.
+    representation = _Inside("representation.npz")
+    #: What the agent remembers of its rehearsals.
+    rehearsal = _Inside("rehearsal.npz")
+    #: The result of each random pair.
+    trials = _Inside("trials.npz")
+    #: The persistence diagram of the recovered body.
+    topology = _Inside("topology.npz")
+    #: Distances between kernels along the recovered body.
+    body_distances = _Inside("body_distances.npz")
+    #: The life of the agent, as curves.
+    life = _Inside("life.npz")
+    #: Folder of what commands keep to start sooner; it may be removed at any time.
+    cache = _Inside("cache")
+    #: Folder of pictures.
+    figures = _Inside("figures")
+    #: The recording of one plan.
+    playback = _Inside("playback.html")
+    #: The report of the run.
+    report = _Inside("report.html")
 
     @staticmethod
     def create(path: Path, experiment: Experiment) -> RunDirectory:
@@ -141,91 +177,20 @@ class RunDirectory:
             PermissionError: nothing can be written here.
             RunError: another process writes here.
         """
-        require_writable(self.path)
-        lock = FileLock(self.path / ".lock")
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            raise RunError(
-                f"{self.path} is being written by another process; wait for it, "
-                "or choose another --out"
-            ) from None
-        try:
+        refusal = RunError(
+            f"{self.path} is being written by another process; wait for it, or choose another --out"
+        )
+        with locked(self.path, refusal):
             self._remove_orphans()
-            yield
-            # A worker that was killed may have left one, though another did its work.
-            self._remove_orphans()
-        finally:
-            lock.release()
+            try:
+                yield
+            finally:
+                # A worker that ended at once may have left one.
+                self._remove_orphans()
 
     def _remove_orphans(self) -> None:
         for orphan in self.path.rglob(_ORPHAN):
             orphan.unlink(missing_ok=True)
-
-    @property
-    def experience(self) -> Path:
-        """Folder of the agent's experience, in shards."""
-        return self.path / "experience"
-
-    @property
-    def truth(self) -> Path:
-        """Folder of the truth, in shards; only the experimenter may read it."""
-        return self.path / "truth"
-
-    @property
-    def skin(self) -> Path:
-        """Receptors and outer surfaces of the skins; part of the truth."""
-        return self.path / "skin.npz"
-
-    @property
-    def representation(self) -> Path:
-        """What the agent learned."""
-        return self.path / "representation.npz"
-
-    @property
-    def rehearsal(self) -> Path:
-        """What the agent remembers of its rehearsals."""
-        return self.path / "rehearsal.npz"
-
-    @property
-    def trials(self) -> Path:
-        """The result of each random pair."""
-        return self.path / "trials.npz"
-
-    @property
-    def topology(self) -> Path:
-        """The persistence diagram of the recovered body."""
-        return self.path / "topology.npz"
-
-    @property
-    def body_distances(self) -> Path:
-        """Distances between kernels along the recovered body."""
-        return self.path / "body_distances.npz"
-
-    @property
-    def life(self) -> Path:
-        """The life of the agent, as curves."""
-        return self.path / "life.npz"
-
-    @property
-    def cache(self) -> Path:
-        """Folder of what commands keep to start sooner; it may be removed at any time."""
-        return self.path / "cache"
-
-    @property
-    def figures(self) -> Path:
-        """Folder of pictures."""
-        return self.path / "figures"
-
-    @property
-    def playback(self) -> Path:
-        """The recording of one plan."""
-        return self.path / "playback.html"
-
-    @property
-    def report(self) -> Path:
-        """The report of the run."""
-        return self.path / "report.html"
 
     def plan(self, *targets: int | str) -> Path:
         """The file of the plan through target sensations, such as `3-50-120`.

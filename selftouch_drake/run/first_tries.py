@@ -8,8 +8,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
-from selftouch_drake.agent.rehearsal import RehearsalMemory, Try
+from selftouch_drake.agent.rehearsal import Try, judge
 from selftouch_drake.evaluation import (
     MotionScore,
     cosine_distance,
@@ -133,7 +134,7 @@ class FirstTries:
             tip_jerk_measured=_tip_jerk(world, motion, progress, execution.q_measured),
             off_skin_s=self.off_skin_s(execution),
         )
-        return first, self.agent.judge(execution)
+        return first, judge(execution, self.agent.representation)
 
     def score(self, execution: Execution) -> MotionScore:
         """An execution, scored as it was felt."""
@@ -183,10 +184,11 @@ def _impossible(world: World, q: np.ndarray) -> int:
 
 def _tip_jerk(world: World, motion: Motion, s: np.ndarray, q: np.ndarray) -> float | None:
     """Jerk of the fingertips along the polyline, over their jerk along the plan."""
-    if len(motion.links) < 2:
+    plan = motion.plan
+    if len(plan.links) < 2:
         return None
 
     def to_space(q: np.ndarray) -> np.ndarray:
         return world.robot.toucher_positions(q).reshape(len(q), -1)
 
-    return spatial_jerk_reduction(s, to_space(q), motion.waypoints_q, motion.waypoint_s, to_space)
+    return spatial_jerk_reduction(s, to_space(q), plan.waypoints_q, plan.waypoint_s, to_space)

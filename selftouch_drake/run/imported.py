@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.calibration import Felt, felt_touches
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.readings import Felt, felt_touches
 from selftouch_drake.experience import Recording, Shard, read_recording, write_shard
 from selftouch_drake.experience.collect import walk_sizes
 from selftouch_drake.experiment import (

@@ -106,13 +106,7 @@ class Headline:
 
     tiles: list[Tile]
     motions: list[MotionRow]
-    columns: tuple[str, ...] = (
-        "motions",
-        "contact held",
-        "in the worst",
-        "goals reached",
-        "prediction error",
-    )
+    columns: tuple[str, ...] = ("motions", "contact", "worst", "reached", "prediction error")
 
 
 _TILES = {

@@ -19,7 +19,7 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Motion
-from selftouch_drake.agent.rehearsal import Try, best
+from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experience import (
     ExperienceReader,
@@ -290,7 +290,7 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     _require_targets(run, targets)
     execution, _ = Pilot(agent, world).execute(load_motion(run, *targets))
     save_plan(run, execution, *targets)
-    return agent.judge(execution)
+    return judge(execution, agent.representation)
 
 
 def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: int) -> list[Try]:

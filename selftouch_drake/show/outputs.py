@@ -14,6 +14,7 @@ from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.lifelong import live
+from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.run.worlds import require_robot
 from selftouch_drake.show.meshcat.life_page import show_life
 from selftouch_drake.show.meshcat.live import play_live
@@ -21,13 +22,6 @@ from selftouch_drake.show.meshcat.recording import recording_page
 from selftouch_drake.show.page.figures import FIGURES, draw_figure
 from selftouch_drake.show.page.report import report_page
 from selftouch_drake.show.run_data import MissingError, RunData
-
-# Called with the fraction done and what is being drawn.
-Progress = Callable[[float, str], None]
-
-
-def silent(fraction: float, doing: str) -> None:
-    """Reports progress to nobody."""
 
 
 def write_figures(

@@ -289,7 +289,7 @@ class RunData:
             raise MissingError("nothing has been planned yet; run `selftouch plan`")
 
         def length(pair: tuple[int, int]) -> tuple[bool, int]:
-            return was_executed(self.run, *pair), len(self.motion(*pair).nodes)
+            return was_executed(self.run, *pair), len(self.motion(*pair).plan.nodes)
 
         return max(self.pairs, key=length)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ import yaml
 
 from selftouch_drake.experiment import (
     Experiment,
+    closest,
     dump_experiment,
     load_experiment,
     merged,
@@ -20,6 +20,7 @@ from selftouch_drake.experiment import (
     shown,
 )
 from selftouch_drake.resources import SWEEPS
+from selftouch_drake.run.naming import leaves
 
 KEYS = ("name", "experiments", "set", "seeds", "grid", "each", "cases")
 # A typing error should not start a month of computing.
@@ -83,16 +84,14 @@ def _find(source: str | Path) -> Path:
         except (OSError, ValueError):  # too long for a file, or with a null character
             continue
     names = shipped_sweeps()
-    close = difflib.get_close_matches(str(source), names, n=1)
-    hint = f"did you mean {close[0]}?" if close else f"shipped are {', '.join(names)}"
+    hint = closest(str(source), names) or f"shipped are {', '.join(names)}"
     raise SweepError(f"sweep {shown(str(source))} is neither shipped nor a file; {hint}")
 
 
 def _sweep(fields: dict[str, Any], path: Path) -> Sweep:
     for key in fields:
         if key not in KEYS:
-            close = difflib.get_close_matches(str(key)[:100], KEYS, n=1)
-            hint = f"did you mean {close[0]}?" if close else f"known are {', '.join(KEYS)}"
+            hint = closest(str(key)[:100], KEYS) or f"known are {', '.join(KEYS)}"
             raise SweepError(f"sweep {path}: unknown key {shown(key)}; {hint}")
     name = fields.get("name", path.stem)
     if not (isinstance(name, str) and name and name.isprintable()):
@@ -113,7 +112,7 @@ def _sweep(fields: dict[str, Any], path: Path) -> Sweep:
             source = str(beside)
         experiment = load_experiment(source, overrides)
         experiments[dump_experiment(experiment)] = experiment
-    varied = dict.fromkeys(leaf for case in cases for leaf in flat(case))
+    varied = dict.fromkeys(leaf for case in cases for leaf in leaves(case))
     return Sweep(name=name, experiments=tuple(experiments.values()), fields=tuple(varied))
 
 
@@ -179,17 +178,6 @@ def nested(dotted: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
-def flat(fields: Any, prefix: str = "") -> dict[str, Any]:
-    """`{"joints": {"noise": 0.1}}` as `{"joints.noise": 0.1}`."""
-    if not isinstance(fields, dict):
-        return {prefix[:-1]: fields}
-    return {
-        name: value
-        for key, entry in fields.items()
-        for name, value in flat(entry, f"{prefix}{key}.").items()
-    }
-
-
 def fields_of(experiment: Experiment) -> dict[str, Any]:
     """All fields of an experiment by their dotted names."""
-    return flat(yaml.safe_load(dump_experiment(experiment)))
+    return leaves(yaml.safe_load(dump_experiment(experiment)))

@@ -20,15 +20,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import yaml
-from filelock import FileLock, Timeout
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.experiment import Experiment, dump_experiment, experiment_from_fields
-from selftouch_drake.files import require_writable, write_text_whole
+from selftouch_drake.experiment import Experiment, dump_experiment
+from selftouch_drake.files import locked, write_text_whole
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.executors import InTurn
-from selftouch_drake.run.fingerprint import learning_fingerprint
 from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.sweep.design import Sweep
 
@@ -73,18 +71,11 @@ class SweepDirectory:
             PermissionError: nothing can be written there.
             RunError: another process runs it.
         """
-        require_writable(self.path)
-        lock = FileLock(self.path / ".lock")
-        try:
-            lock.acquire(timeout=0)
-        except Timeout:
-            raise RunError(
-                f"{self.path} is being run by another process; wait for it, or choose another --out"
-            ) from None
-        try:
+        refusal = RunError(
+            f"{self.path} is being run by another process; wait for it, or choose another --out"
+        )
+        with locked(self.path, refusal):
             yield
-        finally:
-            lock.release()
 
     @property
     def table(self) -> Path:
@@ -98,7 +89,7 @@ class SweepDirectory:
 
     def run(self, experiment: Experiment) -> RunDirectory:
         """The run of an experiment, whether it exists or not."""
-        return RunDirectory(self.path / "runs" / run_name(experiment), experiment)
+        return RunDirectory(self.path.resolve() / "runs" / run_name(experiment), experiment)
 
 
 def run_name(experiment: Experiment) -> str:
@@ -147,7 +138,7 @@ def run_sweep(
         while ready or pending:
             while ready and len(pending) < num_pending:
                 name, job = ready.popleft()
-                if runs := [run for run in job.runs if Path(run[0]).name not in failed]:
+                if runs := [run for run in job.runs if run.path.name not in failed]:
                     pending[executor.submit(_do, job.stage, runs)] = name
                 else:
                     num_done += 1 + _drop(later, name)
@@ -178,38 +169,29 @@ def run_sweep(
 
 @dataclass(frozen=True, slots=True)
 class _Job:
-    """One stage for runs that share it: path and experiment of each; the first does the work."""
+    """One stage for runs that share it; the first does the work."""
 
     stage: str
-    runs: list[tuple[str, str]]
+    runs: list[RunDirectory]
     after: str | None
 
 
 def _jobs(sweep: Sweep, directory: SweepDirectory) -> dict[str, _Job]:
     """All jobs by name: babbling first, then learning from it, then evaluation."""
-    groups: dict[str, dict[str, list[Experiment]]] = defaultdict(lambda: defaultdict(list))
+    groups: dict[str, dict[str, list[RunDirectory]]] = defaultdict(lambda: defaultdict(list))
     for experiment in sweep.experiments:
-        experience = directory.run(experiment).fingerprint()
-        groups[experience][learning_fingerprint(experiment, experience)].append(experiment)
+        run = directory.run(experiment)
+        groups[run.fingerprint()][run.learning_fingerprint()].append(run)
     jobs = {}
     for experience, learners in groups.items():
-        everyone = [entry for runs in learners.values() for entry in _entries(directory, runs)]
         babble = f"babble {experience}"
-        jobs[babble] = _Job("babble", everyone, None)
-        for learner, experiments in learners.items():
-            entries = _entries(directory, experiments)
+        jobs[babble] = _Job("babble", [run for runs in learners.values() for run in runs], None)
+        for learner, runs in learners.items():
             learn = f"learn {learner}"
-            jobs[learn] = _Job("learn", entries, babble)
-            for entry in entries:
-                jobs[f"evaluate {Path(entry[0]).name}"] = _Job("evaluate", [entry], learn)
+            jobs[learn] = _Job("learn", runs, babble)
+            for run in runs:
+                jobs[f"evaluate {run.path.name}"] = _Job("evaluate", [run], learn)
     return jobs
-
-
-def _entries(directory: SweepDirectory, experiments: list[Experiment]) -> list[tuple[str, str]]:
-    return [
-        (str(directory.run(experiment).path.resolve()), dump_experiment(experiment))
-        for experiment in experiments
-    ]
 
 
 def _drop(later: dict[str, _Job], name: str) -> int:
@@ -220,62 +202,48 @@ def _drop(later: dict[str, _Job], name: str) -> int:
     return len(after) + sum(_drop(later, waiting) for waiting in after)
 
 
-def _do(stage: str, runs: list[tuple[str, str]]) -> tuple[dict[str, str], list[str]]:
+def _do(stage: str, runs: list[RunDirectory]) -> tuple[dict[str, str], list[str]]:
     """Runs a stage for the first of `runs`, and shares it with the others.
 
     Returns:
         The reason by the name of each run that failed, and warnings that begin with a run's name.
     """
-    work: dict[str, Callable[..., None]] = {
-        "babble": _babble,
-        "learn": _learn,
-        "evaluate": _evaluate,
-    }
-    # Runs are many and cores are few: one thread each.
     failed: dict[str, str] = {}
+    # Runs are many and cores are few: one thread each.
     with threadpool_limits(1), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            directories = [
-                RunDirectory.create(Path(path), experiment_from_fields(yaml.safe_load(text)))
-                for path, text in runs
-            ]
-            work[stage](*directories)
+            _once(stage, [RunDirectory.create(run.path, run.experiment) for run in runs])
         except ValueError as error:
-            failed = {Path(path).name: " ".join(str(error).split()) for path, _ in runs}
-    first = Path(runs[0][0]).name
+            failed = {run.path.name: " ".join(str(error).split()) for run in runs}
     # Warnings of other packages are for developers.
     ours = [one for one in caught if one.category.__module__.startswith("selftouch_drake.")]
-    return failed, [f"{first}: {one.message}" for one in ours]
+    return failed, [f"{runs[0].path.name}: {one.message}" for one in ours]
 
 
-def _babble(first: RunDirectory, *others: RunDirectory) -> None:
-    # A run that has babbled already shares its experience with the others.
-    donor = next((run for run in (first, *others) if stages.has_babbled(run)), first)
-    if not stages.has_babbled(donor):
+def _once(stage: str, runs: list[RunDirectory]) -> None:
+    """Does what one of the runs has done already, or the first does, for all of them."""
+    done = {
+        "babble": stages.has_babbled,
+        "learn": stages.has_learned,
+        "evaluate": stages.has_evaluated,
+    }[stage]
+    donor = next((run for run in runs if done(run)), runs[0])
+    if not done(donor):
         with donor.writing():
-            stages.babble(donor, stages.make_world(donor), InTurn())
-    for run in (first, *others):
-        if not stages.has_babbled(run):
-            shards = sorted(p for f in ("truth", "experience") for p in (donor.path / f).iterdir())
-            _share(donor, run, [*shards, donor.skin], "babble")
-
-
-def _learn(first: RunDirectory, *others: RunDirectory) -> None:
-    donor = next((run for run in (first, *others) if stages.has_learned(run)), first)
-    if not stages.has_learned(donor):
-        with donor.writing():
-            stages.learn(donor)
-    for run in (first, *others):
-        if not stages.has_learned(run):
-            files = [donor.representation, donor.topology, donor.body_distances]
-            _share(donor, run, files, "learn")
-
-
-def _evaluate(run: RunDirectory) -> None:
-    if not stages.has_evaluated(run):
-        with run.writing():
-            stages.evaluate(run, stages.make_world(run))
+            if stage == "babble":
+                stages.babble(donor, stages.make_world(donor), InTurn())
+            elif stage == "learn":
+                stages.learn(donor)
+            else:
+                stages.evaluate(donor, stages.make_world(donor))
+    made = [donor.representation, donor.topology, donor.body_distances]
+    if stage == "babble":
+        shards = (p for folder in ("truth", "experience") for p in (donor.path / folder).iterdir())
+        made = [*sorted(shards), donor.skin]
+    for run in runs:
+        if run is not donor and not done(run):
+            _share(donor, run, made, stage)
 
 
 def _share(donor: RunDirectory, run: RunDirectory, files: list[Path], stage: str) -> None:

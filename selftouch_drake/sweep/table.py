@@ -11,7 +11,8 @@ import pyarrow.parquet as pq
 from selftouch_drake.experience.store import UNREADABLE
 from selftouch_drake.files import written_whole
 from selftouch_drake.run.directory import RunError
-from selftouch_drake.sweep.design import Sweep, fields_of, flat
+from selftouch_drake.run.naming import leaves
+from selftouch_drake.sweep.design import Sweep, fields_of
 from selftouch_drake.sweep.runs import SweepDirectory, run_name
 
 # Columns that are not metrics, before those of the fields that vary.
@@ -41,7 +42,7 @@ def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> p
             metrics = run.metrics() if run.path.is_dir() else {}
         except RunError as error:  # the row says why it has none
             row["error"], metrics = row["error"] or str(error), {}
-        rows.append(row | flat(metrics))
+        rows.append(row | leaves(metrics))
     columns = dict.fromkeys(key for row in rows for key in row)
     table = pa.table({key: _column([row.get(key) for row in rows]) for key in columns})
     varied = [field for field in sweep.fields if field != "seed"]

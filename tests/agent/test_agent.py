@@ -7,6 +7,7 @@ from skins import SHAPES, readings, receptors, touch
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import NO_KERNEL, Execution
+from selftouch_drake.agent.rehearsal import judge
 from selftouch_drake.agent.representation import felt_kernels
 
 NUM_ROWS = 40_000
@@ -79,7 +80,7 @@ def test_planned_motions_stay_on_the_skin_and_feel_as_predicted(agent):
         start, goal = on_part(agent, seed % 2, 2, seed)
         execution = carried_out(agent, agent.plan(start, goal))
         assert execution.contact > 0.9
-        one = agent.judge(execution)
+        one = judge(execution, agent.representation)
         assert one.reached
         felt, predicted = execution.felt, execution.motion.predicted
         rows = felt.any(axis=1)
@@ -107,7 +108,7 @@ def test_between_parts_the_agent_lifts_off_and_lands_again(agent):
     assert execution.motion.predicted[touching].any(axis=1).all()
     # Steps in the air do not count as lost contact.
     assert execution.contact > 0.9 > execution.felt.any(axis=1).mean()
-    assert agent.judge(execution).reached
+    assert judge(execution, agent.representation).reached
 
 
 def test_a_tour_may_leave_a_part_and_come_back(agent):
@@ -121,7 +122,7 @@ def test_a_tour_may_leave_a_part_and_come_back(agent):
 def test_a_free_start_lands_on_the_part_of_its_goal(agent, part):
     (goal,) = on_part(agent, part, 1)
     q_start = np.array([3.0, 0.0, 2.0, 0.0, 0.0])
-    plan = agent.plan_from(q_start, np.zeros(120), goal)
+    plan = agent.tour([None, goal], q_start=q_start)
     assert plan.nodes[0] == NO_KERNEL
     assert plan.in_air.tolist() == [True] + [False] * (len(plan.links) - 1)
     assert agent.representation.part[plan.nodes[1]] == part
@@ -132,9 +133,9 @@ def test_a_plan_from_a_touch_begins_with_what_is_felt(agent, experience):
     q, sensation, _, _ = experience
     start = agent.felt(sensation[7])
     goal = int(np.flatnonzero(agent.representation.part == agent.representation.part[start])[3])
-    assert agent.plan_from(q[7], sensation[7], goal).nodes[0] == start
+    assert agent.tour([start, goal], q_start=q[7]).nodes[0] == start
     with pytest.raises(ValueError, match="limits of the joint"):
-        agent.plan_from(q[7], sensation[7], goal, limits=(np.full(5, 50.0), np.full(5, 60.0)))
+        agent.tour([start, goal], q_start=q[7], limits=(np.full(5, 50.0), np.full(5, 60.0)))
 
 
 def test_nothing_felt_needs_a_configuration(agent):

@@ -25,8 +25,8 @@ def plan():
 
 @pytest.fixture
 def motion(plan):
-    return Motion.of(
-        plan,
+    return Motion(
+        plan=plan,
         time_s=np.linspace(0.0, 1.0, T),
         s=np.linspace(0.0, 3.0, T),
         q=np.zeros((T, J)),
@@ -63,7 +63,7 @@ def test_arrays_and_back_are_the_same(plan, motion, execution):
 
 def test_the_names_are_those_of_the_files(execution):
     assert set(execution.to_arrays()) == {
-        *("nodes", "links", "in_air", "waypoints_q", "waypoint_s"),
+        *("nodes", "links", "in_air", "waypoints_q", "waypoint_s", "path_knots", "path_control"),
         *("time_s", "s", "q", "v", "predicted", "predicted_spread"),
         *("felt", "q_measured", "v_measured", "torque"),
     }
@@ -77,21 +77,16 @@ def test_touch_is_expected_where_the_agent_is_not_in_the_air(motion, execution):
     assert motion.goal == execution.motion.goal == 2
 
 
-def test_a_motion_that_stays_is_in_contact():
-    stays = Motion(
+def test_a_plan_that_stays_is_in_contact(plan):
+    stays = Plan(
         nodes=np.array([3]),
         links=np.empty(0, int),
         in_air=np.empty(0, bool),
         waypoints_q=np.zeros((1, J)),
         waypoint_s=np.zeros(1),
-        time_s=np.arange(2.0),
-        s=np.zeros(2),
-        q=np.zeros((2, J)),
-        v=np.zeros((2, J)),
-        predicted=np.zeros((2, S)),
-        predicted_spread=np.zeros(2),
+        path=plan.path,
     )
-    assert stays.touching.tolist() == [True, True]
+    assert stays.touching(np.zeros(2)).tolist() == [True, True]
 
 
 NOT_A_NUMBER = np.full((T, J), np.nan)
@@ -119,7 +114,8 @@ def test_what_does_not_fit_is_named(execution, name, array, message):
     assert str(error.value).startswith(message)
 
 
-@pytest.mark.parametrize("name", ["nodes", "predicted", "torque"])
+# Motions stored before version 4 have no path.
+@pytest.mark.parametrize("name", ["nodes", "path_knots", "predicted", "torque"])
 def test_what_is_missing_is_named(execution, name):
     arrays = execution.to_arrays()
     del arrays[name]
@@ -127,10 +123,10 @@ def test_what_is_missing_is_named(execution, name):
         Execution.from_arrays(arrays)
 
 
-def test_an_invalid_path_is_refused(plan):
-    arrays = plan.to_arrays() | {"path_knots": np.zeros(2)}
+@pytest.mark.parametrize("knots", [np.zeros(2), np.zeros((6, 1)), np.array(["x"] * 6)])
+def test_an_invalid_path_is_refused(plan, knots):
     with pytest.raises(ValueError, match=r"^path_control does not fit path_knots$"):
-        Plan.from_arrays(arrays)
+        Plan.from_arrays(plan.to_arrays() | {"path_knots": knots})
 
 
 def test_motions_are_frozen(plan, motion, execution):

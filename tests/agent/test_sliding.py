@@ -1,16 +1,15 @@
 """A point at the end of three links in space, and a ball that feels how deep the point is."""
 
-import re
 from itertools import pairwise
 
 import numpy as np
-import pytest
 
-from selftouch_drake.agent.sliding import Slider, Slides
+from selftouch_drake.agent.sliding import Slider
 
 RADIUS, DEPTH = 0.5, 0.05
 CENTRE = np.array([0.7, 0.0, 0.3])
 LIMIT = np.full(4, 3.0)
+UNIT = np.array([1.0, 2.0, 0.5, 4.0])
 
 
 def hand(x):
@@ -41,7 +40,25 @@ def touches(num, seed=0):
     return x[(deep(x) > 0.01) & (deep(x) < DEPTH)][:num]
 
 
-SLIDER = Slider(feel, possible, -LIMIT, LIMIT)
+class Finger:
+    """A world for practice, with joints in units of their own."""
+
+    def __init__(self, unit=UNIT, *, lower=-LIMIT, upper=LIMIT, possible=possible):
+        self.lower, self.upper, self._unit, self._possible = (
+            lower / unit,
+            upper / unit,
+            unit,
+            possible,
+        )
+
+    def feel(self, q):
+        return feel(q * self._unit)
+
+    def possible(self, q):
+        return self._possible(q * self._unit)
+
+
+SLIDER = Slider(Finger(), UNIT)
 
 
 def held(x):
@@ -85,7 +102,7 @@ def test_there_is_no_way_from_or_to_where_nothing_is_felt():
 def test_no_joint_leaves_its_limits():
     x_from, x_to = touches(2, seed=3)
     lower, upper = np.minimum(x_from, x_to) - 0.02, np.maximum(x_from, x_to) + 0.02
-    found = Slider(feel, possible, lower, upper).slide(x_from, x_to)
+    found = Slider(Finger(lower=lower, upper=upper), UNIT).slide(x_from, x_to)
     if found is not None:
         assert (found[0] >= lower).all()
         assert (found[0] <= upper).all()
@@ -96,35 +113,3 @@ def test_where_the_robot_cannot_be_no_way_leads():
     for x_from, x_to in pairwise(x):
         if (found := SLIDER.slide(x_from, x_to)) is not None:
             assert possible(found[0]).all()
-
-
-def test_a_slide_is_known_by_its_ends():
-    slides = Slides.none(2).and_also(
-        np.zeros(2), np.ones(2), np.full((2, 2), 0.5), np.array([4, 5])
-    )
-    slides = slides.and_also(np.ones(2), np.zeros(2), np.full((1, 2), 0.2), np.array([7]))
-    assert slides.between(np.zeros(2), np.ones(2) + 1e-7)[1].tolist() == [4, 5]
-    assert slides.between(np.ones(2), np.zeros(2))[1].tolist() == [7]
-    assert slides.between(np.ones(2), np.ones(2))[1].tolist() == []
-
-
-@pytest.mark.parametrize(
-    ("name", "array", "message"),
-    [
-        (
-            "ends",
-            np.zeros((1, 2, 2)),
-            "slide_ends is float64 of shape (1, 2, 2), expected real numbers of shape (1, 2, 3)",
-        ),
-        ("node", np.array([-1]), "slide_node must name kernels 0 to 8"),
-        ("node", np.array([9]), "slide_node must name kernels 0 to 8"),
-        ("offsets", np.array([0, 2]), "slide_offsets must rise from 0 to 1"),
-        ("x", np.full((1, 3), np.inf), "slide_x must hold finite numbers"),
-    ],
-)
-def test_invalid_slides_are_refused(name, array, message):
-    slides = Slides.none(3).and_also(np.zeros(3), np.ones(3), np.full((1, 3), 0.5), np.array([8]))
-    slides.check(3, 9)
-    fields = {n: getattr(slides, n) for n in ("ends", "offsets", "x", "node")}
-    with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
-        Slides(**fields | {name: array}).check(3, 9)

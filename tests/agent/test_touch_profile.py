@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_practice import REPRESENTATION, SLIDER, a_pair, a_plan
+from test_practice import SLIDER, a_pair, a_plan
 from test_sliding import deep
 
 from selftouch_drake.agent.motions import Motion
@@ -15,8 +15,8 @@ OFFSETS = np.linspace(-0.06, 0.06, 13)
 def motion():
     plan = a_plan(a_pair())
     s = np.linspace(0.0, plan.waypoint_s[-1], 60)
-    return Motion.of(
-        plan,
+    return Motion(
+        plan=plan,
         time_s=s,
         s=s,
         q=plan.path(s),
@@ -27,7 +27,7 @@ def motion():
 
 
 def test_the_way_across_is_the_one_that_leads_through_the_skin(motion):
-    found = felt_across(motion, OFFSETS, REPRESENTATION, SLIDER)
+    found = felt_across(motion, OFFSETS, SLIDER)
     x = np.array([motion.q[np.flatnonzero(motion.time_s == t)[0]] for t in found.time_s])
     np.testing.assert_allclose(np.linalg.norm(found.across, axis=1), 1.0)
     # The fourth joint moves nothing.
@@ -41,7 +41,7 @@ def test_the_way_across_is_the_one_that_leads_through_the_skin(motion):
 
 
 def test_what_is_felt_there_is_what_the_slider_feels(motion):
-    found = felt_across(motion, OFFSETS, REPRESENTATION, SLIDER)
+    found = felt_across(motion, OFFSETS, SLIDER)
     row = np.flatnonzero(motion.time_s == found.time_s[2])[0]
     there = motion.q[row] + OFFSETS[:, None] * found.across[2]
     np.testing.assert_allclose(found.strength[2], np.linalg.norm(SLIDER.feel(there), axis=1))
@@ -49,5 +49,5 @@ def test_what_is_felt_there_is_what_the_slider_feels(motion):
 
 def test_nothing_is_felt_for_in_the_air(motion):
     in_air = Motion.from_arrays(motion.to_arrays() | {"in_air": np.ones(1, dtype=bool)})
-    found = felt_across(in_air, OFFSETS, REPRESENTATION, SLIDER)
+    found = felt_across(in_air, OFFSETS, SLIDER)
     assert not found.strength[:-1].any()

@@ -15,7 +15,7 @@ from selftouch_drake import envs
 from selftouch_drake.experiment import ExperimentError
 
 ROOT = Path(__file__).parents[2]
-NUM_STEPS = 1000
+NUM_STEPS = 300
 
 
 def made(name: str, **kwargs) -> gymnasium.Env:
@@ -52,11 +52,17 @@ def env():
 
 @pytest.fixture(scope="module")
 def first(env):
-    """The results of a thousand steps, as bytes."""
+    """The results of some hundred steps, as bytes."""
     return rollout(env, 7, NUM_STEPS)
 
 
-@pytest.mark.parametrize("name", envs.environments())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[] if "Sphere" in name else [pytest.mark.slow])
+        for name in envs.environments()
+    ],
+)
 def test_gymnasiums_checker_finds_nothing(name):
     env = made(name)
     with warnings.catch_warnings():
@@ -71,6 +77,7 @@ def test_the_same_seed_gives_the_same_bytes_also_after_a_reset(env, first):
     assert not first.startswith(rollout(env, 8, 1))
 
 
+@pytest.mark.slow
 def test_several_copies_at_once_give_the_same_bytes(env, first):
     copies = AsyncVectorEnv([lambda: gymnasium.make(env.spec)] * 2)
     try:

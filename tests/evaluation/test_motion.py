@@ -6,9 +6,11 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.motions import Motion
+from selftouch_drake.agent.motions import Motion, Plan
+from selftouch_drake.agent.planning import polyline, smooth_path
 from selftouch_drake.evaluation import (
     calibration,
+    contact_along,
     cosine_distance,
     in_link_frames,
     off_skin,
@@ -26,11 +28,14 @@ def motion(predicted, *, goal=2, in_air=(False, False, False)):
     """Four instants of a plan of three steps, from kernel 0 to `goal`."""
     s = np.array([0.0, 1.0, 2.0, 3.0])
     return Motion(
-        nodes=np.array([0, 1, 0, goal]),
-        links=np.full(3, -1),
-        in_air=np.array(in_air),
-        waypoints_q=np.zeros((4, 1)),
-        waypoint_s=s,
+        plan=Plan(
+            nodes=np.array([0, 1, 0, goal]),
+            links=np.full(3, -1),
+            in_air=np.array(in_air),
+            waypoints_q=np.zeros((4, 1)),
+            waypoint_s=s,
+            path=smooth_path(np.zeros((4, 1))),
+        ),
         time_s=0.1 * s,
         s=s,
         q=np.zeros((4, 1)),
@@ -79,6 +84,27 @@ def test_what_happens_in_the_air_does_not_count():
     landed = motion(predicted, in_air=(True, True, True))
     assert score_motion(landed, np.zeros((4, 3)), KNOWN).contact == 0.0
     assert score_motion(landed, FELT, KNOWN).contact == 1.0
+
+
+def test_a_path_through_the_air_loses_no_contact():
+    """Felt below 1.5, and where the flight ends."""
+    waypoints_q, s = np.array([[0.0], [1.0], [2.0], [3.0]]), np.arange(4.0)
+
+    def felt(q):
+        return ((q < 1.5) | (q == 3.0)).astype(float)
+
+    world = SimpleNamespace(probe=SimpleNamespace(sensations=felt))
+    path = polyline(waypoints_q, s)
+    for in_air, share in (([False] * 3, 0.5), ([False, True, True], 1.0)):
+        plan = Plan(
+            nodes=np.arange(4),
+            links=np.full(3, -1),
+            in_air=np.array(in_air),
+            waypoints_q=waypoints_q,
+            waypoint_s=s,
+            path=path,
+        )
+        assert contact_along(world, plan) == pytest.approx(share, abs=0.01)
 
 
 def test_the_summary_reports_the_mean_and_the_worst():

@@ -138,7 +138,7 @@ def test_touches_are_counted_where_they_are_however_they_are_cut_up(sphere, tube
     contacts = hand.contacts()
     fields = [sphere, tube]
     whole = count_touches(fields, [contacts])
-    cut = count_touches(fields, [contacts.take(np.arange(130)), contacts.take(np.arange(130, 300))])
+    cut = count_touches(fields, [contacts[np.arange(130)], contacts[np.arange(130, 300)]])
     for a, b in zip(whole.counts, cut.counts, strict=True):
         np.testing.assert_array_equal(a, b)
     np.testing.assert_array_equal(whole.together, cut.together)

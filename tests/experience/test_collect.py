@@ -1,7 +1,6 @@
 import dataclasses
-import multiprocessing
 import sys
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,11 +18,11 @@ from selftouch_drake.experience import (
     shard_name,
     walk_sizes,
 )
-from selftouch_drake.experience.sources import (
+from selftouch_drake.experience.walkers import (
     DYNAMIC_BATCH,
     SAMPLE_PERIOD,
-    DynamicSource,
-    KinematicSource,
+    DynamicWalker,
+    KinematicWalker,
     Steps,
 )
 from selftouch_drake.experiment import (
@@ -82,7 +81,7 @@ def probe(world):
 
 @pytest.fixture(scope="module")
 def source(world):
-    return KinematicSource(world)
+    return KinematicWalker(world)
 
 
 def _collected(path, experiment, executor):
@@ -128,7 +127,7 @@ def test_what_is_stored_is_what_is_felt(reference, probe, experiment):
     (*shards_of_truth,) = ExperienceReader(run.truth).contacts()
     assert q.shape == (500, 6)
     assert sensation.shape == (500, 30)
-    assert [contacts.num_rows for contacts in shards_of_truth] == [200, 200, 100]
+    assert [len(contacts) for contacts in shards_of_truth] == [200, 200, 100]
     assert sensation.any(axis=1).all()
     assert (q >= probe.robot.lower - 1e-6).all()
     assert (q <= probe.robot.upper + 1e-6).all()
@@ -153,15 +152,6 @@ def test_a_walk_has_a_seed_of_its_own(source, experiment, reference, walk):
     stored = list(ExperienceReader(run.experience).batches("q"))
     np.testing.assert_array_equal(shard.q, stored[walk][:50])
     assert not (stored[0][:100] == stored[1][:100]).any()
-
-
-def test_two_processes_give_the_same_bytes(experiment, reference, tmp_path):
-    _, num_steps, shards = reference
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(2, mp_context=context)
-    run, steps = _collected(tmp_path / "run", experiment, pool)
-    assert _shards(run) == shards
-    assert steps == num_steps
 
 
 def test_any_order_gives_the_same_bytes(experiment, reference, tmp_path):
@@ -224,7 +214,7 @@ def test_a_truncated_shard_is_refused(experiment, reference, tmp_path, size):
 
 
 def test_a_dynamic_walk_is_sampled_evenly_and_felt_where_it_is(experiment, probe):
-    source = DynamicSource(World(experiment))
+    source = DynamicWalker(World(experiment))
 
     def walk(num_batches):
         source.begin(

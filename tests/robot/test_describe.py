@@ -27,7 +27,7 @@ What touches what
   left_fingertip   on left_hand::hand_mount   touches body, right_forearm  not left_forearm: next to it
   right_fingertip  on right_hand::hand_mount  touches body, left_forearm   not right_forearm: next to it
 
-No rigid links can run into each other"""
+No links can run into each other: they have no collision geometry that could"""
 GANTRY = """\
 5 joints move
   gantry::rail_x        slides  -0.4 to 0.4 m      300 N
@@ -42,7 +42,7 @@ GANTRY = """\
 What touches what
   fingertip  on gantry::finger  touches body
 
-No rigid links can run into each other"""
+No links can run into each other: they have no collision geometry that could"""
 
 
 def test_two_arms(two_arms):

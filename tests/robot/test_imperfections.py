@@ -7,11 +7,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.experience import random_walk
-from selftouch_drake.experience.sources import DynamicSource
+from selftouch_drake.experience.walkers import DynamicWalker
 from selftouch_drake.experiment import Imperfections, JointSettings, load_experiment
 from selftouch_drake.robot import ImperfectSkin, ImperfectSkins, Simulation, World
-from selftouch_drake.robot.imperfections import standard_noise
-from selftouch_drake.robot.joints import remembered, slip
+from selftouch_drake.robot.imperfections import remembered, slip, standard_noise
 
 WORST = {
     "cross_talk": 0.1,
@@ -132,7 +131,7 @@ def test_cross_talk_goes_to_neighbours_and_loses_nothing(cube_world):
     assert distance[spread > 0].max() < 2 * fields.radius
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(
     flaws=st.fixed_dictionaries(
         {},
@@ -210,7 +209,7 @@ def test_the_station_reads_what_the_probe_reads(name):
 def test_a_dynamic_walk_reads_what_the_probe_reads(name):
     world = robots.shipped(name)
     made = flawed(world, multiplicative_noise=0.05, additive_noise=0.02, dead=0.05)
-    source = DynamicSource(made)
+    source = DynamicWalker(made)
     source.begin(random_walk(made.experiment, source.robot, 3))
     q, touching, touches = source.next_steps()
     expected = made.probe.sensations(q)

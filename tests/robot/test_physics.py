@@ -155,7 +155,7 @@ def _integral_over_polygons(surface) -> tuple[float, np.ndarray]:
     return total, force
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(shape=shapes, seed=seeds)
 def test_readings_sum_to_the_pressure_integrated_over_the_contact(shape, seed):
     rng = np.random.default_rng(seed)
@@ -166,7 +166,7 @@ def test_readings_sum_to_the_pressure_integrated_over_the_contact(shape, seed):
     assert sensation.sum() == pytest.approx(sum(total for total, _ in integrals), rel=1e-9)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(shape=shapes, seed=seeds)
 def test_that_pressure_makes_the_force_that_drake_applies(shape, seed):
     # Nothing moves, so there is neither friction nor dissipation.
@@ -179,7 +179,7 @@ def test_that_pressure_makes_the_force_that_drake_applies(shape, seed):
     np.testing.assert_allclose(force, F_Ac_W, rtol=0, atol=1e-4 * scale)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(shape=shapes, seed=seeds)
 def test_two_fingers_are_felt_as_the_sum_of_each_alone(shape, seed):
     rng = np.random.default_rng(seed)
@@ -189,7 +189,7 @@ def test_two_fingers_are_felt_as_the_sum_of_each_alone(shape, seed):
     np.testing.assert_allclose(both, alone, rtol=0, atol=1e-12 * alone.max())
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(shape=shapes, seed=seeds)
 def test_a_rigid_motion_of_body_and_finger_changes_nothing(shape, seed):
     rng = np.random.default_rng(seed)
@@ -213,7 +213,7 @@ def test_a_skin_may_have_a_pose_on_its_link():
         np.testing.assert_allclose(there, here, rtol=0, atol=1e-9 * here.max())
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(shape=shapes, seed=seeds)
 def test_a_fingertip_in_the_cavity_feels_nothing(shape, seed):
     rng = np.random.default_rng(seed)
@@ -236,7 +236,7 @@ def test_a_fingertip_at_the_inner_wall_is_felt(shape):
     assert rig(shape).feel(rig(shape).touch(np.random.default_rng(0), depth=depth)).any()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(shape=shapes, seed=seeds)
 def test_every_pressed_point_is_felt_by_three_receptors(shape, seed):
     rng = np.random.default_rng(seed)

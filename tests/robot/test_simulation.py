@@ -10,7 +10,7 @@ from selftouch_drake.agent.planning import smooth_path
 from selftouch_drake.experience import random_walk
 from selftouch_drake.experiment import JointSettings, load_experiment
 from selftouch_drake.robot import LOG_PERIOD, Simulation
-from selftouch_drake.robot.joints import slip
+from selftouch_drake.robot.imperfections import slip
 from selftouch_drake.robot.timing import time_path
 
 

@@ -38,7 +38,13 @@ def built(name):
     return World(load_experiment(name))
 
 
-@pytest.fixture(scope="module", params=ROBOTS)
+@pytest.fixture(
+    scope="module",
+    params=[
+        name if name in ("planar", "infant") else pytest.param(name, marks=pytest.mark.slow)
+        for name in ROBOTS
+    ],
+)
 def name(request):
     return request.param
 
@@ -157,6 +163,7 @@ def test_rigid_parts_of_the_infant_are_kept_apart():
     assert {("torso", "left_upper_arm"), ("head", "right_hand")} <= names
 
 
+@pytest.mark.slow
 def test_icub():
     pytest.importorskip("icub_models")
     robot = built(ICUB).robot

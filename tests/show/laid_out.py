@@ -11,7 +11,8 @@ from functools import cache
 import numpy as np
 from scipy.optimize import least_squares
 
-from selftouch_drake.agent.motions import Execution, Motion
+from selftouch_drake.agent.motions import Execution, Motion, Plan
+from selftouch_drake.agent.planning import smooth_path
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.shape import Body, Embedding, RecoveredPart, topology
 from selftouch_drake.evaluation.life import LifeCurves
@@ -141,7 +142,7 @@ def execution_of(kind: str) -> Execution:
 
 
 def _ends(motion: Motion) -> tuple[int, int]:
-    return int(motion.nodes[0]), int(motion.nodes[-1])
+    return int(motion.plan.nodes[0]), motion.goal
 
 
 @dataclass(frozen=True)
@@ -266,6 +267,8 @@ def _part(kernels: np.ndarray, places: np.ndarray, distance: np.ndarray) -> Reco
         doubt=None,
         kernels=kernels,
         distances=distance[np.ix_(kernels, kernels)],
+        skin=2,
+        space=3,
         embedding=Embedding(
             positions=positions, stress=0.001, spectrum=np.linspace(1.0, 0.0, len(kernels))
         ),
@@ -281,11 +284,14 @@ def _ball_motion() -> Motion:
     q = laid.q[0] + np.minimum(time_s / 1.2, 1.0)[:, None] * (laid.q[200] - laid.q[0])
     blend = np.linspace(1.0, 0.0, len(time_s))[:, None]
     return Motion(
-        nodes=np.array([0, 17, 40]),
-        links=np.array([-1, -1]),
-        in_air=np.array([False, False]),
-        waypoints_q=q[[0, 60, 120]],
-        waypoint_s=time_s[[0, 60, 120]],
+        plan=Plan(
+            nodes=np.array([0, 17, 40]),
+            links=np.array([-1, -1]),
+            in_air=np.array([False, False]),
+            waypoints_q=q[[0, 60, 120]],
+            waypoint_s=time_s[[0, 60, 120]],
+            path=smooth_path(q[[0, 60, 120]]),
+        ),
         time_s=time_s,
         s=time_s,
         q=q,
@@ -334,11 +340,14 @@ def _two_skins_motion() -> Motion:
     predicted = np.zeros((len(time_s), laid.targets.shape[1]))
     predicted[ON_FOREARM], predicted[ON_BALL] = laid.targets[forearm], laid.targets[ball]
     return Motion(
-        nodes=np.array([forearm, forearm + 1, ball, ball + 1]),
-        links=np.array([-1, -1, -1]),
-        in_air=np.array([False, True, False]),
-        waypoints_q=q[[0, 49, 100, 120]],
-        waypoint_s=time_s[[0, 49, 100, 120]],
+        plan=Plan(
+            nodes=np.array([forearm, forearm + 1, ball, ball + 1]),
+            links=np.array([-1, -1, -1]),
+            in_air=np.array([False, True, False]),
+            waypoints_q=q[[0, 49, 100, 120]],
+            waypoint_s=time_s[[0, 49, 100, 120]],
+            path=smooth_path(q[[0, 49, 100, 120]]),
+        ),
         time_s=time_s,
         s=time_s,
         q=q,

@@ -17,6 +17,7 @@ from matplotlib.image import imread
 
 from selftouch_drake.show import FIGURES
 
+pytestmark = pytest.mark.slow
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 # ms; WebGL without a graphics card is slow, and so is a machine that tests on all its cores.

@@ -34,8 +34,8 @@ def test_the_recording_moves_the_robot_and_colours_the_receptors(page):
         b"/skins/body/receptors/0",
         b"/expected/body/receptors/0",
         b"/recovered/here",
-        b"/skins/body/plan_0/path_0/dots",
-        b"/skins/body/plan_0/trace_0/dots",
+        b"/skins/body/plan/path_0/dots",
+        b"/skins/body/plan/trace_0/dots",
     ):
         assert wanted in found
     assert len(page) < 5e6
@@ -69,10 +69,9 @@ def test_skins_follow_their_links_and_what_stands_still_is_not_recorded(two_skin
 def test_paths_move_with_their_skin(two_skins):
     data = RunData(two_skins)
     meshcat = Meshcat()
-    record(meshcat, data, [data.shown_pair, data.shown_pair])
-    for number in (0, 1):
-        assert meshcat.HasPath(f"/skins/forearm/plan_{number}")
-        assert meshcat.HasPath(f"/skins/body/plan_{number}")
+    record(meshcat, data, data.shown_pair)
+    assert meshcat.HasPath("/skins/forearm/plan")
+    assert meshcat.HasPath("/skins/body/plan")
     assert meshcat.HasPath("/recovered/part_1/surface")
 
 
@@ -95,7 +94,7 @@ def test_only_executed_plans_are_recorded(make_run):
 def test_receptors_show_what_is_felt_when_it_is_felt(reported):
     data = RunData(reported)
     meshcat = Meshcat()
-    full = record(meshcat, data, [(0, 40), (0, 40)])
+    full = record(meshcat, data, (0, 40))
     felt = data.execution(0, 40).felt
     assert full == firm_touch(data.representation)
     assert meshcat.HasPath(f"/skins/body/receptors/{felt.shape[1] - 1}")

@@ -84,6 +84,7 @@ AT = """async (time) => {
 }"""
 
 
+@pytest.mark.slow
 def test_a_saved_page_plays_back_patches_and_colours(chromium, tmp_path):  # noqa: F811
     falling = Falling()
     falling.meshcat.StartRecording(set_visualizations_while_recording=False)

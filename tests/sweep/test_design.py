@@ -5,8 +5,9 @@ from hypothesis import strategies as st
 
 from selftouch_drake.experiment import ExperimentError, load_experiment
 from selftouch_drake.resources import EXPERIMENTS
+from selftouch_drake.run.naming import leaves
 from selftouch_drake.sweep import SweepError, load_sweep, shipped_sweeps
-from selftouch_drake.sweep.design import KEYS, flat, nested
+from selftouch_drake.sweep.design import KEYS, nested
 
 
 @pytest.fixture
@@ -128,5 +129,5 @@ fields = st.recursive(
 
 @settings(max_examples=50, deadline=None)
 @given(fields=fields)
-def test_flat_and_nested_undo_each_other(fields):
-    assert nested(flat(fields)) == fields
+def test_leaves_and_nested_undo_each_other(fields):
+    assert nested(leaves(fields)) == fields

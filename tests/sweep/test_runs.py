@@ -1,7 +1,6 @@
 import json
 import shutil
 import warnings
-from concurrent.futures import Executor, Future
 
 import numpy as np
 import pyarrow as pa
@@ -10,6 +9,7 @@ import pytest
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_representation
 from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.executors import InTurn
 from selftouch_drake.sweep import load_sweep
 from selftouch_drake.sweep.figures import _changes, draw_figures, label
 from selftouch_drake.sweep.runs import RunWarning, SweepDirectory, run_name, run_sweep
@@ -28,22 +28,6 @@ cases:
   - {representation: {num_targets: 60, metric: motor}, planning: {knot_spacing: 0.2}}
   - skins: {body: {thickness: 0.4}}
 """
-
-
-class Here(Executor):
-    """Runs each job at once in this thread, and records the stages."""
-
-    def __init__(self):
-        self.stages = []
-
-    def submit(self, function, /, *args):
-        self.stages.append(args[0])
-        future = Future()
-        try:
-            future.set_result(function(*args))
-        except BaseException as error:
-            future.set_exception(error)
-        return future
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +52,9 @@ def finished(sweep, tmp_path_factory):
 
             patch.setattr(stages, name, counted)
         fractions = []
-        failed = run_sweep(sweep, directory, Here(), lambda fraction, _: fractions.append(fraction))
+        failed = run_sweep(
+            sweep, directory, InTurn(), lambda fraction, _: fractions.append(fraction)
+        )
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
     return directory, did, failed
@@ -107,7 +93,7 @@ def test_a_finished_sweep_is_not_done_again(finished, sweep):
     directory, *_ = finished
     before = {p: p.stat().st_mtime_ns for p in directory.path.rglob("*.parquet")}
     before |= {p: p.stat().st_mtime_ns for p in directory.path.rglob("metrics.json")}
-    again = run_sweep(sweep, SweepDirectory.create(directory.path, sweep), Here())
+    again = run_sweep(sweep, SweepDirectory.create(directory.path, sweep), InTurn())
     assert len(again) == 1
     assert {p: p.stat().st_mtime_ns for p in before} == before
 
@@ -179,16 +165,16 @@ def test_panels_have_words_and_only_what_changes_has_one():
 
 
 def test_a_warning_carries_the_name_of_its_run(sweep, tmp_path, monkeypatch):
-    def doubt(*directories):
+    def doubt(stage, runs):
+        if stage != "babble":
+            return
         warnings.warn("never touched", RunWarning, stacklevel=1)
         warnings.warn("of another package", DeprecationWarning, stacklevel=1)
 
-    monkeypatch.setattr("selftouch_drake.sweep.runs._babble", doubt)
-    for name in ("_learn", "_evaluate"):
-        monkeypatch.setattr(f"selftouch_drake.sweep.runs.{name}", lambda *directories: None)
+    monkeypatch.setattr("selftouch_drake.sweep.runs._once", doubt)
     directory = SweepDirectory.create(tmp_path / "sweep", sweep)
     with pytest.warns(RunWarning) as caught:
-        run_sweep(sweep, directory, Here())
+        run_sweep(sweep, directory, InTurn())
     names = {run_name(experiment) for experiment in sweep.experiments}
     texts = [str(one.message) for one in caught]
     assert texts

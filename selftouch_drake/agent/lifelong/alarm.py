@@ -155,7 +155,7 @@ class ReceptorTest:
             felt anything; 0 where a receptor did.
         threshold: h.
         level: `(2, S)` the sums.
-        age: `(2, S)` touches since each sum was 0.
+        age: `(2, S)` touches since each receptor felt, and since the second sum was 0.
         apart: `(2, S)` touches since each receptor was surely expected, and felt; at most 10.
         since: touches since the change, up to and including the one that raised the alarm.
         doubt: `(2,)` greatest log of both ratios in the touches last watched, as a share of h.
@@ -222,11 +222,14 @@ class ReceptorTest:
         added = np.where(met, self.weight, 0.0) - np.array([[0.0], [_BEGINS]])
         most = np.zeros(2)
         for row in range(len(felt)):
+            self.age += 1
+            self.age[0, felt[row]] = 0
             if not met[row].any() and not self.level.any():
+                self.age[1] = 0
                 continue
             self.level = np.maximum(self.level + added[row], 0.0)
             self.level[0, felt[row]] = 0.0
-            self.age = np.where(self.level > 0, self.age + 1, 0)
+            self.age[1, self.level[1] == 0.0] = 0
             odds = np.expm1(self.level)
             silent = np.log1p(odds[0] / felt.shape[1]).sum()
             most = np.maximum(most, np.array((silent, np.log1p(odds[1].mean()))) / self.threshold)

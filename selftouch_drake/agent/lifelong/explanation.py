@@ -33,8 +33,9 @@ _REACH, _TRIED, _FEW = 1.0, 41, 400
 #: A blunt expectation has the training steps of a sharp one divided by this.
 _BLUNT = 2
 
-#: Networks of a displacement; the mean of all counts.
-_NETWORKS = 3
+#: Networks of a displacement; the mean of all counts. After the forearm of a torus grew, what is
+#: felt at moved touches is off by a cosine distance of 0.0025 (median), of 0.0032 with three.
+_NETWORKS = 6
 
 #: Hidden units of such a network and training steps, for 1000 touches; both grow with the square
 #: root of the number of touches. Touches per training step. On a cube that was stretched, with 5000

@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -67,11 +68,13 @@ class JointRanges:
         lower: `(J,)` lower limits, in the robot's units.
         upper: `(J,)` upper limits, likewise.
         stride: `(J,)` a step of a random walk, likewise.
+        pace: strides, root mean square over the joints, of a step after which the agent feels.
     """
 
     lower: np.ndarray
     upper: np.ndarray
     stride: np.ndarray
+    pace: float = 1.0
 
 
 class Explorer(ABC):
@@ -137,33 +140,19 @@ class Walker(Explorer):
     other postures. From how the last steps changed what it felt, it learns which way is into the
     skin and which way is out. Before it knows anything it moves at random, and slides about from
     any touch.
-
-    Args:
-        pace: strides, root mean square over the joints of how far each moves in one step.
-        agent: as for `Explorer`, and all others.
     """
 
-    def __init__(
-        self,
-        agent: Agent | None,
-        joints: JointRanges,
-        q: np.ndarray,
-        felt: np.ndarray,
-        rng: np.random.Generator,
-        surprise: np.ndarray | None = None,
-        *,
-        pace: float,
-    ) -> None:
-        super().__init__(agent, joints, q, felt, rng, surprise)
-        self._pace = pace
-        self._walk = np.zeros(len(q))
+    def __init__(self, *known: Any) -> None:
+        super().__init__(*known)
+        self._pace = self._joints.pace
+        self._walk = np.zeros(len(self._q))
         # How fast the felt force grows along each joint, N per stride.
-        self._slope = np.zeros(len(q))
+        self._slope = np.zeros(len(self._q))
         self._wanted, self._lost, self._returns = 0.0, 0, 0
-        if agent is not None:
-            known = agent.representation
-            self._wanted = float(np.median(known.kernel_strength))
-            self._visits = np.diff(known.kernel_offsets).astype(float)
+        if self._agent is not None:
+            representation = self._agent.representation
+            self._wanted = float(np.median(representation.kernel_strength))
+            self._visits = np.diff(representation.kernel_offsets).astype(float)
 
     def moves(self) -> Moves:
         """Explores without end."""
@@ -242,7 +231,7 @@ class Walker(Explorer):
     def _journey(self, agent: Agent, goal: int) -> Moves:
         """Goes to a kernel by a plan, and bends its steps along the skin."""
         try:
-            plan = agent.plan_from(self._q, self._felt, goal)
+            plan = agent.tour([agent.felt(self._felt), goal], q_start=self._q)
         except ValueError:
             return
         self._visits[goal] += 1.0

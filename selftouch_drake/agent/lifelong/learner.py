@@ -20,7 +20,6 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.lifelong.distances import remeasured
 from selftouch_drake.agent.representation.graphs import surface_edges
 from selftouch_drake.agent.representation.joints import joint_scale
 from selftouch_drake.agent.representation.kernels import (
@@ -37,6 +36,7 @@ from selftouch_drake.agent.representation.quotient import (
     mattering,
 )
 from selftouch_drake.agent.representation.relevance import touch_modes
+from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.representation.touches import (
     ambiguous_touches,
     by_chance,
@@ -100,26 +100,17 @@ class OnlineLearner:
     Args:
         num_targets: K, number of target sensations once there are enough touches for them.
         max_kernel_size: most touches remembered per kernel.
-        memory: number of touches after which an old touch is e times less likely to be remembered
-            than a new one; None remembers all equally, for a body that never changes.
         seed: from which all randomness comes.
     """
 
     def __init__(
-        self,
-        num_targets: int = 300,
-        max_kernel_size: int = 1000,
-        *,
-        memory: float | None = None,
-        seed: int = 0,
+        self, num_targets: int = 300, max_kernel_size: int = 1000, *, seed: int = 0
     ) -> None:
         self.num_targets = num_targets
         self._max_kernel_size = max_kernel_size
         self._seed = seed
         # The last one is not a kernel: it holds touches of several places, which are set aside.
-        self._memory = KernelReservoir(
-            num_targets + 1, max_kernel_size, seed=seed, fading=np.inf if memory is None else memory
-        )
+        self._memory = KernelReservoir(num_targets + 1, max_kernel_size, seed=seed)
         self._num_set_aside = 0
         self._layout: _Layout | None = None
         #: Remembered touches per kernel, and the new ones since its distances were computed.
@@ -168,16 +159,6 @@ class OnlineLearner:
             self._num_unlike += int(np.sum(error > self._layout.reach))
         if self._is_due:
             self._lay_out()
-
-    def forget(self, rows: np.ndarray) -> None:
-        """Forgets touches, for instance outdated ones, and chooses targets among the others.
-
-        Args:
-            rows: numbers of rows of the experience; those not remembered are ignored.
-        """
-        held = self._memory.sample()
-        self._memory.relabel(np.where(np.isin(held.row, rows), -1, held.kernel))
-        self._lay_out()
 
     def remembered(self) -> KernelSample:
         """All remembered touches, by kernel: columns q, sensation, strength, error, mode.
@@ -292,16 +273,13 @@ class OnlineLearner:
     @property
     @threadpool_limits.wrap(limits=1, user_api="blas")
     def _learned(self) -> tuple[QuotientRepresentation, csr_array]:
-        if self._known is None:
-            self._known = self._learn(self._checked_layout())
-        return self._known
-
-    def _checked_layout(self) -> _Layout:
         if self._layout is None:
             raise ValueError(
                 f"{self._memory.num_rows} touches are too few to learn from: take at least {_FIRST}"
             )
-        return self._layout
+        if self._known is None:
+            self._known = self._learn(self._layout)
+        return self._known
 
     def _learn(self, layout: _Layout) -> tuple[QuotientRepresentation, csr_array]:
         """The representation of the touches remembered now."""
@@ -317,7 +295,9 @@ class OnlineLearner:
         x = mattering((q * layout.joint_scale).astype(np.float32), mode, layout.mode_joints)
         sets = KernelSets(x, offsets)
         changed = self._changed[:num] >= _CHANGED * self._size[:num]
-        self._distance = remeasured(self._distance, sets, changed, _SET_DISTANCE)
+        if changed.any():
+            (again,) = set_distances(sets, _SET_DISTANCE, changed=changed)
+            self._distance = np.where(changed[:, None] | changed, again, self._distance)
         self._changed[:num][changed] = 0
         edges = surface_edges(self._distance, layout.targets, layout.part)
         representation = QuotientRepresentation(

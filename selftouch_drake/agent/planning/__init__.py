@@ -1,16 +1,23 @@
-"""From the quotient graph to a smooth geometric path in motor space (paper, section III)."""
+"""From the quotient graph to a smooth geometric path in motor space (paper, section III).
 
-from selftouch_drake.agent.planning.checks import Limits, checked_configuration, checked_target
-from selftouch_drake.agent.planning.planner import Planner, RouteMethod
+A query goes through the modules in this order: `route`, `waypoints`, `smoothing`, all called by
+`planner`; then `prediction`.
+"""
+
+from selftouch_drake.agent.planning.planner import (
+    Limits,
+    Planner,
+    checked_configuration,
+    checked_target,
+)
 from selftouch_drake.agent.planning.prediction import (
     Prediction,
     predict_sensation,
     recall_sensation,
 )
-from selftouch_drake.agent.planning.route import FindNearest
+from selftouch_drake.agent.planning.route import FindNearest, firm_members, goal_members
 from selftouch_drake.agent.planning.smoothing import (
     KNOT_SPACING,
-    jerk_reduction,
     polyline,
     smooth_path,
 )
@@ -21,10 +28,10 @@ __all__ = [
     "Limits",
     "Planner",
     "Prediction",
-    "RouteMethod",
     "checked_configuration",
     "checked_target",
-    "jerk_reduction",
+    "firm_members",
+    "goal_members",
     "polyline",
     "predict_sensation",
     "recall_sensation",

@@ -2,76 +2,56 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Any, Literal, get_args
 
 import numpy as np
 
+from selftouch_drake.agent.memory import Slides
 from selftouch_drake.agent.motions import NO_KERNEL, Plan
-from selftouch_drake.agent.planning.checks import (
-    Limits,
-    checked_configuration,
-    checked_penalty,
-    checked_target,
-)
-from selftouch_drake.agent.planning.configurations import (
-    closest_configurations,
-    smoothest_configurations,
-)
-from selftouch_drake.agent.planning.members import goal_members, of_mode
 from selftouch_drake.agent.planning.route import (
     FindNearest,
     RouteGraph,
     carried_route,
+    goal_members,
     leap_penalty,
-    shortest_route,
 )
-from selftouch_drake.agent.planning.smoothing import (
-    KNOT_SPACING,
-    path_length,
-    smooth_path,
-)
-from selftouch_drake.agent.planning.way import Way
+from selftouch_drake.agent.planning.smoothing import KNOT_SPACING, path_length, smooth_path
+from selftouch_drake.agent.planning.waypoints import Waypoints
 from selftouch_drake.agent.representation.graphs import step_links
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import linked_nearest
-from selftouch_drake.agent.sliding import Slides
 
-RouteMethod = Literal["carried", "literal"]
+#: Lowest and highest motor configuration, `(J,)` each.
+Limits = tuple[np.ndarray, np.ndarray]
 
 
 class Planner:
     """Plans over one quotient representation; build it once and use it for many plans.
 
+    Dijkstra's search on the quotient graph carries a firm configuration along; then the smoothest
+    configurations of the kernels on the route are chosen.
+
     Args:
         representation: what the agent has learned.
-        route: `carried` for Dijkstra on the quotient graph that carries a firm configuration
-            along, then the smoothest configurations; `literal` for the paper's shortest path on
-            the complete graph of `set_distance`, then the closest configurations.
         knot_spacing: rad of path length between knots of the smooth path; larger is smoother.
         find_nearest: finds the nearest configurations in linked kernels.
 
     Raises:
-        ValueError: `route` is not one of these, or `knot_spacing` is not positive.
+        ValueError: `knot_spacing` is not positive.
     """
 
     def __init__(
         self,
         representation: QuotientRepresentation,
         *,
-        route: RouteMethod = "carried",
         knot_spacing: float = KNOT_SPACING,
         find_nearest: FindNearest = linked_nearest,
     ) -> None:
-        if route not in get_args(RouteMethod):
-            raise ValueError(
-                f"route is {route!r}: choose one of {', '.join(get_args(RouteMethod))}"
-            )
         if not knot_spacing > 0.0:
             raise ValueError(f"knot_spacing is {knot_spacing} rad: give a positive number")
         self.representation = representation
-        self.route = route
         self.knot_spacing = knot_spacing
         self.links = step_links(representation)
         self._graphs = [
@@ -84,11 +64,7 @@ class Planner:
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
         self._link_row = {(int(i), int(j)): row for row, (i, j) in enumerate(self.links)}
 
-    def plan(self, q_start: np.ndarray, start: int | None, goal: int, **how: Any) -> Plan:
-        """Plans from a motor configuration to one target sensation; see `plan_tour`."""
-        return self.plan_tour(q_start, [start, goal], **how)
-
-    def plan_tour(
+    def plan(
         self,
         q_start: np.ndarray,
         targets: Sequence[int | None],
@@ -112,7 +88,7 @@ class Planner:
             targets: the target sensation felt at the start, None if nothing is felt; then one or
                 more to feel, in order. If a goal is felt already, the plan is to stay.
             link_penalty: `(L,)` factors on the cost of the links, above 1 where contact was lost
-                before; a literal route has no links and ignores it.
+                before.
             slides: known slides between touches; all other steps are straight.
             aside: `(J,)` scaled; at the start, the joints that do not matter move there, out of the
                 way.
@@ -132,11 +108,12 @@ class Planner:
             )
         here = None if targets[0] is None else checked_target(targets[0], self.representation)
         goals = [checked_target(goal, self.representation) for goal in targets[1:]]
-        penalty = self._leap_penalty * checked_penalty(link_penalty, len(self.links))
+        penalty = self._leap_penalty
+        if link_penalty is not None:
+            penalty = penalty * _checked_penalty(link_penalty, len(self.links))
         x = self.representation.scaled(q_start)
         mode = NO_MODE if here is None else self._mode_at(x, here)
-        choose = closest_configurations if self._is_literal else smoothest_configurations
-        way = Way(NO_KERNEL if here is None else here, x, self._joints(mode), choose)
+        way = Waypoints(NO_KERNEL if here is None else here, x, self._joints(mode))
         if aside is not None and mode != NO_MODE:
             joints = self._joints(mode)
             out_of_the_way = aside.copy()
@@ -144,21 +121,19 @@ class Planner:
             way.move(way.nodes[0], out_of_the_way, joints, in_air=False)
         for goal in goals:
             # Where the previous leg ends decides the route of this one.
-            if lift_off and here != goal:
-                here, mode = self._fly(way, goal)
-            elif here is None or self._lifts_off(here, goal, mode):
-                here, mode = self._land(way, goal, mode)
-            way.follow(*self._leg(way.end, here, goal, mode, penalty))
+            if here != goal:
+                if lift_off:
+                    here, mode = self._fly(way, goal)
+                elif here is None or mode == NO_MODE or not self._graphs[mode].joins(here, goal):
+                    here, mode = self._land(way, goal, mode)
+            if here != goal:
+                way.follow(*self._leg(way.end, here, goal, mode, penalty))
             here = goal
         return self._through(q_start, way, slides, limits)
 
-    @property
-    def _is_literal(self) -> bool:
-        return self.route == "literal"
-
     def _joints(self, mode: int) -> np.ndarray:
-        """The joints that move in a mode; the literal route knows no modes."""
-        if mode == NO_MODE or self._is_literal:
+        """The joints that move in a mode."""
+        if mode == NO_MODE:
             return np.arange(len(self.representation.joint_scale))
         return self._graphs[mode].joints
 
@@ -176,14 +151,14 @@ class Planner:
         nearest = [off[modes == m][:, self._graphs[m].joints].mean(axis=1).min() for m in known]
         return int(known[np.argmin(nearest)])
 
-    def _fly(self, way: Way, goal: int) -> tuple[int, int]:
+    def _fly(self, way: Waypoints, goal: int) -> tuple[int, int]:
         """Moves through the air to the nearest touch of `goal`; returns its kernel and mode."""
         row = self._nearest(way.end, goal_members(self.representation, goal))
         mode = int(self.representation.kernel_mode[row])
         way.move(goal, self._rows_x[row].astype(float), self._joints(mode), in_air=True)
         return goal, mode
 
-    def _land(self, way: Way, goal: int, mode: int) -> tuple[int, int]:
+    def _land(self, way: Waypoints, goal: int, mode: int) -> tuple[int, int]:
         """Moves to another touch, from which links lead to `goal`; returns its kernel and mode.
 
         If other joints make that touch, the current ones hold still until it is made.
@@ -202,10 +177,45 @@ class Planner:
             way.move(kernel, to, joints, in_air=True)
         return kernel, after
 
+    def _landing(self, x: np.ndarray, goal: int) -> tuple[int, int, np.ndarray]:
+        """The firm touch nearest to the scaled `x` from which links of its mode lead to `goal`.
+
+        Returns its kernel, its mode and its scaled configuration. If the modes of the goal's
+        touches are unknown, it is the nearest of these touches.
+        """
+        found = []
+        for mode, graph in enumerate(self._graphs):
+            if (component := graph.component[goal]) < 0:
+                continue
+            leads = np.repeat(graph.component == component, graph.firm.sizes)
+            found.append((self._nearest(x, graph.firm_row[leads]), mode))
+        if not found:
+            members = np.r_[self.representation.members(goal)]
+            found.append((self._nearest(x, members), NO_MODE))
+        far = [np.square(self._rows_x[row] - x).sum() for row, _ in found]
+        row, mode = found[int(np.argmin(far))]
+        kernel = int(np.searchsorted(self.representation.kernel_offsets, row, side="right")) - 1
+        return kernel, mode, self._rows_x[row].astype(float)
+
+    def _nearest(self, x: np.ndarray, rows: np.ndarray) -> int:
+        """The row of `rows` whose scaled configuration is nearest to `x`."""
+        return int(rows[np.square(self._rows_x[rows] - x).sum(axis=1).argmin()])
+
+    def _leg(
+        self, x: np.ndarray, start: int, goal: int, mode: int, penalty: np.ndarray
+    ) -> tuple[list[int], list[np.ndarray]]:
+        """The kernels after `start` on the way to `goal`, and the scaled candidates in each."""
+        graph = self._graphs[mode]
+        goal_x = self._rows_x[goal_members(self.representation, goal, mode)][:, graph.joints]
+        nodes = carried_route(graph, x[graph.joints], start, goal, goal_x, penalty)
+        assert nodes is not None, "links join the two"
+        after = nodes[1:].tolist()
+        return after, [*(graph.firm.members(k) for k in after[:-1]), goal_x]
+
     def _through(
-        self, q_start: np.ndarray, way: Way, slides: Slides | None, limits: Limits | None
+        self, q_start: np.ndarray, way: Waypoints, slides: Slides | None, limits: Limits | None
     ) -> Plan:
-        """The smooth plan through the waypoints of a way."""
+        """The smooth plan through the waypoints."""
         representation = self.representation
         links = [
             self._link_row.get((min(a, b), max(a, b)), -1) if along_link else -1
@@ -231,60 +241,66 @@ class Planner:
             path=path,
         )
 
-    def _lifts_off(self, here: int, goal: int, mode: int) -> bool:
-        """Whether no links of the current mode lead to `goal`, so that the agent must lift off.
 
-        The literal route knows neither parts nor modes.
-        """
-        if self._is_literal:
-            return False
-        return here != goal and (mode == NO_MODE or not self._graphs[mode].joins(here, goal))
+def checked_target(target: int | None, representation: QuotientRepresentation) -> int:
+    """Returns `target` as an int.
 
-    def _leg(
-        self, x: np.ndarray, start: int, goal: int, mode: int, penalty: np.ndarray
-    ) -> tuple[list[int], list[np.ndarray]]:
-        """The kernels after `start` on the way to `goal`, and the scaled candidates in each."""
-        representation = self.representation
-        if start == goal:
-            return [], []
-        if self._is_literal:
-            nodes = shortest_route(representation.set_distance, start, goal)
-            if nodes is None:
-                raise ValueError(
-                    f"target {goal} cannot be reached from target {start}: `set_distance` joins "
-                    "them by no path; learn again"
-                )
-            after = nodes[1:].tolist()
-            layers = [self._rows_x[of_mode(representation, k, None)] for k in after[:-1]]
-            return after, [*layers, self._rows_x[goal_members(representation, goal)]]
-        graph = self._graphs[mode]
-        goal_x = self._rows_x[goal_members(representation, goal, mode)][:, graph.joints]
-        nodes = carried_route(graph, x[graph.joints], start, goal, goal_x, penalty=penalty)
-        assert nodes is not None, "links join the two"
-        after = nodes[1:].tolist()
-        firm = [graph.firm_configurations(k) for k in after[:-1]]
-        return after, [*firm, goal_x]
+    Raises:
+        ValueError: `target` is not the number of a target sensation.
+    """
+    num_targets = representation.num_targets
+    try:
+        index = operator.index(target)  # type: ignore[arg-type]
+    except TypeError:
+        raise ValueError(f"target {target!r} is not an index: give a whole number") from None
+    if not 0 <= index < num_targets:
+        raise ValueError(
+            f"target {target} is out of range: give one of 0 to {num_targets - 1}, "
+            "the targets of this representation"
+        )
+    return index
 
-    def _landing(self, x: np.ndarray, goal: int) -> tuple[int, int, np.ndarray]:
-        """The firm touch nearest to the scaled `x` from which links of its mode lead to `goal`.
 
-        Returns its kernel, its mode and its scaled configuration. If the modes of the goal's
-        touches are unknown, it is the nearest of these touches.
-        """
-        found = []
-        for mode, graph in enumerate(self._graphs):
-            if (component := graph.component[goal]) < 0:
-                continue
-            leads = np.repeat(graph.component == component, np.diff(graph.firm_offsets))
-            row = self._nearest(x, graph.firm_row[leads])
-            found.append((row, mode))
-        if not found:
-            found.append((self._nearest(x, of_mode(self.representation, goal, None)), NO_MODE))
-        far = [np.square(self._rows_x[row] - x).sum() for row, _ in found]
-        row, mode = found[int(np.argmin(far))]
-        kernel = int(np.searchsorted(self.representation.kernel_offsets, row, side="right")) - 1
-        return kernel, mode, self._rows_x[row].astype(float)
+def checked_configuration(
+    q_start: np.ndarray, representation: QuotientRepresentation, limits: Limits | None = None
+) -> np.ndarray:
+    """Returns `q_start` as floats, if a plan may start there.
 
-    def _nearest(self, x: np.ndarray, rows: np.ndarray) -> int:
-        """The row of `rows` whose scaled configuration is nearest to `x`."""
-        return int(rows[np.square(self._rows_x[rows] - x).sum(axis=1).argmin()])
+    Raises:
+        ValueError: `q_start` does not hold one finite number per joint, or is outside the limits.
+    """
+    q_start = np.asarray(q_start, dtype=float)
+    num_joints = representation.kernel_q.shape[1]
+    if q_start.shape != (num_joints,):
+        raise ValueError(
+            f"q_start has shape {q_start.shape}: give ({num_joints},), one number per joint"
+        )
+    if not np.all(np.isfinite(q_start)):
+        raise ValueError(f"q_start is {q_start.tolist()}: give finite numbers")
+    if limits is not None:
+        lower, upper = limits
+        # Stored configurations are float32.
+        outside = np.flatnonzero((q_start < lower - 1e-6) | (q_start > upper + 1e-6))
+        if outside.size:
+            joint = outside[0]
+            raise ValueError(
+                f"q_start[{joint}] is {q_start[joint]:g}: give a position within the limits of "
+                f"the joint, {lower[joint]:g} to {upper[joint]:g}"
+            )
+    return q_start
+
+
+def _checked_penalty(link_penalty: np.ndarray, num_links: int) -> np.ndarray:
+    """`(L,)` factors as floats."""
+    link_penalty = np.asarray(link_penalty, dtype=float)
+    if link_penalty.shape != (num_links,):
+        raise ValueError(
+            f"link_penalty has shape {link_penalty.shape}: give ({num_links},), one factor per link"
+        )
+    bad = np.flatnonzero(~(np.isfinite(link_penalty) & (link_penalty > 0.0)))
+    if bad.size:
+        raise ValueError(
+            f"link_penalty[{bad[0]}] is {link_penalty[bad[0]]:g}: give finite positive factors, "
+            "1 for links without penalty"
+        )
+    return link_penalty

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps, touching
+from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps
 from selftouch_drake.agent.planning.smoothing import DEGREE, smooth_curve
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, row_joints
 
@@ -70,7 +70,7 @@ def predict_sensation(
         num_intervals = len(plan.path.t) - 2 * DEGREE - 1
         smooth = smooth_curve(truly_felt, at_waypoints[[0, -1]], length, num_intervals)
         expected = np.clip(smooth(s), 0.0, None)
-    expected[~touching(plan.waypoint_s, plan.in_air, s)] = 0.0
+    expected[~plan.touching(s)] = 0.0
     return Prediction(
         sensation=_unit(expected), spread=_spread(plan.waypoint_s, _unit(at_waypoints), s)
     )
@@ -87,7 +87,7 @@ def recall_sensation(plan: Plan, s: np.ndarray, places: np.ndarray, felt: np.nda
     """
     at_places = _unit(felt)
     expected = _mixed(at_places, *_share(places, s))
-    expected[~touching(plan.waypoint_s, plan.in_air, s)] = 0.0
+    expected[~plan.touching(s)] = 0.0
     return Prediction(sensation=_unit(expected), spread=_spread(places, at_places, s))
 
 
@@ -203,37 +203,15 @@ def _blend(plan: Plan, sensation: np.ndarray, s: np.ndarray) -> np.ndarray:
 
 def _mixed(sensation: np.ndarray, before: np.ndarray, share: np.ndarray) -> np.ndarray:
     """`(T, S)` linear interpolation in `(W, S)`, at a share of the way from row `before` on."""
-    mixed = np.empty((len(before), sensation.shape[1]))
-    _mix(np.ascontiguousarray(sensation, dtype=float), before, share, mixed)
-    return mixed
+    after = np.minimum(before + 1, len(sensation) - 1)
+    share = share[:, None]
+    return (1.0 - share) * sensation[before] + share * sensation[after]
 
 
 def _unit(sensation: np.ndarray) -> np.ndarray:
     """`(T, S)` each row divided by its L2 norm; null rows stay null."""
-    unit = np.empty(sensation.shape)
-    _normalise(np.ascontiguousarray(sensation, dtype=float), unit)
-    return unit
-
-
-@numba.njit(cache=True)
-def _mix(sensation, before, share, mixed):
-    for row in range(len(mixed)):
-        first, second = before[row], min(before[row] + 1, len(sensation) - 1)
-        for r in range(mixed.shape[1]):
-            rest = (1.0 - share[row]) * sensation[first, r]
-            mixed[row, r] = rest + share[row] * sensation[second, r]
-
-
-# A sum in any order, so that it takes several terms at a time.
-@numba.njit(cache=True, fastmath={"reassoc"})
-def _normalise(sensation, unit):
-    for row in range(len(unit)):
-        square = 0.0
-        for r in range(unit.shape[1]):
-            square += sensation[row, r] * sensation[row, r]
-        factor = 1.0 / np.sqrt(square) if square > 0.0 else 0.0
-        for r in range(unit.shape[1]):
-            unit[row, r] = sensation[row, r] * factor
+    length = np.sqrt(np.einsum("ts,ts->t", sensation, sensation))[:, None]
+    return sensation / np.where(length > 0.0, length, 1.0)
 
 
 def _dense(rows: csr_array | np.ndarray) -> np.ndarray:

@@ -2,36 +2,86 @@
 
 from __future__ import annotations
 
+import heapq
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from scipy.sparse import sparray
-from scipy.sparse.csgraph import dijkstra
 
-from selftouch_drake.agent.planning.heap import drop, push
-from selftouch_drake.agent.planning.members import firm_members
-from selftouch_drake.agent.planning.steps import least_square_step, square_step
 from selftouch_drake.agent.representation.graphs import target_distances
 from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.neighbours import component_labels
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.representation.set_distances import LinkedNearest, linked_nearest
+from selftouch_drake.agent.representation.set_distances import (
+    LinkedNearest,
+    linked_nearest,
+    quantile,
+)
 
 #: `linked_nearest`, or what knows its result.
 FindNearest = Callable[[KernelSets, np.ndarray], LinkedNearest]
-#: Links between targets farther apart than this many spacings are leaps: they cut through the body.
-LEAP_SPACINGS = 1.25
-#: The cost of a leap grows with this power of its length beyond that. Measured on about 200 plans
-#: each on cube and torus (300 targets): out of contact 2.8 % of the time without it, 0.7 % with the
-#: 8th power, 0.6 % with the 16th, on paths 4 % longer. With 1000 targets all work equally well.
-LEAP_POWER = 16.0
+# Links between targets farther apart than this many spacings are leaps: they cut through the body.
+_LEAP_SPACINGS = 1.25
+# The cost of a leap grows with this power of its length beyond that. Measured on about 200 plans
+# each on cube and torus (300 targets): out of contact 2.8 % of the time without it, 0.7 % with the
+# 8th power, 0.6 % with the 16th, on paths 4 % longer. With 1000 targets all work equally well.
+_LEAP_POWER = 16.0
 # How many configurations of one kernel a search may visit, and their least distance (rad). The
 # first visit is not always the best to continue from: with 1, 4 and 8 visits the sum of cubed steps
 # is 1.3, 1.1 and 1.08 times the optimum.
 _MAX_VISITS = 4
 _APART = 0.3
+# A configuration is isolated if it is farther than this from all strong ones of its kernel, in rad.
+# Measured on a torus with two fingers (150 plans): out of contact on 1.1 % of the length if plans
+# use the strongest half, on 0.7 % if they use the strongest third and the isolated ones. The worst
+# of 200 plans with one finger: 18 % and 3 %.
+_ISOLATED = 1.0
+
+
+def firm_members(representation: QuotientRepresentation, kernel: int, mode: int) -> np.ndarray:
+    """Rows of `kernel_q` that plans pass through: the strongest third of the touches of a kernel.
+
+    Firm touches keep contact. But some postures of the arm were tried so rarely that no touch of
+    the strongest third is near; a plan that starts there would have to leap. So isolated touches
+    count as well, unless they are among the lightest quarter. All rows are of `mode`.
+    """
+    rows = _of_mode(representation, kernel, mode)
+    if not len(rows):
+        return rows
+    strength = representation.kernel_strength[rows]
+    x = representation.scaled(representation.kernel_q[rows])
+    x = x[:, representation.mode_joints[mode]]
+    strong, felt = strength >= _quantile(strength, 2 / 3), strength >= _quantile(strength, 0.25)
+    return rows[_strong_or_isolated(x, strong, felt)]
+
+
+def goal_members(
+    representation: QuotientRepresentation, kernel: int, mode: int | None = None
+) -> np.ndarray:
+    """Rows of `kernel_q`: the half of a kernel nearest its target sensation, without light touches.
+
+    A plan that ended near the border of a kernel could miss it by a small error of the motion.
+    If only the firm half counted as well, so few configurations would remain that the last step
+    would become long. All rows are of `mode`, if one is given.
+    """
+    rows = _of_mode(representation, kernel, mode)
+    if not len(rows):
+        return rows
+    error, strength = representation.kernel_error[rows], representation.kernel_strength[rows]
+    near, felt = error <= np.median(error), strength >= _quantile(strength, 0.25)
+    return rows[near & felt if np.any(near & felt) else near]
+
+
+def _of_mode(representation: QuotientRepresentation, kernel: int, mode: int | None) -> np.ndarray:
+    """Rows of `kernel_q` that belong to `kernel` and `mode`; None stands for all modes."""
+    members = representation.members(kernel)
+    rows = np.arange(members.start, members.stop)
+    return rows if mode is None else rows[representation.kernel_mode[rows] == mode]
+
+
+def _quantile(values: np.ndarray, share: float) -> np.floating:
+    return quantile(values[:, None], share)[0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,37 +92,26 @@ class RouteGraph:
 
     Attributes:
         joints: `(J,)` indices of these joints.
-        firm_row: `(F,)` rows of the firm configurations in `kernel_q`, grouped by kernel.
-        firm_x: `(F, J)` float32 rad, these configurations, scaled.
+        firm: F firm configurations, scaled, float32 rad.
+        firm_row: `(F,)` their rows in `kernel_q`.
         firm_kernel: `(F,)` the kernel of each.
-        firm_offsets: `(K + 1,)` kernel k owns rows `firm_offsets[k]:firm_offsets[k + 1]`.
         component: `(K,)` links join kernels of one component; -1 without firm configurations.
-        link_offsets: `(K + 1,)` ways `link_offsets[k]:link_offsets[k + 1]` leave kernel k. A way is
+        way_offsets: `(K + 1,)` ways `way_offsets[k]:way_offsets[k + 1]` leave kernel k. A way is
             a link in one direction.
-        link_kernel: `(2L,)` the kernel that each way leads to.
-        link_row: `(2L,)` the link of each way.
-        step_offsets: `(K + 1,)` kernel k owns steps `step_offsets[k]:step_offsets[k + 1]`: for
-            each of its firm configurations, one along each way that leaves it.
-        step_row: where each step leads: to the nearest firm configuration of the other kernel.
-        step_squared: float32 rad^2, the squared length of each step.
-        cost: `(F + 2,)` scratch of searches; infinite between them.
-        before: `(F + 2,)` scratch of searches.
+        way_kernel: `(2L,)` the kernel that each way leads to.
+        way_link: `(2L,)` the link of each way.
+        steps: along each way, from each firm configuration of the kernel that it leaves.
     """
 
     joints: np.ndarray
+    firm: KernelSets
     firm_row: np.ndarray
-    firm_x: np.ndarray
     firm_kernel: np.ndarray
-    firm_offsets: np.ndarray
     component: np.ndarray
-    link_offsets: np.ndarray
-    link_kernel: np.ndarray
-    link_row: np.ndarray
-    step_offsets: np.ndarray
-    step_row: np.ndarray
-    step_squared: np.ndarray
-    cost: np.ndarray
-    before: np.ndarray
+    way_offsets: np.ndarray
+    way_kernel: np.ndarray
+    way_link: np.ndarray
+    steps: LinkedNearest
 
     @classmethod
     def of(
@@ -87,68 +126,32 @@ class RouteGraph:
         joints = np.flatnonzero(representation.mode_joints[mode])
         by_kernel = [firm_members(representation, k, mode) for k in range(num_kernels)]
         firm_row = np.concatenate(by_kernel)
-        firm_x = representation.scaled(representation.kernel_q[firm_row])[:, joints]
-        firm_x = firm_x.astype(np.float32)
+        x = representation.scaled(representation.kernel_q[firm_row])[:, joints]
         sizes = np.array([len(rows) for rows in by_kernel])
-        firm_offsets = np.concatenate([[0], np.cumsum(sizes)])
+        firm = KernelSets(x.astype(np.float32), np.concatenate([[0], np.cumsum(sizes)]))
         usable = np.flatnonzero((sizes[links] > 0).all(axis=1))
         component = component_labels(links[usable], num_kernels)
         tail, head = np.concatenate([links[usable], links[usable, ::-1]]).T
         order = np.lexsort((head, tail))
         ways = np.stack([tail, head], axis=1)[order]
-        link_offsets = np.searchsorted(ways[:, 0], np.arange(num_kernels + 1))
-        nearest = find_nearest(KernelSets(firm_x, firm_offsets), ways)
-        step_offsets = nearest.offsets[link_offsets]
         return cls(
             joints=joints,
+            firm=firm,
             firm_row=firm_row,
-            firm_x=firm_x,
-            firm_kernel=np.repeat(np.arange(num_kernels), sizes),
-            firm_offsets=firm_offsets,
+            firm_kernel=firm.kernel,
             component=np.where(sizes > 0, component, -1),
-            link_offsets=link_offsets,
-            link_kernel=np.ascontiguousarray(ways[:, 1]),
-            link_row=np.tile(usable, 2)[order],
-            step_offsets=step_offsets,
-            step_row=_by_configuration(nearest.row, step_offsets, sizes),
-            step_squared=_by_configuration(nearest.squared, step_offsets, sizes),
-            cost=np.full(len(firm_x) + 2, np.inf),
-            before=np.empty(len(firm_x) + 2, dtype=np.int32),
+            way_offsets=np.searchsorted(ways[:, 0], np.arange(num_kernels + 1)),
+            way_kernel=np.ascontiguousarray(ways[:, 1]),
+            way_link=np.tile(usable, 2)[order],
+            steps=find_nearest(firm, ways),
         )
-
-    def firm_configurations(self, kernel: int) -> np.ndarray:
-        """`(n, J)` rad, the firm configurations of a kernel, scaled."""
-        return self.firm_x[self.firm_offsets[kernel] : self.firm_offsets[kernel + 1]]
 
     def joins(self, start: int, goal: int) -> bool:
         """Whether links lead from one kernel to the other."""
         return bool(self.component[start] == self.component[goal] >= 0)
 
 
-def _by_configuration(entries: np.ndarray, offsets: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """Entries of `LinkedNearest` by the configuration that a step leaves, instead of by the link.
-
-    A search leaves a configuration along all ways at once, so its steps should be in one place.
-
-    Args:
-        entries: for each kernel, one per way that leaves it and configuration.
-        offsets: `(K + 1,)` kernel k owns `offsets[k]:offsets[k + 1]`.
-        sizes: `(K,)` number of configurations of each kernel.
-    """
-    moved = np.empty_like(entries)
-    for start, end, size in zip(offsets[:-1], offsets[1:], sizes, strict=True):
-        if end > start:
-            moved[start:end] = entries[start:end].reshape(-1, size).T.ravel()
-    return moved
-
-
-def leap_penalty(
-    representation: QuotientRepresentation,
-    links: np.ndarray,
-    *,
-    spacings: float = LEAP_SPACINGS,
-    power: float = LEAP_POWER,
-) -> np.ndarray:
+def leap_penalty(representation: QuotientRepresentation, links: np.ndarray) -> np.ndarray:
     """Factors on the cost of links that join very different sensations.
 
     Configurations of two kernels can be close although the places that they touch are not: the
@@ -159,15 +162,13 @@ def leap_penalty(
     Args:
         representation: what the agent has learned.
         links: `(L, 2)` pairs of kernels.
-        spacings: greatest distance that is not a leap, in spacings of the target sensations.
-        power: how fast the factor grows beyond that; 0 for no penalty.
 
     Returns:
         `(L,)` factors, 1 or more.
     """
     distance, spacing = target_distances(representation)
     i, j = links.T
-    return np.maximum(1.0, distance[i, j] / (spacings * spacing)) ** power
+    return np.maximum(1.0, distance[i, j] / (_LEAP_SPACINGS * spacing)) ** _LEAP_POWER
 
 
 def carried_route(
@@ -176,8 +177,7 @@ def carried_route(
     start: int,
     goal: int,
     goal_x: np.ndarray,
-    *,
-    penalty: np.ndarray | None = None,
+    penalty: np.ndarray,
 ) -> np.ndarray | None:
     """Dijkstra that carries motor configurations to every kernel it reaches.
 
@@ -200,49 +200,22 @@ def carried_route(
     """
     if start == goal:
         return np.array([start])
-    factor = np.ones(len(graph.link_row)) if penalty is None else penalty[graph.link_row]
     route = _carry(
-        graph.firm_x,
+        graph.firm.x,
         graph.firm_kernel,
-        graph.firm_offsets,
-        graph.link_offsets,
-        graph.link_kernel,
-        graph.step_offsets,
-        graph.step_row,
-        graph.step_squared,
-        factor.astype(np.float64),
+        graph.firm.offsets,
+        graph.way_offsets,
+        graph.way_kernel,
+        graph.steps.offsets,
+        graph.steps.row,
+        graph.steps.squared,
+        penalty[graph.way_link].astype(np.float64),
         np.asarray(x_start, dtype=np.float32),
         start,
         goal,
         np.ascontiguousarray(goal_x, dtype=np.float32),
-        graph.cost,
-        graph.before,
     )
     return route if len(route) else None
-
-
-def shortest_route(distance: np.ndarray | sparray, start: int, goal: int) -> np.ndarray | None:
-    """The shortest path over distances between kernels: the paper's literal method.
-
-    Args:
-        distance: `(K, K)` any unit; dense for the complete graph, sparse for a pruned one.
-        start: the kernel to leave.
-        goal: the kernel to reach.
-
-    Returns:
-        `(N,)` kernels from `start` to `goal`, or None if there is no path.
-    """
-    _, parent = dijkstra(distance, directed=False, indices=start, return_predecessors=True)
-    return _backtrack(parent, start, goal)
-
-
-def _backtrack(parent: np.ndarray, start: int, goal: int) -> np.ndarray | None:
-    nodes = [goal]
-    while nodes[-1] != start:
-        if parent[nodes[-1]] < 0:
-            return None
-        nodes.append(int(parent[nodes[-1]]))
-    return np.array(nodes[::-1])
 
 
 @njit(cache=True)
@@ -250,8 +223,8 @@ def _carry(
     firm_x,
     firm_kernel,
     firm_offsets,
-    link_offsets,
-    link_kernel,
+    way_offsets,
+    way_kernel,
     step_offsets,
     step_row,
     step_squared,
@@ -260,24 +233,18 @@ def _carry(
     start,
     goal,
     goal_x,
-    cost,
-    before,
 ):
     """`(N,)` kernels on the cheapest route from `start` to `goal`; empty if there is none."""
     num_firm, num_kernels = len(firm_x), len(firm_offsets) - 1
     # Places are firm configurations, then the start and the goal.
     at_start, at_goal = num_firm, num_firm + 1
+    cost, before = np.full(num_firm + 2, np.inf), np.empty(num_firm + 2, dtype=np.int64)
     visits = np.zeros(num_kernels, dtype=np.int64)
     visited = np.empty((num_kernels, _MAX_VISITS), dtype=np.int64)
-    # Entries of the queue, and all places that it ever held; each way leads to one per visit.
-    most = (_MAX_VISITS + 1) * len(link_kernel) + 1
-    costs, places = np.empty(most), np.empty(most, dtype=np.int32)
-    queued, num_queued = np.empty(most, dtype=np.int32), 0
     cost[at_start], before[at_start] = 0.0, -1
-    size = push(costs, places, 0, 0.0, at_start)
-    while size > 0:
-        through, place = costs[0], np.int64(places[0])
-        size = drop(costs, places, size)
+    queue = [(0.0, at_start)]
+    while queue:
+        through, place = heapq.heappop(queue)
         if place == at_goal:
             break
         if through > cost[place]:
@@ -293,33 +260,63 @@ def _carry(
                 continue
             visited[kernel, visits[kernel]] = place
             visits[kernel] += 1
-        first_way, last_way = link_offsets[kernel], link_offsets[kernel + 1]
-        entry = step_offsets[kernel] + (place - firm_offsets[kernel]) * (last_way - first_way)
-        for way in range(first_way, last_way):
-            there = link_kernel[way]
+        for way in range(way_offsets[kernel], way_offsets[kernel + 1]):
+            there = way_kernel[way]
             if there == goal:
-                to, step = at_goal, least_square_step(x, goal_x)[1]
+                to, step = at_goal, _nearest_step(x, goal_x)[1]
             elif visits[there] == _MAX_VISITS:
                 continue
             elif place == at_start:
-                firm = firm_x[firm_offsets[there] : firm_offsets[there + 1]]
-                nearest, step = least_square_step(x, firm)
-                to = firm_offsets[there] + nearest
+                first = firm_offsets[there]
+                nearest, step = _nearest_step(x, firm_x[first : firm_offsets[there + 1]])
+                to = first + nearest
             else:
-                to, step = step_row[entry + way - first_way], step_squared[entry + way - first_way]
+                entry = step_offsets[way] + place - firm_offsets[kernel]
+                to, step = step_row[entry], step_squared[entry]
             onward = through + factor[way] * step * np.sqrt(step)
             if onward < cost[to] and onward < cost[at_goal]:
                 cost[to], before[to] = onward, place
-                queued[num_queued] = to
-                num_queued += 1
-                size = push(costs, places, size, onward, to)
+                heapq.heappush(queue, (onward, to))
     route = [goal]
     if cost[at_goal] < np.inf:
-        passed = np.int64(before[at_goal])
-        while passed != at_start:
-            route.append(firm_kernel[passed])
-            passed = np.int64(before[passed])
+        place = before[at_goal]
+        while place != at_start:
+            route.append(firm_kernel[place])
+            place = before[place]
         route.append(start)
-    for number in range(num_queued):
-        cost[queued[number]] = np.inf
     return np.array(route[::-1] if len(route) > 1 else route[:0])
+
+
+@njit(cache=True)
+def _strong_or_isolated(x, strong, felt):
+    """`(n,)` bool: `strong`, or `felt` and far from all strong ones; x is `(n, J)` rad."""
+    kept, among = strong.copy(), x[strong]
+    for row in np.flatnonzero(felt & ~strong):
+        for other in range(len(among)):
+            if square_step(x[row], among[other]) <= _ISOLATED**2:
+                break
+        else:
+            kept[row] = True
+    return kept
+
+
+# These two are not cached: the functions that call them keep them.
+@njit
+def square_step(x, y):
+    """The squared distance of two configurations `(J,)`."""
+    total = np.float32(0.0)
+    for joint in range(len(x)):
+        step = x[joint] - y[joint]
+        total += step * step
+    return total
+
+
+@njit
+def _nearest_step(x, candidates):
+    """The first row of `(n, J)` candidates that is nearest to x, and its squared distance."""
+    nearest, least = 0, np.float32(np.inf)
+    for row in range(len(candidates)):
+        square = square_step(x, candidates[row])
+        if square < least:
+            nearest, least = row, square
+    return nearest, least

@@ -9,18 +9,12 @@ import numpy as np
 from scipy.interpolate import BSpline
 from scipy.linalg import solveh_banded
 
-from selftouch_drake.agent.motions import Plan
-
 DEGREE = 5
 # Knots this far apart (rad of path length) follow the polyline of a thousand kernels closely
 # enough to keep contact, and round its corners.
 KNOT_SPACING = 0.135
 # Midpoints of each knot interval at which distance and jerk are summed.
 _SAMPLES_PER_INTERVAL = 8
-
-# Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline grows
-# without bound as samples get denser, so the ratio has a meaning only for a stated spacing.
-_JERK_SPACING = 0.02
 
 
 def path_length(waypoints_x: np.ndarray) -> np.ndarray:
@@ -142,10 +136,16 @@ def _normal_equations(num_intervals: int) -> tuple[np.ndarray, np.ndarray, np.nd
 @lru_cache(maxsize=2 * DEGREE + 1)
 def _local_equations(num_intervals: int) -> tuple[np.ndarray, np.ndarray]:
     """`value` as above, and `(M, DEGREE + 1, DEGREE + 1)` the terms of each interval."""
-    knots = _knots(num_intervals)
+    basis = BSpline(_knots(num_intervals), np.eye(num_intervals + DEGREE), DEGREE)
     u = (np.arange(num_intervals * _SAMPLES_PER_INTERVAL) + 0.5) / _SAMPLES_PER_INTERVAL
-    value = _basis(u, knots, DEGREE)
-    jerk = _basis(u, knots[3:-3], DEGREE - 3) @ _third_differences(knots, num_intervals)
+    interval = np.arange(num_intervals)[:, None, None]
+    points = interval + np.arange(DEGREE + 1)
+    value, jerk = (
+        np.take_along_axis(
+            basis(u, order).reshape(num_intervals, _SAMPLES_PER_INTERVAL, -1), points, axis=2
+        )
+        for order in (0, 3)
+    )
     return value, value.swapaxes(1, 2) @ value + jerk.swapaxes(1, 2) @ jerk
 
 
@@ -156,40 +156,3 @@ def _knots(num_intervals: int) -> np.ndarray:
 def _repeated(knots: np.ndarray, times: int) -> np.ndarray:
     """Knots; the outer ones are repeated."""
     return np.concatenate([knots[:1].repeat(times), knots, knots[-1:].repeat(times)])
-
-
-def _basis(u: np.ndarray, knots: np.ndarray, degree: int) -> np.ndarray:
-    """`(M, samples, degree + 1)` values of the basis functions that are not 0 at the samples."""
-    values = BSpline.design_matrix(u, knots, degree).data
-    return values.reshape(-1, _SAMPLES_PER_INTERVAL, degree + 1)
-
-
-def _third_differences(knots: np.ndarray, num_intervals: int) -> np.ndarray:
-    """`(M, DEGREE - 2, DEGREE + 1)` maps control points of an interval to those of its jerk."""
-    differences = np.eye(DEGREE + 1)
-    for degree in range(DEGREE, DEGREE - 3, -1):
-        first = np.arange(num_intervals)[:, None] + np.arange(degree) + DEGREE - degree
-        span = (knots[first + degree + 1] - knots[first + 1])[:, :, None]
-        differences = degree * np.diff(differences, axis=-2) / span
-    return differences
-
-
-def jerk_reduction(plan: Plan, joint_scale: np.ndarray) -> float:
-    """How many times smaller the jerk of the smooth path is than that of its polyline.
-
-    Both are sampled every 0.02 rad of path length; jerk is the root mean square of third
-    differences of scaled configurations. 1 if the polyline has no corner.
-
-    Args:
-        plan: the plan.
-        joint_scale: `(J,)` factors of the representation used to make the plan.
-    """
-    if len(np.unique(plan.waypoint_s)) < 3:
-        return 1.0
-    length = plan.waypoint_s[-1]
-    s = np.linspace(0.0, length, max(5, int(length / _JERK_SPACING)))
-    rough, smooth = (
-        np.sqrt(np.mean(np.square(np.diff(path(s) * joint_scale, 3, axis=0))))
-        for path in (polyline(plan.waypoints_q, plan.waypoint_s), plan.path)
-    )
-    return float(rough / smooth)

@@ -12,7 +12,12 @@ from selftouch_drake.agent.representation.graphs import (
     without_vectors,
 )
 from selftouch_drake.agent.representation.joints import joint_scale
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample, KernelSets
+from selftouch_drake.agent.representation.kernels import (
+    KernelReservoir,
+    KernelSample,
+    KernelSets,
+    kernel_sensations,
+)
 from selftouch_drake.agent.representation.learning import Batches, Learned, learn
 from selftouch_drake.agent.representation.neighbours import (
     DisconnectedWarning,
@@ -22,11 +27,9 @@ from selftouch_drake.agent.representation.neighbours import (
     geodesics,
     locally_scaled,
     neighbour_edges,
-    quotient_pseudo_metric,
 )
 from selftouch_drake.agent.representation.quantise import assign, target_sensations
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
-from selftouch_drake.agent.representation.sensations import kernel_sensations
 from selftouch_drake.agent.representation.set_distances import (
     SET_DISTANCES,
     LinkedNearest,
@@ -64,7 +67,6 @@ __all__ = [
     "linked_nearest",
     "locally_scaled",
     "neighbour_edges",
-    "quotient_pseudo_metric",
     "set_distances",
     "step_links",
     "surface_edges",

@@ -8,9 +8,11 @@ split into batches, and the memory does not grow with the experience.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 #: Rows that wait at least before they are sorted in: sorting few rows often takes long.
 _LEAST_WAITING = 32_768
@@ -89,13 +91,10 @@ class KernelReservoir:
         num_kernels: K.
         max_size: most rows that a kernel keeps.
         seed: of the priorities.
-        fading: rows after which an old row is kept e times less likely than a new one; infinite
-            keeps all with equal chance.
     """
 
-    def __init__(self, num_kernels: int, max_size: int, *, seed: int, fading: float = np.inf):
+    def __init__(self, num_kernels: int, max_size: int, *, seed: int):
         self._max_size = max_size
-        self._fading = fading
         self._random = np.random.Generator(np.random.PCG64(seed))
         self._num_rows = 0
         # A full kernel takes no row of higher priority than it has.
@@ -120,10 +119,6 @@ class KernelReservoir:
         """
         # One draw a row, in order: the i-th row has the i-th draw, however rows are cut.
         priority = self._random.random(len(kernel))
-        if np.isfinite(self._fading):
-            # The first of exponential arrival times, at rates that grow with the row.
-            row = self._num_rows + np.arange(len(kernel))
-            priority = np.log(-np.log1p(-priority)) - row / self._fading
         taken = np.flatnonzero((kernel >= 0) & (priority < self._highest[kernel]))
         self._waiting.append(
             {
@@ -195,3 +190,45 @@ class KernelReservoir:
 def quick_to_sort(kernel: np.ndarray) -> np.ndarray:
     """The same numbers in as few bytes as they need: numpy sorts one or two bytes by counting."""
     return kernel.astype(np.min_scalar_type(kernel.max(initial=0)))
+
+
+def kernel_sensations(kernel_row: np.ndarray, sensations: Iterable[np.ndarray]) -> csr_array:
+    """Collects the sensations of the stored configurations from streamed experience.
+
+    Few receptors feel a touch: for a million touches on 100 receptors this takes 70 MB, a dense
+    array 400 MB. That is why it is not part of the representation.
+
+    Args:
+        kernel_row: `(R,)` row of each stored configuration in the experience.
+        sensations: `(n, S)` N, all the experience that was learned from, in batches.
+
+    Returns:
+        `(R, S)` float32, unit L2 norm.
+
+    Raises:
+        ValueError: the experience has fewer rows than the representation was learned from.
+    """
+    order = np.argsort(kernel_row, kind="stable")
+    rising = kernel_row[order]
+    first, parts = 0, []
+    for batch in sensations:
+        start, stop = np.searchsorted(rising, [first, first + len(batch)])
+        # Double precision: the squares of very light touches underflow in single precision.
+        rows = batch[rising[start:stop] - first].astype(float)
+        felt = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+        parts.append(csr_array(felt.astype(np.float32)))
+        first += len(batch)
+    if first <= rising[-1]:
+        raise ValueError(
+            f"sensations have {first} rows, the representation was learned from more: give all "
+            "of its experience"
+        )
+    return _stacked(parts)[np.argsort(order)]
+
+
+def _stacked(parts: list[csr_array]) -> csr_array:
+    data = np.concatenate([part.data for part in parts])
+    indices = np.concatenate([part.indices for part in parts])
+    counts = np.concatenate([np.diff(part.indptr) for part in parts])
+    shape = (len(counts), parts[0].shape[1])
+    return csr_array((data, indices, np.concatenate([[0], np.cumsum(counts)])), shape=shape)

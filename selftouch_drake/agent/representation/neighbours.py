@@ -184,19 +184,6 @@ def _shortest(
                         number += 1
 
 
-def quotient_pseudo_metric(minimum_distance: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """The quotient pseudo-metric: chains of jumps, with free movement inside each kernel set.
-
-    Args:
-        minimum_distance: `(K, K)` rad, distance between the nearest configurations of two kernels.
-        edges: `(E, 2)` allowed jumps; `complete_edges` for the literal definition.
-
-    Returns:
-        `(K, K)` rad, smallest sum of jumps.
-    """
-    return geodesics(edges, minimum_distance[edges[:, 0], edges[:, 1]], len(minimum_distance))
-
-
 def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """Edge lengths in units of the spacing around their ends, `d / sqrt(s_i s_j)`.
 

@@ -74,6 +74,7 @@ def set_distances(
     *names: str,
     max_queries: int = MAX_QUERIES,
     rough: np.ndarray | None = None,
+    changed: np.ndarray | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> list[np.ndarray]:
     """Computes distances between every two kernel sets, of one or several kinds at once.
@@ -87,10 +88,12 @@ def set_distances(
         max_queries: most queries per set.
         rough: `(K, K)` bool, symmetric, pairs of sets for which 16 queries are enough; None if
             there are none.
+        changed: `(K,)` bool, sets to which and from which distances are wanted; None if all are.
         progress: called with the fraction done.
 
     Returns:
-        For each name, `(K, K)` rad, float32, symmetric with a zero diagonal.
+        For each name, `(K, K)` rad, float32, symmetric with a zero diagonal; 0 between sets that
+        did not change.
 
     Raises:
         ValueError: a name is unknown, or a kernel is empty.
@@ -123,11 +126,14 @@ def set_distances(
             there[:, kernel] = [kind.reduce(table) for kind in kinds]
 
     def exactly(kernel: int) -> None:
-        asked = kernels if rough is None else np.flatnonzero(~rough[kernel])
+        asked = np.flatnonzero(exact[kernel])
         near = nearest(queries(kernel, max_queries), asked)
         there[:, kernel, asked] = [kind.reduce(near) for kind in kinds]
 
-    there = np.empty((len(kinds), len(kernels), len(kernels)), dtype=np.float32)
+    exact = np.ones((len(kernels), len(kernels)), dtype=bool) if rough is None else ~rough
+    if changed is not None:
+        exact &= changed[:, None] | changed
+    there = np.zeros((len(kinds), len(kernels), len(kernels)), dtype=np.float32)
     if rough is not None:
         for _ in mapped(roughly, range(0, len(kernels), _TOGETHER)):
             pass

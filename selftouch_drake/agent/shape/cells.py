@@ -2,15 +2,22 @@
 
 Target sensations are evenly spaced, so all cells are equally wide in sensation. The width of a cell
 in other coordinates is therefore the local unit of length there.
+
+Where receptors are missing, a wide stretch of skin feels alike and becomes one kernel. That leaves
+a gap in the layout, and a false loop around it. But a quotient map is smooth, and separates the
+motor configurations within such a kernel: wide cells are cut into pieces.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
+from selftouch_drake.agent.clusters import clusters
 from selftouch_drake.agent.representation.kernels import KernelSets
+from selftouch_drake.agent.representation.neighbours import neighbour_edges, one_ring
 
 #: Share of a cell's configurations that are dropped as outliers: those farthest from its centre.
 _STRAYS = 0.1
@@ -24,6 +31,13 @@ _ACROSS = 0.1
 
 #: Rad, largest angle between a neighbour and the tangent plane that is corrected as curvature.
 _MOST_BENT = 1.2
+
+#: Largest area of a piece, over the area of the cells around it. Cut from 1.5 times that area on,
+#: not from twice, worn tori have wider margins.
+_LARGEST = 0.75
+
+#: Fewest configurations per piece, on average: its width cannot be measured with fewer.
+_LEAST_SIZE = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,3 +141,42 @@ def _moments(points: np.ndarray, pooled: np.ndarray) -> tuple[np.ndarray, np.nda
 def _scatter(points: np.ndarray, mean: np.ndarray) -> np.ndarray:
     apart = points - mean
     return apart.T @ apart
+
+
+def cut_wide_cells(sets: KernelSets, cells: Cells) -> tuple[KernelSets, np.ndarray]:
+    """Cuts each cell at least 1.5 times as large as those around it into pieces.
+
+    k-means in the cell's own tangent plane finds the pieces.
+
+    Args:
+        sets: K sets in coordinates of a quotient map.
+        cells: of these.
+
+    Returns:
+        The same coordinates as P sets, one for each piece, and `(P,)` the kernel of each piece,
+        ascending.
+    """
+    sizes = sets.sizes
+    number = np.minimum((_times_larger(cells) / _LARGEST).astype(int), sizes // _LEAST_SIZE)
+    if number.max() < 2:
+        return sets, np.arange(len(sizes))
+    piece = np.zeros(len(sets.x), dtype=int)
+    for kernel in np.flatnonzero(number > 1).tolist():
+        along = (sets.members(kernel) - cells.mean[kernel]) @ cells.tangent[kernel]
+        rows = slice(*sets.offsets[kernel : kernel + 2])
+        piece[rows] = clusters(along, number[kernel])
+    owner = sets.kernel
+    order = np.lexsort((piece, owner))
+    first = np.flatnonzero(np.diff(owner, prepend=-1) | np.diff(piece[order], prepend=-1))
+    return KernelSets(sets.x[order], np.append(first, len(order))), owner[first]
+
+
+def _times_larger(cells: Cells) -> np.ndarray:
+    """`(K,)` area of each cell over the median area of itself and two rings of neighbours."""
+    ring = one_ring(neighbour_edges(cells.distances()), len(cells.area))
+    rings = (ring @ ring).tocsr()
+    typical = [
+        np.median(cells.area[rings.indices[start:stop]])
+        for start, stop in pairwise(rings.indptr.tolist())
+    ]
+    return cells.area / np.array(typical)

@@ -25,7 +25,7 @@ from selftouch_drake.agent.representation.neighbours import (
 )
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import set_distances
-from selftouch_drake.agent.shape.cells import Cells
+from selftouch_drake.agent.shape.cells import Cells, cut_wide_cells
 from selftouch_drake.agent.shape.embedding import (
     Embedding,
     classical_embedding,
@@ -33,7 +33,6 @@ from selftouch_drake.agent.shape.embedding import (
     stress_embedding,
 )
 from selftouch_drake.agent.shape.fields import angles, corrected_lengths
-from selftouch_drake.agent.shape.pieces import cut_wide_cells
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
 
 Progress = Callable[[float], None]

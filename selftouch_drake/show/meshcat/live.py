@@ -176,7 +176,7 @@ class LiveShow:
         except ValueError as reason:
             self._say(str(reason))
             return
-        through = ", through the air" if motion.in_air.any() else ""
+        through = ", through the air" if motion.plan.in_air.any() else ""
         self._say(f"to sensation {self._goal}{through}")
         self._scene.clear_paths(_PLAN)
         self._scene.draw_path(_PLAN, self._paths(motion.q), len(motion.q))

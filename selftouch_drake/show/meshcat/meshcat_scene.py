@@ -199,7 +199,7 @@ class MeshcatScene:
         self._meshcat.SetTransform(RECOVERED_BODY, RigidTransform(self._aside))
         try:
             parts, places = data.recovered, data.kernel_places
-            title = "its body, as it recovered it"
+            title = "its body, as it recovered it,\nfitted to the true one"
         except MissingError:
             # Without a surface, or without its true place, the agent's own layout is drawn.
             parts, places = (), _laid_out(data, middle, typical)
@@ -250,12 +250,11 @@ class MeshcatScene:
 
 def _laid_out(data: RunData, middle: np.ndarray, size: float) -> np.ndarray:
     """`(K, 3)` m, the kernels as the agent laid them out: parts side by side, scaled to `size`."""
-    places = np.full((data.representation.num_targets, 3), np.nan)
-    right = 0.0
+    places, right = data.representation.embedding.copy(), 0.0
     for part in data.body.parts:
-        width = float(np.ptp(part.positions, axis=0).max())
-        offset = (right + width / 2) * VIEW.axes[0] - part.positions.mean(axis=0)
-        places[part.kernels] = part.positions + offset
+        own = places[part.kernels]
+        width = float(np.ptp(own, axis=0).max())
+        places[part.kernels] += (right + width / 2) * VIEW.axes[0] - own.mean(axis=0)
         right += 1.2 * width
     low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
     return middle + (places - (low + high) / 2) * size / float((high - low).max())

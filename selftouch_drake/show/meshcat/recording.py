@@ -1,17 +1,14 @@
-"""Executed plans as a Meshcat animation, and as a page that needs no network."""
+"""An executed plan as a Meshcat animation, and as a page that needs no network."""
 
 from __future__ import annotations
 
 import gc
 import html
-from collections.abc import Sequence
 
 import numpy as np
 from pydrake.geometry import Meshcat
 
-from selftouch_drake.agent.motions import Execution
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
-from selftouch_drake.show.meshcat.skin_drawing import key_frames
 from selftouch_drake.show.meshcat.stage import RobotDrawing, open_meshcat
 from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.run_data import RunData, Targets
@@ -20,7 +17,7 @@ from selftouch_drake.show.style import PRESSURE
 FRAMES_PER_S = 30
 # Repetitions of the animation; the controls of the page stop it.
 _REPETITIONS = 1000
-# s, for which the end of each plan is held.
+# s, for which the end is held.
 _PAUSE_S = 1.0
 
 
@@ -45,7 +42,7 @@ def recording_page(data: RunData, targets: Targets) -> str:
 
 def _recorded(data: RunData, targets: Targets) -> tuple[str, float]:
     meshcat = open_meshcat()
-    full = record(meshcat, data, [targets])
+    full = record(meshcat, data, targets)
     return meshcat.StaticHtml(), full
 
 
@@ -71,34 +68,28 @@ def _with_legend(page: str, title: str, full: float) -> str:
     return head + legend + end + tail
 
 
-def record(meshcat: Meshcat, data: RunData, tours: Sequence[Targets]) -> float:
-    """Draws the agent and records executed plans, one after the other.
+def record(meshcat: Meshcat, data: RunData, targets: Targets) -> float:
+    """Draws the agent and records an executed plan.
 
     Args:
         meshcat: where to draw.
         data: of the run.
-        tours: the target sensations that name each plan, in order.
+        targets: the target sensations that name the plan, in order.
 
     Returns:
         N, the reading of a receptor that is shown in the strongest colour.
     """
-    executions = [data.execution(*targets) for targets in tours]
-    rows = [frame_rows(execution.motion.time_s) for execution in executions]
-    q, felt, expected = (
-        np.concatenate([array[frames] for array, frames in zip(arrays, rows, strict=True)])
-        for arrays in (
-            [execution.q_measured for execution in executions],
-            [execution.felt for execution in executions],
-            [execution.motion.predicted for execution in executions],
-        )
-    )
-    number = np.repeat(np.arange(len(tours)), [len(r) for r in rows])
+    execution, robot = data.execution(*targets), data.robot
+    rows = frame_rows(execution.motion.time_s)
+    q, felt = execution.q_measured[rows], execution.felt[rows]
     full = firm_touch(data.representation)
-
     scene = MeshcatScene(meshcat, data)
-    names = [f"plan_{plan}" for plan in range(len(tours))]
-    for name, execution in zip(names, executions, strict=True):
-        _draw_paths(scene, name, data, execution)
+    planned, measured = (
+        touch_paths(data.shape, data.touches_at, path)
+        for path in (execution.motion.q, execution.q_measured)
+    )
+    scene.draw_path("plan", planned, len(execution.motion.q))
+    scene.draw_trace("plan", measured)
     # What is set with a time is recorded only; live, the recording is played.
     meshcat.StartRecording(FRAMES_PER_S, set_visualizations_while_recording=False)
     recording = meshcat.get_mutable_recording()
@@ -106,20 +97,14 @@ def record(meshcat: Meshcat, data: RunData, tours: Sequence[Targets]) -> float:
     drawing = RobotDrawing(meshcat, data.experiment, data.world.skins)
     for frame, configuration in enumerate(q):
         drawing.put(configuration, frame / FRAMES_PER_S)
-    robot = data.robot
     scene.record(
         recording,
         poses=robot.skin_positions(q),
         p_WT=robot.toucher_positions(q),
         felt=felt / full,
-        expected=expected,
+        expected=execution.motion.predicted[rows],
         kernel=_felt_last(felt, data.representation.target_sensations),
     )
-    for plan, name in enumerate(names):
-        shown = number == plan
-        for frame in key_frames(shown):
-            for root in scene.path_roots(name):
-                recording.SetProperty(frame, root, "visible", bool(shown[frame]))
     meshcat.StopRecording()
     meshcat.PublishRecording()
     return full
@@ -131,15 +116,6 @@ def frame_rows(time_s: np.ndarray) -> np.ndarray:
     frame_s = np.arange(int(np.ceil((duration + _PAUSE_S) * FRAMES_PER_S))) / FRAMES_PER_S
     rows = np.searchsorted(time_s - time_s[0], frame_s - 1e-9)
     return np.minimum(rows, len(time_s) - 1)
-
-
-def _draw_paths(scene: MeshcatScene, name: str, data: RunData, execution: Execution) -> None:
-    planned, measured = (
-        touch_paths(data.shape, data.touches_at, q)
-        for q in (execution.motion.q, execution.q_measured)
-    )
-    scene.draw_path(name, planned, len(execution.motion.q))
-    scene.draw_trace(name, measured)
 
 
 def _felt_last(felt: np.ndarray, target_sensations: np.ndarray) -> np.ndarray:

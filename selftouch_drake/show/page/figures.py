@@ -106,7 +106,7 @@ def plan_path(data: RunData) -> Figure:
     motion = data.motion(*data.shown_pair)
     paths, known = (
         [path.moved(data.home[path.skin]) for path in touch_paths(data.shape, data.touches_at, q)]
-        for q in (motion.q, motion.waypoints_q)
+        for q in (motion.q, motion.plan.waypoints_q)
     )
     if not paths:
         raise MissingError("the plan of this figure touches nothing; evaluate again")

@@ -59,28 +59,37 @@ def quotient_graph(
     """The quotient graph, laid out as the agent embeds it.
 
     One part is shown from the front and from above; several, each in its own unit, from the front.
+    A part that was laid out in a plane is shown from above.
 
     Args:
-        embedding: `(K, 3)` arbitrary unit and pose of each part; NaN in fragments.
+        embedding: `(K, 3)` arbitrary unit and pose of each part; NaN in fragments, and 0 in the
+            third coordinate of parts that were laid out in a plane.
         edges: `(E, 2)` pairs of kernels.
         edge_cost: `(E,)` rad.
         parts: the kernels of each part.
     """
     low, high = np.quantile(edge_cost, [0.02, 0.98]) if len(edge_cost) else (0.0, 1.0)
     norm = Normalize(low, max(high, low + 1e-9))
+    above = View(elevation=90.0, azimuth=-90.0)
+    in_plane = [not embedding[part, 2].any() for part in parts]
     if len(parts) == 1:
-        figure = Figure(figsize=(9.6, 4.3), layout="constrained")
-        grid = figure.add_gridspec(1, 2)
-        panels = [
-            (grid[0], View(), "The quotient graph, embedded", parts[0]),
-            (grid[1], View(elevation=80.0), "from above", parts[0]),
-        ]
+        views = [(View(), "The quotient graph, embedded"), (View(elevation=80.0), "from above")]
+        if in_plane[0]:
+            views = [(above, "The quotient graph, embedded in a plane")]
+        figure = Figure(figsize=(4.8 * len(views), 4.3), layout="constrained")
+        grid = figure.add_gridspec(1, len(views))
+        panels = [(grid[n], view, title, parts[0]) for n, (view, title) in enumerate(views)]
     else:
         rows, columns = -(-len(parts) // _COLUMNS), min(len(parts), _COLUMNS)
         figure = Figure(figsize=(10.0, 0.4 + 2.9 * rows), layout="constrained")
         grid = figure.add_gridspec(rows, columns)
         panels = [
-            (grid[n // columns, n % columns], View(), f"part {n}: {len(part)} kernels", part)
+            (
+                grid[n // columns, n % columns],
+                above if in_plane[n] else View(),
+                f"part {n}: {len(part)} kernels",
+                part,
+            )
             for n, part in enumerate(parts)
         ]
     for where, view, title, part in panels:
@@ -147,7 +156,7 @@ def _draw_graph(
 
 
 def _from_far_to_near(nearness: np.ndarray) -> np.ndarray:
-    """Scales to 0 for the farthest and 1 for the nearest."""
-    if not len(nearness):
-        return nearness
-    return (nearness - nearness.min()) / (np.ptp(nearness) or 1.0)
+    """Scales to 0 for the farthest and 1 for the nearest; 1 if all are as near."""
+    if not len(nearness) or np.ptp(nearness) < 1e-12:
+        return np.ones(len(nearness))
+    return (nearness - nearness.min()) / np.ptp(nearness)

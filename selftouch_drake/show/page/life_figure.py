@@ -16,8 +16,8 @@ def life(curves: LifeCurves) -> Figure:
     figure = Figure(figsize=(10.5, 5.0), layout="constrained")
     panels = (
         ("receptors that have felt", "%", curves.touches, 100 * curves.coverage, BLUE),
-        ("shape error", "% of the size", curves.touches, 100 * curves.error, VERMILION),
-        ("planned paths in contact", "%", curves.touches, 100 * curves.contact, GREEN),
+        ("shape error, worst skin", "% of the size", curves.touches, 100 * curves.error, VERMILION),
+        ("plans in contact, before practice", "%", curves.touches, 100 * curves.contact, GREEN),
         ("surprise", "cosine distance", curves.block_touches, curves.surprise, ORANGE),
     )
     axes: list[Axes] = figure.subplots(2, 2, sharex=True).ravel().tolist()

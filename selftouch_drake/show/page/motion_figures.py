@@ -44,8 +44,8 @@ def felt_and_predicted(execution: Execution) -> Figure:
     axes = figure.subplots(3, 1, sharex=True, height_ratios=(1.5, 1.5, 0.8))
     extent = (time_s[0], time_s[-1], len(active), 0)
     for ax, sensation, title in (
-        (axes[0], predicted_shape, "Predicted before moving"),
-        (axes[1], felt_shape, "Felt while moving"),
+        (axes[0], predicted_shape, "Predicted"),
+        (axes[1], felt_shape, "Felt while moving, under dynamics"),
     ):
         image = ax.imshow(
             sensation[:, active].T, aspect="auto", extent=extent, cmap=PRESSURE, vmin=0, vmax=1,

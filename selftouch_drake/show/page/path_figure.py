@@ -38,6 +38,9 @@ def plan_path(
 ) -> Figure:
     """A planned motion over translucent skins (paper, figure 4).
 
+    Each kernel set on the way gives one posture, which touches anywhere in the patch of skin that
+    feels alike: so the path wanders from side to side.
+
     A plan on one skin is shown from two sides; one over several, skin by skin, in the order in
     which it touches them.
 
@@ -75,8 +78,15 @@ def plan_path(
     handles = [
         ax.scatter([], [], s=45, color=GREEN, label="start"),
         ax.scatter([], [], s=45, color=BLUE, label="goal"),
-        ax.scatter([], [], s=28, color=VERMILION, marker="x", label="known configurations"),
-        ax.scatter([], [], s=6, color=BLUE, label="smooth path"),
+        ax.scatter(
+            [],
+            [],
+            s=28,
+            color=VERMILION,
+            marker="x",
+            label="a posture of each kernel set on the way",
+        ),
+        ax.scatter([], [], s=6, color=BLUE, label="the motion"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from selftouch_drake.show.page.meshes import balls, rod, shell, surface
+from selftouch_drake.show.page.meshes import ColoredMesh, balls, rod, shell, surface
 from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
@@ -60,16 +60,7 @@ def agent(skins: Sequence[SkinSurface], robot: DrawnRobot) -> Figure:
     view = _view(robot, everything, size)
     figure = Figure(figsize=(5.6, 5.0), layout="constrained")
     ax = add_scene(figure, figure.add_gridspec(1, 1)[0])
-    draw(
-        ax,
-        view,
-        surface(skin.vertices, skin.faces, SKIN),
-        *(
-            shell(link.vertices, link.faces, VERMILION if link.touches else PALE, _EDGE * size)
-            for link in robot.links
-        ),
-        *(rod(a, b, _ROD * size, PALE) for a, b in robot.rods),
-    )
+    draw(ax, view, *robot_meshes(skin, robot, size))
     seen = visible(skin.receptors, skin.vertices, skin.faces, view, others=links)
     radius = 0.012 * float(np.median([each.extent for each in skins]))
     draw(ax, view, balls(skin.receptors[seen], radius, INK), zorder=2)
@@ -84,6 +75,40 @@ def agent(skins: Sequence[SkinSurface], robot: DrawnRobot) -> Figure:
     handles = [ax.scatter([], [], s=30, color=color, label=label) for color, label in marks]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(marks), columnspacing=1.2)
     return figure
+
+
+def robot_meshes(
+    skin: SkinSurface,
+    robot: DrawnRobot,
+    size: float,
+    *,
+    skin_color: str = SKIN,
+    link_color: str = PALE,
+    edge: float = _EDGE,
+) -> list[ColoredMesh]:
+    """Skins and links of a robot, those that touch in orange, and rods for links without geometry.
+
+    Args:
+        skin: all skins, in the world.
+        robot: in the same posture.
+        size: m, of the whole picture.
+        skin_color: of the skins.
+        link_color: of links and rods.
+        edge: longest edge of what is sorted by depth, as a share of `size`.
+    """
+    return [
+        surface(skin.vertices, skin.faces, skin_color),
+        *(
+            shell(link.vertices, link.faces, VERMILION if link.touches else link_color, edge * size)
+            for link in robot.links
+        ),
+        *(rod(a, b, _ROD * size, link_color) for a, b in robot.rods),
+    ]
+
+
+def ball_radii(robot: DrawnRobot, size: float) -> np.ndarray:
+    """`(B,)` m, of the balls that touch, large enough to be seen in a picture of `size` m."""
+    return np.maximum(robot.radii, _BALL * size)
 
 
 def clearest(joints: np.ndarray, skins: Sequence[SkinSurface], skin_poses: np.ndarray) -> int:
@@ -112,7 +137,7 @@ def _view(
     """The side from which most joints and balls are seen, and apart from one another."""
     joints = np.unique(robot.joints.round(6), axis=0)
     places = np.concatenate([joints, robot.balls])
-    lift = np.concatenate([np.full(len(joints), _HOUSING * size), 1.5 * _ball_radii(robot, size)])
+    lift = np.concatenate([np.full(len(joints), _HOUSING * size), 1.5 * ball_radii(robot, size)])
     # Touchers matter most.
     weight = np.repeat([1.0, 2.0], [len(joints), len(robot.balls)])
 
@@ -123,10 +148,6 @@ def _view(
         return float((weight * np.minimum(apart.min(axis=1), 0.2 * size))[seen].sum())
 
     return max((View(_ELEVATION, azimuth) for azimuth in _AZIMUTHS), key=score)
-
-
-def _ball_radii(robot: DrawnRobot, size: float) -> np.ndarray:
-    return np.maximum(robot.radii, _BALL * size)
 
 
 def _size(skin: SkinSurface, robot: DrawnRobot) -> float:
@@ -170,6 +191,6 @@ def _draw_balls(
     """Draws the balls that touch over everything, those that nothing hides."""
     if not len(robot.balls):
         return
-    radii = _ball_radii(robot, size)
+    radii = ball_radii(robot, size)
     seen = unhidden(robot.balls + 1.5 * radii[:, None] * view.towards, everything, view)
     draw(ax, view, balls(robot.balls[seen], radii[seen], VERMILION, detail=3), zorder=4)

@@ -24,8 +24,8 @@ from selftouch_drake.show.view import View
 _AMBIENT = 0.5
 # Points tested at once for what hides them: bounds memory, not results.
 _CHUNK = 64
-# Inches, of a row of scenes.
-_TALLEST = 5.5
+# Inches: height of a row of scenes, and width of one, so that its title fits.
+_TALLEST, _NARROWEST = 5.5, 3.3
 # m, of a bar that shows the scale.
 _BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 
@@ -175,7 +175,8 @@ def fit_height(figure: Figure, *, margin: float = 0.55) -> None:
     each = width / len(figure.axes)
     aspect = np.ptp(ax.get_ylim()) / np.ptp(ax.get_xlim())
     each *= min(1.0, _TALLEST / (each * aspect))
-    figure.set_size_inches(each * len(figure.axes), each * aspect + margin)
+    width = min(max(each, _NARROWEST) * len(figure.axes), width)
+    figure.set_size_inches(width, each * aspect + margin)
 
 
 def scale_bar(ax: Axes) -> None:

@@ -63,8 +63,9 @@ def body_shape(
     draw(ax, view, *fitted)
     num_kernels = _draw_kernels(ax, view, parts, 0.011 * _typical(skins))
     pieces = "" if len(parts) == 1 else f" in {len(parts)} parts"
+    through = "line" if all(part.is_line for part in parts) else "surface"
     ax.set_title(
-        f"The body the agent recovered\n{num_kernels} sensations{pieces}, fitted surface",
+        f"The body the agent recovered\n{num_kernels} sensations{pieces}, {through} through them",
         loc="center",
     )
 
@@ -73,7 +74,7 @@ def body_shape(
     draw(ax, view, real, opacity=0.38, zorder=2)
     outline(ax, view, skin.vertices, skin.faces, zorder=3)
     error = "" if rms_fraction is None else f"\nerror {rms_fraction:.1%} of its extent (RMS)"
-    ax.set_title(f"Both{error}", loc="center")
+    ax.set_title(f"Both, fitted to one another{error}", loc="center")
 
     share_scale(figure.axes)
     fit_height(figure)
@@ -91,8 +92,8 @@ def persistence(
     """The persistence of components, loops and voids, as a diagram and as bars; of parts, as bars.
 
     Args:
-        diagrams: of each part the births and deaths `(bars, 2)` for H0, H1 and H2; a death may be
-            infinite.
+        diagrams: of each part the births and deaths `(bars, 2)` for H0, H1 and, in space, H2; a
+            death may be infinite.
         betti: of each part how many of each are held to be true.
         parts: their numbers; by default from 0 on.
     """
@@ -148,7 +149,9 @@ def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: 
     faces = np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=False)])
     sheet = np.concatenate([np.full(len(part.places), not part.closed) for part in parts])
     kernels = np.concatenate([part.positions for part in parts])
-    seen = visible(kernels, places, faces, view, sheet=sheet)
+    # A line hides nothing of itself.
+    seen = np.concatenate([np.full(part.num_kernels, part.is_line) for part in parts])
+    seen |= visible(kernels, places, faces, view, sheet=sheet)
     draw(ax, view, balls(kernels[seen], radius, INK), zorder=2)
     return len(kernels)
 
@@ -162,7 +165,7 @@ def _end(diagram: Sequence[np.ndarray]) -> float:
 def _draw_diagram(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
     end = _end(diagram)
     ax.plot([0, end], [0, end], color=MUTED, linewidth=0.8)
-    for pairs, (_, color) in zip(diagram, _KINDS, strict=True):
+    for pairs, (_, color) in zip(diagram, _KINDS, strict=False):
         birth, death = pairs[:, 0], np.minimum(pairs[:, 1], end)
         ax.scatter(birth, death, s=16, color=color, alpha=0.75, linewidths=0, zorder=3)
     ax.set(
@@ -177,7 +180,7 @@ def _draw_diagram(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
 
 def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
     end, row = _end(diagram), 0
-    for pairs, (_, color) in zip(diagram, _KINDS, strict=True):
+    for pairs, (_, color) in zip(diagram, _KINDS, strict=False):
         birth, death = pairs[:, 0], np.minimum(pairs[:, 1], end)
         longest = np.argsort(birth - death, kind="stable")[:_MOST_BARS]
         rows = row + np.arange(len(longest))
@@ -190,8 +193,8 @@ def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
 
 def _handles(betti: Sequence[int] | None) -> list[Line2D]:
     """Of the legend: a line per kind of hole, with how many are held to be true."""
-    counts = ["", "", ""] if betti is None else [f": {number}" for number in betti]
+    counts = [""] * len(_KINDS) if betti is None else [f": {number}" for number in betti]
     return [
         Line2D([], [], color=color, linewidth=2.5, label=f"{kind}{count}")
-        for (kind, color), count in zip(_KINDS, counts, strict=True)
+        for (kind, color), count in zip(_KINDS, counts, strict=False)
     ]

@@ -117,7 +117,8 @@ def plan_table(data: RunData) -> Table:
     rows = []
     for start, goal in data.pairs:
         motion = data.motion(start, goal)
-        flights = int(np.sum(np.diff(motion.in_air.astype(int), prepend=0) > 0))
+        nodes, in_air = motion.plan.nodes, motion.plan.in_air
+        flights = int(np.sum(np.diff(in_air.astype(int), prepend=0) > 0))
         try:
             execution = data.execution(start, goal)
         except MissingError:
@@ -129,7 +130,7 @@ def plan_table(data: RunData) -> Table:
             (
                 str(start),
                 str(goal),
-                str(len(np.unique(motion.nodes[motion.nodes != NO_KERNEL]))),
+                str(len(np.unique(nodes[nodes != NO_KERNEL]))),
                 str(flights or ""),
                 f"{np.ptp(motion.time_s):.1f} s",
                 *went,

@@ -48,7 +48,7 @@ def test_touches_that_come_in_runs_count_for_less():
 def test_receptors_that_are_rare_are_not_new_and_those_that_begin_to_feel_are():
     rng = np.random.default_rng(0)
     rate = np.geomspace(1e-5, 1e-3, 100)
-    for _ in range(5):
+    for _ in range(2):
         # What comes in runs is one encounter.
         felt = (rng.random((20_000, 100)) < rate).repeat(5, axis=0).astype(np.float32)
         never_felt = ~felt[:10_000].any(axis=0)
@@ -88,7 +88,7 @@ def test_receptors_that_miss_now_and_then_are_not_silent_and_those_that_always_m
         row = test.watch(expected, felt)
         assert row is not None
         assert 400 < row < 1400
-        assert -300 < test.since - (row + 1 - 400) < 300
+        assert 0 <= test.since - (row + 1 - 400) < 300
 
 
 def test_receptors_that_fall_silent_together_are_noticed_sooner_than_one():
@@ -101,7 +101,7 @@ def test_receptors_that_fall_silent_together_are_noticed_sooner_than_one():
         silent[400:, :dead] = 0.0
         watching = copy.deepcopy(test)
         noticed.append(watching.watch(expected, silent) - 400)
-        assert -100 < watching.since - (noticed[-1] + 1) < 100
+        assert 0 <= watching.since - (noticed[-1] + 1) < 100
     assert 0 < noticed[1] < noticed[0] / 4
 
 

@@ -1,7 +1,6 @@
 """The explorer stays in touch, and goes where it knows least."""
 
 import dataclasses
-from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -20,7 +19,9 @@ from selftouch_drake.agent.representation.quotient import NO_MODE
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
-JOINTS = JointRanges(lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.15))
+JOINTS = JointRanges(
+    lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.15), pace=0.2
+)
 #: A searcher makes moves of some strides at once.
 NARROW = JointRanges(lower=JOINTS.lower, upper=JOINTS.upper, stride=np.full(3, 0.05))
 DEPTH = 0.15
@@ -45,15 +46,12 @@ def sensors():
 SENSORS = sensors()
 
 
-walker = partial(Walker, pace=0.2)
-
-
 @pytest.fixture(autouse=True)
 def dwells_shortly(monkeypatch):
     monkeypatch.setattr(module, "_DWELL", 300)
 
 
-def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=walker, joints=JOINTS):
+def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=Walker, joints=JOINTS):
     start = np.array(start)
     explorer = explores(
         agent, joints, start, ball_feels(start[None])[0], np.random.default_rng(seed)
@@ -109,7 +107,7 @@ def test_it_goes_where_its_predictions_failed():
 
     def goals(surprise):
         rng = np.random.default_rng(0)
-        explorer = walker(agent, JOINTS, nowhere, nowhere, rng, surprise)
+        explorer = Walker(agent, JOINTS, nowhere, nowhere, rng, surprise)
         rows, kernels = zip(
             *(explorer._goal(agent.representation) for _ in range(1000)), strict=True
         )

@@ -6,8 +6,7 @@ from skins import touch
 
 from selftouch_drake.agent.lifelong import OnlineLearner
 from selftouch_drake.agent.lifelong import learner as module
-from selftouch_drake.agent.lifelong.distances import remeasured
-from selftouch_drake.agent.representation import KernelSets, QuotientLearner, set_distances
+from selftouch_drake.agent.representation import QuotientLearner
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
@@ -94,13 +93,16 @@ def test_the_work_for_a_touch_does_not_grow(monkeypatch):
     """Number of touches used to choose targets, and of measured kernels, in a long life."""
     q, sensation, *_ = touch(["sphere"], 9_000, num_receptors=20)
     work = []
-    counts = {"assign": lambda rows, _: len(rows), "remeasured": lambda *given: given[2].sum()}
+    counts = {
+        "assign": lambda rows, _: len(rows),
+        "set_distances": lambda *_, changed: changed.sum(),
+    }
     for name, count in counts.items():
         real = getattr(module, name)
 
-        def counted(*given, real=real, count=count):
-            work[-1] += count(*given)
-            return real(*given)
+        def counted(*given, real=real, count=count, **named):
+            work[-1] += count(*given, **named)
+            return real(*given, **named)
 
         monkeypatch.setattr(module, name, counted)
     learner = OnlineLearner(30, 40)
@@ -112,37 +114,7 @@ def test_the_work_for_a_touch_does_not_grow(monkeypatch):
     assert np.sum(work[-15:]) <= np.sum(work[6:21])
 
 
-def test_an_old_touch_fades():
-    q, sensation, *_ = touch(["sphere"], 6000, num_receptors=20)
-    for memory, oldest in ((None, 0.2), (500, 0.8)):
-        learner = lived(q, sensation, num_targets=30, max_kernel_size=20, memory=memory)
-        row = learner.representation.kernel_row
-        assert np.median(row) > oldest * 6000
-        assert (row.min() < 600) == (memory is None)
-
-
-def test_it_forgets_what_no_longer_holds():
-    q, sensation, *_ = touch(["sphere"], 2000)
-    learner = lived(q, sensation)
-    learner.forget(np.arange(1000))
-    assert learner.representation.kernel_row.min() >= 1000
-    assert learner.num_touches == 2000
-
-
 def test_too_few_touches_are_refused():
     q, sensation, *_ = touch(["sphere"], 50)
     with pytest.raises(ValueError, match="50 touches are too few to learn from"):
         _ = lived(q, sensation).representation
-
-
-def test_distances_are_measured_again_where_kernels_changed():
-    rng = np.random.default_rng(0)
-    offsets = np.cumsum([0, *rng.integers(3, 200, 20)])
-    x = rng.normal(size=(offsets[-1], 4)).astype(np.float32)
-    (before,) = set_distances(KernelSets(x, offsets), "quantile")
-    changed = np.isin(np.arange(20), [3, 11])
-    x[np.repeat(changed, np.diff(offsets))] += 1.0
-    (after,) = set_distances(KernelSets(x, offsets), "quantile")
-    np.testing.assert_allclose(
-        remeasured(before, KernelSets(x, offsets), changed, "quantile"), after, rtol=1e-5, atol=1e-6
-    )

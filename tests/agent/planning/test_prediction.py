@@ -31,7 +31,7 @@ def error(predicted, plan, s):
 
 
 def test_remembered_sensations_foretell_more_than_targets(dense):
-    plan = Planner(dense).plan(dense.kernel_q[5], 0, 3)
+    plan = Planner(dense).plan(dense.kernel_q[5], [0, 3])
     s = np.linspace(0.0, plan.waypoint_s[-1], 200)
     remembered = felt_at(dense.kernel_q.astype(float))
     by_targets = error(predict_sensation(dense, plan, s).sensation, plan, s)
@@ -41,18 +41,18 @@ def test_remembered_sensations_foretell_more_than_targets(dense):
 
 
 def test_a_prediction_begins_with_what_is_felt_now(dense):
-    plan = Planner(dense).plan(dense.kernel_q[5], 0, 3)
+    plan = Planner(dense).plan(dense.kernel_q[5], [0, 3])
     remembered = felt_at(dense.kernel_q.astype(float))
     (first,) = predict_sensation(dense, plan, np.zeros(1), remembered).sensation
     assert np.allclose(first, remembered[5], atol=1e-6)
     # Away from stored configurations, the target sensation is predicted.
-    elsewhere = Planner(dense).plan(dense.kernel_q[5] + 0.01, 0, 3)
+    elsewhere = Planner(dense).plan(dense.kernel_q[5] + 0.01, [0, 3])
     (first,) = predict_sensation(dense, elsewhere, np.zeros(1), remembered).sensation
     assert np.allclose(first, dense.target_sensations[0], atol=1e-6)
 
 
 def test_predictions_have_unit_length_and_no_negative_reading(dense):
-    plan = Planner(dense).plan(dense.kernel_q[5], 0, 4)
+    plan = Planner(dense).plan(dense.kernel_q[5], [0, 4])
     s = np.linspace(0.0, plan.waypoint_s[-1], 100)
     predicted = predict_sensation(dense, plan, s, felt_at(dense.kernel_q.astype(float))).sensation
     assert predicted.min() >= 0.0
@@ -60,7 +60,7 @@ def test_predictions_have_unit_length_and_no_negative_reading(dense):
 
 
 def test_staying_feels_the_same(dense):
-    plan = Planner(dense).plan(dense.kernel_q[5], 0, 0)
+    plan = Planner(dense).plan(dense.kernel_q[5], [0, 0])
     remembered = felt_at(dense.kernel_q.astype(float))
     predicted = predict_sensation(dense, plan, np.zeros(3), remembered).sensation
     assert np.allclose(predicted, remembered[5], atol=1e-6)
@@ -69,7 +69,7 @@ def test_staying_feels_the_same(dense):
 @pytest.mark.parametrize("remembers", [False, True])
 def test_nothing_is_predicted_before_the_first_touch(dense, remembers):
     remembered = felt_at(dense.kernel_q.astype(float)) if remembers else None
-    plan = Planner(dense).plan(np.array([1.5, 0.0, 0.4]), None, 2)
+    plan = Planner(dense).plan(np.array([1.5, 0.0, 0.4]), [None, 2])
     assert plan.nodes[0] == NO_KERNEL
     s = np.linspace(0.0, plan.waypoint_s[-1], 300)
     predicted = predict_sensation(dense, plan, s, remembered).sensation
@@ -79,7 +79,7 @@ def test_nothing_is_predicted_before_the_first_touch(dense, remembers):
 
 
 def test_the_agent_is_surer_at_waypoints_than_between(dense):
-    plan = Planner(dense).plan(dense.kernel_q[5], 0, 3)
+    plan = Planner(dense).plan(dense.kernel_q[5], [0, 3])
     remembered = felt_at(dense.kernel_q.astype(float))
     at = predict_sensation(dense, plan, plan.waypoint_s, remembered).spread
     halfway = (plan.waypoint_s[1:] + plan.waypoint_s[:-1]) / 2.0
@@ -91,7 +91,7 @@ def test_the_agent_is_surer_at_waypoints_than_between(dense):
 
 
 def test_what_was_felt_on_the_way_is_expected_there_again(dense):
-    plan = Planner(dense).plan(dense.kernel_q[5], 0, 3)
+    plan = Planner(dense).plan(dense.kernel_q[5], [0, 3])
     places = np.linspace(0.0, plan.waypoint_s[-1], 60)
     felt = 3.0 * felt_at(plan.path(places))
     s = np.linspace(0.0, plan.waypoint_s[-1], 211)
@@ -102,7 +102,7 @@ def test_what_was_felt_on_the_way_is_expected_there_again(dense):
 
 
 def test_what_was_felt_in_the_air_is_not_expected(dense):
-    plan = Planner(dense).plan(np.array([1.5, 0.0, 0.4]), None, 2)
+    plan = Planner(dense).plan(np.array([1.5, 0.0, 0.4]), [None, 2])
     places = np.linspace(0.0, plan.waypoint_s[-1], 60)
     found = recall_sensation(plan, places, places, felt_at(plan.path(places))).sensation
     assert not found[places < plan.waypoint_s[1]].any()

@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.agent.planning.members import firm_members, goal_members
 from selftouch_drake.agent.planning.route import (
     RouteGraph,
     carried_route,
+    firm_members,
+    goal_members,
     leap_penalty,
-    shortest_route,
 )
 from selftouch_drake.agent.representation.graphs import step_links
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
@@ -42,10 +42,11 @@ def laid_by_hand(configurations, edges, targets=None):
     )
 
 
-def route(representation, q_start, start, goal, **options):
+def route(representation, q_start, start, goal, penalty=None):
     goal_q = representation.kernel_q[goal_members(representation, goal)]
     graph = RouteGraph.of(representation, representation.edges)
-    nodes = carried_route(graph, np.atleast_1d(q_start), start, goal, goal_q, **options)
+    penalty = np.ones(len(representation.edges)) if penalty is None else penalty
+    nodes = carried_route(graph, np.atleast_1d(q_start), start, goal, goal_q, penalty)
     return None if nodes is None else nodes.tolist()
 
 
@@ -84,8 +85,8 @@ def test_the_goal_is_entered_by_its_goal_configurations_alone():
     square = laid_by_hand([[0.0], [1.0], [3.0], [0.5, 2.9]], [[0, 1], [0, 2], [1, 3], [2, 3]])
     graph = RouteGraph.of(square, square.edges)
     near, far = np.array([[0.5]]), np.array([[4.9]])
-    assert carried_route(graph, np.zeros(1), 0, 3, near).tolist() == [0, 1, 3]
-    assert carried_route(graph, np.zeros(1), 0, 3, far).tolist() == [0, 2, 3]
+    assert carried_route(graph, np.zeros(1), 0, 3, near, np.ones(4)).tolist() == [0, 1, 3]
+    assert carried_route(graph, np.zeros(1), 0, 3, far, np.ones(4)).tolist() == [0, 2, 3]
 
 
 def test_goal_configurations_are_near_the_target_and_not_the_lightest(make_ring):
@@ -110,12 +111,6 @@ def test_a_penalty_turns_the_route_the_other_way_round(make_ring):
 def test_no_route_between_parts_of_a_graph():
     apart = laid_by_hand([[0.0], [1.0], [2.0]], [[0, 1]])
     assert route(apart, 0.0, 0, 2) is None
-    assert shortest_route(np.diag([1.0, 1.0], 1), 2, 2).tolist() == [2]
-
-
-def test_the_literal_route_takes_the_chord():
-    distance = np.array([[0.0, 1.0, 1.9], [1.0, 0.0, 1.0], [1.9, 1.0, 0.0]])
-    assert shortest_route(distance, 0, 2).tolist() == [0, 2]
 
 
 def test_leaps_are_edges_between_far_off_sensations(make_ring):
@@ -124,10 +119,9 @@ def test_leaps_are_edges_between_far_off_sensations(make_ring):
     is_chord = (chord.edges == [0, 9]).all(axis=1)
     assert np.all(penalty[~is_chord] == 1.0)
     assert penalty[is_chord] > 2.0
-    assert np.all(leap_penalty(chord, chord.edges, power=0.0) == 1.0)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(deadline=None)
 @given(seed=st.integers(0, 1000), start=st.integers(0, 7), goal=st.integers(0, 7))
 def test_routes_follow_edges_from_start_to_goal(seed, start, goal, make_ring):
     representation = make_ring(8, seed=seed)

@@ -10,7 +10,7 @@ joints = st.floats(-1.0, 1.0).map(lambda angle: round(angle, 6))
 waypoints = st.integers(1, 12).flatmap(lambda n: arrays(float, (n, 3), elements=joints))
 
 
-@settings(max_examples=80, deadline=None)
+@settings(deadline=None)
 @given(waypoints)
 def test_the_path_starts_and_ends_exactly_at_the_given_configurations(w):
     path = smooth_path(w)
@@ -18,7 +18,7 @@ def test_the_path_starts_and_ends_exactly_at_the_given_configurations(w):
     assert np.allclose(path(path.t[[0, -1]]), w[[0, -1]], rtol=0.0, atol=1e-14)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(deadline=None)
 @given(waypoints)
 def test_the_path_keeps_to_the_limits_that_its_waypoints_keep(w):
     lower, upper = w.min(axis=0), w.max(axis=0)

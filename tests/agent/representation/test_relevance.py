@@ -86,7 +86,7 @@ def test_the_other_hand_stays_where_it_is(learned):
     planner = Planner(representation)
     q_start = representation.kernel_q[a_row(representation, 0, 1)].astype(float)
     for goal in range(1, 60):
-        plan = planner.plan(q_start, 0, goal)
+        plan = planner.plan(q_start, [0, goal])
         path = plan.path(np.linspace(0.0, plan.waypoint_s[-1], 50))
         assert np.abs(path[:, 3:] - q_start[3:]).max() < 1e-9
         assert np.linalg.norm(path[-1, LEFT]) == pytest.approx(1.0, abs=0.1)
@@ -104,7 +104,7 @@ def test_a_hand_that_does_not_get_there_hands_over_to_the_other(learned):
     narrow = dataclasses.replace(representation, kernel_mode=mode)
     row = a_row(narrow, int(kernels[0]), 1)
     q_start = representation.kernel_q[row].astype(float)
-    plan = Planner(narrow).plan(q_start, int(kernels[0]), goal)
+    plan = Planner(narrow).plan(q_start, [int(kernels[0]), goal])
     assert not plan.in_air.any()
     q = plan.waypoints_q
     landed = np.flatnonzero(np.abs(np.diff(q[:, RIGHT], axis=0)).max(axis=1) > 0)[0]
@@ -129,6 +129,6 @@ def test_steps_that_follow_no_link_have_none(learned):
         representation, kernel_mode=np.full(representation.num_rows, NO_MODE)
     )
     q_start = representation.kernel_q[0].astype(float)
-    plan = Planner(unknown).plan(q_start, 0, 1)
+    plan = Planner(unknown).plan(q_start, [0, 1])
     assert (plan.in_air.tolist(), plan.links.tolist()) == ([True], [-1])
-    assert not Planner(unknown).plan(q_start, 0, 0).in_air.any()
+    assert not Planner(unknown).plan(q_start, [0, 0]).in_air.any()

@@ -129,3 +129,15 @@ def test_the_nearest_over_each_link_is_the_nearest_of_all(num_joints):
         squared = np.square(q[here, None].astype(float) - q[there]).sum(axis=2)
         assert np.array_equal(nearest.row[entries], offsets[head] + squared.argmin(axis=1))
         assert np.allclose(nearest.squared[entries], squared.min(axis=1), rtol=1e-5)
+
+
+def test_distances_are_measured_again_where_kernels_changed():
+    rng = np.random.default_rng(0)
+    offsets = np.cumsum([0, *rng.integers(3, 200, 20)])
+    x = rng.normal(size=(offsets[-1], 4)).astype(np.float32)
+    (before,) = set_distances(KernelSets(x, offsets), "quantile")
+    changed = np.isin(np.arange(20), [3, 11])
+    x[np.repeat(changed, np.diff(offsets))] += 1.0
+    (after,) = set_distances(KernelSets(x, offsets), "quantile")
+    (again,) = set_distances(KernelSets(x, offsets), "quantile", changed=changed)
+    np.testing.assert_array_equal(np.where(changed[:, None] | changed, again, before), after)

@@ -2,8 +2,7 @@ import numpy as np
 from bodies import sphere
 
 from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.agent.shape.cells import Cells
-from selftouch_drake.agent.shape.pieces import cut_wide_cells
+from selftouch_drake.agent.shape.cells import Cells, cut_wide_cells
 
 
 def cells_on_a_sphere(centres, points):

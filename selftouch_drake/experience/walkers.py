@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,27 +38,27 @@ class Steps(NamedTuple):
         return Steps(q, touching, touches.of_rows(touching))
 
 
-class Source(Protocol):
-    """Follows a walk and returns configurations with their sensations."""
+class Walker:
+    """Moves the robot of a world, and returns configurations with their sensations.
 
-    robot: Robot
+    Attributes:
+        robot: the robot.
+    """
 
-    def begin(self, walk: RandomWalk) -> None:
-        """Starts at the beginning of `walk`."""
-
-    def next_steps(self) -> Steps:
-        """The next steps of the walk."""
+    def __init__(self, world: World, robot: Robot):
+        self._probe = world.probe
+        self.robot = robot
 
     def possible(self, q: np.ndarray) -> np.ndarray:
         """`(N,)` bool, whether the robot can take a configuration: rigid parts do not collide."""
+        return self._probe.collision_depth(q) == 0
 
 
-class KinematicSource:
+class KinematicWalker(Walker):
     """Evaluates contact at each step of the walk: the paper's S = phi(f(M))."""
 
     def __init__(self, world: World):
-        self._probe = world.probe
-        self.robot = world.robot
+        super().__init__(world, world.robot)
 
     def begin(self, walk: RandomWalk) -> None:
         """Starts at the beginning of `walk`."""
@@ -78,26 +78,21 @@ class KinematicSource:
         q = path.astype(np.float32)
         return q, self._probe.touches(q)
 
-    def possible(self, q: np.ndarray) -> np.ndarray:
-        """`(N,)` bool, whether the robot can take a configuration: rigid parts do not collide."""
-        return self._probe.collision_depth(q) == 0
 
-
-class DynamicSource:
+class DynamicWalker(Walker):
     """Joint controllers follow the walk in a simulation; state and sensation are sampled.
 
     Path -> joint controllers -> plant -> contact results -> TactileSkin -> log, in one diagram.
     """
 
     def __init__(self, world: World):
-        self._probe = world.probe
         # While babbling no joint has slipped.
         joints = dataclasses.replace(world.experiment.joints, offset=0.0)
         execution = dataclasses.replace(world.experiment.execution, touch_servo=False)
         experiment = dataclasses.replace(world.experiment, joints=joints, execution=execution)
         self._simulation = Simulation(experiment, world.skins, log_period=SAMPLE_PERIOD)
+        super().__init__(world, self._simulation.robot)
         self._step_duration = experiment.babbling.step_duration
-        self.robot = self._simulation.robot
 
     def begin(self, walk: RandomWalk) -> None:
         """Puts the robot at rest at the beginning of the walk."""
@@ -126,10 +121,6 @@ class DynamicSource:
         self._num_samples += len(path)
         self._simulation.lead_through(path, times)
         return logged(self._simulation, self._probe)
-
-    def possible(self, q: np.ndarray) -> np.ndarray:
-        """`(N,)` bool, whether the robot can take a configuration: rigid parts do not collide."""
-        return self._probe.collision_depth(q) == 0
 
 
 def logged(simulation: Simulation, probe: ContactProbe) -> tuple[np.ndarray, Touches]:

@@ -1,9 +1,9 @@
-"""Turns raw readings of a real skin into sensations (naive).
+"""Calibrates the receptors of a real skin: turns raw readings into sensations (naive).
 
-Raw readings are not pressures: each receptor has its own resting level, which drifts, there is
-noise, some readings are spikes, and others decay slowly after a touch. All this is estimated from
-the readings themselves, because few receptors feel each touch, and each receptor is at rest in most
-rows.
+Raw readings are not pressures: each receptor has its own resting level, which drifts, and there is
+noise. On some skins there are spikes, and on some readings decay slowly after a touch. All this is
+estimated from the readings themselves, because few receptors feel each touch, and each receptor is
+at rest in most rows.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SELDOM = 5e-4
 #: Rows over which the resting level counts as constant: at 50 Hz less than two minutes.
 _WINDOW = 5000
 
-#: Most rows from which noise and spikes are estimated.
+#: Most rows from which noise is estimated.
 _SAMPLE = 20_000
 
 #: Rows are successive in time if the joints move between them by less than this share of the
@@ -43,8 +43,8 @@ _COMPANY = 2
 #: Receptors are neighbours if they feel together this many times more often than by chance.
 _LIFT = 3.0
 
-#: Spikes are ignored if at most this share of the rows that touch has only isolated readings: one
-#: receptor may feel a light touch, and only once.
+#: There are spikes if in more than this share of the rows nothing is felt but firm readings that no
+#: neighbour shares. One receptor alone may feel a touch, but then it is a light one.
 _FEW_ALONE = 0.03
 
 #: Readings decay slowly if pressure falls in this many times more rows than it rises in. Without
@@ -167,15 +167,16 @@ def felt_touches(
     """
     q, readings = _checked(q, readings)
     calibration = _calibrated(readings, offset, threshold, rising)
+    rows, pressure = _pressed(readings, calibration)
+    shared = _shared_unless_all(pressure, len(readings))
     successive = _are_successive(q)
-    if successive and _has_spikes_in_time(readings, calibration):
+    if successive and shared is not None:
         readings = _median_of_three(readings)
         calibration = _calibrated(readings, offset, threshold, rising, smoothed=True)
-    rows, pressure = _pressed(readings, calibration)
-    company = _company(pressure > 0, len(readings))
+        rows, pressure = _pressed(readings, calibration)
+        shared = _shared_unless_all(pressure, len(readings))
     num_lone = 0
-    if company is not None:
-        shared = _shared(pressure > 0, company)
+    if shared is not None:
         num_lone = int(np.count_nonzero(pressure) - np.count_nonzero(shared))
         rows, pressure = _touching(rows, np.where(shared, pressure, np.float32(0.0)))
     if len(pressure) and 2 * np.median(np.count_nonzero(pressure, axis=0)) > len(readings):
@@ -327,18 +328,6 @@ def _are_successive(q: np.ndarray) -> bool:
     return typical(np.diff(q, axis=0)) < _SUCCESSIVE * typical(q - q[other])
 
 
-def _has_spikes_in_time(readings: np.ndarray, calibration: Calibration) -> bool:
-    """Whether in many rows no reading is shared with the previous or the next row."""
-    first = max((len(readings) - _SAMPLE) // 2, 0)
-    sample = readings[first : first + _SAMPLE]
-    # Both signs count: until spikes are removed, it is unknown whether readings rise or fall.
-    apart = np.abs(sample - calibration.resting(first + np.arange(len(sample))))
-    felt = apart > np.maximum(calibration.threshold, 0.0)
-    lasts = felt[1:-1] & (felt[:-2] | felt[2:])
-    touching = felt[1:-1].any(axis=1)
-    return bool(np.mean(~lasts[touching].any(axis=1)) > _FEW_ALONE) if touching.any() else False
-
-
 def _median_of_three(readings: np.ndarray) -> np.ndarray:
     """`(n, S)` of the same type: median filter over each row, the previous and the next."""
     found = readings.copy()
@@ -356,35 +345,35 @@ def _blocks(first: int, last: int) -> Iterator[slice]:
     return (slice(start, min(start + _BLOCK, last)) for start in range(first, last, _BLOCK))
 
 
-def _company(felt: np.ndarray, num_rows: int) -> np.ndarray | None:
-    """`(S, S)` bool, receptors that feel together more often than chance; None without spikes.
+def _shared_unless_all(pressure: np.ndarray, num_rows: int) -> np.ndarray | None:
+    """`(n, S)` bool, readings that enough neighbouring receptors share; None without spikes.
+
+    Neighbours are receptors that feel together more often than by chance. If fields do not overlap,
+    spikes cannot be distinguished from touches.
 
     Args:
-        felt: `(n, S)` bool, the receptors above threshold, in rows with at least one.
+        pressure: `(n, S)` in rows with at least one touched receptor.
         num_rows: of the recording.
     """
-    num_receptors = felt.shape[1]
+    num_receptors = pressure.shape[1]
+    felt = pressure > 0
     together, counts = np.zeros((num_receptors, num_receptors)), felt.sum(axis=0, dtype=float)
     for rows in _blocks(0, len(felt)):
         some = felt[rows].astype(np.float32)
         together += some.T @ some
     chance = np.outer(counts, counts) / num_rows
-    company = (together > _LIFT * chance) & (together > chance + 3.0 * np.sqrt(chance) + 2.0)
-    np.fill_diagonal(company, False)
-    # If fields do not overlap, spikes cannot be distinguished from touches.
-    if np.median(company.sum(axis=1)) < _COMPANY:
+    neighbours = (together > _LIFT * chance) & (together > chance + 3.0 * np.sqrt(chance) + 2.0)
+    np.fill_diagonal(neighbours, False)
+    if np.median(neighbours.sum(axis=1)) < _COMPANY:
         return None
-    alone = ~_shared(felt, company).any(axis=1)
-    return company if np.mean(alone) > _FEW_ALONE else None
-
-
-def _shared(felt: np.ndarray, company: np.ndarray) -> np.ndarray:
-    """`(n, S)` bool, readings that enough neighbouring receptors share."""
     shared = np.zeros(felt.shape, dtype=bool)
     for rows in _blocks(0, len(felt)):
-        others = felt[rows].astype(np.float32) @ company.T.astype(np.float32)
+        others = felt[rows].astype(np.float32) @ neighbours.T.astype(np.float32)
         shared[rows] = felt[rows] & (others >= _COMPANY)
-    return shared
+    if not shared.any():
+        return None
+    firm = pressure.max(axis=1) > np.median(pressure[shared])
+    return shared if np.mean(firm & ~shared.any(axis=1)) > _FEW_ALONE else None
 
 
 def _one_each(name: str, value: float | np.ndarray, num_receptors: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Chooses one motor configuration in each kernel of a route."""
+"""The waypoints of a plan: one motor configuration in each kernel of a route."""
 
 from __future__ import annotations
 
@@ -10,7 +10,72 @@ import numba
 import numpy as np
 from numba import njit
 
-from selftouch_drake.agent.planning.steps import square_step
+from selftouch_drake.agent.memory import Slides
+from selftouch_drake.agent.planning.route import square_step
+
+
+class Waypoints:
+    """Waypoints of a plan in the making: first candidates, then one of them for each kernel.
+
+    They come in stretches along links. On a stretch only the joints that matter move; all others
+    stay as they were at its beginning.
+
+    Args:
+        node: the kernel that is felt at the start.
+        x: `(J,)` the scaled configuration there.
+        joints: the joints that move from there on.
+    """
+
+    def __init__(self, node: int, x: np.ndarray, joints: np.ndarray):
+        self.nodes = [node]
+        self.in_air: list[bool] = []
+        self.along_link: list[bool] = []
+        self._stretches = [(x, joints, list[np.ndarray]())]
+
+    @property
+    def end(self) -> np.ndarray:
+        """`(J,)` the last configuration so far."""
+        return _chosen(*self._stretches[-1])[-1]
+
+    def follow(self, nodes: list[int], layers: list[np.ndarray]) -> None:
+        """Adds steps along links, through one of `(n, joints that move)` candidates per node."""
+        self.nodes += nodes
+        self.in_air += [False] * len(nodes)
+        self.along_link += [True] * len(nodes)
+        self._stretches[-1][2].extend(layers)
+
+    def move(self, node: int, x: np.ndarray, joints: np.ndarray, *, in_air: bool) -> None:
+        """Adds a straight step of all joints to `x`; from there on, `joints` move."""
+        self.nodes.append(node)
+        self.in_air.append(in_air)
+        self.along_link.append(False)
+        self._stretches.append((x, joints, []))
+
+    def passed(self, slides: Slides | None) -> tuple[list[int], np.ndarray, np.ndarray]:
+        """The nodes and configurations of the plan; known slides replace straight steps.
+
+        Returns:
+            W kernels; `(W - 1,)` the step of these waypoints that each step of the plan belongs
+            to; `(W, J)` scaled configurations.
+        """
+        x = np.concatenate([_chosen(*stretch) for stretch in self._stretches])
+        if slides is None or not len(slides.ends):
+            return self.nodes, np.arange(len(x) - 1), x
+        nodes, waypoints, of_step = [self.nodes[0]], [x[0]], list[int]()
+        for step, node in enumerate(self.nodes[1:]):
+            passed, felt = slides.all_between(x[step], x[step + 1])
+            nodes += [*felt.tolist(), node]
+            waypoints += [*passed, x[step + 1]]
+            of_step += [step] * (len(passed) + 1)
+        return nodes, np.array(of_step, dtype=int), np.array(waypoints)
+
+
+def _chosen(x: np.ndarray, joints: np.ndarray, layers: list[np.ndarray]) -> np.ndarray:
+    """`(1 + layers, J)` configurations of a stretch, from `(J,)` x on."""
+    chosen = np.repeat(x[None], 1 + len(layers), axis=0)
+    if layers:
+        chosen[1:, joints] = smoothest_configurations([x[joints][None], *layers])[1:]
+    return chosen
 
 
 def smoothest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
@@ -85,18 +150,3 @@ def _came_from(before, cost_before, x):
         if cost < least:
             best, least = row, cost
     return best
-
-
-def closest_configurations(layers: Sequence[np.ndarray]) -> np.ndarray:
-    """Chooses in each layer the configuration closest to the previous one: the paper's method.
-
-    Args:
-        layers: W arrays `(n_w, J)` rad, scaled, the first of one configuration.
-
-    Returns:
-        `(W, J)` rad, the chosen configurations.
-    """
-    chosen = [layers[0][0]]
-    for layer in layers[1:]:
-        chosen.append(layer[np.square(layer - chosen[-1]).sum(axis=1).argmin()])
-    return np.stack(chosen)
