@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "benchmarks"
 #: Modules that benchmarks share.
-SHARED = {"babbled", "peers", "raw_skin", "results", "revolute", "unrolling"}
+SHARED = {"babbled", "ompl_planner", "peers", "raw_skin", "results", "revolute", "unrolling"}
 #: Programs that draw or break what others made; tests of their own run them, or `make` does.
 MEASURE_NOTHING = {"drawings", "mutants", "notebooks", "pictures"}
 #: What is not in the extra `test`.
