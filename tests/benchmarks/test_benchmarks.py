@@ -13,8 +13,6 @@ FOLDER = ROOT / "benchmarks"
 SHARED = {"babbled", "ompl_planner", "peers", "raw_skin", "results", "revolute", "unrolling"}
 #: Programs that draw or break what others made; tests of their own run them, or `make` does.
 MEASURE_NOTHING = {"drawings", "mutants", "notebooks", "pictures"}
-#: What is not in the extra `test`.
-NEEDS = {"planning": "ompl"}
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes,
 #: `{run}` a run that has learned.
 SMALL: dict[str, list[str]] = {
@@ -49,7 +47,6 @@ SMALL: dict[str, list[str]] = {
     "shape": ["{tmp}/sphere_1", "--samples=3000", "--targets=60", "--metrics=sensorimotor"],
     "trust": ["luck", "--out={tmp}", "--touches=3000", "--targets=60", "--networks=1", "--cases=1"],
     "live": ["{run}", "--seconds", "1", "--no-browser"],
-    "planning": ["{run}", "--pairs", "1", "--samples", "500"],
     "sensor": ["--quick", "--looks", "2"],
     "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }
@@ -62,8 +59,6 @@ def test_every_benchmark_has_small_arguments():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SMALL)
 def test_a_benchmark_runs(name, small_run, tmp_path):
-    if name in NEEDS:
-        pytest.importorskip(NEEDS[name])
     arguments = [word.format(tmp=tmp_path, run=small_run.path) for word in SMALL[name]]
     done = subprocess.run(
         [sys.executable, FOLDER / f"{name}.py", *arguments],
