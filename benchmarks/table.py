@@ -134,7 +134,7 @@ def query_row(run: RunDirectory, num_pairs: int) -> Iterator[Row]:
     """Queries, including the first, compared with OMPL with the true model."""
     # Only this row needs OMPL.
     from ompl import util as ou
-    from planning import measure_cpu, ompl_planner, questions
+    from ompl_planner import measure_cpu, ompl_planner, questions
 
     ou.setLogLevel(ou.LogLevel.LOG_ERROR)
     ou.RNG.setSeed(1)

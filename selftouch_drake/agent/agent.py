@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from selftouch_drake.agent.shape import Body
 
 
-# No slots: the planner is built when it is first asked for, and kept.
+# No slots: the planner is built at first use, and kept.
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Agent:
     """A naive agent: it knows motor configurations and sensations, and nothing else.

@@ -10,7 +10,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "benchmarks"
 #: Modules that benchmarks share.
-SHARED = {"babbled", "peers", "raw_skin", "results", "revolute", "unrolling"}
+SHARED = {"babbled", "ompl_planner", "peers", "raw_skin", "results", "revolute", "unrolling"}
 #: The arguments with which a benchmark has least to do; `{tmp}` is a folder for what it writes.
 SMALL: dict[str, list[str]] = {
     "babbling": ["--touches", "200", "--turns", "1"],

@@ -204,14 +204,16 @@ def _blend(plan: Plan, sensation: np.ndarray, s: np.ndarray) -> np.ndarray:
 def _mixed(sensation: np.ndarray, before: np.ndarray, share: np.ndarray) -> np.ndarray:
     """`(T, S)` linear interpolation in `(W, S)`, at a share of the way from row `before` on."""
     after = np.minimum(before + 1, len(sensation) - 1)
-    share = share[:, None]
-    return (1.0 - share) * sensation[before] + share * sensation[after]
+    share, rows = np.stack([1.0 - share, share], axis=1), np.stack([before, after], axis=1)
+    ends = np.arange(0, rows.size + 1, 2)
+    mixing = csr_array((share.ravel(), rows.ravel(), ends), shape=(len(rows), len(sensation)))
+    return mixing @ sensation
 
 
 def _unit(sensation: np.ndarray) -> np.ndarray:
     """`(T, S)` each row divided by its L2 norm; null rows stay null."""
-    length = np.sqrt(np.einsum("ts,ts->t", sensation, sensation))[:, None]
-    return sensation / np.where(length > 0.0, length, 1.0)
+    length = np.sqrt(np.einsum("ts,ts->t", sensation, sensation))
+    return sensation * np.divide(1.0, length, out=length, where=length > 0.0)[:, None]
 
 
 def _dense(rows: csr_array | np.ndarray) -> np.ndarray:

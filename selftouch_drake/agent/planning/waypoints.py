@@ -15,7 +15,7 @@ from selftouch_drake.agent.planning.route import square_step
 
 
 class Waypoints:
-    """Waypoints of a plan in the making: first candidates, then one of them for each kernel.
+    """Waypoints of an unfinished plan: first candidates, then one of them for each kernel.
 
     They come in stretches along links. On a stretch only the joints that matter move; all others
     stay as they were at its beginning.
@@ -142,7 +142,7 @@ def _least_costs(num_joints: int) -> Callable[..., None]:
 
 @njit(cache=True)
 def _came_from(before, cost_before, x):
-    """The first of the `(m, J)` configurations before from which the way to x costs least."""
+    """The previous configuration, of `(m, J)`, from which x is reached at least cost."""
     best, least = 0, np.float32(np.inf)
     for row in range(len(before)):
         square = square_step(x, before[row])

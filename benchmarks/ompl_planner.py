@@ -1,52 +1,34 @@
-"""Planning compared with other planners, on the same pairs of a learned run. Run it as a script.
+"""OMPL's planner with the true model, which `table.py` compares with the agent's.
 
-- selftouch: the quotient graph, which knows neither the robot nor its body.
-- OMPL: RRT-Connect in a projected state space, given the true kinematics and the true surface.
-- samples: shortest path over the nearest neighbours of all stored motor configurations.
-
-All start in the same configuration and may end in the same ones; all paths are smoothed, timed and
-executed alike. The run must be of a robot with one skin that is a sphere, a cube or a torus about
-the origin of its link; the skin may move. The table stands in docs/planning.md.
+RRT-Connect in a projected state space is given the true kinematics and the true surface. It starts
+in the same configurations as the agent and may end in the same ones. The run must be of a robot
+with one skin that is a sphere, a cube or a torus about the origin of its link; the skin may move.
 `pip install 'selftouch-drake[bench]'` first.
 """
 
 from __future__ import annotations
 
-import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numba import njit
 from ompl import base as ob
 from ompl import geometric as og
-from ompl import util as ou
-from scipy.interpolate import BSpline
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.planning import Planner, goal_members, smooth_path
-from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
+from selftouch_drake.agent.planning import goal_members
+from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.evaluation import random_pairs
 from selftouch_drake.experiment import SurfaceSettings
 from selftouch_drake.robot import World
 from selftouch_drake.robot.kinematics import _compose, _move
-from selftouch_drake.robot.timing import TimedPath, time_path
-from selftouch_drake.run import stages
-from selftouch_drake.run.artifacts import load_representation
 from selftouch_drake.run.directory import RunDirectory
 
 # Goal configurations offered to a peer; more slow OMPL's nearest-neighbour search of its goal tree.
 NUM_GOALS = 20
 # s of CPU, after which OMPL gives up.
 OMPL_TIMEOUT_S = 20.0
-# Nearest neighbours that the graph of samples joins.
-SAMPLE_NEIGHBOURS = 12
-# rad of path length between the samples on which jerk is measured.
-JERK_SPACING = 0.02
 SHAPES = {"sphere": 0, "cube": 1, "torus": 2}
 
 
@@ -160,17 +142,6 @@ def dimensions(surface: SurfaceSettings, depth: float) -> np.ndarray:
     return np.array([surface.major_radius, surface.minor_radius - depth])
 
 
-def require_known(world: World) -> None:
-    """Checks that the true surface of a robot is known here."""
-    skins = list(world.experiment.skins.values())
-    known = len(skins) == 1 and skins[0].surface.shape in SHAPES
-    if not known or any(skins[0].surface.translation + skins[0].surface.rpy_deg):
-        raise SystemExit(
-            f"{world.experiment.name} has not one skin that is a sphere, a cube or a torus about "
-            "the origin of its link; give the run of another experiment"
-        )
-
-
 def ompl_planner(world: World) -> Callable[[Question], np.ndarray | None]:
     """RRT-Connect on the manifold of touching configurations, with OMPL's simplification."""
     lower, upper = world.robot.babbled_range
@@ -215,33 +186,6 @@ def ompl_planner(world: World) -> Callable[[Question], np.ndarray | None]:
     return plan
 
 
-def sample_planner(
-    representation: QuotientRepresentation, num_samples: int
-) -> Callable[[Question], np.ndarray | None]:
-    """Dijkstra's shortest path over the nearest neighbours of many stored configurations."""
-    rows = np.random.default_rng(0).permutation(representation.num_rows)[:num_samples]
-    kernel_q = representation.kernel_q[rows]
-    tree = cKDTree(representation.scaled(kernel_q))
-    distance, near = tree.query(tree.data, SAMPLE_NEIGHBOURS + 1)
-    row = np.repeat(np.arange(len(kernel_q)), SAMPLE_NEIGHBOURS)
-    links = (distance[:, 1:].ravel(), (row, near[:, 1:].ravel()))
-    graph = coo_array(links, shape=(len(kernel_q),) * 2).tocsr()
-
-    def plan(question: Question) -> np.ndarray | None:
-        _, start = tree.query(representation.scaled(question.q_start))
-        _, goals = tree.query(representation.scaled(question.goal_q))
-        cost, parent = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
-        node = goals[np.argmin(cost[goals])]
-        if not np.isfinite(cost[node]):
-            return None
-        nodes = [node]
-        while nodes[-1] != start:
-            nodes.append(parent[nodes[-1]])
-        return np.concatenate([question.q_start[None], kernel_q[nodes[::-1]].astype(float)])
-
-    return plan
-
-
 def questions(
     run: RunDirectory, representation: QuotientRepresentation, num_pairs: int
 ) -> list[Question]:
@@ -258,102 +202,8 @@ def questions(
     return asked
 
 
-def jerk(path: BSpline, scale: np.ndarray) -> float:
-    """Root mean square of the third derivative, in 1/rad^2: third differences every 0.02 rad."""
-    length = path.t[-1]
-    x = path(np.linspace(0.0, length, max(5, int(length / JERK_SPACING)))) * scale
-    return float(np.sqrt(np.mean(np.square(np.diff(x, 3, axis=0))))) / JERK_SPACING**3
-
-
-def measure(name, plan, asked, world: World, representation: QuotientRepresentation) -> str:
-    """Runs one planner on all tasks, executes its plans, and returns its line of the table."""
-    rows = []
-    for question in asked:
-        began = time.process_time()
-        path = plan(question)
-        if path is None:
-            rows.append([time.process_time() - began, 0.0, 0.0, np.nan, np.nan, np.nan])
-            continue
-        timed = timed_path(path, world)
-        spent = time.process_time() - began
-        felt = world.simulation.execute(timed.time_s, timed.q, timed.v).felt
-        reached = question.goal in felt_kernels(representation, felt[-1])
-        length = np.linalg.norm(np.diff(representation.scaled(timed.q), axis=0), axis=1).sum()
-        rough = jerk(path, representation.joint_scale)
-        rows.append([spent, felt.any(axis=1).mean(), reached, length, timed.time_s[-1], rough])
-    spent, contact, reached, length, duration, rough = np.array(rows).T
-    return (
-        f"| {name} | {1e3 * np.median(spent):,.0f} / {1e3 * np.quantile(spent, 0.95):,.0f} "
-        f"| {np.mean(~np.isnan(length)):.0%} | {contact.mean():.2%} / {contact.min():.1%} "
-        f"| {reached.mean():.1%} | {np.nanmedian(length):.2f} | {np.nanmedian(duration):.1f} "
-        f"| {np.nanmedian(rough):.0f} |"
-    )
-
-
 def measure_cpu(work: Callable[[], object]) -> float:
     """CPU time in s."""
     began = time.process_time()
     work()
     return time.process_time() - began
-
-
-def timed_path(path: BSpline, world: World) -> TimedPath:
-    """The path timed as `selftouch plan` does it."""
-    limits = world.limits
-    return time_path(path, velocity_limit=limits.velocity, acceleration_limit=limits.acceleration)
-
-
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("run", type=Path, help="a run that has learned")
-    parser.add_argument("--pairs", type=int, default=40, help="of start and goal")
-    parser.add_argument("--samples", type=int, default=200_000, help="in the graph of samples")
-    arguments = parser.parse_args()
-    ou.setLogLevel(ou.LogLevel.LOG_ERROR)
-    ou.RNG.setSeed(1)
-
-    run = RunDirectory.open(arguments.run)
-    experiment, world = run.experiment, stages.make_world(run)
-    require_known(world)
-    representation = load_representation(run)
-    limits = world.robot.lower, world.robot.upper
-    lower, upper = (representation.scaled(limit) for limit in limits)
-    knot_spacing = experiment.planning.knot_spacing
-    planner = Planner(representation, knot_spacing=knot_spacing)
-
-    def smoothed(plan):
-        def answer(question: Question) -> BSpline | None:
-            waypoints = plan(question)
-            if waypoints is None:
-                return None
-            path = smooth_path(
-                representation.scaled(waypoints),
-                knot_spacing=knot_spacing,
-                lower=lower,
-                upper=upper,
-            )
-            path.c = representation.unscaled(path.c)
-            return path
-
-        return answer
-
-    def quotient(question: Question) -> BSpline:
-        return planner.plan(question.q_start, [question.start, question.goal]).path
-
-    asked = questions(run, representation, arguments.pairs)
-    methods = {
-        "selftouch": quotient,
-        "OMPL, true model": smoothed(ompl_planner(world)),
-        "samples": smoothed(sample_planner(representation, arguments.samples)),
-    }
-    print(f"{experiment.name}, {len(asked)} pairs\n")
-    print("| planner | CPU ms, median / 95 % | solved | contact, mean / worst | reached ", end="")
-    print("| length (rad) | duration (s) | jerk (1/rad²) |")
-    print("|---" * 8 + "|")
-    for name, plan in methods.items():
-        plan(asked[0])  # compiles what is compiled
-        print(measure(name, plan, asked, world, representation), flush=True)
-
-
-if __name__ == "__main__":
-    main()
