@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 DEMO ?= runs/demo
 BEFORE ?= build/before
 
-.PHONY: help demo test fuzz kills lint docs wheel bench memory pictures notebooks install clean
+.PHONY: help demo test test-all fuzz kills mutants lint docs wheel bench memory pictures notebooks install clean
 
 help:  ## list all commands
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:[^#]*## /\t/' | expand -t 14
@@ -14,8 +14,11 @@ help:  ## list all commands
 demo: $(VENV)/.installed  ## an agent recovers its body and plans motions: two minutes on two cores
 	$(BIN)/selftouch run cube --out $(DEMO)
 
-test: $(VENV)/.installed-test  ## run all tests: half an hour on two cores
-	$(BIN)/python -m pytest -n auto
+test: $(VENV)/.installed-test  ## run the tests: minutes on two cores
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
+
+test-all: test  ## run the slow tests too: notebooks, site, browser, robots, benchmarks
+	$(BIN)/python -m pytest -n auto --dist loadfile -m slow
 
 fuzz: $(VENV)/.installed-test  ## give thousands of broken inputs to all parsers
 	SELFTOUCH_FUZZ=1000 $(BIN)/python -m pytest tests/test_fuzz.py -n 0 -s
@@ -33,6 +36,9 @@ docs: $(VENV)/.installed-docs  ## build the documentation, with a reference from
 
 wheel: $(VENV)/bin/python  ## build the package into dist
 	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+
+mutants: $(VENV)/.installed-test  ## break one line at a time, and count who notices: an hour
+	$(BIN)/python benchmarks/mutants.py
 
 bench: $(VENV)/.installed-bench $(BEFORE)/Makefile  ## measure speed and memory, compared with alternatives: ten minutes
 	$(BIN)/python benchmarks/table.py --before $(BEFORE)
