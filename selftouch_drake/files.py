@@ -154,15 +154,6 @@ def kept_arrays(
     return arrays
 
 
-def arrays_digest(arrays: Iterable[np.ndarray]) -> str:
-    """Identifies what arrays hold, with their shapes and types."""
-    digest = hashlib.sha256()
-    for array in arrays:
-        digest.update(f"{array.shape} {array.dtype}".encode())
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()[:16]
-
-
 # What numpy raises, in practice, for truncated, damaged and foreign files.
 _UNREADABLE = (
     AttributeError,

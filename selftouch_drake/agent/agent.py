@@ -15,7 +15,6 @@ from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.planning import (
     KNOT_SPACING,
-    FindNearest,
     Limits,
     Planner,
     Prediction,
@@ -28,7 +27,6 @@ from selftouch_drake.agent.representation import (
     felt_kernels,
     kernel_sensations,
     learn,
-    linked_nearest,
 )
 
 if TYPE_CHECKING:
@@ -51,14 +49,12 @@ class Agent:
         kernel_sensation: `(R, S)` unit L2 norm, the sensation at each configuration of the
             representation; it makes prediction errors five times smaller. None if not kept.
         knot_spacing: as of `Planner`.
-        find_nearest: as of `Planner`.
     """
 
     representation: QuotientRepresentation
     memory: RehearsalMemory
     kernel_sensation: csr_array | np.ndarray | None = None
     knot_spacing: float = KNOT_SPACING
-    find_nearest: FindNearest = linked_nearest
 
     @classmethod
     def of(
@@ -208,9 +204,7 @@ class Agent:
     @cached_property
     def planner(self) -> Planner:
         """The planner that makes all plans."""
-        return Planner(
-            self.representation, knot_spacing=self.knot_spacing, find_nearest=self.find_nearest
-        )
+        return Planner(self.representation, knot_spacing=self.knot_spacing)
 
     def _with(self, **changes: Any) -> Agent:
         """A changed copy that keeps the planner, which must not depend on the changes."""

@@ -100,12 +100,9 @@ class Calibration:
             readings: `(n, S)` raw, rows of the calibrated recording from `first_row` on.
             first_row: number of the first row.
         """
-        above = _above(readings, self.resting(first_row + np.arange(len(readings))), self.rising)
+        resting = _between(self.row, self.level, first_row + np.arange(len(readings)))
+        above = readings - resting if self.rising else resting - readings
         return np.where(above > self.threshold, above, 0.0).astype(np.float32)
-
-    def resting(self, rows: np.ndarray) -> np.ndarray:
-        """`(n, S)` or `(1, S)` resting level at the given rows."""
-        return _between(self.row, self.level, rows)
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """All fields by name, for a file."""
@@ -208,7 +205,7 @@ def felt_touches(
 def _pressed(readings: np.ndarray, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
     """Rows in which any receptor is above its threshold, and `(n, S)` float32 pressures."""
     found = []
-    for block in _blocks(0, len(readings)):
+    for block in _blocks(len(readings)):
         pressure = calibration.pressure(readings[block], block.start)
         found.append(_touching(np.arange(block.start, block.stop), pressure))
     rows, pressures = zip(*found, strict=True)
@@ -253,21 +250,13 @@ def _calibrated(
     sample = np.arange(0, len(readings), -(-len(readings) // _SAMPLE))
     apart = readings[sample] - _between(row, level, sample)
     if rising is None:
-        rising = _tail(apart) >= _tail(-apart)
-    if not rising:
-        apart = -apart
-    noise = _noise(apart, readings[sample])
-    if threshold is None:
-        limit = _SILENCE * noise
-    else:
+        rising = np.square(apart.clip(0.0)).sum() >= np.square(apart.clip(None, 0.0)).sum()
+    noise = _noise(apart if rising else -apart, readings[sample])
+    limit = _SILENCE * noise
+    if threshold is not None:
         limit = _one_each("threshold", threshold, num_receptors)
     return Calibration(
-        rising=rising,
-        row=row,
-        level=level,
-        noise=noise,
-        threshold=limit,
-        smoothed=smoothed,
+        rising=bool(rising), row=row, level=level, noise=noise, threshold=limit, smoothed=smoothed
     )
 
 
@@ -290,15 +279,6 @@ def _between(row: np.ndarray, level: np.ndarray, rows: np.ndarray) -> np.ndarray
     return level[before] + share * (level[before + 1] - level[before])
 
 
-def _above(readings: np.ndarray, resting: np.ndarray, rising: bool) -> np.ndarray:
-    return readings - resting if rising else resting - readings
-
-
-def _tail(apart: np.ndarray) -> float:
-    """Sum of squares of the readings above rest, over all receptors."""
-    return float(np.square(apart.clip(0.0)).sum())
-
-
 def _noise(apart: np.ndarray, readings: np.ndarray) -> np.ndarray:
     """`(S,)` standard deviation at rest, from the side of rest without touches.
 
@@ -319,30 +299,25 @@ def _are_successive(q: np.ndarray) -> bool:
     """Whether the joints move little from row to row, compared with random rows."""
     if len(q) < 100:
         return False
-    other = np.random.default_rng(0).permutation(len(q))
-
-    def typical(steps: np.ndarray) -> float:
-        return float(np.median(np.abs(steps / spread).sum(axis=1)))
-
     spread = np.where((deviation := q.std(axis=0)) > 0, deviation, np.inf)
-    return typical(np.diff(q, axis=0)) < _SUCCESSIVE * typical(q - q[other])
+    other = q[np.random.default_rng(0).permutation(len(q))]
+    near, far = (
+        np.median(np.abs(steps / spread).sum(axis=1)) for steps in (np.diff(q, axis=0), q - other)
+    )
+    return bool(near < _SUCCESSIVE * far)
 
 
 def _median_of_three(readings: np.ndarray) -> np.ndarray:
     """`(n, S)` of the same type: median filter over each row, the previous and the next."""
-    found = readings.copy()
-    for rows in _blocks(1, len(readings) - 1):
-        before, after = (
-            readings[rows.start - 1 : rows.stop - 1],
-            readings[rows.start + 1 : rows.stop + 1],
-        )
-        low, high = np.minimum(before, after), np.maximum(before, after)
-        found[rows] = readings[rows].clip(low, high)
+    found, before, after = readings.copy(), readings[:-2], readings[2:]
+    for rows in _blocks(len(before)):
+        ends = np.sort([before[rows], after[rows]], axis=0)
+        found[1:-1][rows] = readings[1:-1][rows].clip(*ends)
     return found
 
 
-def _blocks(first: int, last: int) -> Iterator[slice]:
-    return (slice(start, min(start + _BLOCK, last)) for start in range(first, last, _BLOCK))
+def _blocks(num_rows: int) -> Iterator[slice]:
+    return (slice(start, min(start + _BLOCK, num_rows)) for start in range(0, num_rows, _BLOCK))
 
 
 def _shared_unless_all(pressure: np.ndarray, num_rows: int) -> np.ndarray | None:
@@ -358,7 +333,7 @@ def _shared_unless_all(pressure: np.ndarray, num_rows: int) -> np.ndarray | None
     num_receptors = pressure.shape[1]
     felt = pressure > 0
     together, counts = np.zeros((num_receptors, num_receptors)), felt.sum(axis=0, dtype=float)
-    for rows in _blocks(0, len(felt)):
+    for rows in _blocks(len(felt)):
         some = felt[rows].astype(np.float32)
         together += some.T @ some
     chance = np.outer(counts, counts) / num_rows
@@ -367,7 +342,7 @@ def _shared_unless_all(pressure: np.ndarray, num_rows: int) -> np.ndarray | None
     if np.median(neighbours.sum(axis=1)) < _COMPANY:
         return None
     shared = np.zeros(felt.shape, dtype=bool)
-    for rows in _blocks(0, len(felt)):
+    for rows in _blocks(len(felt)):
         others = felt[rows].astype(np.float32) @ neighbours.T.astype(np.float32)
         shared[rows] = felt[rows] & (others >= _COMPANY)
     if not shared.any():

@@ -6,11 +6,9 @@ experience; those of another experience or version are refused with the remedy.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Mapping
 from contextlib import ExitStack
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,18 +17,13 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.memory import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import (
-    KernelSets,
-    LinkedNearest,
     QuotientRepresentation,
     kernel_sensations,
-    linked_nearest,
     to_networkx,
     without_vectors,
 )
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.files import (
-    arrays_digest,
-    kept_arrays,
     load_arrays,
     save_arrays,
     written_whole,
@@ -65,19 +58,7 @@ def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
         memory=load_memory(run, representation),
         kernel_sensation=felt,
         knot_spacing=run.experiment.planning.knot_spacing,
-        find_nearest=functools.partial(_kept_nearest, run.cache),
     )
-
-
-def _kept_nearest(folder: Path, sets: KernelSets, links: np.ndarray) -> LinkedNearest:
-    """As `linked_nearest`, whose results are kept in a folder."""
-    names = [field.name for field in dataclasses.fields(LinkedNearest)]
-    arrays = kept_arrays(
-        folder / f"nearest-{arrays_digest((sets.x, sets.offsets, links))}.npz",
-        names,
-        lambda: dataclasses.asdict(linked_nearest(sets, links)),
-    )
-    return LinkedNearest(**{name: arrays[name] for name in names})
 
 
 def load_representation(run: RunDirectory) -> QuotientRepresentation:

@@ -218,8 +218,6 @@ def _forget_learning(run: RunDirectory) -> None:
     """Drops the metrics of the old learning, and everything that was made from it."""
     run.drop_metrics(keys_of("learn", "evaluate"))
     shutil.rmtree(run.path / "plans", ignore_errors=True)
-    for file in run.cache.glob("nearest-*"):
-        file.unlink()
     run.rehearsal.unlink(missing_ok=True)
     run.trials.unlink(missing_ok=True)
 

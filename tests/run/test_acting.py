@@ -13,6 +13,7 @@ from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.agent.rehearsal import best, judge
 from selftouch_drake.cli import main
 from selftouch_drake.evaluation import random_pairs
+from selftouch_drake.experience.collect import world_of
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
@@ -308,10 +309,11 @@ def test_evaluation_in_another_process_gives_the_same(run, world, tmp_path):
 def test_a_plan_needs_nothing_that_is_kept(run, world):
     expected = stages.plan(run, stages.make_world(run), 3, 20)
     kept = sorted(run.cache.iterdir())
-    assert [file.name.split("-")[0] for file in kept] == ["nearest", "skins"]
+    assert [file.name.split("-")[0] for file in kept] == ["skins"]
     for spoil in (lambda file: file.write_bytes(b"garbage"), lambda file: file.unlink()):
         for file in kept:
             spoil(file)
+        world_of.keep(world, run.experiment, "another run")  # as in a new process
         motion = stages.plan(run, stages.make_world(run), 3, 20)
         np.testing.assert_array_equal(motion.q, expected.q)
         np.testing.assert_array_equal(motion.predicted, expected.predicted)

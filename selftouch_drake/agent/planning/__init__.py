@@ -15,7 +15,7 @@ from selftouch_drake.agent.planning.prediction import (
     predict_sensation,
     recall_sensation,
 )
-from selftouch_drake.agent.planning.route import FindNearest, firm_members, goal_members
+from selftouch_drake.agent.planning.route import firm_members, goal_members
 from selftouch_drake.agent.planning.smoothing import (
     KNOT_SPACING,
     polyline,
@@ -24,7 +24,6 @@ from selftouch_drake.agent.planning.smoothing import (
 
 __all__ = [
     "KNOT_SPACING",
-    "FindNearest",
     "Limits",
     "Planner",
     "Prediction",

@@ -11,7 +11,6 @@ import numpy as np
 from selftouch_drake.agent.memory import Slides
 from selftouch_drake.agent.motions import NO_KERNEL, Plan
 from selftouch_drake.agent.planning.route import (
-    FindNearest,
     RouteGraph,
     carried_route,
     goal_members,
@@ -21,7 +20,6 @@ from selftouch_drake.agent.planning.smoothing import KNOT_SPACING, path_length, 
 from selftouch_drake.agent.planning.waypoints import Waypoints
 from selftouch_drake.agent.representation.graphs import step_links
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
-from selftouch_drake.agent.representation.set_distances import linked_nearest
 
 #: Lowest and highest motor configuration, `(J,)` each.
 Limits = tuple[np.ndarray, np.ndarray]
@@ -36,18 +34,13 @@ class Planner:
     Args:
         representation: what the agent has learned.
         knot_spacing: rad of path length between knots of the smooth path; larger is smoother.
-        find_nearest: finds the nearest configurations in linked kernels.
 
     Raises:
         ValueError: `knot_spacing` is not positive.
     """
 
     def __init__(
-        self,
-        representation: QuotientRepresentation,
-        *,
-        knot_spacing: float = KNOT_SPACING,
-        find_nearest: FindNearest = linked_nearest,
+        self, representation: QuotientRepresentation, *, knot_spacing: float = KNOT_SPACING
     ) -> None:
         if not knot_spacing > 0.0:
             raise ValueError(f"knot_spacing is {knot_spacing} rad: give a positive number")
@@ -55,7 +48,7 @@ class Planner:
         self.knot_spacing = knot_spacing
         self.links = step_links(representation)
         self._graphs = [
-            RouteGraph.of(representation, self.links, mode, find_nearest)
+            RouteGraph.of(representation, self.links, mode)
             for mode in range(len(representation.mode_joints))
         ]
         # Float32, as stored configurations are.

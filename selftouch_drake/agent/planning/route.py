@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,8 +18,6 @@ from selftouch_drake.agent.representation.set_distances import (
     quantile,
 )
 
-#: `linked_nearest`, or what knows its result.
-FindNearest = Callable[[KernelSets, np.ndarray], LinkedNearest]
 # Links between targets farther apart than this many spacings are leaps: they cut through the body.
 _LEAP_SPACINGS = 1.25
 # The cost of a leap grows with this power of its length beyond that. Measured on about 200 plans
@@ -115,11 +112,7 @@ class RouteGraph:
 
     @classmethod
     def of(
-        cls,
-        representation: QuotientRepresentation,
-        links: np.ndarray,
-        mode: int = 0,
-        find_nearest: FindNearest = linked_nearest,
+        cls, representation: QuotientRepresentation, links: np.ndarray, mode: int = 0
     ) -> RouteGraph:
         """Arranges one mode of `representation` and the `(L, 2)` links for search."""
         num_kernels = representation.num_targets
@@ -143,7 +136,7 @@ class RouteGraph:
             way_offsets=np.searchsorted(ways[:, 0], np.arange(num_kernels + 1)),
             way_kernel=np.ascontiguousarray(ways[:, 1]),
             way_link=np.tile(usable, 2)[order],
-            steps=find_nearest(firm, ways),
+            steps=linked_nearest(firm, ways),
         )
 
     def joins(self, start: int, goal: int) -> bool:
