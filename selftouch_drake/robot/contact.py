@@ -206,15 +206,15 @@ class SensorModel:
         force = np.array(faces.force)
         p_LQ = _in_frames(np.array(faces.p_WQ), np.repeat(X_WL[row, skin], num_faces, axis=0))
         ends = np.cumsum([0, *num_faces])
-        for contact, k in enumerate(skin):
-            faces_of = slice(ends[contact], ends[contact + 1])
+        for number, k in enumerate(skin):
+            faces_of = slice(ends[number], ends[number + 1])
             corner, part = self._fields[k].parts_at(p_LQ[faces_of])
             # Forces are summed at the corners of the surface first, because there are fewer.
             load = np.bincount(
                 corner.ravel(), (force[faces_of, None] * part).ravel(), self._sizes[k]
             )
             felt = self._spread[k] @ load
-            sensation[row[contact], self._ends[k] : self._ends[k + 1]] += felt
+            sensation[row[number], self._ends[k] : self._ends[k + 1]] += felt
         total = np.zeros((len(row), 4))
         contact = np.repeat(np.arange(len(row)), num_faces)
         np.add.at(total, contact, np.column_stack([force, force[:, None] * p_LQ]))
