@@ -292,15 +292,16 @@ def test_a_list_of_experiments_needs_no_drake():
 
 
 def test_a_plan_through_the_air_is_shown():
-    steps = {"nodes": np.array([3, 17, 120, 131]), "in_air": np.array([False, True, False])}
-    assert _route(SimpleNamespace(**steps)) == "3 17 | lifts off | 120 131"
-    steps = {"nodes": np.array([NO_KERNEL, 120, 7]), "in_air": np.array([True, False])}
-    assert _route(SimpleNamespace(**steps)) == "off 120 7\n       off: nothing is felt there"
-    steps = {"nodes": np.array([10, 228, 10, 240]), "in_air": np.zeros(3, bool)}
+    def route(nodes, in_air):
+        plan = SimpleNamespace(nodes=np.array(nodes), in_air=np.array(in_air, dtype=bool))
+        return _route(SimpleNamespace(plan=plan))
+
+    assert route([3, 17, 120, 131], [False, True, False]) == "3 17 | lifts off | 120 131"
+    off = "off 120 7\n       off: nothing is felt there"
+    assert route([NO_KERNEL, 120, 7], [True, False]) == off
     again = "10 228 10* 240\n       *: felt again, in another posture"
-    assert _route(SimpleNamespace(**steps)) == again
-    steps = {"nodes": np.array([5]), "in_air": np.zeros(0, bool)}
-    assert _route(SimpleNamespace(**steps)) == "5"
+    assert route([10, 228, 10, 240], [False, False, False]) == again
+    assert route([5], []) == "5"
 
 
 def test_an_edited_model_is_named_by_what_comes_after(tmp_path, finished_run):

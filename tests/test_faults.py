@@ -95,7 +95,7 @@ def test_killed_at_any_moment_and_started_again_gives_the_same_bytes(
 def test_a_second_writer_of_experience_is_refused(run):
     before = shards(run)
     with FileLock(run / ".lock"):
-        line = refused(*babble(run))
+        line = refused("babble", run / "experiment.yaml", "--out", run, "--workers", 1)
     assert line == (
         f"{run} is being written by another process; wait for it, or choose another --out"
     )
@@ -351,8 +351,9 @@ def test_learning_that_is_killed_and_done_again_gives_the_same_bytes(run, learne
 
 
 def test_a_killed_worker_is_reported(tmp_path):
-    experiment = load_experiment("cube", parse_overrides(SMALL))
-    run = RunDirectory.create(tmp_path / "run", experiment)
+    # So many walks that the other worker does not end them all meanwhile.
+    many = {"babbling": {"num_samples": 40_000, "walk_size": 500}}
+    run = RunDirectory.create(tmp_path / "run", load_experiment("cube", many))
     with local_executor(2) as executor:
 
         def kill_one(num_rows):

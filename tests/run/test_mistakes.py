@@ -107,7 +107,7 @@ def test_the_small_robot_is_right(babble, tmp_path):
         ),
         (
             "{robot: {joints: [elbow, elbow]}}",
-            "robot.joints is ['elbow', 'elbow']; name ['elbow'] once",
+            "robot.joints is ['elbow', 'elbow']; name joints, each once, or null",
         ),
         (
             "{robot: {joints: [elbow, 'small::elbow']}}",
