@@ -43,6 +43,21 @@ def test_fields_overlap_and_share_out_everything(name, num_receptors, seed):
     assert (fields.vertex_weights.sum(axis=0) > 0).all()
 
 
+def test_fields_fall_with_the_fourth_power_towards_their_rim():
+    surface = STANDARD_BODIES["sphere"]
+    fields = geometry.receptive_fields(surface, geometry.place_receptors(surface, 60, seed=0))
+    weights = fields.vertex_weights.toarray()
+    # On the sphere, distances along the surface are arcs, up to its triangles.
+    cosine = fields.vertices @ fields.p_LS.T / 0.25**2
+    arc = 0.25 * np.arccos(cosine.clip(-1, 1))
+    # All fields share a vertex in proportion to (1 - (d / r)^2)^2.
+    bump = np.square(np.maximum(1 - np.square(arc / fields.radius), 0))
+    expected = bump / bump.sum(axis=1, keepdims=True)
+    assert np.abs(weights - expected).mean() < 0.03 * expected.mean()
+    correlation = np.corrcoef(weights.ravel(), expected.ravel())[0, 1]
+    assert correlation > 0.999
+
+
 @pytest.mark.parametrize("name", STANDARD_BODIES)
 def test_receptors_are_spread_evenly(name):
     surface = STANDARD_BODIES[name]
