@@ -34,7 +34,6 @@ from pathlib import Path
 
 import numpy as np
 from babbled import run_at
-from minisom import MiniSom
 from results import add_update_option, results
 from scipy.spatial.distance import cdist, pdist, squareform
 from shape import Case, Experience, learned_representation
@@ -118,6 +117,9 @@ def information(felt: np.ndarray) -> np.ndarray:
 def som(representation: QuotientRepresentation, felt: np.ndarray, seed: int) -> Layout:
     side = round(np.sqrt(representation.num_targets))
     rows = unit(some(felt, seed))
+    # Not in the extra `test`; the other rivals run without it.
+    from minisom import MiniSom
+
     sheet = MiniSom(side, side, rows.shape[1], sigma=side / 4, random_seed=seed)
     sheet.train(rows, 10 * len(rows))
     units = sheet.get_weights().reshape(side * side, -1)
