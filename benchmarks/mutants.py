@@ -293,8 +293,10 @@ def who_kills(mutant: Mutant, folder: Path, *, everything: bool) -> str:
 
 
 def _first_failure(folder: Path, tests: tuple[str, ...]) -> str:
+    # A mutant may never end: pytest then names the test that took too long.
+    options = ("-x", "-m", "not slow", "-p", "no:cacheprovider", "--timeout", "300")
     done = subprocess.run(
-        [sys.executable, "-m", "pytest", "-x", "-m", "not slow", "-p", "no:cacheprovider", *tests],
+        [sys.executable, "-m", "pytest", *options, *tests],
         cwd=folder,
         env=os.environ | {"PYTHONPATH": str(folder)},
         capture_output=True,
