@@ -2,10 +2,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.spatial.distance import cdist
+from scipy.spatial import procrustes
+from scipy.spatial.distance import cdist, pdist
 from sklearn import manifold
 
 from selftouch_drake.evaluation import distance_distortion, trustworthiness
+from selftouch_drake.evaluation.shape import shape_rms_fraction
 
 
 def apart(points: np.ndarray) -> np.ndarray:
@@ -20,6 +22,15 @@ def test_trustworthiness_is_that_of_scikit_learn(seed, num_neighbours):
     found = true[:, :2] + rng.normal(scale=0.3, size=(25, 2))
     expected = manifold.trustworthiness(true, found, n_neighbors=num_neighbours)
     assert trustworthiness(apart(found), apart(true), num_neighbours) == pytest.approx(expected)
+
+
+def test_the_shape_error_is_that_of_scipy_s_procrustes_analysis():
+    rng = np.random.default_rng(0)
+    true = rng.normal(size=(30, 3))
+    found = 5.0 * true[:, [1, 2, 0]] * [1, 1, -1] + rng.normal(scale=0.5, size=(30, 3))
+    _, _, disparity = procrustes(true, found)
+    rms = np.sqrt(disparity * np.square(true - true.mean(axis=0)).sum() / len(true))
+    assert shape_rms_fraction(found, true) == pytest.approx(rms / pdist(true).max())
 
 
 def test_trust_and_continuity_tell_a_fold_from_a_tear():

@@ -3,13 +3,20 @@
 import copy
 
 import numpy as np
+import pytest
 
 from selftouch_drake.agent.lifelong import ReceptorTest, SurpriseTest
+from selftouch_drake.agent.lifelong.alarm import threshold
 
 
 def alike(num):
     """The novelty of touches that are equally novel on average."""
     return np.random.default_rng(7).random(num)
+
+
+def test_the_threshold_is_passed_by_chance_once_in_a_hundred_lifetimes():
+    """A sum of log likelihood ratios passes h once in e^h steps or less often (Lorden, 1971)."""
+    assert np.exp(-threshold(0.01, 100_000)) * 100_000 == pytest.approx(0.01)
 
 
 def test_the_alarm_is_silent_on_what_is_usual_and_quick_on_what_is_not():

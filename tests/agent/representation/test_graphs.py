@@ -21,6 +21,7 @@ from selftouch_drake.agent.representation import (
     to_networkx,
     without_vectors,
 )
+from selftouch_drake.agent.representation.graphs import surface_neighbours
 
 
 def line(*positions: float) -> np.ndarray:
@@ -43,6 +44,19 @@ def test_complete_edges():
 )
 def test_neighbour_edges_by_hand(num_mutual, num_kept, edges):
     assert neighbour_edges(line(0.0, 1.0, 2.5, 9.0), num_mutual, num_kept).tolist() == edges
+
+
+def test_kernels_that_feel_different_are_far_apart():
+    # Kernel 3 is nearest to kernel 0 in motor space, but feels unlike it; 4 is of another part.
+    set_distance = line(0.0, 1.0, 2.0, 0.5, 0.6)
+    angle = np.array([0.0, 0.5, 1.0, 1.5, 0.1])
+    targets = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    part = np.array([0, 0, 0, 0, 1])
+    edges, near = surface_neighbours(set_distance, targets, part, num_mutual=1)
+    assert edges.max() == 3
+    assert near[0, 1] < near[0, 3]
+    assert np.isinf(near[4, :4]).all()
+    assert np.isinf(near[:4, 4]).all()
 
 
 def test_neighbours_at_no_distance_are_not_oneself():
