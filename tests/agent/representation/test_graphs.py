@@ -48,7 +48,7 @@ def test_neighbour_edges_by_hand(num_mutual, num_kept, edges):
 
 def test_kernels_that_feel_different_are_far_apart():
     # Kernel 3 is nearest to kernel 0 in motor space, but feels unlike it; 4 is of another part.
-    set_distance = line(0.0, 1.0, 2.0, 0.5, 0.6)
+    set_distance = line(0.0, 0.6, 2.0, 0.5, 0.7)
     angle = np.array([0.0, 0.5, 1.0, 1.5, 0.1])
     targets = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     part = np.array([0, 0, 0, 0, 1])
