@@ -1,4 +1,4 @@
-"""A user's mistakes, told in one line: the field by its full path, its value and the remedy."""
+"""A user's mistakes, each in one line: the field by its full path, its value and the remedy."""
 
 import difflib
 import re
@@ -35,12 +35,12 @@ class Mistake(ValueError):  # noqa: N818 -- becomes an ExperimentError once its 
 
     Attributes:
         at: the field below the settings that were checked, as in `surface.radius`, or empty.
-        told: the line for the user; `{path}` stands for the field's full path.
+        line: what the user reads; `{path}` stands for the field's full path.
     """
 
-    def __init__(self, at: str, told: str) -> None:
-        super().__init__(told)
-        self.at, self.told = at, told
+    def __init__(self, at: str, line: str) -> None:
+        super().__init__(line)
+        self.at, self.line = at, line
 
 
 def require(valid: bool, at: str, found: object, remedy: str) -> None:
@@ -63,7 +63,7 @@ def explained(error: ValidationError, prefix: str = "") -> ExperimentError:
     path = "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in parts if p != "")
     path = ("a name in " if is_name else "") + path.removeprefix(".")
     if isinstance(mistake, Mistake):
-        return ExperimentError(mistake.told.replace("{path}", path))
+        return ExperimentError(mistake.line.replace("{path}", path))
     if kind == "literal_error":
         choices = re.findall("'(.*?)'", context["expected"])
         remedy = closest(str(value), choices) or f"choose one of {', '.join(choices)}"

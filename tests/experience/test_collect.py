@@ -161,7 +161,7 @@ def test_any_order_gives_the_same_bytes(experiment, reference, tmp_path):
     assert steps == num_steps
 
 
-def test_threads_that_share_a_world_give_the_same_bytes(experiment, reference, tmp_path):
+def test_threads_with_worlds_of_their_own_give_the_same_bytes(experiment, reference, tmp_path):
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     try:
