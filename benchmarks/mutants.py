@@ -213,10 +213,10 @@ MUTANTS = (
     ),
     Mutant(
         name="timing: limits are used whole",
-        file="robot/timing.py",
+        file="agent/planning/timing.py",
         old="LIMIT_SHARE = 0.8",
         new="LIMIT_SHARE = 1.2",
-        first=("tests/robot/test_timing.py",),
+        first=("tests/agent/planning/test_timing.py",),
     ),
     Mutant(
         name="servo: corrects to the wrong side",

@@ -14,11 +14,11 @@ from pydrake.systems.primitives import Demultiplexer, LogVectorOutput, Trajector
 from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.experience import collect_walk
 from selftouch_drake.experience.walkers import KinematicWalker
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import MakeDynamicStation, World
-from selftouch_drake.robot.timing import time_path
 
 NUM_TOUCHES, NUM_TARGETS = 8000, 60
 # s, times at which goals arrive; `main` chooses them.

@@ -24,7 +24,7 @@ LAYERS = (
     ("robot",),
     ("geometry",),
     ("experiment",),
-    ("files", "lazy", "resources", "threads"),
+    ("compiled", "files", "lazy", "resources", "threads"),
 )
 HEIGHT = {room: -number for number, rooms in enumerate(LAYERS) for room in rooms}
 # The agent is naive: below it are only the helpers of `geometry` that know no robot.

@@ -86,6 +86,7 @@ def outside(source: str) -> set[str]:
             names.add(node.module or "")
     own = (
         "selftouch_drake.agent",
+        "selftouch_drake.compiled",
         "selftouch_drake.geometry.farthest",
         "selftouch_drake.threads",
     )

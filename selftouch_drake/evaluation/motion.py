@@ -11,14 +11,18 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.planning import polyline
+from selftouch_drake.agent.planning.timing import commanded, speed_shares
 from selftouch_drake.agent.rehearsal import reached
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import World
+from selftouch_drake.robot.limits import JointLimits
 
 # Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline grows
 # without bound as samples get denser, so the ratio has a meaning only for a stated spacing.
 _JERK_SPACING = 0.02
+# Rate at which positions are compared with their limits.
+_CHECK_RATE_HZ = 1000.0
 # rad of path length, between samples of a plan without times.
 _SAMPLED = 0.01
 
@@ -167,6 +171,43 @@ def in_link_frames(p_WT: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
     """
     apart = p_WT[:, None] - X_WL[:, :, None, :, 3]
     return np.einsum("tlpi,tlij->tlpj", apart, X_WL[..., :3])
+
+
+def limit_shares(
+    time_s: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    q_measured: np.ndarray,
+    torque: np.ndarray,
+    limits: JointLimits,
+) -> dict[str, float]:
+    """Shares of the limits that an executed motion used; 1 is the limit.
+
+    Args:
+        time_s: `(T,)` s.
+        q: `(T, J)` rad or m, commanded.
+        v: `(T, J)` rad/s or m/s, commanded.
+        q_measured: `(T, J)` rad or m.
+        torque: `(N, J)` N·m or N, of the actuators, any number of samples.
+        limits: of the robot and its motions.
+
+    Returns:
+        For `position` (distance from the middle of a joint's range, commanded or measured),
+        `velocity` and `acceleration` (commanded) and `torque` the largest share of any joint.
+    """
+    velocity, acceleration = speed_shares(time_s, q, v, limits.velocity, limits.acceleration)
+    times = np.append(np.arange(time_s[0], time_s[-1], 1.0 / _CHECK_RATE_HZ), time_s[-1])
+    positions = np.concatenate([commanded(time_s, q, v)(times), q_measured])
+    # A joint without limits uses no share of them.
+    ends = np.isfinite(limits.upper) & np.isfinite(limits.lower)
+    upper, lower = np.where(ends, limits.upper, np.inf), np.where(ends, limits.lower, -1.0)
+    middle, half = np.where(ends, (upper + lower) / 2, 0.0), (upper - lower) / 2
+    return {
+        "position": float(np.max(np.abs(positions - middle) / half)),
+        "velocity": velocity,
+        "acceleration": acceleration,
+        "torque": float(np.max(np.abs(torque) / limits.torque)),
+    }
 
 
 def progress_along(s: np.ndarray, q: np.ndarray, q_measured: np.ndarray) -> np.ndarray:

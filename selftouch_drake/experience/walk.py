@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from selftouch_drake.robot.compiled import compiled
+from selftouch_drake.compiled import compiled
 
 
 class RandomWalk:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 
-from selftouch_drake.robot.compiled import compiled, inner
+from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.robot.kinematics import Kinematics
 from selftouch_drake.robot.reach import WallGrid, covering_balls
 from selftouch_drake.robot.robot import Robot

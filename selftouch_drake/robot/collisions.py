@@ -10,8 +10,8 @@ import numpy as np
 from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector
 from pydrake.multibody.tree import Frame, RigidBody
 
+from selftouch_drake.compiled import compiled
 from selftouch_drake.experiment import ExperimentError
-from selftouch_drake.robot.compiled import compiled
 from selftouch_drake.robot.kinematics import Kinematics
 from selftouch_drake.robot.links import as_mesh
 from selftouch_drake.robot.robot import Robot

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from selftouch_drake.robot.compiled import compiled, inner
+from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.robot.contact import Touches
 from selftouch_drake.robot.receptor_shares import Shares, add_load, feel_loads, receptor_shares
 from selftouch_drake.robot.robot import Robot

@@ -11,7 +11,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
 
-from selftouch_drake.robot.compiled import compiled, inner
+from selftouch_drake.compiled import compiled, inner
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

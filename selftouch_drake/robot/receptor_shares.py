@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.geometry import HollowSkin, ReceptiveFields
-from selftouch_drake.robot.compiled import compiled, inner
 
 
 class Shares(NamedTuple):

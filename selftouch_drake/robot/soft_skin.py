@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
+from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.geometry import HollowSkin
-from selftouch_drake.robot.compiled import compiled, inner
 
 
 class SoftSkin(NamedTuple):

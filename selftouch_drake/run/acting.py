@@ -12,6 +12,7 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning import Limits, checked_configuration
+from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.agent.practice import DryRun, NoWayError, dry_run, learn_from, practise
 from selftouch_drake.agent.rehearsal import Try, judge
 from selftouch_drake.agent.sliding import Slider
@@ -19,7 +20,6 @@ from selftouch_drake.agent.touch_profile import felt_across
 from selftouch_drake.evaluation import jerk_reduction
 from selftouch_drake.robot import LOG_PERIOD, Log, World
 from selftouch_drake.robot.servo import OFFSETS, Beside
-from selftouch_drake.robot.timing import time_path
 
 # m, less than the allowed depth of rigid parts in each other: executions are off by less.
 _MARGIN = 0.0005

@@ -15,6 +15,7 @@ from selftouch_drake.evaluation import (
     MotionScore,
     cosine_distance,
     in_link_frames,
+    limit_shares,
     off_skin,
     progress_along,
     score_motion,
@@ -22,7 +23,6 @@ from selftouch_drake.evaluation import (
 )
 from selftouch_drake.geometry import wall_points
 from selftouch_drake.robot import World
-from selftouch_drake.robot.limits import limit_shares
 from selftouch_drake.run.acting import NoWayError, Pilot
 
 

@@ -7,11 +7,11 @@ import pytest
 import robots
 
 from selftouch_drake.agent.planning import smooth_path
+from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.experience import random_walk
 from selftouch_drake.experiment import JointSettings, load_experiment
 from selftouch_drake.robot import LOG_PERIOD, Simulation
 from selftouch_drake.robot.imperfections import slip
-from selftouch_drake.robot.timing import time_path
 
 
 @pytest.fixture(scope="module", params=["in the air", "through the skin"])

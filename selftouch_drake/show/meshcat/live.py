@@ -9,10 +9,10 @@ import numpy as np
 from pydrake.geometry import Meshcat
 
 from selftouch_drake.agent.motions import Motion
+from selftouch_drake.agent.planning.timing import commanded
 from selftouch_drake.evaluation import cosine_distance
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.robot import Simulation
-from selftouch_drake.robot.limits import commanded
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
 from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.paths import SkinPath, touch_paths

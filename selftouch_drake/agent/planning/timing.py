@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline, CubicSpline, PPoly
+from scipy.interpolate import BSpline, CubicHermiteSpline, CubicSpline, PPoly
 
-from selftouch_drake.robot.fastest import fastest_progress
-from selftouch_drake.robot.limits import speed_shares
+from selftouch_drake.agent.planning.fastest import fastest_progress
 
 #: The solver respects limits only at grid points; between them they are exceeded by up to 25 %.
 LIMIT_SHARE = 0.8
@@ -95,6 +94,47 @@ def time_path(
         if excess <= 1.0:
             return timed
         s_of_t = _slowed(s_of_t, _CHECK_MARGIN * excess)
+
+
+def commanded(time_s: np.ndarray, q: np.ndarray, v: np.ndarray) -> CubicHermiteSpline:
+    """What the joints are commanded between the samples of a motion.
+
+    Args:
+        time_s: `(T,)` s.
+        q: `(T, J)` rad or m.
+        v: `(T, J)` rad/s or m/s.
+    """
+    return CubicHermiteSpline(time_s, q, v)
+
+
+def speed_shares(
+    time_s: np.ndarray,
+    q: np.ndarray,
+    v: np.ndarray,
+    velocity_limit: np.ndarray,
+    acceleration_limit: np.ndarray,
+) -> tuple[float, float]:
+    """Shares of the limits that a commanded motion uses, exactly; 1 is the limit.
+
+    Args:
+        time_s: `(T,)` s.
+        q: `(T, J)` rad or m.
+        v: `(T, J)` rad/s or m/s.
+        velocity_limit: `(J,)` rad/s or m/s.
+        acceleration_limit: `(J,)` rad/s^2 or m/s^2.
+
+    Returns:
+        The largest share of the velocity and of the acceleration that is allowed, of any joint.
+    """
+    # On each cubic piece the acceleration is linear; where it is 0, the velocity is greatest.
+    step, start, end = np.diff(time_s)[:, None], v[:-1], v[1:]
+    mean = np.diff(q, axis=0) / step
+    first, last = (6 * mean - 4 * start - 2 * end) / step, (2 * start + 4 * end - 6 * mean) / step
+    turns = first * last < 0
+    inside = first**2 / np.where(turns, first - last, np.inf) * step / 2
+    speed = np.abs([start, end, np.where(turns, start + inside, 0.0)]).max(axis=(0, 1))
+    rise = np.abs([first, last]).max(axis=(0, 1))
+    return float((speed / velocity_limit).max()), float((rise / acceleration_limit).max())
 
 
 def _quintic(path: BSpline) -> PPoly:

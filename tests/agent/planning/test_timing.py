@@ -5,10 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.agent.planning import smooth_path
-from selftouch_drake.robot import timing
-from selftouch_drake.robot.limits import speed_shares
-from selftouch_drake.robot.timing import time_path
+from selftouch_drake.agent.planning import smooth_path, timing
+from selftouch_drake.agent.planning.timing import commanded, speed_shares, time_path
 
 VELOCITY = np.array([1.0, 1.5, 2.0])
 ACCELERATION = np.array([4.0, 5.0, 6.0])
@@ -121,3 +119,22 @@ def test_the_same_path_is_timed_the_same():
 def test_errors_say_what_to_do(options, message):
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         timed(random_path(0, 3, 0.3), **options)
+
+
+def test_shares_are_of_the_joint_that_takes_most():
+    # From rest at 4 rad/s^2 for a second; joint 0 stays.
+    time_s = np.linspace(0.0, 1.0, 11)
+    q = np.stack([0.5 * np.ones(11), 2.0 * time_s**2], axis=1)
+    v = np.stack([np.zeros(11), 4.0 * time_s], axis=1)
+    shares = speed_shares(time_s, q, v, np.array([1.0, 2.0]), np.array([5.0, 4.0]))
+    assert shares == pytest.approx((2.0, 1.0))
+
+
+def test_what_happens_between_samples_counts():
+    # The samples rest; the cubic between them goes there and back.
+    time_s, v = np.array([0.0, 0.3, 1.0]), np.zeros((3, 2))
+    q = np.array([[0.0, 2.0], [0.3, 2.0], [0.3, 2.0]])
+    velocity, acceleration = speed_shares(time_s, q, v, np.ones(2), np.ones(2))
+    assert velocity == pytest.approx(1.5, rel=1e-4)
+    assert acceleration == pytest.approx(20.0)
+    assert commanded(time_s, q, v)(0.15)[0] == pytest.approx(0.15)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
-from selftouch_drake.robot.compiled import compiled, inner
+from selftouch_drake.compiled import compiled, inner
 
 # A smaller coefficient of the acceleration counts as zero.
 _NONE = 1e-12
