@@ -14,12 +14,36 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from selftouch_drake import __version__
 from selftouch_drake.run.executors import local_executor, meanwhile, one_line_warnings
+
+if TYPE_CHECKING:
+    from selftouch_drake.run.directory import RunDirectory
+
+
+def _fields(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, Any]:
+    from selftouch_drake.experiment import parse_overrides
+
+    return parse_overrides(text)
+
+
+def _numbers(kind: type) -> Callable[..., list | None]:
+    """A reader of numbers that are separated by commas."""
+
+    def read(ctx: click.Context, option: click.Parameter, text: str | None) -> list | None:
+        try:
+            return None if text is None else [kind(number) for number in text.split(",")]
+        except ValueError:
+            raise click.BadParameter(
+                f"{text!r} is not a list of numbers; give one such as 3,50,120"
+            ) from None
+
+    return read
+
 
 RUN = click.argument("run", metavar="RUN", type=click.Path(path_type=Path))
 EXPERIMENT = click.argument("experiment", default="cube")
@@ -34,6 +58,7 @@ SET = click.option(
     "overrides",
     default="{}",
     metavar="YAML",
+    callback=_fields,
     help="Fields to change, as in '{babbling: {num_samples: 20000}}'.",
 )
 WORKERS = click.option(
@@ -44,7 +69,7 @@ WORKERS = click.option(
 SCHEDULER = click.option(
     "--scheduler",
     metavar="ADDRESS",
-    help="Address of a Dask scheduler whose workers do the babbling, tcp://host:port.",
+    help="Address of a Dask scheduler whose workers do the work, tcp://host:port.",
 )
 PORT = click.option(
     "--port",
@@ -55,34 +80,16 @@ FROM = click.option(
     "--from", "start", type=int, help="Number of the target sensation to start from."
 )
 TO = click.option("--to", "goal", type=int, help="Number of the target sensation to reach.")
-
-
-class Numbers(click.ParamType):
-    """Numbers separated by commas."""
-
-    name = "numbers"
-
-    def __init__(self, kind: type):
-        self._kind = kind
-
-    def convert(self, value, param, ctx):
-        """Returns the numbers as a list."""
-        try:
-            return [self._kind(text) for text in value.split(",")]
-        except ValueError:
-            self.fail(f"{value!r} is not a list of numbers; give one such as 3,50,120", param, ctx)
-
-
 THROUGH = click.option(
     "--through",
-    type=Numbers(int),
+    callback=_numbers(int),
     metavar="I,J,...",
     help="Target sensations to visit in this order, instead of --from and --to.",
 )
 FROM_Q = click.option(
     "--from-q",
     "q_start",
-    type=Numbers(float),
+    callback=_numbers(float),
     metavar="Q1,Q2,...",
     help="Joint positions to start from, in rad or m, touching or not; instead of --from.",
 )
@@ -93,44 +100,44 @@ def of_an_experiment(command: Callable[..., None]) -> Callable[..., None]:
     return EXPERIMENT(OUT(SET(command)))
 
 
-class PlanOptions(NamedTuple):
-    """The options that name a plan."""
+def of_a_run(command: Callable[..., None]) -> Callable[..., None]:
+    """Adds the run of a command that writes in it, as `directory`."""
 
-    start: int | None
-    q_start: list[float] | None
-    goal: int | None
-    through: list[int] | None
+    @functools.wraps(command)
+    def opened(run: Path, **options: Any) -> None:
+        command(directory=_open(run), **options)
 
-    def targets(self) -> list:
-        """The targets that name the plan; checks the combination of options."""
+    return RUN(opened)
+
+
+def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
+    """Adds the run, and the targets that name one of its plans, as `directory` and `targets`."""
+
+    @functools.wraps(command)
+    def named(
+        directory: RunDirectory,
+        start: int | None,
+        q_start: list[float] | None,
+        goal: int | None,
+        through: list[int] | None,
+        **options: Any,
+    ) -> None:
         from selftouch_drake.run.naming import free_start
 
-        begins = [self.start is not None, self.q_start is not None, self.through is not None]
-        if sum(begins) != 1 or (self.goal is None) != (self.through is not None):
+        begins = [start is not None, q_start is not None, through is not None]
+        if sum(begins) != 1 or (goal is None) != (through is not None):
             raise click.UsageError(
                 "start or goal is missing, or given twice; give --from and --to, or --from-q and "
                 "--to, or --through alone"
             )
-        if self.through is None:
-            return [free_start(self.q_start) if self.q_start else self.start, self.goal]
-        if len(self.through) < 2:
+        if through is not None and len(through) < 2:
             raise click.UsageError(
-                f"--through is {self.through[0]}; give at least two target sensations"
+                f"--through is {through[0]}; give at least two target sensations"
             )
-        return self.through
+        targets: list = through or [free_start(q_start) if q_start else start, goal]
+        command(directory, targets, **options)
 
-
-def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
-    """Adds the run, and the options that name one of its plans, as `PlanOptions`."""
-
-    @functools.wraps(command)
-    def named(run: Path, **options: Any) -> None:
-        which = PlanOptions(**{name: options.pop(name) for name in PlanOptions._fields})
-        command(run, which, **options)
-
-    for option in (THROUGH, TO, FROM_Q, FROM, RUN):
-        named = option(named)
-    return named
+    return of_a_run(FROM(FROM_Q(TO(THROUGH(named)))))
 
 
 class InOrderOfUse(click.Group):
@@ -259,7 +266,7 @@ def import_data(
     out: Path | None,
     max_velocity: float | None,
     max_acceleration: float | None,
-    overrides: str,
+    overrides: dict[str, Any],
     **how: Any,
 ) -> None:
     """Begin a run with data recorded by another robot.
@@ -268,17 +275,15 @@ def import_data(
     of the skin in each row. `learn`, `plan` and `report` work on such a run; commands that need a
     simulated robot do not.
     """
-    from selftouch_drake.experiment import parse_overrides
     from selftouch_drake.run import imported
     from selftouch_drake.run.directory import RunDirectory
     from selftouch_drake.run.naming import default_path
 
-    fields = parse_overrides(overrides)
     read = imported.read_data(data, **how)
     experiment = imported.imported_experiment(
-        read, overrides=fields, max_velocity=max_velocity, max_acceleration=max_acceleration
+        read, overrides=overrides, max_velocity=max_velocity, max_acceleration=max_acceleration
     )
-    directory = RunDirectory.create(out or default_path(experiment.name, fields), experiment)
+    directory = RunDirectory.create(out or default_path(experiment.name, overrides), experiment)
     with directory.writing():
         imported.store(directory, read)
     for line in imported.summary(read, experiment):
@@ -287,14 +292,12 @@ def import_data(
 
 
 @cli.command()
-@RUN
-def learn(run: Path) -> None:
+@of_a_run
+def learn(directory: RunDirectory) -> None:
     """Learn the quotient graph and recover the body.
 
     Reads the touches of the run directory RUN, never the truth (where the robot was touched).
     """
-    directory = _open(run)
-
     from selftouch_drake.run import stages
 
     with _progress("learn") as progress:
@@ -304,31 +307,29 @@ def learn(run: Path) -> None:
 
 @cli.command()
 @of_a_plan
-def plan(run: Path, which: PlanOptions) -> None:
+def plan(directory: RunDirectory, targets: list) -> None:
     """Plan a smooth motion from one sensation to another.
 
     RUN is a run directory that has learned. The report of the run has a map of the numbers.
     """
-    directory = _open(run)
-    targets = which.targets()
-
     import numpy as np
 
     from selftouch_drake.run import stages
 
+    q_start = click.get_current_context().params["q_start"]
     without_world = directory.experiment.imported is not None
     if without_world:
-        if which.q_start is not None:
+        if q_start is not None:
             raise click.UsageError(
-                f"--from-q needs a simulated robot, and {run} was imported: give --from, the "
-                "target sensation felt at the start"
+                f"--from-q needs a simulated robot, and {directory.path} was imported: give "
+                "--from, the target sensation felt at the start"
             )
         motion = stages.plan_imported(directory, *targets)
-    elif which.q_start is None:
+    elif q_start is None:
         motion = stages.plan(directory, stages.make_world(directory), *targets)
     else:
         world = stages.make_world(directory)
-        motion = stages.plan_from(directory, world, np.array(which.q_start), targets[-1])
+        motion = stages.plan_from(directory, world, np.array(q_start), targets[-1])
     click.echo(f"route: {_route(motion)}\nduration: {motion.time_s[-1]:.2f} s")
     click.echo(f"plan: {directory.plan(*targets)}")
     if without_world:
@@ -344,16 +345,15 @@ def plan(run: Path, which: PlanOptions) -> None:
     metavar="N",
     help="Plan and execute up to N times until contact is never lost; remember what failed.",
 )
-def execute(run: Path, which: PlanOptions, max_tries: int | None) -> None:
+def execute(directory: RunDirectory, targets: list, max_tries: int | None) -> None:
     """Execute a plan under full dynamics and store the sensations.
 
     RUN is a run directory. Make the plan first, with `selftouch plan` and the same options.
     """
-    directory = _open(run)
-    targets = which.targets()
-    if max_tries is not None and which.start is None:
-        given = "--from-q" if which.q_start else "--through"
-        raise click.UsageError(f"--rehearse is given with {given}; use --from and --to instead")
+    given = click.get_current_context().params
+    if max_tries is not None and given["start"] is None:
+        option = "--from-q" if given["q_start"] else "--through"
+        raise click.UsageError(f"--rehearse is given with {option}; use --from and --to instead")
 
     from selftouch_drake.agent.rehearsal import best
     from selftouch_drake.run import stages
@@ -373,15 +373,12 @@ def execute(run: Path, which: PlanOptions, max_tries: int | None) -> None:
 
 @cli.command()
 @of_a_plan
-def record(run: Path, which: PlanOptions) -> None:
+def record(directory: RunDirectory, targets: list) -> None:
     """Record an executed plan as a 3D page.
 
     The HTML page is written beside the plan in the run directory RUN, and needs no network. The
     report has a recording of its own.
     """
-    directory = _open(run)
-    targets = which.targets()
-
     from selftouch_drake.show.outputs import write_recording
 
     path = write_recording(directory, *targets, path=directory.plan(*targets).with_suffix(".html"))
@@ -389,15 +386,13 @@ def record(run: Path, which: PlanOptions) -> None:
 
 
 @cli.command()
-@RUN
+@of_a_run
 @WORKERS
-def evaluate(run: Path, workers: int | None) -> None:
+def evaluate(directory: RunDirectory, workers: int | None) -> None:
     """Score the recovered shape and random plans.
 
     Compares the run directory RUN with the truth, which the agent never sees.
     """
-    directory = _open(run)
-
     from selftouch_drake.run import stages
 
     with _progress("evaluate") as progress, local_executor(workers) as executor:
@@ -406,15 +401,13 @@ def evaluate(run: Path, workers: int | None) -> None:
 
 
 @cli.command()
-@RUN
+@of_a_run
 @click.option("--vector", is_flag=True, help="Also write the figures as PDF, for papers.")
-def report(run: Path, vector: bool) -> None:
+def report(directory: RunDirectory, vector: bool) -> None:
     """Draw the figures of RUN and write its report.
 
     RUN is a run directory. The report is RUN/report.html.
     """
-    directory = _open(run)
-
     from selftouch_drake.show.outputs import write_report
 
     with _progress("report") as progress:
@@ -477,16 +470,8 @@ def play(run: Path, port: int | None) -> None:
     type=click.Path(path_type=Path),
     help="Folder of the sweep. A stopped sweep resumes.  [default: runs/sweeps/NAME]",
 )
-@click.option(
-    "--workers",
-    type=click.IntRange(min=1),
-    help="Number of parallel runs.  [default: one per core]",
-)
-@click.option(
-    "--scheduler",
-    metavar="ADDRESS",
-    help="Address of a Dask scheduler whose workers carry out the runs, tcp://host:port.",
-)
+@WORKERS
+@SCHEDULER
 def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | None) -> None:
     """Run many experiments and compare them.
 
@@ -520,7 +505,7 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
 @click.option(
     "--show", is_flag=True, help="Show the robot in a browser, with a slider for each joint."
 )
-def robot(experiment: str, overrides: str, show: bool) -> None:
+def robot(experiment: str, overrides: dict[str, Any], show: bool) -> None:
     """Print joints, skins, and what touches what.
 
     EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
@@ -540,18 +525,17 @@ def robot(experiment: str, overrides: str, show: bool) -> None:
 @click.option("--show", metavar="NAME", help="Print an experiment, as a start for your own.")
 def experiments(show: str | None) -> None:
     """List the shipped experiments and sweeps."""
-    from selftouch_drake.experiment import closest, shipped_experiments
-    from selftouch_drake.resources import EXPERIMENTS, SWEEPS, summary
-    from selftouch_drake.sweep.design import shipped_sweeps
+    from selftouch_drake.experiment import closest
+    from selftouch_drake.resources import EXPERIMENTS, SWEEPS, shipped, summary
 
-    names = shipped_experiments()
+    names = shipped(EXPERIMENTS)
     if show is None:
-        for title, folder, shipped in (
-            ("Experiments (selftouch run NAME)", EXPERIMENTS, names),
-            ("Sweeps (selftouch sweep NAME)", SWEEPS, shipped_sweeps()),
+        for title, folder in (
+            ("Experiments (selftouch run NAME)", EXPERIMENTS),
+            ("Sweeps (selftouch sweep NAME)", SWEEPS),
         ):
             click.echo(title)
-            for name in shipped:
+            for name in shipped(folder):
                 click.echo(f"  {name:<25} {summary(folder / f'{name}.yaml')}")
     elif show in names:
         click.echo((EXPERIMENTS / f"{show}.yaml").read_text(encoding="utf-8"), nl=False)
@@ -619,28 +603,29 @@ def _tracking(execution, turns) -> str:
     )
 
 
-def _load(experiment: str, overrides: str):
+def _load(experiment: str, overrides: dict[str, Any]):
     """Loads an experiment, and announces meshes that are converted for Drake."""
-    from selftouch_drake.experiment import load_experiment, parse_overrides
+    from selftouch_drake.experiment import load_experiment
     from selftouch_drake.run.fingerprint import model_digests
 
-    loaded = load_experiment(experiment, parse_overrides(overrides))
+    loaded = load_experiment(experiment, overrides)
     announce = lambda line: click.echo(f"selftouch: {line}", err=True)  # noqa: E731
     return loaded, model_digests(loaded, announce)
 
 
-def _begin(experiment: str, out: Path | None, overrides: str, executor: Executor | None = None):
+def _begin(
+    experiment: str, out: Path | None, overrides: dict[str, Any], executor: Executor | None = None
+):
     """Begins or resumes a run, prints its path, and builds its world.
 
     The workers of an executor get ready to babble.
     """
-    from selftouch_drake.experiment import parse_overrides
     from selftouch_drake.run.directory import RunDirectory
     from selftouch_drake.run.fingerprint import experience_fingerprint
     from selftouch_drake.run.naming import default_path
 
     loaded, digests = _load(experiment, overrides)
-    path = out or default_path(loaded.name, parse_overrides(overrides))
+    path = out or default_path(loaded.name, overrides)
     if executor is not None and not path.exists():
         from selftouch_drake.experience.collect import get_ready
 
@@ -657,7 +642,7 @@ def _begin(experiment: str, out: Path | None, overrides: str, executor: Executor
     return directory, world
 
 
-def _open(run: Path, *, writing: bool = True):
+def _open(run: Path, *, writing: bool = True) -> RunDirectory:
     from selftouch_drake.run.directory import RunDirectory
 
     directory = RunDirectory.open(run)

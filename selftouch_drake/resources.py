@@ -12,6 +12,11 @@ EXPERIMENTS = _ROOT / "experiments"
 SWEEPS = _ROOT / "sweeps"
 
 
+def shipped(folder: Path) -> list[str]:
+    """The names of the YAML files in one of these folders."""
+    return sorted(path.stem for path in folder.glob("*.yaml"))
+
+
 def summary(file: Path) -> str:
     """The first sentence of the comment at the beginning of a YAML file."""
     lines = file.read_text(encoding="utf-8").splitlines()

@@ -19,12 +19,11 @@ from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.agent.representation import connected_edges
 from selftouch_drake.cli import _route, exit_status
 from selftouch_drake.experiment import load_experiment, parse_overrides, shipped_experiments
-from selftouch_drake.resources import EXPERIMENTS, MODELS
+from selftouch_drake.resources import EXPERIMENTS, MODELS, SWEEPS, shipped
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.metrics import METRICS
-from selftouch_drake.sweep import shipped_sweeps
 from selftouch_drake.threads import Threads
 
 
@@ -286,7 +285,7 @@ def test_a_list_of_experiments_needs_no_drake():
     done = subprocess.run([sys.executable, "-c", code, *heavy], capture_output=True, text=True)
     *lines, loaded = done.stdout.splitlines()
     listed = [line.split(maxsplit=1) for line in lines if line.startswith("  ")]
-    assert [name for name, _ in listed] == [*shipped_experiments(), *shipped_sweeps()]
+    assert [name for name, _ in listed] == [*shipped_experiments(), *shipped(SWEEPS)]
     assert all(meaning.endswith((".", "?")) for _, meaning in listed)
     assert loaded == "[]"
 

@@ -22,7 +22,7 @@ from selftouch_drake.experiment import (
 )
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.naming import default_path
-from selftouch_drake.sweep import load_sweep
+from selftouch_drake.sweep.design import load_sweep
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -15,11 +15,9 @@ import click
 from selftouch_drake import experiment
 from selftouch_drake.cli import cli
 from selftouch_drake.experiment import Experiment, shipped_experiments
-from selftouch_drake.resources import EXPERIMENTS, summary
-from selftouch_drake.resources import EXPERIMENTS, SWEEPS
+from selftouch_drake.resources import EXPERIMENTS, SWEEPS, shipped, summary
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.metrics import METRICS
-from selftouch_drake.sweep import shipped_sweeps
 
 #: Packages of the API reference with their titles: what a program outside of this one may use.
 API = {
@@ -107,7 +105,7 @@ def experiment_fields() -> str:
     for name in shipped_experiments():
         text += [f"### {name}\n", f"```yaml\n{_content(EXPERIMENTS / f'{name}.yaml')}```\n"]
     text += ["\n## Shipped sweeps\n"]
-    for name in shipped_sweeps():
+    for name in shipped(SWEEPS):
         text += [f"### {name} (sweep)\n", f"```yaml\n{_content(SWEEPS / f'{name}.yaml')}```\n"]
     return "\n".join(text) + "\n"
 

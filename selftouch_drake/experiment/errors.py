@@ -27,7 +27,7 @@ _REMEDIES = {
 
 
 class ExperimentError(ValueError):
-    """A user's mistake in an experiment: its text names the field, the value and the remedy."""
+    """A user's mistake in an experiment or a sweep: its text names field, value and remedy."""
 
 
 class Mistake(ValueError):  # noqa: N818 -- becomes an ExperimentError once its path is known

@@ -2,7 +2,6 @@
 
 import contextlib
 import dataclasses
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from selftouch_drake.experiment.schema import (
     Skin,
     is_printable,
 )
-from selftouch_drake.resources import EXPERIMENTS
+from selftouch_drake.resources import EXPERIMENTS, shipped
 
 _EXPERIMENT = TypeAdapter(Experiment)
 _SKINS = TypeAdapter(dict[Name, Skin])
@@ -27,7 +26,7 @@ _SKINS = TypeAdapter(dict[Name, Skin])
 
 def shipped_experiments() -> list[str]:
     """The names of the experiments that come with the package."""
-    return sorted(path.stem for path in EXPERIMENTS.glob("*.yaml"))
+    return shipped(EXPERIMENTS)
 
 
 def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Experiment:
@@ -41,7 +40,7 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
     Raises:
         ExperimentError: a field is wrong; the text names the field, its value and the remedy.
     """
-    path = _find(source)
+    path = find_yaml("experiment", source, EXPERIMENTS)
     fields = parse_fields(path.read_bytes(), what=f"experiment {path}")
     try:
         fields = merged(
@@ -138,11 +137,6 @@ def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
-def expanded(path: str) -> Path:
-    """A path with `{prefix}` replaced by Python's own prefix."""
-    return Path(path.replace("{prefix}", sys.prefix))
-
-
 def parse_fields(text: str | bytes, *, what: str) -> dict[str, Any]:
     """Reads a YAML mapping; `what` names it in errors.
 
@@ -183,15 +177,20 @@ class _UniqueKeys(yaml.SafeLoader):
         return super().construct_mapping(node, deep)
 
 
-def _find(source: str | Path) -> Path:
-    for path in (EXPERIMENTS / f"{source}.yaml", Path(source)):
+def find_yaml(what: str, source: str | Path, folder: Path) -> Path:
+    """The YAML file that comes with the package in `folder` by name, or any by its path.
+
+    Raises:
+        ExperimentError: there is no such file; `what` says of what kind it was to be.
+    """
+    for path in (folder / f"{source}.yaml", Path(source)):
         # A name that is too long for a file raises an error; here it is just not a file.
         with contextlib.suppress(OSError, ValueError):
             if path.is_file():
                 return path
-    names = shipped_experiments()
+    names = shipped(folder)
     hint = closest(str(source), names) or f"shipped are {', '.join(names)}"
-    raise ExperimentError(f"experiment {shown(str(source))} is neither shipped nor a file; {hint}")
+    raise ExperimentError(f"{what} {shown(str(source))} is neither shipped nor a file; {hint}")
 
 
 def _absolute_paths(folder: Path, fields: Any, section: str = "") -> Any:

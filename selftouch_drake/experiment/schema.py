@@ -46,7 +46,7 @@ def _number(value: Any) -> Any:
         return value
 
 
-def _that(valid: Callable[[Any], bool], remedy: str) -> AfterValidator:
+def that(valid: Callable[[Any], bool], remedy: str) -> AfterValidator:
     """A check of one field; the remedy says what to give instead."""
 
     def check(value: Any) -> Any:
@@ -74,18 +74,19 @@ Flag = Annotated[bool, Field(strict=True)]
 Whole = Annotated[int, Field(strict=True, lt=2**63)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False), BeforeValidator(_number)]
 Positive = Annotated[Number, Field(gt=0)]
-Length = Annotated[Number, _that(lambda value: value > 0, "give metres above 0")]
+Length = Annotated[Number, that(lambda value: value > 0, "give metres above 0")]
 Share = Annotated[Number, Field(ge=0, le=0.9)]
-_PAIRS = _that(lambda pairs: all(len(pair) == 2 for pair in pairs), "give pairs, as [[3, 7]]")
-_THREE = _that(lambda value: len(value) == 3, "give three numbers")
-_JOINTS = _that(lambda joints: joints and _are_different(joints), "name joints, each once, or null")
+_PAIRS = that(lambda pairs: all(len(pair) == 2 for pair in pairs), "give pairs, as [[3, 7]]")
+_THREE = that(lambda value: len(value) == 3, "give three numbers")
+_JOINTS = that(lambda joints: joints and _are_different(joints), "name joints, each once, or null")
 Triple = Annotated[list[Number], _THREE]
 # A name becomes a key of files and a word of commands.
-Name = Annotated[Text, _that(_is_name, "use letters, digits and underscores")]
+Name = Annotated[Text, that(_is_name, "use letters, digits and underscores")]
+Printable = Annotated[Text, that(is_printable, "give a printable name")]
 
 
 @dataclass(config=ConfigDict(extra="forbid"), kw_only=True, slots=True, frozen=True)
-class _Settings:
+class Settings:
     """What all settings share: unknown keys are refused."""
 
     @model_validator(mode="before")
@@ -101,7 +102,7 @@ class _Settings:
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class RobotSettings(_Settings):
+class RobotSettings(Settings):
     """The robot, as Drake loads it."""
 
     # Drake model directives; the models inside are URDF, SDFormat or MJCF. A package:// URI or a
@@ -117,7 +118,7 @@ class RobotSettings(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class SurfaceSettings(_Settings):
+class SurfaceSettings(Settings):
     """A closed surface in the frame of the link that wears it."""
 
     # One of SHAPES. Only the dimensions of that shape are given, in metres.
@@ -131,7 +132,7 @@ class SurfaceSettings(_Settings):
     length: Length | None = None
     semi_axes: Annotated[list[Length], _THREE] | None = None
     # A closed surface (.obj, .stl, .ply); a path relative to the experiment's file.
-    mesh: Annotated[Text, _that(is_printable, "give the path of a mesh file")] | None = None
+    mesh: Annotated[Text, that(is_printable, "give the path of a mesh file")] | None = None
     # Metres per unit of the mesh file.
     scale: Positive = 1.0
     # Pose in the link's frame: metres, and degrees of roll, pitch and yaw.
@@ -166,7 +167,7 @@ class SurfaceSettings(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class Imperfections(_Settings):
+class Imperfections(Settings):
     """Imperfections of a real skin, applied in this order; by default none.
 
     Noise depends on the seed and on the motor configuration: the same configuration always has the
@@ -194,11 +195,11 @@ class Imperfections(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class Skin(_Settings):
+class Skin(Settings):
     """A soft tactile skin on one link, moving or not."""
 
     # The link that wears it: Drake's scoped name, or the bare name if it is unique.
-    link: Annotated[Text, _that(bool, "give the link that wears the skin")]
+    link: Annotated[Text, that(bool, "give the link that wears the skin")]
     surface: SurfaceSettings
     # Metres, from the outer face inwards.
     thickness: Positive = 0.03
@@ -216,7 +217,7 @@ class Skin(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class ToucherSettings(_Settings):
+class ToucherSettings(Settings):
     """Something that presses skins: a ball at a frame, or a link's own geometry."""
 
     # Frame whose origin is the centre of a rigid ball, and the radius of that ball in metres.
@@ -236,7 +237,7 @@ class ToucherSettings(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class JointSettings(_Settings):
+class JointSettings(Settings):
     """How well the agent knows its motor configuration; by default exactly."""
 
     # Rad or m, standard deviation of the error in each remembered joint position.
@@ -248,7 +249,7 @@ class JointSettings(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class Babbling(_Settings):
+class Babbling(Settings):
     """How the robot moves through motor space, and how many touches are kept."""
 
     # `random`: a random walk. `active`: the agent learns while it moves, and goes where it knows
@@ -271,7 +272,7 @@ class Babbling(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class Representation(_Settings):
+class Representation(Settings):
     """The quotient representation that is learned from the experience."""
 
     # Target sensations K, up to 1000 as in the paper.
@@ -283,7 +284,7 @@ class Representation(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class Planning(_Settings):
+class Planning(Settings):
     """From a route on the quotient graph to a smooth path in motor space."""
 
     # Path length between knots of the smoothing spline, in rad; larger is smoother.
@@ -291,7 +292,7 @@ class Planning(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class ExecutionSettings(_Settings):
+class ExecutionSettings(Settings):
     """The dynamic world in which plans are executed."""
 
     # Seconds, discrete time step of the plant.
@@ -310,7 +311,7 @@ class ExecutionSettings(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class Evaluation(_Settings):
+class Evaluation(Settings):
     """How the agent is scored."""
 
     # Number of random pairs of start and goal sensation that are planned and executed.
@@ -321,7 +322,7 @@ class Evaluation(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class Imported(_Settings):
+class Imported(Settings):
     """Experience that another robot recorded, instead of a robot that Drake loads.
 
     Nothing is known about the robot except its touches, so nothing can be simulated.
@@ -333,7 +334,7 @@ class Imported(_Settings):
     # SHA-256 of the rows that were kept.
     content: Text = ""
     # Names of the joints, in the order of a motor configuration.
-    joints: Annotated[list[Text], _that(bool, "name the joints")]
+    joints: Annotated[list[Text], that(bool, "name the joints")]
     num_receptors: Annotated[Whole, Field(ge=4)]
     # Limits of the timed plans, one per joint: rad/s and rad/s², or m/s and m/s².
     max_velocity: list[Positive]
@@ -349,7 +350,7 @@ class Imported(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class SkinChange(_Settings):
+class SkinChange(Settings):
     """A change of one skin. Receptors are numbered from 0 on each skin."""
 
     # Receptors that die: their numbers, or a share of all, drawn from the seed.
@@ -377,7 +378,7 @@ class SkinChange(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class Change(_Settings):
+class Change(Settings):
     """A change of the body at one moment of the agent's life; the agent is not informed."""
 
     # Number of kept touches after which it happens; 0 for a body that is so from birth.
@@ -390,13 +391,13 @@ class Change(_Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
-class Experiment(_Settings):
+class Experiment(Settings):
     """One experiment: a robot, its skins, what touches them, what is learned and how it is scored.
 
     A robot is data: there is no default one.
     """
 
-    name: Annotated[Text, _that(is_printable, "give a printable name")] = "unnamed"
+    name: Printable = "unnamed"
     # The only source of randomness; the same seed gives the same bytes.
     seed: Annotated[Whole, Field(ge=0)] = 0
     robot: RobotSettings = field(default_factory=RobotSettings)

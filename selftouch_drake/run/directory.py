@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
 from selftouch_drake.files import content_digest, load_arrays, locked, write_text_whole
@@ -20,7 +19,7 @@ from selftouch_drake.run.fingerprint import (
     learning_fingerprint,
     model_digests,
 )
-from selftouch_drake.run.naming import leaves
+from selftouch_drake.run.naming import fields_of
 
 #: Increased whenever a file of a run changes its meaning.
 RUN_FORMAT = 2
@@ -291,7 +290,7 @@ def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, An
         order = {
             f"the order of {key}": list(getattr(experiment, key)) for key in ("skins", "touching")
         }
-        return leaves(yaml.safe_load(dump_experiment(experiment))) | order
+        return fields_of(experiment) | order
 
     a, b = all_of(there), all_of(here)
     for name in {**a, **b}:

@@ -8,6 +8,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import yaml
+
+from selftouch_drake.experiment import Experiment, dump_experiment
+
 # Characters; what is longer is named by a digest.
 _LONGEST = 60
 
@@ -40,6 +44,11 @@ def leaves(fields: Any, prefix: str = "") -> dict[str, Any]:
         for key, entry in fields.items()
         for name, value in leaves(entry, f"{prefix}{key}.").items()
     }
+
+
+def fields_of(experiment: Experiment) -> dict[str, Any]:
+    """All fields of an experiment by their dotted names."""
+    return leaves(yaml.safe_load(dump_experiment(experiment)))
 
 
 def _short(text: str, content: str) -> str:

@@ -11,8 +11,8 @@ import pyarrow.parquet as pq
 from selftouch_drake.experience.store import UNREADABLE
 from selftouch_drake.files import written_whole
 from selftouch_drake.run.directory import RunError
-from selftouch_drake.run.naming import leaves
-from selftouch_drake.sweep.design import Sweep, fields_of
+from selftouch_drake.run.naming import fields_of, leaves
+from selftouch_drake.sweep.design import Sweep
 from selftouch_drake.sweep.runs import SweepDirectory, run_name
 
 # Columns that are not metrics, before those of the fields that vary.

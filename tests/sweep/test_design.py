@@ -4,10 +4,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.experiment import ExperimentError, load_experiment
-from selftouch_drake.resources import EXPERIMENTS
+from selftouch_drake.resources import EXPERIMENTS, SWEEPS, shipped
 from selftouch_drake.run.naming import leaves
-from selftouch_drake.sweep import SweepError, load_sweep, shipped_sweeps
-from selftouch_drake.sweep.design import KEYS, nested
+from selftouch_drake.sweep.design import load_sweep, nested
 
 
 @pytest.fixture
@@ -22,7 +21,7 @@ def sweep(tmp_path):
     return load
 
 
-@pytest.mark.parametrize("name", shipped_sweeps())
+@pytest.mark.parametrize("name", shipped(SWEEPS))
 def test_shipped_sweeps_load(name):
     sweep = load_sweep(name)
     assert sweep.name == name
@@ -75,27 +74,30 @@ def test_an_experiment_beside_the_sweep_is_found(sweep, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("seed: [1]", "unknown key 'seed'; did you mean seeds?"),
-        ("colour: red", f"unknown key 'colour'; known are {', '.join(KEYS)}"),
-        ("name: 3", "name is 3; give a printable name"),
-        ("seeds: 3", "seeds is 3; give a list of whole numbers"),
-        ("seeds: []", "seeds is []; give a list of whole numbers"),
-        ("seeds: [true]", "seeds is [True]; give a list of whole numbers"),
-        ("experiments: cube", "experiments is 'cube'; give a list of texts"),
-        ("set: 1", "set is 1; give a mapping of fields"),
-        ("grid: [1]", "grid is [1]; give a mapping of fields"),
-        ("grid: {1: [1]}", "grid has 1; give the name of a field, as in skins.body.num_receptors"),
+        ("seed: [1]", "unknown key seed; did you mean seeds?"),
+        (
+            "colour: red",
+            "unknown key colour; known are name, experiments, set, seeds, grid, each, cases",
+        ),
+        ("name: 3", "name is 3; give a text"),
+        ("seeds: 3", "seeds is 3; give a list"),
+        ("seeds: []", "seeds is []; give one value or more"),
+        ("seeds: [true]", "seeds[0] is True; give a whole number"),
+        ("experiments: cube", "experiments is 'cube'; give a list"),
+        ("set: 1", "set is 1; give a mapping by name"),
+        ("grid: [1]", "grid is [1]; give a mapping by name"),
+        ("grid: {1: [1]}", "a name in grid is 1; give a text"),
         (
             "each: {a..b: [1]}",
-            "each has 'a..b'; give the name of a field, as in skins.body.num_receptors",
+            "a name in each is 'a..b'; use dots, as in skins.body.num_receptors",
         ),
-        ("each: {seed: 1}", "each.seed is 1; give a list of values"),
-        ("cases: {}", "cases is {}; give a list of mappings"),
-        ("cases: [1]", "cases[0] is 1; give a mapping of fields"),
+        ("each: {seed: 1}", "each.seed is 1; give a list"),
+        ("cases: {}", "cases is {}; give a list"),
+        ("cases: [1]", "cases[0] is 1; give a mapping by name"),
     ],
 )
 def test_a_mistake_is_reported(sweep, text, message, tmp_path):
-    with pytest.raises(SweepError) as error:
+    with pytest.raises(ExperimentError) as error:
         sweep(text)
     assert str(error.value) == f"sweep {tmp_path / 'mine.yaml'}: {message}"
 
@@ -103,7 +105,7 @@ def test_a_mistake_is_reported(sweep, text, message, tmp_path):
 def test_too_many_runs_are_refused(sweep, tmp_path):
     many = list(range(50))
     text = yaml.safe_dump({"grid": {f"a.f{i}": many for i in range(9)}})
-    with pytest.raises(SweepError, match=f"has {50**9} runs; give at most 2000"):
+    with pytest.raises(ExperimentError, match=f"has {50**9} runs; give at most 2000"):
         sweep(text)
 
 
@@ -114,7 +116,9 @@ def test_a_wrong_experiment_is_reported_before_anything_runs(sweep):
         sweep("each: {skins.body.num_receptors: [50, 3]}")
     with pytest.raises(ExperimentError, match=r"^experiment 'cubes' is neither shipped nor a"):
         sweep("experiments: [cubes]")
-    with pytest.raises(SweepError, match=r"^sweep 'trusd' is neither shipped .* mean trust\?$"):
+    with pytest.raises(
+        ExperimentError, match=r"^sweep 'trusd' is neither shipped .* mean trust\?$"
+    ):
         load_sweep("trusd")
 
 
