@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import BSpline, CubicHermiteSpline, CubicSpline, PPoly
+from scipy.interpolate import BSpline, CubicHermiteSpline, PPoly
 
 from selftouch_drake.agent.planning.fastest import fastest_progress
+from selftouch_drake.compiled import compiled
 
 #: The solver respects limits only at grid points; between them they are exceeded by up to 25 %.
 LIMIT_SHARE = 0.8
@@ -16,16 +18,13 @@ _GRID_SPACING = 0.07
 #: s; a longer motion is refused, because its limits are probably a mistake.
 LONGEST_S = 600.0
 # A motion that exceeds limits is slowed down by this factor more than needed, because the check of
-# the path looks at samples only: so many on each piece of the progress, and at least at this rate.
+# the path looks at samples only: at this rate, and so many at least.
 _CHECK_MARGIN = 1.01
-_CHECKS_PER_PIECE = 3
 _CHECK_RATE_HZ = 300.0
+_FEWEST_CHECKS = 200
 # s over which the progress is averaged. The acceleration of the fastest progress jumps, and with it
 # the tracking error of the robot; after averaging it ramps.
 _EASING_S = 0.06
-# s between the knots of the averaged progress, and how many values are averaged.
-_EASING_STEP_S = 0.01
-_EASING_SAMPLES = 12
 # s, duration of a path of length 0.
 _REST_S = 0.01
 
@@ -79,21 +78,33 @@ def time_path(
     if not 0.0 < rate_hz < np.inf:
         raise ValueError(f"rate_hz is {rate_hz}: give a positive number")
 
-    _require_bearable(_least_duration(path, velocity_limit, acceleration_limit))
-    fastest = _fastest(path, velocity_limit, acceleration_limit)
+    limits = velocity_limit, acceleration_limit
+    pieces = _pieces(path)
+    _require_bearable(_least_duration(path, *limits))
+    fastest = _fastest(path, *limits)
     s_of_t = _quintic(path) if fastest is None else _eased(fastest)
+    along_path = _largest_load(*_path_shares(pieces, s_of_t, *limits))
     while True:
         _require_bearable(s_of_t.x[-1])
-        timed = _sampled(path, s_of_t, rate_hz)
-        limits = velocity_limit, acceleration_limit
-        shares = np.maximum(
-            _speed_shares(path, s_of_t, *limits),
-            speed_shares(timed.time_s, timed.q, timed.v, *limits),
-        )
-        excess = max(shares[0], np.sqrt(shares[1]))
-        if excess <= 1.0:
-            return timed
-        s_of_t = _slowed(s_of_t, _CHECK_MARGIN * excess)
+        time_s = _times(s_of_t, rate_hz)
+        s, q, v, _ = _followed(pieces, s_of_t, time_s)
+        load = max(along_path, _largest_load(*speed_shares(time_s, q, v, *limits)))
+        if load <= 1.0:
+            return TimedPath(time_s=time_s, s=s, q=q, v=v, path=path, s_of_t=s_of_t)
+        s_of_t = _slowed(s_of_t, _CHECK_MARGIN * load)
+        along_path /= _CHECK_MARGIN * load
+
+
+def _pieces(path: BSpline) -> PPoly:
+    """The same path, for `_follow`."""
+    ends = path.t[path.k : len(path.t) - path.k]
+    powers = range(path.k, -1, -1)
+    return PPoly(np.stack([path(ends[:-1], n) / math.factorial(n) for n in powers]), ends)
+
+
+def _largest_load(velocity: float, acceleration: float) -> float:
+    """By what factor a motion must take longer so that it uses its limits whole, given shares."""
+    return max(velocity, math.sqrt(acceleration))
 
 
 def commanded(time_s: np.ndarray, q: np.ndarray, v: np.ndarray) -> CubicHermiteSpline:
@@ -126,15 +137,16 @@ def speed_shares(
     Returns:
         The largest share of the velocity and of the acceleration that is allowed, of any joint.
     """
-    # On each cubic piece the acceleration is linear; where it is 0, the velocity is greatest.
-    step, start, end = np.diff(time_s)[:, None], v[:-1], v[1:]
-    mean = np.diff(q, axis=0) / step
-    first, last = (6 * mean - 4 * start - 2 * end) / step, (2 * start + 4 * end - 6 * mean) / step
-    turns = first * last < 0
-    inside = first**2 / np.where(turns, first - last, np.inf) * step / 2
-    speed = np.abs([start, end, np.where(turns, start + inside, 0.0)]).max(axis=(0, 1))
-    rise = np.abs([first, last]).max(axis=(0, 1))
-    return float((speed / velocity_limit).max()), float((rise / acceleration_limit).max())
+    # On each cubic piece the acceleration goes from gain + bend to gain - bend, and is linear; where
+    # it is 0, the velocity is greatest.
+    step, start = np.diff(time_s)[:, None], v[:-1]
+    gain = np.diff(v, axis=0) / step
+    bend = (6 * np.diff(q, axis=0) / step - 3 * (start + v[1:])) / step
+    to_turn, turns = np.zeros_like(bend), np.abs(bend) > np.abs(gain)
+    np.divide(np.square(gain + bend) * step, 4 * bend, out=to_turn, where=turns)
+    speed = max((np.abs(each) / velocity_limit).max() for each in (v, start + to_turn))
+    rise = ((np.abs(gain) + np.abs(bend)) / acceleration_limit).max()
+    return float(speed), float(rise)
 
 
 def _quintic(path: BSpline) -> PPoly:
@@ -167,9 +179,7 @@ def _fastest(
     path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
 ) -> PPoly | None:
     """The fastest progress s(t); None if the path has length 0 or the solver finds none."""
-    if np.ptp(path.c, axis=0).max() < 1e-9:
-        return None
-    num_points = max(20, int(np.ceil((path.t[-1] - path.t[0]) / _GRID_SPACING)))
+    num_points = max(20, int(np.ceil(np.ptp(path.t) / _GRID_SPACING)))
     return fastest_progress(
         path,
         np.linspace(path.t[0], path.t[-1], num_points),
@@ -180,13 +190,17 @@ def _fastest(
 
 def _eased(s_of_t: PPoly) -> PPoly:
     """A moving average of the progress, so that its acceleration has no jumps."""
-    # At rest before the start and after the end.
-    duration_s = s_of_t.x[-1] + _EASING_S
-    time_s = np.linspace(0.0, duration_s, int(np.ceil(duration_s / _EASING_STEP_S)) + 1)
-    before = _EASING_S * (np.arange(_EASING_SAMPLES) + 0.5) / _EASING_SAMPLES
-    progress = s_of_t((time_s[:, None] - before).clip(0.0, s_of_t.x[-1])).mean(axis=1)
-    progress[[0, -1]] = s_of_t(s_of_t.x[[0, -1]])
-    return CubicSpline(time_s, progress, bc_type="clamped")
+    # The speed is linear on each piece, and zero before and after. So the mean's acceleration is
+    # linear between these times; its integrals are exact.
+    ends, speed = s_of_t.x, np.append(s_of_t.c[1], 0.0)
+    time_s = np.unique(np.concatenate([ends, ends + _EASING_S]))
+    gained = np.interp(time_s, ends, speed) - np.interp(time_s - _EASING_S, ends, speed)
+    step, rise = np.diff(time_s), gained / _EASING_S
+    speed = np.cumsum([0.0, *step * (rise[1:] + rise[:-1]) / 2])
+    gone = step * (speed[:-1] + step * (2 * rise[:-1] + rise[1:]) / 6)
+    s = np.cumsum([s_of_t.c[2, 0], *gone])
+    pieces = [np.diff(rise) / step / 6, rise[:-1] / 2, speed[:-1], s[:-1]]
+    return PPoly(np.stack(pieces), time_s)
 
 
 def _slowed(s_of_t: PPoly, factor: float) -> PPoly:
@@ -195,29 +209,50 @@ def _slowed(s_of_t: PPoly, factor: float) -> PPoly:
     return PPoly(s_of_t.c / factor**power, s_of_t.x * factor)
 
 
-def _sampled(path: BSpline, s_of_t: PPoly, rate_hz: float) -> TimedPath:
-    time_s = _times(s_of_t, rate_hz)
-    # A motion never goes back.
-    s = np.maximum.accumulate(s_of_t(time_s).clip(path.t[0], path.t[-1]))
-    q, v = path(s), path(s, 1) * s_of_t(time_s, 1)[:, None]
-    return TimedPath(time_s=time_s, s=s, q=q, v=v, path=path, s_of_t=s_of_t)
-
-
-def _speed_shares(
-    path: BSpline, s_of_t: PPoly, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
+def _path_shares(
+    path: PPoly, s_of_t: PPoly, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
 ) -> tuple[float, float]:
     """As `speed_shares`, for samples of the path itself."""
     # The acceleration is often greatest at a knot: samples at 1 kHz that miss it err by up to 1e-3,
     # these by up to 1e-4.
-    step = np.diff(s_of_t.x)
-    checks = max(_CHECKS_PER_PIECE, int(np.ceil(_CHECK_RATE_HZ * step.max())))
-    time_s = s_of_t.x[:-1, None] + step[:, None] * np.arange(checks) / checks
-    time_s = np.append(time_s, s_of_t.x[-1])
-    s = s_of_t(time_s).clip(path.t[0], path.t[-1])
-    speed, rise = s_of_t(time_s, 1)[:, None], s_of_t(time_s, 2)[:, None]
-    v = path(s, 1) * speed
-    a = path(s, 2) * speed**2 + path(s, 1) * rise
+    num = max(_FEWEST_CHECKS, int(_CHECK_RATE_HZ * s_of_t.x[-1]))
+    time_s = np.sort(np.concatenate([s_of_t.x, np.linspace(0.0, s_of_t.x[-1], num)]))
+    _, _, v, a = _followed(path, s_of_t, time_s)
     return float((abs(v) / velocity_limit).max()), float((abs(a) / acceleration_limit).max())
+
+
+def _followed(path: PPoly, s_of_t: PPoly, time_s: np.ndarray) -> tuple[np.ndarray, ...]:
+    """`(T,)` length along the path at rising times, `(T, J)` q, velocity and acceleration there."""
+    s, motion = np.empty(len(time_s)), np.empty((3, len(time_s), path.c.shape[2]))
+    _follow(path.x, path.c, s_of_t.x, s_of_t.c, time_s, s, *motion)
+    return s, *motion
+
+
+@compiled
+def _follow(path_ends, path, progress_ends, progress, time_s, s, q, v, a):
+    piece, part, farthest = 0, 0, path_ends[0]
+    for i in range(len(time_s)):
+        while part < progress.shape[1] - 1 and time_s[i] >= progress_ends[part + 1]:
+            part += 1
+        away = time_s[i] - progress_ends[part]
+        along = speed = rise = 0.0
+        for power in range(len(progress)):
+            rise = rise * away + 2 * speed
+            speed = speed * away + along
+            along = along * away + progress[power, part]
+        # A motion never goes back.
+        farthest = s[i] = max(farthest, min(along, path_ends[-1]))
+        while piece < path.shape[1] - 1 and farthest >= path_ends[piece + 1]:
+            piece += 1
+        away = farthest - path_ends[piece]
+        for joint in range(path.shape[2]):
+            place = slope = bend = 0.0
+            for power in range(len(path)):
+                bend = bend * away + 2 * slope
+                slope = slope * away + place
+                place = place * away + path[power, piece, joint]
+            q[i, joint], v[i, joint] = place, slope * speed
+            a[i, joint] = bend * speed**2 + slope * rise
 
 
 def _times(s_of_t: PPoly, rate_hz: float) -> np.ndarray:

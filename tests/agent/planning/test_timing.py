@@ -70,6 +70,12 @@ def test_the_fallback_takes_over_when_there_is_no_fastest_progress(monkeypatch):
     assert fastest.time_s[-1] < motion.time_s[-1] < 4 * fastest.time_s[-1]
 
 
+def test_a_fifth_of_each_limit_is_kept_in_reserve():
+    motion = timed(smooth_path(np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0]])))
+    shares = speed_shares(motion.time_s, motion.q, motion.v, VELOCITY, ACCELERATION)
+    assert shares == pytest.approx((0.8, 0.8), rel=0.02)
+
+
 def test_accelerations_are_eased():
     _, a = rates(timed(random_path(1, 10, 0.5)))
     assert np.all(np.abs(a[0]) < 0.02 * ACCELERATION)
