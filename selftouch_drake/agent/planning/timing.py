@@ -137,8 +137,8 @@ def speed_shares(
     Returns:
         The largest share of the velocity and of the acceleration that is allowed, of any joint.
     """
-    # On each cubic piece the acceleration goes from gain + bend to gain - bend, and is linear; where
-    # it is 0, the velocity is greatest.
+    # On each cubic piece the acceleration is linear, from gain + bend to gain - bend; where it is
+    # 0, the velocity is greatest.
     step, start = np.diff(time_s)[:, None], v[:-1]
     gain = np.diff(v, axis=0) / step
     bend = (6 * np.diff(q, axis=0) / step - 3 * (start + v[1:])) / step
