@@ -25,7 +25,7 @@ from selftouch_drake.experiment import (
 
 TOP_FIELDS = (
     "name, seed, robot, skins, touching, joints, babbling, "
-    "representation, planning, execution, evaluation, changes, imported"
+    "representation, planning, execution, evaluation, changes, python, gymnasium, imported"
 )
 SURFACE_FIELDS = (
     "shape, radius, side, major_radius, minor_radius, height, length, semi_axes, mesh, scale, "
@@ -62,7 +62,8 @@ def test_a_robot_has_no_default():
     with pytest.raises(ExperimentError) as error:
         experiment_from_fields({"name": "nothing"})
     assert str(error.value) == (
-        "robot.directives is ''; give the path of Drake model directives (.dmd.yaml)"
+        "robot.directives is ''; give the path of Drake model directives (.dmd.yaml), or say what "
+        "the body is by python or gymnasium"
     )
 
 
@@ -201,7 +202,8 @@ BALL_OR_LINK = "give frame and radius for a ball, or link for a link's own geome
         ("robot: {collision_depth: -1}", "robot.collision_depth is -1; give at least 0"),
         (
             "robot: {directives: ''}",
-            "robot.directives is ''; give the path of Drake model directives (.dmd.yaml)",
+            "robot.directives is ''; give the path of Drake model directives (.dmd.yaml), or say "
+            "what the body is by python or gymnasium",
         ),
         ("skins: {body: {unevenness: 1}}", "skins.body.unevenness is 1; give at most 0.9"),
         ("skins: {body: {field_width: 0.5}}", "skins.body.field_width is 0.5; give at least 1"),

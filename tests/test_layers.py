@@ -19,6 +19,7 @@ LAYERS = (
     ("run",),
     ("evaluation",),
     ("exploration",),
+    ("bodies",),
     ("agent",),
     ("experience",),
     ("robot",),

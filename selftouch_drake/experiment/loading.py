@@ -11,8 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from selftouch_drake.experiment.errors import ExperimentError, closest, explained, shown
 from selftouch_drake.experiment.schema import (
-    WITHOUT_DATA,
-    WITHOUT_ROBOT,
+    WITHOUT,
     Experiment,
     Name,
     Skin,
@@ -62,11 +61,11 @@ def experiment_from_fields(fields: Mapping[str, Any]) -> Experiment:
         experiment = _EXPERIMENT.validate_python(fields)
     except ValidationError as error:
         raise explained(error) from None
-    if experiment.imported is None:
+    if experiment.body_from == "robot":
         if not is_printable(directives := experiment.robot.directives):
             raise ExperimentError(
                 f"robot.directives is {shown(directives)}; give the path of Drake model directives "
-                "(.dmd.yaml)"
+                "(.dmd.yaml), or say what the body is by python or gymnasium"
             )
         for name, what in (("skins", "skin"), ("touching", "ball or link that touches")):
             if not getattr(experiment, name):
@@ -120,8 +119,10 @@ def skins_from_fields(fields: Any) -> dict[str, Skin]:
 def dump_experiment(experiment: Experiment) -> str:
     """The complete experiment as YAML text, with defaults, without fields that have no meaning."""
     fields = dataclasses.asdict(experiment)
-    for absent in WITHOUT_DATA if experiment.imported is None else WITHOUT_ROBOT:
+    for absent in WITHOUT[experiment.body_from]:
         del fields[absent]
+    if experiment.python is not None:
+        fields["python"]["class"] = fields["python"].pop("class_")
     return yaml.safe_dump(fields, sort_keys=False, allow_unicode=True, width=100)
 
 
@@ -195,11 +196,14 @@ def find_yaml(what: str, source: str | Path, folder: Path) -> Path:
 
 def _absolute_paths(folder: Path, fields: Any, section: str = "") -> Any:
     """The fields with relative paths made absolute, starting at `folder`."""
-    if not isinstance(fields, dict):
+    if not isinstance(fields, dict) or section == "arguments":
         return fields
     return {
         key: _absolute(folder, value)
-        if key in ("directives", "mesh") or section == "packages"
+        if key in ("directives", "mesh")
+        or section == "packages"
+        or (section, key) == ("python", "file")
+        or ((section, key) == ("gymnasium", "env") and ".py:" in str(value))
         else _absolute_paths(folder, value, key)
         for key, value in fields.items()
     }

@@ -31,9 +31,14 @@ SHAPES = {
 }
 ShapeMetric = Literal["learned", "sensorimotor", "motor", "literal"]
 SHAPE_METRICS = typing.get_args(ShapeMetric)
-# Fields without a meaning if experience is imported, and if it is not.
-WITHOUT_ROBOT = ("robot", "skins", "touching", "joints", "execution", "evaluation", "changes")
-WITHOUT_DATA = ("imported",)
+# Fields without a meaning, by the field that says what the body is.
+_OF_ROBOT = ("robot", "skins", "touching", "joints", "changes")
+WITHOUT = {
+    "robot": ("python", "gymnasium", "imported"),
+    "python": (*_OF_ROBOT, "gymnasium", "imported"),
+    "gymnasium": (*_OF_ROBOT, "python", "imported"),
+    "imported": (*_OF_ROBOT, "execution", "evaluation", "python", "gymnasium"),
+}
 # Purposes of randomness; add a new one at the end, so that the streams of the others do not change.
 STREAMS = ("walk", "pairs", "start", "skin", "joints", "explorer", "changes")
 
@@ -85,14 +90,20 @@ Name = Annotated[Text, that(_is_name, "use letters, digits and underscores")]
 Printable = Annotated[Text, that(is_printable, "give a printable name")]
 
 
-@dataclass(config=ConfigDict(extra="forbid"), kw_only=True, slots=True, frozen=True)
+@dataclass(
+    # A field that Python cannot name, such as `class`, has an alias.
+    config=ConfigDict(extra="forbid", populate_by_name=True),
+    kw_only=True,
+    slots=True,
+    frozen=True,
+)
 class Settings:
     """What all settings share: unknown keys are refused."""
 
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, fields: Any) -> Any:
-        known = [entry.name for entry in dataclasses.fields(cls)]
+        known = [entry.name.rstrip("_") for entry in dataclasses.fields(cls)]
         for key in fields if isinstance(fields, Mapping) else ():
             if key not in known:
                 text = shown(key).strip("'")
@@ -350,6 +361,57 @@ class Imported(Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
+class PythonSettings(Settings):
+    """A body that is a class of your own: a real robot, or another simulator.
+
+    See `selftouch_drake.agent.body.Body` for what it has to offer.
+    """
+
+    # The file of the class, relative to the experiment's file.
+    file: Annotated[Text, that(is_printable, "give the path of a Python file")]
+    # The class in that file.
+    class_: Annotated[
+        Text, that(str.isidentifier, "give the name of a class"), Field(alias="class")
+    ]
+    # What the class is made with.
+    arguments: dict[Text, Any] = field(default_factory=dict)
+    # Seconds after which a call of the body counts as hanging.
+    timeout_s: Positive = 60.0
+
+
+@dataclass(kw_only=True, slots=True, frozen=True)
+class GymnasiumSettings(Settings):
+    """A body that is a Gymnasium environment; it observes joint positions and touch."""
+
+    # A registered name, as in `my_package:MyEnv-v0`, or a class in a file: `my_env.py:MyEnv`.
+    env: Annotated[Text, that(is_printable, "give the name of an environment")]
+    # What the environment is made with.
+    arguments: dict[Text, Any] = field(default_factory=dict)
+    # Where the observation holds joint positions: the key of an entry (`qpos`), numbers of it
+    # (`qpos[7:19]`, or `7:19` of an observation that is one array), or a list of numbers.
+    joints: Text | list[Whole]
+    # Where it holds the readings of the skin, likewise.
+    touch: Text | list[Whole]
+    # Names of the joints; null for joint_0, joint_1, ...
+    joint_names: Annotated[list[Text], _JOINTS] | None = None
+    # Limits of the joints, in the units of the observation; null for those of its space.
+    lower: list[Number] | None = None
+    upper: list[Number] | None = None
+    # Limits of motions, per second and per second squared; null for a quarter of each joint's range
+    # per second, and four times that per second squared.
+    velocity: list[Positive] | None = None
+    acceleration: list[Positive] | None = None
+    # What an action sets; null to find out. With `none` the body is moved by `set_posture` alone.
+    action: Literal["position", "velocity", "torque", "none"] | None = None
+    # Seconds per step; null for the environment's own `dt`.
+    step_s: Positive | None = None
+    # A method of the environment that puts it into a posture `(J,)` and returns the observation, or
+    # the name of an option of `reset` that does. With either, the body jumps.
+    set_posture: Text | None = None
+    reset_option: Text | None = None
+
+
+@dataclass(kw_only=True, slots=True, frozen=True)
 class SkinChange(Settings):
     """A change of one skin. Receptors are numbered from 0 on each skin."""
 
@@ -411,16 +473,26 @@ class Experiment(Settings):
     evaluation: Evaluation = field(default_factory=Evaluation)
     # Changes of the body during its life, in order of time.
     changes: list[Change] = field(default_factory=list)
-    # Experience of another robot; then there are no robot, no skins and no touchers.
+    # A body of your own, or a Gymnasium environment, or experience of another robot; with any of
+    # these there are no robot, no skins and no touchers.
+    python: PythonSettings | None = None
+    gymnasium: GymnasiumSettings | None = None
     imported: Imported | None = None
+
+    @property
+    def body_from(self) -> str:
+        """The field that says what the body is, a key of `WITHOUT`."""
+        return next((name for name in WITHOUT["robot"] if getattr(self, name) is not None), "robot")
 
     @model_validator(mode="after")
     def _fits_together(self) -> Self:
-        if self.imported is not None:
+        if (body := self.body_from) != "robot":
             nothing = Experiment()
-            for name in WITHOUT_ROBOT:
+            for name in WITHOUT[body]:
                 value = getattr(self, name)
-                remedy = "imported experience has no robot: leave it out"
+                remedy = f"the body comes from {body}: leave one of the two out"
+                if body == "imported":
+                    remedy = "imported experience has no robot: leave it out"
                 require(value == getattr(nothing, name), name, value, remedy)
         most, found = self.babbling.num_samples, self.representation.num_targets
         whose = "babbling.num_samples" if self.imported is None else "the number of touches"
@@ -453,9 +525,15 @@ class Experiment(Settings):
 
     @property
     def num_receptors(self) -> int:
-        """S, number of receptors of all skins together."""
+        """S, number of receptors of all skins together.
+
+        Raises:
+            ValueError: only the body itself knows, because it is no robot that Drake loads.
+        """
         if self.imported is not None:
             return self.imported.num_receptors
+        if self.body_from != "robot":
+            raise ValueError(f"{self.name} is a body from {self.body_from}: ask the body itself")
         return sum(skin.num_receptors for skin in self.skins.values())
 
     def random_stream(self, purpose: str, *index: int) -> np.random.SeedSequence:

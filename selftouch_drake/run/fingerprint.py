@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from selftouch_drake.bodies.making import body_files
 from selftouch_drake.experiment import Experiment, ExperimentError, shown
 from selftouch_drake.files import content_digest
 
@@ -33,12 +34,15 @@ def model_digests(
         announce: called with one line if meshes were converted for Drake.
 
     Raises:
+        BodyError: the Python file of a body is not there.
         ExperimentError: the mesh file of a skin is not there.
         ModelError: a file is not found, or cannot be read.
     """
     # Imported experience is complete: no file outside the run decides anything.
     if experiment.imported is not None:
         return {}
+    if experiment.body_from != "robot":
+        return {str(file): content_digest(file) for file in body_files(experiment)}
 
     from selftouch_drake.robot.models import load_model
 
@@ -76,6 +80,11 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     kept |= {key: list(fields[key].items()) for key in ("skins", "touching")}
     if experiment.imported is not None:
         kept["imported"] = experiment.imported.content
+    for name, path in (("python", "file"), ("gymnasium", "env")):
+        if (body := fields[name]) is not None:
+            # A file counts by its content, which is among the models.
+            kept[name] = body | ({path: Path(body[path]).name} if digests else {})
+            kept[name].pop("timeout_s", None)
     if experiment.joints.noise:
         kept["joints"] = experiment.joints.noise
     if experiment.changes:

@@ -1,0 +1,1 @@
+"""Bodies for the agent: worlds that Drake simulates, Gymnasium environments, and a user's own."""
