@@ -25,8 +25,6 @@ from selftouch_drake.agent.lifelong import (
     PostureSampler,
     Walker,
 )
-from selftouch_drake.agent.lifelong.expectation import cosine_distance
-from selftouch_drake.agent.lifelong.explorer import recalled
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.experience import (
     ExperienceReader,
@@ -89,9 +87,7 @@ class Exploration:
         )
         self.round = self.num_touches = 0
         self._q: np.ndarray | None = None
-        #: What the agent knows, and how much each of its touches surprised it.
         self._agent: Agent | None = None
-        self._surprise: np.ndarray | None = None
 
     def enter(self, world: World) -> None:
         """From now on, the agent has the body of this world."""
@@ -114,13 +110,6 @@ class Exploration:
 
     def remember(self, q: np.ndarray, sensation: np.ndarray) -> None:
         """Learns from the next round, as stored: `q` `(n, J)` and `sensation` `(n, S)` N."""
-        surprised, learner = None, self.learner
-        if self._agent is not None:
-            known = self._agent.representation
-            expected = recalled(known, learner.kernel_sensation, q)
-            surprised = cosine_distance(expected, sensation).clip(0.0)
-        # A life takes touches in blocks: some of the last round may still wait.
-        first = learner.num_touches + self.num_touches - self.mind.num_touches
         self.mind.take(q, sensation)
         self.num_touches += len(q)
         self._q = q[-1]
@@ -128,11 +117,6 @@ class Exploration:
         # Asked for once a round, also when stored rounds are read again: what the learner
         # measures again depends on when it was last asked.
         self._agent = self._knows()
-        if self.learner is not learner:
-            self._surprise = None  # it has adapted: now it would have expected something else
-        elif self._agent is not None and surprised is not None:
-            row = self._agent.representation.kernel_row - first
-            self._surprise = np.where(row >= 0, surprised[row.clip(0)], 0.0)
 
     def explore(self, num_rows: int) -> Shard:
         """The next round: explores until `num_rows` configurations that the robot can take touch.
@@ -145,7 +129,7 @@ class Exploration:
         start = rng.uniform(joints.lower, joints.upper) if self._q is None else self._q
         source.rest_at(start)
         nothing = np.zeros(self.experiment.num_receptors)
-        moves = self._explorer(self._agent, joints, start, nothing, rng, self._surprise).moves()
+        moves = self._explorer(self._agent, joints, start, nothing, rng).moves()
         path = next(moves)
 
         def next_steps() -> Steps:

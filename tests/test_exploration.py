@@ -98,22 +98,6 @@ def test_what_it_knows_does_not_depend_on_where_it_was_stopped():
     np.testing.assert_array_equal(again.explore(300).q, whole.explore(300).q)
 
 
-def test_touches_that_surprised_are_those_that_it_did_not_expect(reference):
-    life = Exploration(active(750))
-    reader = ExperienceReader(reference[0].experience)
-    q, sensation = reader.read("q"), reader.read("sensation")
-    life.remember(q[:500], sensation[:500])
-    assert life._surprise is None
-    # It has felt the first half before, and the receptors change places for the second half.
-    sensation = np.concatenate([sensation[:100], sensation[100:200, ::-1]])
-    life.remember(q[:200], sensation)
-    known = life._agent.representation
-    assert len(life._surprise) == known.num_rows
-    assert (life._surprise[known.kernel_row < 500] == 0.0).all()
-    assert life._surprise[(known.kernel_row >= 500) & (known.kernel_row < 600)].max() < 1e-5
-    assert life._surprise[known.kernel_row >= 600].mean() > 0.3
-
-
 @pytest.fixture
 def quick(monkeypatch):
     """Lives that expect sooner, and less exactly."""
@@ -155,21 +139,6 @@ def test_in_a_changed_body_it_explores_by_what_it_adapted(tmp_path, quick):
             (again.path / name).write_bytes(wanted[name])
     assert explored_into(again) == counts
     assert shards(again) == wanted
-
-
-def test_a_life_learns_from_the_touches_of_a_round_what_surprised(quick):
-    """A life takes blocks of 500 touches; of a round of 300, some wait for the next one."""
-    life = Exploration(changing(9000, after=8000))
-    for _ in range(3):
-        shard = life.explore(300)
-        life.remember(shard.q, shard.sensation)
-    # After three rounds 500 touches are learned and 400 wait; after the fourth 1000 and 200.
-    shard = life.explore(300)
-    life.remember(shard.q, shard.sensation[:, ::-1])
-    known = life._agent.representation
-    assert life.learner.num_touches == 1000
-    assert (life._surprise[known.kernel_row < 900] == 0.0).all()
-    assert life._surprise[known.kernel_row >= 900].mean() > 0.3
 
 
 def test_the_agent_is_naive(reference):

@@ -1,28 +1,22 @@
 """Exploration: the agent decides from what it knows where to go (naive).
 
-The agent goes to what it knows least: a touch that it did not expect, a sensation that it seldom
-felt, or a link for which it has no good step. A move is a few configurations. An explorer yields
-it, and is sent what was felt on the way. It does not know what makes the move. Where time counts, a
-`Walker` stays in contact; where only touches count, a `PostureSampler` tries postures anywhere.
+The agent goes to what it knows least: a sensation that it seldom felt, or a link for which it has
+no good step. A move is a few configurations. An explorer yields it, and is sent what was felt on
+the way. It does not know what makes the move. Where time counts, a `Walker` stays in contact; where
+only touches count, a `PostureSampler` tries postures anywhere.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator, Iterable
+from collections.abc import Generator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.representation.quotient import (
-    NO_MODE,
-    QuotientRepresentation,
-    row_joints,
-)
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 #: What the explorer is sent: `(n, J)` configurations that were passed, and `(n, S)` N, what was
 #: felt there.
@@ -39,25 +33,15 @@ _PERSISTENCE, _AWAY = 0.9, 20
 #: next place at random through the air.
 _DWELL, _AIR = 750, 0.1
 
-#: rad of path length between the places on a plan that the agent steps to.
-_ALONG = 0.2
-
 #: Most paces by which the agent presses harder or eases off in one step.
 _PRESSED = 3.0
 
-#: Steps without contact after which the agent goes back to the last touch; returns in a row that
-#: found no contact after which it gives up; most steps to one place on a plan.
-_MOST_LOST, _MOST_RETURNS, _MOST_STEPS = 2, 4, 10
+#: Steps without contact after which the agent goes back to the last touch, and returns in a row
+#: that found no contact after which it gives up.
+_MOST_LOST, _MOST_RETURNS = 2, 4
 
-#: Share of the goals to which the agent goes by a plan along its skin, while it is in contact. A
-#: plan leads through known postures: in 10 simulated minutes on a torus the agent meets 23 postures
-#: per minute that are 0.5 rad apart if it goes to all goals by plans, 133 with a quarter of the
-#: goals, 122 with none.
-_BY_PLAN = 0.25
-
-#: Share of the goals that are touches which surprised the agent. Of the others, share of those that
-#: are ends of poor links; the rest are sensations seldom felt.
-_SURPRISING, _LINKS = 0.2, 0.3
+#: Share of the goals that are ends of poor links; the others are sensations seldom felt.
+_LINKS = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,8 +70,6 @@ class Explorer(ABC):
         q: `(J,)` where the joints are.
         felt: `(S,)` N, what is felt there.
         rng: from which all randomness comes.
-        surprise: `(R,)` how much each configuration that the agent knows surprised it in the last
-            round, 0 if it was not met there; None if the agent expected nothing.
     """
 
     def __init__(
@@ -97,9 +79,7 @@ class Explorer(ABC):
         q: np.ndarray,
         felt: np.ndarray,
         rng: np.random.Generator,
-        surprise: np.ndarray | None = None,
     ) -> None:
-        self._surprise = surprise
         self._agent, self._joints, self._rng = agent, joints, rng
         self._q, self._felt = np.asarray(q, dtype=float), felt
         # The last touch.
@@ -121,13 +101,6 @@ class Explorer(ABC):
             if (touching := np.flatnonzero(felt.any(axis=1))).size:
                 self._touch = q[touching[-1]].astype(float)
 
-    def _surprising(self) -> int | None:
-        """A touch of the last round, drawn by how much it surprised; None if none did."""
-        if self._surprise is None or not self._surprise.any():
-            return None
-        share = self._surprise / self._surprise.sum()
-        return int(self._rng.choice(len(share), p=share))
-
     def _within(self, q: np.ndarray) -> np.ndarray:
         return q.clip(self._joints.lower, self._joints.upper)
 
@@ -135,11 +108,10 @@ class Explorer(ABC):
 class Walker(Explorer):
     """Stays in contact as much as it can.
 
-    It goes to what it knows least through the air, or by its own plan along its skin. There it
-    slides about: it walks at random, bent along the skin, so that it meets the same sensations in
-    other postures. From how the last steps changed what it felt, it learns which way is into the
-    skin and which way is out. Before it knows anything it moves at random, and slides about from
-    any touch.
+    It goes to what it knows least through the air. There it slides about: it walks at random, bent
+    along the skin, so that it meets the same sensations in other postures. From how the last steps
+    changed what it felt, it learns which way is into the skin and which way is out. Before it knows
+    anything it moves at random, and slides about from any touch.
     """
 
     def __init__(self, *known: Any) -> None:
@@ -148,7 +120,7 @@ class Walker(Explorer):
         self._walk = np.zeros(len(self._q))
         # How fast the felt force grows along each joint, N per stride.
         self._slope = np.zeros(len(self._q))
-        self._wanted, self._lost, self._returns = 0.0, 0, 0
+        self._wanted = 0.0
         if self._agent is not None:
             representation = self._agent.representation
             self._wanted = float(np.median(representation.kernel_strength))
@@ -161,16 +133,13 @@ class Walker(Explorer):
             if self._agent is None or self._rng.random() < _AIR:
                 yield from self._wander()
             else:
-                by_plan = self._felt.any() and self._rng.random() < _BY_PLAN
-                row, goal = self._goal(self._agent.representation)
-                if by_plan:
-                    yield from self._journey(self._agent, goal)
-                else:
-                    self._visits[goal] += 1.0
-                    self._slope[:] = 0.0
-                    yield from self._straight(
-                        self._agent.representation.kernel_q[row].astype(float)
-                    )
+                known = self._agent.representation
+                goal = self._goal(known)
+                rows = known.members(goal)
+                row = self._rng.integers(rows.start, rows.stop)
+                self._visits[goal] += 1.0
+                self._slope[:] = 0.0
+                yield from self._straight(known.kernel_q[row].astype(float))
             if self._felt.any():
                 yield from self._roam()
 
@@ -210,15 +179,7 @@ class Walker(Explorer):
         share = np.linspace(0.0, 1.0, count + 1)[1:, None]
         yield from self._go(self._q + share * (q - self._q))
 
-    def _goal(self, known: QuotientRepresentation) -> tuple[int, int]:
-        """A touch of a kernel of which the agent knows little: its row, and the kernel."""
-        if self._rng.random() < _SURPRISING and (row := self._surprising()) is not None:
-            return row, kernel_of(known, row)
-        goal = self._unknown(known)
-        rows = known.members(goal)
-        return int(self._rng.integers(rows.start, rows.stop)), goal
-
-    def _unknown(self, known: QuotientRepresentation) -> int:
+    def _goal(self, known: QuotientRepresentation) -> int:
         """A kernel that was seldom visited, or an end of a poor link."""
         if self._rng.random() < _LINKS and len(known.edges):
             # The ends of a poor link have no postures near each other; there are better ones in
@@ -228,59 +189,22 @@ class Walker(Explorer):
         need = 1.0 / (1.0 + self._visits) ** 2
         return int(self._rng.choice(len(need), p=need / need.sum()))
 
-    def _journey(self, agent: Agent, goal: int) -> Moves:
-        """Goes to a kernel by a plan, and bends its steps along the skin."""
-        try:
-            plan = agent.tour([agent.felt(self._felt), goal], q_start=self._q)
-        except ValueError:
-            return
-        self._visits[goal] += 1.0
-        length = float(plan.waypoint_s[-1])
-        way = plan.path(np.linspace(0.0, length, max(int(length / _ALONG), 1) + 1))[1:]
-        yield from self._slide(way)
-
     def _roam(self) -> Moves:
         """Slides about: walks at random, bent along the skin."""
-        self._returns = 0
+        lost = returns = 0
         for _ in range(_DWELL):
-            if not self._touching:
-                return
-            if not (yield from self._feel_on(self._heading())):
+            yield from self._go(self._turned_round(self._q + self._in_touch(self._heading()))[None])
+            if self._felt.any():
+                lost = returns = 0
+                continue
+            lost += 1
+            if lost == _MOST_LOST:
+                lost, returns = 0, returns + 1
+                yield from self._straight(self._touch)
+                if returns == _MOST_RETURNS and not self._felt.any():
+                    return
                 # This direction left the skin; take another one.
                 self._walk = self._rng.standard_normal(len(self._q))
-
-    def _slide(self, way: Iterable[np.ndarray]) -> Moves:
-        """Goes along `way` and stays in contact; gives up where it cannot."""
-        self._returns = 0
-        for aim in way:
-            for _ in range(_MOST_STEPS):
-                rest = aim - self._q
-                paces = self._paces(rest)
-                if paces < 0.5:
-                    break
-                if not self._touching:
-                    return
-                if not (yield from self._feel_on(rest / max(paces, 1.0))):
-                    break
-
-    @property
-    def _touching(self) -> bool:
-        """Whether the agent is in contact, or may be again soon."""
-        return bool(self._felt.any()) or self._returns < _MOST_RETURNS
-
-    def _feel_on(self, step: np.ndarray) -> Generator[np.ndarray, Met, bool]:
-        """Makes a step in contact; returns False if it had to go back to the last touch."""
-        yield from self._go(self._turned_round(self._q + self._in_touch(step))[None])
-        if self._felt.any():
-            self._lost = self._returns = 0
-            return True
-        self._lost += 1
-        if self._lost < _MOST_LOST:
-            return True
-        self._lost = 0
-        self._returns += 1
-        yield from self._straight(self._touch)
-        return False
 
     def _in_touch(self, step: np.ndarray) -> np.ndarray:
         """`(J,)` the step, bent along the skin so that the agent feels as much as usual."""
@@ -316,35 +240,3 @@ class Walker(Explorer):
         """Number of steps of one pace in `step` `(J,)`."""
         strides = step / self._joints.stride
         return float(np.sqrt(np.mean(strides**2))) / self._pace
-
-
-def kernel_of(known: QuotientRepresentation, row: int) -> int:
-    """The kernel to which a row of `kernel_q` belongs."""
-    return int(np.searchsorted(known.kernel_offsets, row, side="right")) - 1
-
-
-def recalled(
-    known: QuotientRepresentation, kernel_sensation: csr_array, q: np.ndarray
-) -> np.ndarray:
-    """`(n, S)` what the agent felt at the stored configurations most similar to `q`.
-
-    Of each stored touch, only the joints that matter to it are compared. Touches for which these
-    are not known yet are left out, unless they are known for none: among many joints, the search
-    takes long.
-
-    Args:
-        known: what the agent knows.
-        kernel_sensation: `(R, S)` the sensation at each of its configurations.
-        q: `(n, J)` motor configurations, in the robot's units.
-    """
-    x, stored = known.scaled(q), known.scaled(known.kernel_q)
-    least, nearest = np.full(len(q), np.inf), np.zeros(len(q), dtype=int)
-    modes = np.unique(known.kernel_mode)
-    for mode in modes[modes != NO_MODE] if len(modes) > 1 else modes:
-        (joints,) = row_joints(np.array([mode]), known.mode_joints)
-        rows = np.flatnonzero(known.kernel_mode == mode)
-        off, row = cKDTree(stored[rows][:, joints]).query(x[:, joints])
-        off /= np.sqrt(joints.sum())
-        nearest = np.where(off < least, rows[row], nearest)
-        least = np.minimum(off, least)
-    return kernel_sensation[nearest].toarray()

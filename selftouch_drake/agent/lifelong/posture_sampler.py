@@ -4,9 +4,9 @@ Places that are met at random lie far apart in motor space. The agent then knows
 the skin in very different postures, and takes them for farther apart than they are. So it looks
 about each place that it meets. What it knows still has gaps: two kernels are linked, but their
 nearest postures are far apart, and a plan that leaps from one to the other may leave the skin on
-the way. So the agent also looks between the postures of linked kernels: of any, and of those in
-which its predictions failed. On a body of several parts, some receptors are hard to reach: it looks
-about touches of receptors that seldom felt anything, as the way to others leads there.
+the way. So the agent also looks between the postures of linked kernels. On a body of several parts,
+some receptors are hard to reach: it looks about touches of receptors that seldom felt anything, as
+the way to others leads there.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.sparse import csc_array
 from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.lifelong.explorer import Explorer, Moves, kernel_of
+from selftouch_drake.agent.lifelong.explorer import Explorer, Moves
 from selftouch_drake.agent.planning import firm_members
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 
@@ -32,9 +32,6 @@ _TOUCHES, _ABOUT = 20, 1.33
 #: 98.6 % of the time without gaps, for 99.3 and 99.0 % with them. With one touch in each gap the
 #: shape is worse, as the nearest postures are then nearer by design.
 _IN_GAP, _BETWEEN, _GAPS = 4, 0.67, 5
-
-#: Share of the gaps that begin at touches which surprised the agent.
-_SURPRISING = 0.5
 
 #: Small moves per wanted touch after which the agent gives up.
 _TRIES = 12
@@ -109,11 +106,6 @@ class PostureSampler(Explorer):
 
     def _gap(self, known: QuotientRepresentation) -> tuple[int, int]:
         """The row of a touch of one end of a link, and the kernel at the other end."""
-        if self._rng.random() < _SURPRISING and (row := self._surprising()) is not None:
-            tail = kernel_of(known, row)
-            links = known.edges[(known.edges == tail).any(axis=1)]
-            if len(links):
-                return row, int(self._rng.choice(links).sum()) - tail
         tail, head = self._rng.permutation(self._rng.choice(known.edges)).tolist()
         mode = int(self._rng.choice(known.kernel_mode[known.members(tail)]))
         return int(self._rng.choice(firm_members(known, tail, mode))), head

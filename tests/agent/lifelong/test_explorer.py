@@ -1,6 +1,5 @@
 """The explorer stays in touch, and goes where it knows least."""
 
-import dataclasses
 from itertools import islice
 
 import numpy as np
@@ -14,8 +13,6 @@ from selftouch_drake.agent.lifelong import (
     Walker,
 )
 from selftouch_drake.agent.lifelong import explorer as module
-from selftouch_drake.agent.lifelong.explorer import kernel_of, recalled
-from selftouch_drake.agent.representation.quotient import NO_MODE
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
@@ -97,62 +94,6 @@ def test_it_goes_where_it_was_rarely():
     assert np.mean(q[:, 2] < 0) > 0.5
 
 
-def test_it_goes_where_its_predictions_failed():
-    """It was surprised on one cap of a ball that it knows equally well all round."""
-    points = np.random.default_rng(0).normal(size=(4000, 3))
-    points /= np.linalg.norm(points, axis=1, keepdims=True)
-    agent = who_knows(points, ball_feels(points))
-    cap = agent.representation.kernel_q[:, 2] > 0.7
-    nowhere = np.zeros(3)
-
-    def goals(surprise):
-        rng = np.random.default_rng(0)
-        explorer = Walker(agent, JOINTS, nowhere, nowhere, rng, surprise)
-        rows, kernels = zip(
-            *(explorer._goal(agent.representation) for _ in range(1000)), strict=True
-        )
-        offsets = agent.representation.kernel_offsets
-        assert (offsets[list(kernels)] <= rows).all()
-        assert (rows < offsets[np.add(kernels, 1)]).all()
-        return cap[list(rows)].mean()
-
-    unsurprised = goals(None)
-    assert goals(np.zeros(len(cap))) == pytest.approx(unsurprised, abs=0.05)
-    assert goals(1.0 * cap) > unsurprised + 0.12
-
-
-def test_it_recalls_the_most_similar_touch_in_the_joints_that_matter():
-    points = np.random.default_rng(0).normal(size=(2000, 3))
-    points /= np.linalg.norm(points, axis=1, keepdims=True)
-    felt = ball_feels(points)
-    agent = who_knows(points, felt)
-    known, kept = agent.representation, agent.kernel_sensation
-    np.testing.assert_allclose(
-        recalled(known, kept, known.kernel_q[::7]), kept[::7].toarray(), atol=1e-6
-    )
-    # A fourth joint that turns freely matters in no mode.
-    free = dataclasses.replace(
-        known,
-        kernel_q=np.hstack(
-            [known.kernel_q, np.random.default_rng(1).normal(size=(known.num_rows, 1))]
-        ),
-        joint_scale=np.append(known.joint_scale, 1.0),
-        mode_joints=np.hstack([known.mode_joints, np.zeros((len(known.mode_joints), 1), bool)]),
-    )
-    turned = np.hstack([known.kernel_q[::7], np.full((len(known.kernel_q[::7]), 1), 5.0)])
-    np.testing.assert_allclose(recalled(free, kept, turned), kept[::7].toarray(), atol=1e-6)
-    # Touches of unknown mode do not count beside others.
-    unknown = np.zeros(known.num_rows, dtype=bool)
-    unknown[::7] = True
-    partly = dataclasses.replace(known, kernel_mode=np.where(unknown, NO_MODE, known.kernel_mode))
-    found = recalled(partly, kept, known.kernel_q[::7])
-    assert not np.allclose(found, kept[::7].toarray(), atol=1e-3)
-    assert np.median(np.einsum("ns,ns->n", found, kept[::7].toarray())) > 0.9
-    nothing = dataclasses.replace(known, kernel_mode=np.full(known.num_rows, NO_MODE))
-    found = recalled(nothing, kept, known.kernel_q[::7])
-    np.testing.assert_allclose(found, kept[::7].toarray(), atol=1e-6)
-
-
 def test_where_only_touches_count_it_looks_about_places_met_anywhere():
     q, felt = explored(None, 4000, explores=PostureSampler, joints=NARROW)
     q = q[felt.any(axis=1)]
@@ -173,25 +114,6 @@ def test_it_looks_between_neighbours_on_the_skin():
     # Neighbouring targets are half a radius apart, a target and a random one 1.4.
     apart = np.linalg.norm(np.array(tried)[:, None] - points, axis=2).min(axis=1)
     assert np.quantile(apart, 0.9) < 0.2
-
-
-def test_half_of_the_gaps_begin_where_its_predictions_failed():
-    points = np.random.default_rng(0).normal(size=(1000, 3))
-    points /= np.linalg.norm(points, axis=1, keepdims=True)
-    agent, nowhere = who_knows(points, ball_feels(points)), np.zeros(3)
-    known = agent.representation
-    failed = known.kernel_q[:, 2] > 0.8
-
-    def share(surprise):
-        rng = np.random.default_rng(0)
-        searcher = PostureSampler(agent, NARROW, nowhere, nowhere, rng, surprise)
-        gaps = [searcher._gap(known) for _ in range(400)]
-        linked = {tuple(edge) for edge in known.edges.tolist()}
-        assert all(tuple(sorted((kernel_of(known, row), end))) in linked for row, end in gaps)
-        return failed[[row for row, _ in gaps]].mean()
-
-    assert share(None) < 0.2
-    assert share(1.0 * failed) > 0.5
 
 
 def test_it_starts_from_touches_of_receptors_that_seldom_felt_anything():
