@@ -120,8 +120,9 @@ class Network:
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def train(
     network: Network,
-    batch: Callable[[], np.ndarray],
-    loss_slope: Callable[[np.ndarray], np.ndarray],
+    x: np.ndarray,
+    draw: Callable[[], np.ndarray],
+    loss_slope: Callable[[np.ndarray, np.ndarray], np.ndarray],
     num_steps: int,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> None:
@@ -133,8 +134,10 @@ def train(
 
     Args:
         network: changed in place.
-        batch: draws `(n, inputs)` float32.
-        loss_slope: returns the gradient of the loss at the outputs `(n, outputs)`.
+        x: `(R, inputs)` float32.
+        draw: draws the `(n,)` rows of a training step.
+        loss_slope: from the outputs `(n, outputs)` and these rows to the gradient of the loss in
+            the outputs.
         num_steps: of training.
         progress: called with the fraction done.
     """
@@ -144,7 +147,7 @@ def train(
     second = [np.zeros_like(p) for p in parameters]
     with Threads() as pool:
         for step in range(num_steps):
-            gradients = _gradients(network, batch(), loss_slope, pool)
+            gradients = _gradients(network, x, draw(), loss_slope, pool)
             rate = min(1.0, (step + 1) / (_WARM_UP * num_steps))
             rate *= (1.0 + np.cos(np.pi * step / num_steps)) / 2.0
             for p in hidden:
@@ -167,50 +170,30 @@ def train(
 def _gradients(
     network: Network,
     x: np.ndarray,
-    loss_slope: Callable[[np.ndarray], np.ndarray],
+    rows: np.ndarray,
+    loss_slope: Callable[[np.ndarray, np.ndarray], np.ndarray],
     pool: Executor,
 ) -> list[np.ndarray]:
     """The gradient of the loss of a batch, computed in two halves side by side.
 
     Always two, so that sums have the same order on any number of cores.
     """
-    outputs, inputs, slopes = zip(*pool.map(network.forward, np.array_split(x, 2)), strict=True)
-    slope = np.array_split(loss_slope(np.concatenate(outputs)), 2)
+    outputs, inputs, slopes = zip(
+        *pool.map(network.forward, np.array_split(x[rows], 2)), strict=True
+    )
+    slope = np.array_split(loss_slope(np.concatenate(outputs), rows), 2)
     parts = pool.map(network.gradients, slope, inputs, slopes)
     return [one + other for one, other in zip(*parts, strict=True)]
 
 
-def train_to_expect(
-    network: Network,
-    x: np.ndarray,
-    kernel: np.ndarray,
-    wanted: np.ndarray,
-    draw: Callable[[], np.ndarray],
-    num_steps: int,
-    progress: Callable[[float], None] = lambda fraction: None,
-) -> None:
-    """Trains a network in place to predict the wanted outputs of the kernel of each row.
+def toward(wanted: np.ndarray, of_row: np.ndarray) -> Callable[..., np.ndarray]:
+    """The gradient of the mean squared error, for `train`.
 
     Args:
-        network: changed in place.
-        x: `(R, inputs)` float32.
-        kernel: `(R,)` the kernel of each row.
         wanted: `(K, outputs)` float32.
-        draw: draws `(n,)` rows for a training step.
-        num_steps: of training.
-        progress: called with the fraction done.
+        of_row: `(R,)` which of these each row wants.
     """
-    rows = np.empty(0, dtype=int)
-
-    def batch() -> np.ndarray:
-        nonlocal rows
-        rows = draw()
-        return x[rows]
-
-    def slope(found: np.ndarray) -> np.ndarray:
-        return 2.0 * (found - wanted[kernel[rows]]) / len(found)
-
-    train(network, batch, slope, num_steps, progress)
+    return lambda found, rows: 2.0 * (found - wanted[of_row[rows]]) / len(found)
 
 
 def _orthogonal(matrix: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.lifelong.touch_set import TouchSet
-from selftouch_drake.agent.network import Network, train
+from selftouch_drake.agent.network import Network, toward, train
 from selftouch_drake.agent.representation.quantise import strength
 
 #: Units of the hidden layers, touches per training step, and steps. Steps count more than touches:
@@ -87,19 +87,16 @@ class Expectation:
             typical=typical,
             familiar=cKDTree(x[:: -(-len(x) // _MOST_FAMILIAR)]),
         )
-        wanted, network, rows = found.as_learned(touches), found.network, np.empty(0, dtype=int)
+        wanted, network = found.as_learned(touches), found.network
         mean = wanted.mean(axis=0)
         spread = np.float32(np.sqrt(np.square(wanted - mean).sum(axis=1).mean()))
-
-        def batch() -> np.ndarray:
-            nonlocal rows
-            rows = rng.integers(len(x), size=_BATCH)
-            return x[rows]
-
-        def slope(outputs: np.ndarray) -> np.ndarray:
-            return 2.0 * (outputs - (wanted[rows] - mean) / spread) / len(outputs)
-
-        train(network, batch, slope, num_steps)
+        train(
+            network,
+            x,
+            lambda: rng.integers(len(x), size=_BATCH),
+            toward((wanted - mean) / spread, np.arange(len(x))),
+            num_steps,
+        )
         network.weights[-1][:] *= spread
         network.biases[-1][:] = network.biases[-1] * spread + mean
         return found

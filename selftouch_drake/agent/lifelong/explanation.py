@@ -200,25 +200,24 @@ def _displaced(change: BodyChange, touches: TouchSet, seed: int) -> BodyChange:
     x = expectation.standardised(touches.q)
     start = expectation.standardised(touches.q + change.offset)
     num_joints, growth = x.shape[1], math.sqrt(len(x) / 1000)
-    rows = np.empty(0, dtype=int)
 
-    def batch() -> np.ndarray:
-        nonlocal rows
-        rows = rng.integers(len(x), size=_BATCH)
-        return x[rows]
+    def draw() -> np.ndarray:
+        return rng.integers(len(x), size=_BATCH)
 
     def trained() -> Network:
         network = Network.random([num_joints, round(_HIDDEN * growth), num_joints], rng)
         network.weights[-1][:] = 0.0
         for expects in (one.network for one in change.through):
 
-            def slope(displaced: np.ndarray, expects: Network = expects) -> np.ndarray:
+            def slope(
+                displaced: np.ndarray, rows: np.ndarray, expects: Network = expects
+            ) -> np.ndarray:
                 outputs, _, slopes = expects.forward(start[rows] + displaced)
                 off = 2.0 * counts * (outputs - wanted[rows]) / len(rows)
                 pull = 2.0 * _PENALTY / growth / len(rows) * displaced
                 return expects.slope_of_inputs(off, slopes) + pull
 
-            train(network, batch, slope, round(_NUM_STEPS * growth))
+            train(network, x, draw, slope, round(_NUM_STEPS * growth))
         return network
 
     return replace(change, displacement=tuple(trained() for _ in range(_NETWORKS)))

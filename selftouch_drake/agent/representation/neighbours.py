@@ -8,18 +8,12 @@ from __future__ import annotations
 
 import warnings
 
-import numba
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
-
-from selftouch_drake.threads import mapped
+from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 
 #: Mutual nearest: two rings of a triangulated surface hold 18 kernels, one ring 6.
 NUM_MUTUAL = 12
-
-# Kernels from which one thread searches paths at once.
-_SOURCES = 64
 
 #: Nearest that are neighbours in any case: nearly one ring.
 NUM_KEPT = 5
@@ -132,56 +126,7 @@ def geodesics(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> np.nda
     Returns:
         `(K, K)` symmetric; infinite between kernels without a path.
     """
-    ends = np.concatenate([edges, edges[:, ::-1]]).astype(np.int64)
-    order = np.argsort(ends[:, 0], kind="stable")
-    start, end = ends[order].T.copy()
-    first = np.searchsorted(start, np.arange(num_kernels + 1))
-    both = np.tile(np.asarray(length, dtype=float), 2)[order]
-    found = np.full((num_kernels, num_kernels), np.inf)
-
-    def search(source: int) -> None:
-        _shortest(found[source : source + _SOURCES], source, first, end, both)
-
-    for _ in mapped(search, range(0, num_kernels, _SOURCES)):
-        pass
-    return found
-
-
-@numba.njit(nogil=True, cache=True)
-def _shortest(
-    found: np.ndarray, source: int, first: np.ndarray, end: np.ndarray, length: np.ndarray
-) -> None:
-    """Shortest paths from kernels `source`, `source + 1` and so on, one row of `found` for each.
-
-    A kernel that was reached on a shorter way than before waits in a queue, to be left again. On
-    graphs of neighbours almost all are left once, so no heap is needed.
-
-    Args:
-        found: `(n, K)` infinite; written.
-        source: the first.
-        first: `(K + 1,)` the first edge that leaves each kernel.
-        end: `(2 E,)` where the edges lead.
-        length: `(2 E,)` of the edges.
-    """
-    num_kernels = found.shape[1]
-    queue = np.empty(num_kernels, np.int64)
-    waits = np.zeros(num_kernels, np.bool_)
-    for row, far in enumerate(found):
-        far[source + row] = 0.0
-        queue[0] = source + row
-        head, number = 0, 1
-        while number:
-            here = queue[head]
-            waits[here] = False
-            head, number = (head + 1) % num_kernels, number - 1
-            for edge in range(first[here], first[here + 1]):
-                there, distance = end[edge], far[here] + length[edge]
-                if distance < far[there]:
-                    far[there] = distance
-                    if not waits[there]:
-                        waits[there] = True
-                        queue[(head + number) % num_kernels] = there
-                        number += 1
+    return dijkstra(_sparse(edges, length, num_kernels), directed=False)
 
 
 def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from selftouch_drake.agent.clusters import clusters
-from selftouch_drake.agent.network import Network, standardised, train_to_expect
+from selftouch_drake.agent.network import Network, standardised, toward, train
 from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 
@@ -178,7 +178,7 @@ class _Expectation:
                 progress((done + fraction * num_steps) / affordable)
 
             drawn = partial(draw, count)
-            train_to_expect(network, x, kernel, outputs, drawn, num_steps, of_lesson)
+            train(network, x, drawn, toward(outputs, kernel), num_steps, of_lesson)
             done += num_steps
             if done == affordable or expected.learned_well(tested, rng):
                 break

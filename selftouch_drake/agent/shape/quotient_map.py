@@ -18,7 +18,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.linalg import eigh
 
-from selftouch_drake.agent.network import Network, standardised, train, train_to_expect
+from selftouch_drake.agent.network import Network, standardised, toward, train
 from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.threads import in_slices
 
@@ -85,7 +85,7 @@ def quotient_coordinates(
         """One configuration of each pair in the first half, its partner in the second."""
         kernel = rng.integers(len(sizes), size=count)
         members = sets.offsets[kernel] + (rng.random((2, count)) * sizes[kernel]).astype(int)
-        return x[members.ravel()]
+        return members.ravel()
 
     network = Network.random([x.shape[1], *_HIDDEN, _NUM_OUTPUTS], rng)
     expecting = 0
@@ -101,12 +101,13 @@ def quotient_coordinates(
         )
     # The best linear outputs of the hidden layers cover the whole body, if weakly; random outputs
     # may not.
-    _, layers, _ = network.forward(pairs(_NUM_FIRST_PAIRS))
+    _, layers, _ = network.forward(x[pairs(_NUM_FIRST_PAIRS)])
     network.weights[-1][:] = eigh(*_scatters(layers[-1].astype(float)))[1][:, :_NUM_OUTPUTS]
     train(
         network,
+        x,
         lambda: pairs(_NUM_PAIRS),
-        _loss_slope,
+        lambda outputs, _: scatter_loss(outputs)[1].astype(np.float32),
         num_steps - expecting,
         lambda fraction: progress((expecting + (num_steps - expecting) * fraction) / num_steps),
     )
@@ -134,14 +135,13 @@ def _expect(
     wanted = target_sensations - np.average(target_sensations, axis=0, weights=sets.sizes)
     spread = np.sqrt(np.average(np.square(wanted).sum(axis=1), weights=sets.sizes))
     out = Network.random([network.weights[-1].shape[0], wanted.shape[1]], rng)
-    train_to_expect(
+    train(
         Network(
             weights=network.weights[:-1] + out.weights, biases=network.biases[:-1] + out.biases
         ),
         sets.x,
-        sets.kernel,
-        (wanted / spread).astype(np.float32),
         lambda: rng.integers(len(sets.x), size=2 * _NUM_PAIRS),
+        toward((wanted / spread).astype(np.float32), sets.kernel),
         num_steps,
         progress,
     )
@@ -179,10 +179,6 @@ def _scatters(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     within, total = apart.T @ apart / (2 * half), centred.T @ centred / (2 * half)
     floor = np.trace(total) / len(total) * np.eye(len(total))
     return within + 1e-5 * floor, total + 1e-4 * floor
-
-
-def _loss_slope(outputs: np.ndarray) -> np.ndarray:
-    return scatter_loss(outputs)[1].astype(np.float32)
 
 
 def discriminants(sets: KernelSets, *, max_directions: int = _NUM_OUTPUTS) -> KernelSets:

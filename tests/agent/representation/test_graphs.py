@@ -1,13 +1,12 @@
 import dataclasses
 import warnings
+from types import SimpleNamespace
 
 import networkx as nx
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import pdist, squareform
 
 from selftouch_drake.agent.representation import (
@@ -21,7 +20,7 @@ from selftouch_drake.agent.representation import (
     to_networkx,
     without_vectors,
 )
-from selftouch_drake.agent.representation.graphs import surface_neighbours
+from selftouch_drake.agent.representation.graphs import step_links, surface_neighbours
 
 
 def line(*positions: float) -> np.ndarray:
@@ -102,16 +101,6 @@ def test_geodesics_by_hand():
     ]
 
 
-@pytest.mark.parametrize("num_edges", [60, 150, 1000])
-def test_geodesics_are_those_of_scipy(num_edges):
-    rng = np.random.default_rng(num_edges)
-    i, j = rng.choice(complete_edges(100), num_edges, replace=False).T
-    length = rng.exponential(size=num_edges) ** 3
-    found = geodesics(np.stack([i, j], axis=1), length, 100)
-    expected = dijkstra(csr_array((length, (i, j)), shape=(100, 100)), directed=False)
-    np.testing.assert_array_equal(found, expected)
-
-
 @settings(max_examples=25, deadline=None)
 @given(st.integers(2, 12), st.integers(0, 99))
 def test_the_quotient_distance_is_a_pseudo_metric(num_kernels, seed):
@@ -132,6 +121,27 @@ def test_local_scale_evens_out_crowded_and_sparse_places():
     length = line(0.0, 1.0, 2.0, 10.0, 15.0, 20.0)[edges[:, 0], edges[:, 1]]
     scaled = locally_scaled(length, edges)
     np.testing.assert_allclose(scaled, 1.0)
+
+
+def test_a_step_leads_to_the_ring_of_neighbours_but_not_past_the_next():
+    """Kernels spread evenly over a ball, linked by what they feel alone."""
+    i = np.arange(400) + 0.5
+    turn, z = i * np.pi * (1 + np.sqrt(5)), 1 - 2 * i / 400
+    place = np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], 1)
+    felt = np.clip(place @ place.T, 0.0, None) ** 3
+    links = step_links(
+        SimpleNamespace(
+            target_sensations=felt / np.linalg.norm(felt, axis=1, keepdims=True),
+            part=np.zeros(400, dtype=int),
+            edges=np.empty((0, 2), dtype=int),
+        )
+    )
+    apart = squareform(pdist(place))
+    spacing = np.median(np.sort(apart, axis=1)[:, 6])
+    linked = np.zeros((400, 400), dtype=bool)
+    linked[tuple(links.T)] = True
+    assert linked[np.triu(apart < spacing, 1)].all()
+    assert not linked[apart > 2.0 * spacing].any()
 
 
 def test_networkx_carries_what_the_representation_holds(representation):

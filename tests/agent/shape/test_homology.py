@@ -90,6 +90,14 @@ def test_gaps_of_a_closed_body_are_no_loops():
     assert found.margin == pytest.approx(length[1] / length[2], rel=0.25)
 
 
+def test_a_gap_whose_bar_is_longer_than_that_of_the_void_is_no_loop():
+    """A ball that was not touched about its poles: one gap fills, the other closes the body."""
+    for points in (sphere(70), sphere(80), sphere(90)):
+        found = topology(points[np.abs(points[:, 2]) < 0.8])
+        assert found.betti == (1, 0, 1)
+        assert found.margin < 1.0
+
+
 def test_an_open_bowl_is_no_void():
     points = sphere(400)
     bowl = points[points[:, 2] < 0.7]

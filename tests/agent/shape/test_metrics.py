@@ -95,6 +95,20 @@ def test_another_network_is_tried_where_the_first_folds(touched, maps):
     assert shape_error(part.positions, true_positions(*touched)) < 0.03
 
 
+def test_another_network_is_tried_where_the_first_stretches_the_body(touched, maps):
+    """Neighbours are right, but cells are three times as long from pole to pole as across."""
+    representation, place = touched
+    true = place[representation.kernel_row]
+    south = np.cross(np.cross(true, [0.0, 0.0, 1.0]), true)
+    along = np.random.default_rng(0).normal(scale=0.2, size=(len(true), 1))
+    spare = true.copy()
+    maps += [true + along * south, true, spare]
+    part = recover(representation, "learned", holes=False).parts[0]
+    assert part.doubt is None
+    assert len(maps) == 1
+    assert shape_error(part.positions, true_positions(*touched)) < 0.03
+
+
 def test_without_a_map_that_knows_neighbours_the_metric_is_sensorimotor(touched, maps):
     representation, _ = touched
     rng = np.random.default_rng(0)
