@@ -253,6 +253,12 @@ def babble(workers: int | None, scheduler: str | None, **given: Any) -> None:
     help="Whether readings rise with pressure.  [default: estimated]",
 )
 @click.option(
+    "--filter",
+    "filtering",
+    type=click.Choice(["none", "median"]),
+    help="Median of three rows against spikes.  [default: where there are spikes]",
+)
+@click.option(
     "--max-velocity", type=float, help="Limit of plans, rad/s or m/s.  [default: as recorded, or 1]"
 )
 @click.option(

@@ -4,14 +4,22 @@ Raw readings are not pressures: each receptor has its own resting level, which d
 noise. On some skins there are spikes, and on some readings decay slowly after a touch. All this is
 estimated from the readings themselves, because few receptors feel each touch, and each receptor is
 at rest in most rows.
+
+Whoever has readings, a recording or a living body, does it in two steps. `calibrate` estimates a
+`Calibration` from a first stretch of rows, which may touch or not; then `Calibration.sensation`
+turns any later readings into sensations, each row by itself. `felt_touches` does both for a whole
+recording, where it also knows what comes after a row: it can remove spikes by a filter in time, and
+readings that decay slowly.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -43,9 +51,15 @@ _COMPANY = 2
 #: Receptors are neighbours if they feel together this many times more often than by chance.
 _LIFT = 3.0
 
-#: There are spikes if in more than this share of the rows nothing is felt but firm readings that no
-#: neighbour shares. One receptor alone may feel a touch, but then it is a light one.
+#: There are spikes if in more than this share of the rows nothing stands out but firm readings that
+#: no neighbour shares and, if rows are successive, that come and go within one row.
 _FEW_ALONE = 0.03
+
+#: Share of the readings that last whose neighbours must feel it too, for lone ones to be spikes.
+_MOSTLY = 0.8
+
+#: Readings fall with pressure if those below rest weigh this many times more than those above it.
+_FALLS = 1.5
 
 #: Readings decay slowly if pressure falls in this many times more rows than it rises in. Without
 #: hysteresis the ratio is 1, since random motion looks the same forwards and backwards.
@@ -58,13 +72,17 @@ _STEADY = 0.95
 _BLOCK = 8192
 
 
+def _nobody() -> np.ndarray:
+    return np.zeros((0, 0), dtype=bool)
+
+
 class RestlessWarning(UserWarning):
     """Receptors seem to feel something most of the time: their resting level is doubtful."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Calibration:
-    """Resting levels, noise and thresholds of S receptors.
+    """How the raw readings of S receptors become sensations.
 
     Attributes:
         rising: whether readings rise with pressure; on some skins they fall.
@@ -72,8 +90,10 @@ class Calibration:
         level: `(W, S)` resting level there, in raw units; interpolated linearly in between.
         noise: `(S,)` standard deviation at rest, in raw units.
         threshold: `(S,)` above rest, in raw units; smaller readings count as 0.
-        smoothed: whether a median filter over three rows was applied first, because there are
-            spikes and the rows are successive in time.
+        spikes: whether there are spikes.
+        neighbours: `(S, S)` bool, receptors that feel together, if there are spikes: readings that
+            fewer than two neighbours share count as 0. `(0, 0)` if it is unknown who they are.
+        smoothed: whether the recording went through a median filter over three rows first.
     """
 
     rising: bool
@@ -81,7 +101,15 @@ class Calibration:
     level: np.ndarray
     noise: np.ndarray
     threshold: np.ndarray
-    smoothed: bool
+    spikes: bool = False
+    neighbours: np.ndarray = field(default_factory=_nobody)
+    smoothed: bool = False
+
+    @classmethod
+    def perfect(cls, num_receptors: int) -> Calibration:
+        """Of a skin that reads pressures, 0 at rest: they pass unchanged."""
+        null = np.zeros(num_receptors)
+        return cls(rising=True, row=np.zeros(1), level=null[None], noise=null, threshold=null)
 
     @property
     def offset(self) -> np.ndarray:
@@ -90,23 +118,44 @@ class Calibration:
 
     @property
     def drift(self) -> np.ndarray:
-        """`(S,)` range of the resting level over the recording."""
+        """`(S,)` range of the resting level over the calibrated rows."""
         return np.ptp(self.level, axis=0)
 
-    def pressure(self, readings: np.ndarray, first_row: int = 0) -> np.ndarray:
-        """`(n, S)` float32, pressures: readings above rest, in raw units; 0 below the threshold.
+    def sensation(self, readings: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+        """`(n, S)` float32, pressures above rest, in raw units; 0 below the threshold.
+
+        Each row is turned by itself, without those before and after it.
 
         Args:
-            readings: `(n, S)` raw, rows of the calibrated recording from `first_row` on.
-            first_row: number of the first row.
+            readings: `(n, S)` raw.
+            rows: `(n,)` which of the calibrated rows they are; by default they come later, and the
+                last resting level holds.
         """
-        resting = _between(self.row, self.level, first_row + np.arange(len(readings)))
-        above = readings - resting if self.rising else resting - readings
-        return np.where(above > self.threshold, above, 0.0).astype(np.float32)
+        pressure = self._pressure(readings, rows)
+        return np.where(self._shared(pressure > 0), pressure, np.float32(0.0))
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """All fields by name, for a file."""
         return {name: np.asarray(getattr(self, name)) for name in self.__slots__}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Calibration:
+        """What `to_arrays` gave; other arrays are ignored."""
+        fields: dict[str, Any] = {name: arrays[name] for name in cls.__slots__}
+        for name in ("rising", "spikes", "smoothed"):
+            fields[name] = bool(fields[name])
+        return cls(**fields)
+
+    def _pressure(self, readings: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
+        """`(n, S)` float32, readings above the threshold, spikes as well."""
+        resting = self.level[-1] if rows is None else _between(self.row, self.level, rows)
+        above = readings - resting if self.rising else resting - readings
+        return np.where(above > self.threshold, above, 0.0).astype(np.float32)
+
+    def _shared(self, felt: np.ndarray) -> np.ndarray:
+        """`(n, S)` bool, what is felt and shared by enough neighbours, if they are known."""
+        known = self.neighbours.size
+        return felt & (_num_near(felt, self.neighbours) >= _COMPANY) if known else felt
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -118,6 +167,7 @@ class Felt:
         q: `(n, J)` motor configurations, in the robot's units.
         sensation: `(n, S)` float32, pressures in raw units; no row null.
         calibration: of the receptors.
+        null: `(m,)` rows of the recording in which nothing is felt.
         num_lone: number of spikes: readings above the threshold that no neighbouring receptors
             shared. They are 0 in `sensation`.
         num_fading: number of rows excluded because pressure fell, if readings decay slowly.
@@ -127,6 +177,7 @@ class Felt:
     q: np.ndarray
     sensation: np.ndarray
     calibration: Calibration
+    null: np.ndarray
     num_lone: int
     num_fading: int
 
@@ -136,6 +187,63 @@ class Felt:
         return np.flatnonzero(~self.sensation.any(axis=0))
 
 
+def calibrate(
+    q: np.ndarray,
+    readings: np.ndarray,
+    *,
+    offset: float | np.ndarray | None = None,
+    threshold: float | np.ndarray | None = None,
+    rising: bool | None = None,
+    spikes: bool | None = None,
+) -> Calibration:
+    """Calibrates receptors from a stretch of raw rows, touching or not.
+
+    Args:
+        q: `(n, J)` motor configurations, in the robot's units; if they change little from row to
+            row, rows count as successive in time, else as unordered.
+        readings: `(n, S)` raw, any real type, all finite; each receptor at rest in most rows.
+        offset: resting level in raw units, one or `(S,)`; estimated by default, with its drift.
+        threshold: above rest, in raw units, one or `(S,)`; by default six standard deviations of
+            the noise.
+        rising: whether readings rise with pressure; estimated by default.
+        spikes: whether there are spikes; estimated by default.
+
+    Raises:
+        ValueError: shapes disagree, or a number is not finite.
+    """
+    q, readings = _checked(q, readings)
+    num_receptors = readings.shape[1]
+    if offset is None:
+        row, level = _resting_levels(readings)
+    else:
+        row, level = np.zeros(1), _one_each("offset", offset, num_receptors)[None]
+    sample = np.arange(0, len(readings), -(-len(readings) // _SAMPLE))
+    apart = readings[sample] - _between(row, level, sample)
+    if rising is None:
+        above, below = (np.square(apart.clip(*side)).sum() for side in ((0, None), (None, 0)))
+        rising = below <= _FALLS * above
+    noise = _noise(apart if rising else -apart, readings[sample])
+    limit = _SILENCE * noise
+    if threshold is not None:
+        limit = _one_each("threshold", threshold, num_receptors)
+    found = Calibration(rising=bool(rising), row=row, level=level, noise=noise, threshold=limit)
+    successive = _are_successive(q)
+    if spikes is None:
+        spikes = _has_spikes(readings, found, successive)
+    if not spikes:
+        return found
+    rows, pressure = _touching(found._pressure, readings)
+    neighbours = _neighbours(pressure > 0, len(readings))
+    found = replace(found, spikes=True, neighbours=neighbours)
+    if successive and neighbours.size:
+        # What lasts is a touch. Where few receptors share it, a lone reading may be one too.
+        felt = pressure > 0
+        lasts = felt[1:-1] & felt[:-2] & felt[2:] & (rows[2:] - rows[:-2] == 2)[:, None]
+        if np.mean(found._shared(felt)[1:-1][lasts]) < _MOSTLY:
+            found = replace(found, neighbours=_nobody())
+    return found
+
+
 def felt_touches(
     q: np.ndarray,
     readings: np.ndarray,
@@ -143,39 +251,46 @@ def felt_touches(
     offset: float | np.ndarray | None = None,
     threshold: float | np.ndarray | None = None,
     rising: bool | None = None,
+    filtering: str | None = None,
 ) -> Felt:
     """Finds the touches in a recording of raw readings.
 
     Args:
-        q: `(n, J)` motor configurations, in the robot's units; if they change little from row to
-            row, rows count as successive in time, else as unordered.
-        readings: `(n, S)` raw, any real type, all finite; rows that touch and rows that do not, as
-            recorded. Pressures with an offset of 0 are returned unchanged.
-        offset: resting level in raw units, one or `(S,)`; estimated by default, with its drift.
-        threshold: above rest, in raw units, one or `(S,)`; by default six standard deviations of
-            the noise.
-        rising: whether readings rise with pressure; estimated by default.
+        q: as of `calibrate`.
+        readings: `(n, S)` raw, rows that touch and rows that do not, as recorded. Pressures with an
+            offset of 0 are returned unchanged.
+        offset: as of `calibrate`.
+        threshold: as of `calibrate`.
+        rising: as of `calibrate`.
+        filtering: "median" if each reading becomes the median of three rows; "none" if it stays as
+            it is, even if it looks like a spike; by default a median where there are spikes and
+            rows are successive in time.
 
     Raises:
-        ValueError: shapes disagree, a number is not finite, or nothing is felt.
+        ValueError: shapes disagree, a number is not finite, nothing is felt, or rows without order
+            in time cannot be filtered.
 
     Warns:
         RestlessWarning: most receptors feel something in most rows.
     """
     q, readings = _checked(q, readings)
-    calibration = _calibrated(readings, offset, threshold, rising)
-    rows, pressure = _pressed(readings, calibration)
-    shared = _shared_unless_all(pressure, len(readings))
     successive = _are_successive(q)
-    if successive and shared is not None:
+    if filtering == "median" and not successive:
+        raise ValueError(
+            "filter is median, but the joints jump from row to row: give the rows in the order of "
+            "time, or leave the filter out"
+        )
+    as_given = partial(calibrate, q, offset=offset, threshold=threshold, rising=rising)
+    calibration = as_given(readings, spikes=False if filtering == "none" else None)
+    if successive and (calibration.spikes or filtering == "median"):
         readings = _median_of_three(readings)
-        calibration = _calibrated(readings, offset, threshold, rising, smoothed=True)
-        rows, pressure = _pressed(readings, calibration)
-        shared = _shared_unless_all(pressure, len(readings))
-    num_lone = 0
-    if shared is not None:
-        num_lone = int(np.count_nonzero(pressure) - np.count_nonzero(shared))
-        rows, pressure = _touching(rows, np.where(shared, pressure, np.float32(0.0)))
+        calibration = replace(as_given(readings, spikes=calibration.spikes), smoothed=True)
+    rows, pressure = _touching(calibration._pressure, readings)
+    shared = calibration._shared(pressure > 0)
+    num_lone = int(np.count_nonzero(pressure) - np.count_nonzero(shared))
+    if num_lone:
+        touching = shared.any(axis=1)
+        rows, pressure = rows[touching], np.where(shared, pressure, np.float32(0.0))[touching]
     if len(pressure) and 2 * np.median(np.count_nonzero(pressure, axis=0)) > len(readings):
         warnings.warn(
             "half of the receptors feel something in more than half of the rows: record more rows "
@@ -183,6 +298,7 @@ def felt_touches(
             RestlessWarning,
             stacklevel=2,
         )
+    null = np.setdiff1d(np.arange(len(readings)), rows, assume_unique=True)
     num_fading = 0
     if successive and (fading := _fading(rows, pressure.sum(axis=1, dtype=float))).any():
         num_fading = int(fading.sum())
@@ -197,24 +313,24 @@ def felt_touches(
         q=q[rows],
         sensation=pressure,
         calibration=calibration,
+        null=null,
         num_lone=num_lone,
         num_fading=num_fading,
     )
 
 
-def _pressed(readings: np.ndarray, calibration: Calibration) -> tuple[np.ndarray, np.ndarray]:
-    """Rows in which any receptor is above its threshold, and `(n, S)` float32 pressures."""
+def _touching(
+    pressure_of: Callable[[np.ndarray, np.ndarray], np.ndarray], readings: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Rows in which `pressure_of` readings and rows is not null, and `(n, S)` float32 pressures."""
     found = []
     for block in _blocks(len(readings)):
-        pressure = calibration.pressure(readings[block], block.start)
-        found.append(_touching(np.arange(block.start, block.stop), pressure))
+        rows = np.arange(block.start, block.stop)
+        pressure = pressure_of(readings[block], rows)
+        touching = pressure.any(axis=1)
+        found.append((rows[touching], pressure[touching]))
     rows, pressures = zip(*found, strict=True)
     return np.concatenate(rows), np.concatenate(pressures)
-
-
-def _touching(rows: np.ndarray, pressure: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    touching = pressure.any(axis=1)
-    return rows[touching], pressure[touching]
 
 
 def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
@@ -232,32 +348,6 @@ def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
     if falls.sum() < _SLOW * rises.sum():
         return np.zeros(len(rows), dtype=bool)
     return np.append(False, follows & (total[1:] < _STEADY * total[:-1]))
-
-
-def _calibrated(
-    readings: np.ndarray,
-    offset: float | np.ndarray | None,
-    threshold: float | np.ndarray | None,
-    rising: bool | None,
-    *,
-    smoothed: bool = False,
-) -> Calibration:
-    num_receptors = readings.shape[1]
-    if offset is None:
-        row, level = _resting_levels(readings)
-    else:
-        row, level = np.zeros(1), _one_each("offset", offset, num_receptors)[None]
-    sample = np.arange(0, len(readings), -(-len(readings) // _SAMPLE))
-    apart = readings[sample] - _between(row, level, sample)
-    if rising is None:
-        rising = np.square(apart.clip(0.0)).sum() >= np.square(apart.clip(None, 0.0)).sum()
-    noise = _noise(apart if rising else -apart, readings[sample])
-    limit = _SILENCE * noise
-    if threshold is not None:
-        limit = _one_each("threshold", threshold, num_receptors)
-    return Calibration(
-        rising=bool(rising), row=row, level=level, noise=noise, threshold=limit, smoothed=smoothed
-    )
 
 
 def _resting_levels(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -320,18 +410,44 @@ def _blocks(num_rows: int) -> Iterator[slice]:
     return (slice(start, min(start + _BLOCK, num_rows)) for start in range(0, num_rows, _BLOCK))
 
 
-def _shared_unless_all(pressure: np.ndarray, num_rows: int) -> np.ndarray | None:
-    """`(n, S)` bool, readings that enough neighbouring receptors share; None without spikes.
+def _has_spikes(readings: np.ndarray, calibration: Calibration, successive: bool) -> bool:
+    """Whether many firm readings stand alone: in no neighbour and, if rows are successive, in time.
 
-    Neighbours are receptors that feel together more often than by chance. If fields do not overlap,
+    Readings count on both sides of rest: a spike may go either way. If fields do not overlap,
     spikes cannot be distinguished from touches.
+    """
+    limit = calibration.threshold.clip(0.0)
+
+    def strength(some: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        apart = np.abs(some - _between(calibration.row, calibration.level, rows))
+        return np.where(apart > limit, apart, 0.0).astype(np.float32)
+
+    rows, strong = _touching(strength, readings)
+    felt = strong > 0
+    neighbours = _neighbours(felt, len(readings))
+    if not neighbours.size:
+        return False
+    num_near = _num_near(felt, neighbours)
+    shared = felt & (num_near >= _COMPANY)
+    if not shared.any():
+        return False
+    lone = felt & ~shared & (strong > np.median(strong[shared]))
+    if successive:
+        near = felt | (num_near > 0)
+        follows = (np.diff(rows) == 1)[:, None]
+        lone[1:] &= ~(follows & near[:-1])
+        lone[:-1] &= ~(follows & near[1:])
+    return bool(lone.sum() > _FEW_ALONE * len(rows))
+
+
+def _neighbours(felt: np.ndarray, num_rows: int) -> np.ndarray:
+    """`(S, S)` bool, receptors that feel together; `(0, 0)` if fields hardly overlap.
 
     Args:
-        pressure: `(n, S)` in rows with at least one touched receptor.
+        felt: `(n, S)` bool, in rows with at least one touched receptor.
         num_rows: of the recording.
     """
-    num_receptors = pressure.shape[1]
-    felt = pressure > 0
+    num_receptors = felt.shape[1]
     together, counts = np.zeros((num_receptors, num_receptors)), felt.sum(axis=0, dtype=float)
     for rows in _blocks(len(felt)):
         some = felt[rows].astype(np.float32)
@@ -339,16 +455,15 @@ def _shared_unless_all(pressure: np.ndarray, num_rows: int) -> np.ndarray | None
     chance = np.outer(counts, counts) / num_rows
     neighbours = (together > _LIFT * chance) & (together > chance + 3.0 * np.sqrt(chance) + 2.0)
     np.fill_diagonal(neighbours, False)
-    if np.median(neighbours.sum(axis=1)) < _COMPANY:
-        return None
-    shared = np.zeros(felt.shape, dtype=bool)
+    return neighbours if np.median(neighbours.sum(axis=1)) >= _COMPANY else _nobody()
+
+
+def _num_near(felt: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
+    """`(n, S)` float32, the number of neighbours of each receptor that feel something."""
+    found = np.empty(felt.shape, dtype=np.float32)
     for rows in _blocks(len(felt)):
-        others = felt[rows].astype(np.float32) @ neighbours.T.astype(np.float32)
-        shared[rows] = felt[rows] & (others >= _COMPANY)
-    if not shared.any():
-        return None
-    firm = pressure.max(axis=1) > np.median(pressure[shared])
-    return shared if np.mean(firm & ~shared.any(axis=1)) > _FEW_ALONE else None
+        found[rows] = felt[rows].astype(np.float32) @ neighbours.T.astype(np.float32)
+    return found
 
 
 def _one_each(name: str, value: float | np.ndarray, num_receptors: int) -> np.ndarray:

@@ -59,7 +59,7 @@ class Data:
     @property
     def num_null(self) -> int:
         """Number of complete rows in which nothing is felt."""
-        return len(self.recording.q) - len(self.felt.rows) - self.felt.num_fading
+        return len(self.felt.null)
 
     @property
     def still(self) -> list[str]:
@@ -82,6 +82,7 @@ def read_data(
     offset: float | None = None,
     threshold: float | None = None,
     rising: bool | None = None,
+    filtering: str | None = None,
 ) -> Data:
     """Reads a recording and finds the touches in it.
 
@@ -93,6 +94,7 @@ def read_data(
         offset: as of `felt_touches`.
         threshold: as of `felt_touches`.
         rising: as of `felt_touches`.
+        filtering: as of `felt_touches`.
 
     Raises:
         FileNotFoundError: there is no recording.
@@ -100,7 +102,12 @@ def read_data(
     """
     recording = read_recording(source, q=q, sensation=sensation, time=time)
     felt = felt_touches(
-        recording.q, recording.readings, offset=offset, threshold=threshold, rising=rising
+        recording.q,
+        recording.readings,
+        offset=offset,
+        threshold=threshold,
+        rising=rising,
+        filtering=filtering,
     )
     return Data(source=source.resolve(), recording=recording, felt=felt)
 
