@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
+from scipy.spatial import KDTree
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.graphs import unlike
@@ -47,6 +48,17 @@ _MOST_NETWORKS = 2
 #: common, since neighbours on a body share receptors: below 0.01 where a map was right (six
 #: joints), 0.2 to 0.9 where it was not (nine joints and more).
 _MOST_UNLIKE = 0.015
+
+#: No network is trained if more than this share of the touches feel nothing in common with the
+#: nearest one in motor space: 0.05 with six joints, 0.16 with seven, where a map can be learned;
+#: 0.28 to 0.34 with nine and 30,000 touches, where each network was rejected. Looked at are the
+#: neighbours of some touches, among the most that a search tree takes in a moment.
+_MOST_STRANGE, _NUM_LOOKED_AT, _MOST_AROUND = 0.25, 2000, 200_000
+
+#: A bad map folds if it is constant on kernels, up to their width: of the variance of its third
+#: best direction, 2 to 4 over K is within K kernels. Then another network may do better. Where all
+#: failed it was 0.06 and more (nothing is constant), or 0 (touches are learned by heart).
+_LEAST_WITHIN, _MOST_WITHIN, _ALWAYS_WITHIN = 0.3, 6.0, 0.05
 
 #: Rims count only if paths measured in the map and by sensation, with rims, differ by less than
 #: this share (standard deviation): 0.03 to 0.06 on most bodies with good maps.
@@ -138,7 +150,8 @@ def learned(
 
     Lengths from sensations are corrected for where the receptors lie, and shortened where the map
     shows a rim, unless both measures differ everywhere. Then the network may be bad, and another is
-    trained. If no network finds the neighbours, the `sensorimotor` metric is used.
+    trained. If no network finds the neighbours, the `sensorimotor` metric is used; where touches
+    show that none can, none is trained.
     """
 
     def of_network(number: int) -> Progress:
@@ -146,8 +159,9 @@ def learned(
 
     targets, sets = representation.target_sensations, representation.kernel_sets
     tries: list[tuple[float, BodyGraph, np.ndarray]] = []
-    share_unlike = 1.0
-    for number in range(_MOST_NETWORKS):
+    are_unlike = unlike(targets)
+    strange, share_unlike = _strange(sets, are_unlike), 1.0
+    for number in range(_MOST_NETWORKS if strange <= _MOST_STRANGE else 0):
         coordinates = quotient_coordinates(
             sets,
             seed=seed + number,
@@ -156,10 +170,12 @@ def learned(
         )
         graph = between_cells(coordinates, skin)
         ends = graph.edges if graph.kernel is None else graph.kernel[graph.edges]
-        share = float(unlike(targets)[ends[:, 0], ends[:, 1]].mean())
+        share = float(are_unlike[ends[:, 0], ends[:, 1]].mean())
         share_unlike = min(share, share_unlike)
         if share > _MOST_UNLIKE:
-            continue
+            if _may_fold(coordinates):
+                continue
+            break
         felt = _felt_lengths(targets, graph, skin)
         shortened = replace(graph, length=_with_rims(felt, graph, representation.set_distance))
         tries.append((_disagreement(graph, shortened.length), shortened, felt))
@@ -168,6 +184,8 @@ def learned(
     if not tries:
         graph = sensorimotor(representation)
         doubt = f"{share_unlike:.0%} of the neighbours in the learned map feel nothing in common"
+        if strange > _MOST_STRANGE:
+            doubt = f"{strange:.0%} of the touches feel nothing in common with the nearest one"
         return replace(graph, doubt=f"{doubt}; the sensorimotor metric is used instead")
     apart, graph, felt = min(tries, key=lambda one: one[0])
     if apart < _LITTLE_APART:
@@ -176,6 +194,28 @@ def learned(
         return replace(graph, length=felt)
     doubt = f"lengths from the learned map and from sensations differ by {apart:.1%}"
     return replace(graph, length=felt, doubt=f"{doubt}; those from sensations are used")
+
+
+def _strange(sets: KernelSets, are_unlike: np.ndarray) -> float:
+    """Share of the touches that feel nothing in common with the nearest one in motor space."""
+    if sets.sizes.max() < 2:
+        return 0.0  # the map is refused with a reason of its own
+    around = slice(None, None, -(-len(sets.x) // _MOST_AROUND))
+    x, kernel = sets.x[around], sets.kernel[around]
+    rows = np.linspace(0, len(x) - 1, min(_NUM_LOOKED_AT, len(x))).astype(int)
+    nearest = KDTree(x).query(x[rows], k=[2])[1][:, 0]
+    return float(are_unlike[kernel[rows], kernel[nearest]].mean())
+
+
+def _may_fold(coordinates: KernelSets) -> bool:
+    """Whether a map is constant on kernels, up to their width: if it is bad, it folds."""
+    x, sizes = coordinates.x[:, 2], coordinates.sizes
+    mean = np.add.reduceat(x, coordinates.offsets[:-1]) / sizes
+    squares = np.square(x - mean[coordinates.kernel])
+    within = np.mean(np.add.reduceat(squares, coordinates.offsets[:-1]) / sizes)
+    share, num_kernels = within / (within + mean.var()), len(sizes)
+    most = max(_MOST_WITHIN / num_kernels, _ALWAYS_WITHIN)
+    return bool(_LEAST_WITHIN / num_kernels < share < most)
 
 
 def _felt_lengths(targets: np.ndarray, graph: BodyGraph, skin: int) -> np.ndarray:

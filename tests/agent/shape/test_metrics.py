@@ -86,8 +86,7 @@ def maps(monkeypatch):
 def test_another_network_is_tried_where_the_first_folds(touched, maps):
     representation, place = touched
     true = place[representation.kernel_row]
-    rng = np.random.default_rng(0)
-    folded, spare = rng.normal(size=true.shape), true.copy()
+    folded, spare = true * [1.0, 1.0, 0.0] + [0.0, 0.0, 1.0] * np.abs(true), true.copy()
     maps += [folded, true, spare]
     part = recover(representation, "learned", holes=False).parts[0]
     assert part.doubt is None
@@ -112,12 +111,32 @@ def test_another_network_is_tried_where_the_first_stretches_the_body(touched, ma
 def test_without_a_map_that_knows_neighbours_the_metric_is_sensorimotor(touched, maps):
     representation, _ = touched
     rng = np.random.default_rng(0)
-    maps += list(rng.normal(size=(2, representation.num_rows, 3)))
-    with pytest.warns(DistrustWarning, match="feel nothing in common; the sensorimotor metric is"):
-        part = recover(representation, "learned", holes=False).parts[0]
-    assert part.doubt is not None
+    place = touched[1][representation.kernel_row]
+    folded = np.hstack([place[:, :2], np.abs(place[:, 2:])])
+    for given, num_spare in ([folded, folded], 0), (list(rng.normal(size=(2, *place.shape))), 1):
+        # A network that learned nothing is no reason to train another.
+        maps[:] = given
+        with pytest.warns(
+            DistrustWarning, match="feel nothing in common; the sensorimotor metric is"
+        ):
+            part = recover(representation, "learned", holes=False).parts[0]
+        assert part.doubt is not None
+        assert len(maps) == num_spare
     instead = recover(representation, "sensorimotor", holes=False).parts[0]
     np.testing.assert_array_equal(part.positions, instead.positions)
+
+
+def test_no_network_is_trained_where_near_touches_feel_unlike(maps):
+    """Fifteen joints that all matter: the nearest of 3000 touches is far away."""
+    rng = np.random.default_rng(0)
+    q = rng.uniform(-1, 1, (3000, 15))
+    place = q.reshape(-1, 5, 3).sum(axis=1)
+    place /= np.linalg.norm(place, axis=1, keepdims=True)
+    sensation = np.clip(place @ sphere(100).T - 0.9, 0, None)
+    felt = sensation.any(axis=1)
+    representation = QuotientLearner(100).fit(sensation[felt], q[felt]).representation_
+    with pytest.warns(DistrustWarning, match="of the touches feel nothing in common with the near"):
+        recover(representation, "learned", holes=False)
 
 
 def test_lengths_are_felt_where_a_map_is_distorted(touched, maps, monkeypatch):
