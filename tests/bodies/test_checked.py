@@ -6,11 +6,10 @@ import warnings
 
 import numpy as np
 import pytest
+from toys import FELT, FOLLOWED, MADE, Flat, changed, disconnects, hangs
 
 from selftouch_drake.agent.body import Body, BodyError
 from selftouch_drake.bodies.checked import CheckedBody, Spent, UnrestWarning
-
-from .toys import FELT, FOLLOWED, MADE, Flat, changed, disconnects, hangs
 
 POSTURES = np.array([[0.5, 0.5, 0.2], [0.1, 0.9, 0.1], [0.2, 0.2, -0.3], [0.9, 0.1, 0.5]])
 

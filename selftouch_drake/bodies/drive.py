@@ -1,0 +1,237 @@
+"""Finds out what actions do to joints by moving a little, and moves joints by actions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from selftouch_drake.agent.body import BodyError
+
+Kind = Literal["position", "velocity", "torque"]
+
+#: Seconds for which each action is held, and for which it is watched afterwards.
+_HOLD_S = 1.0
+
+#: Shares of an action's range that are tried, until a joint moves by `_LITTLE` of its own range.
+_STRENGTHS = 0.001 * 4.0 ** np.arange(6)
+_LITTLE = 0.01
+
+#: An effect is one if it is this many times what differs when nothing is done, and at least this
+#: share of a joint's range.
+_ABOVE_CHANCE, _LEAST_EFFECT = 10.0, 1e-4
+
+#: A joint that differs by less than this share after a while has settled, or stays.
+_SAME = 0.35
+
+#: s, the lag of a joint whose action sets its velocity.
+_PROMPT_S = 0.06
+
+#: Feedback: rad per step, and the most rad/s; more damping than critical, because joints carry more
+#: in other postures. Errors are integrated at these rates.
+_FIRMNESS, _FASTEST, _DAMPING = 0.3, 20.0, 1.2
+_PATIENCE = {"position": 2.0, "velocity": 0.5, "torque": 0.3}
+
+#: A trial: the actions `(n, A)` of an episode that begins as always; `(n, J)` where it then was.
+Trial = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Actions:
+    """What actions do to J joints.
+
+    Attributes:
+        kind: what an action sets.
+        of_joint: `(J,)` number of the action of each joint.
+        effect: `(J,)` change of position, velocity or acceleration per unit of action.
+        neutral: `(A,)` action that pushes nothing.
+        low: `(A,)` least action.
+        high: `(A,)` greatest action.
+        q: `(J,)` where joints are under the neutral action, if an action sets positions.
+        lag_s: `(J,)` s by which joints come later than their actions.
+        step_s: s per step.
+    """
+
+    kind: Kind
+    of_joint: np.ndarray
+    effect: np.ndarray
+    neutral: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    q: np.ndarray
+    lag_s: np.ndarray
+    step_s: float
+
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """`(J,)` where the least and the greatest actions put joints, if they set positions."""
+        ends = [
+            self.q + (end - self.neutral)[self.of_joint] * self.effect
+            for end in (self.low, self.high)
+        ]
+        return np.minimum(*ends), np.maximum(*ends)
+
+
+def find_actions(
+    trial: Trial,
+    low: np.ndarray,
+    high: np.ndarray,
+    span: np.ndarray,
+    joint_names: Sequence[str],
+    step_s: float,
+    kind: Kind | None = None,
+) -> Actions:
+    """Tries each action by itself, weakly, and sees which joint follows and how.
+
+    Args:
+        trial: tries actions.
+        low: `(A,)` least action; -1 is tried if it is infinite.
+        high: `(A,)` greatest action.
+        span: `(J,)` range of each joint, about.
+        joint_names: of the J joints.
+        step_s: s per step.
+        kind: what actions set; by default found out.
+
+    Raises:
+        BodyError: a joint has no action.
+    """
+    low, high = np.where(np.isfinite(low), low, -1.0), np.where(np.isfinite(high), high, 1.0)
+    neutral = np.zeros(len(low)).clip(low, high)
+    held = max(4, round(_HOLD_S / step_s))
+    quiet = np.tile(neutral, (2 * held, 1))
+    still = trial(quiet)
+    chance = _ABOVE_CHANCE * np.abs(trial(quiet) - still).max(axis=0)
+    least = np.maximum(chance, _LEAST_EFFECT * span)
+    responses = np.zeros((len(low), 2 * held, len(span)))
+    for action, room in enumerate(np.maximum(high - neutral, neutral - low)):
+        sign = 1.0 if high[action] - neutral[action] >= neutral[action] - low[action] else -1.0
+        for strength in _STRENGTHS * room:
+            pushed = quiet.copy()
+            pushed[:held, action] += sign * strength
+            moved = trial(pushed) - still
+            responses[action] = moved / (sign * strength)
+            if (np.abs(moved).max(axis=0) > np.maximum(_LITTLE * span, least)).any():
+                break
+        else:
+            responses[action] *= (np.abs(moved) > least).any(axis=0)
+    of_joint = _own_actions(responses, span, joint_names)
+    own = responses[of_joint, :, np.arange(len(span))].T
+    kind = kind or _kind(own, held, step_s)
+    return _described(own, of_joint, kind, neutral, low, high, still, step_s)
+
+
+def _own_actions(responses: np.ndarray, span: np.ndarray, joint_names: Sequence[str]) -> np.ndarray:
+    """`(J,)` the action of each joint."""
+    strength = np.abs(responses).max(axis=1) / span
+    if not strength.any():
+        raise BodyError(
+            f"no action moves a joint: {len(responses)} were tried; name others as `joints`, or "
+            "say what an action sets"
+        )
+    for name, moves in zip(joint_names, strength.any(axis=0), strict=True):
+        if not moves:
+            raise BodyError(f"no action moves {name}; leave it out of `joints`")
+    if len(responses) < len(span):
+        raise BodyError(
+            f"{len(responses)} actions cannot move {len(span)} joints; leave out of `joints` those "
+            "that have no action of their own"
+        )
+    # The greatest product: for inertias it is the diagonal, whatever the units.
+    with np.errstate(divide="ignore"):
+        likely = np.log(strength).clip(-700.0)
+    actions, joints = linear_sum_assignment(likely, maximize=True)
+    of_joint = np.empty(len(span), dtype=int)
+    of_joint[joints] = actions
+    for joint in np.flatnonzero(strength[of_joint, np.arange(len(span))] == 0).tolist():
+        raise BodyError(f"{joint_names[joint]} has no action of its own; leave it out of `joints`")
+    return of_joint
+
+
+def _kind(own: np.ndarray, held: int, step_s: float) -> Kind:
+    """What most of the actions set; `own` `(2 n, J)` is how each joint answers its own."""
+    half, end, after = own[held // 2 - 1], own[held - 1], own[-1]
+    settled = (np.abs(end - half) < _SAME * np.abs(end)) & (np.abs(after) < _SAME * np.abs(end))
+    if np.mean(settled) > 0.5:
+        return "position"
+    stays = np.abs(after - end) < _SAME * np.abs(end)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        lag_s = step_s * (held - (held - held // 2) * end / (end - half))
+    # Friction that stops a joint less promptly is no servo.
+    return "velocity" if np.mean(stays & (lag_s < max(_PROMPT_S, 2 * step_s))) > 0.5 else "torque"
+
+
+def _described(
+    own: np.ndarray,
+    of_joint: np.ndarray,
+    kind: Kind,
+    neutral: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    still: np.ndarray,
+    step_s: float,
+) -> Actions:
+    held = len(own) // 2
+    lag_s = np.zeros(own.shape[1])
+    if kind == "position":
+        effect = own[3 * held // 4 : held].mean(axis=0)
+        lag_s = step_s * (1 - own[:held] / effect).sum(axis=0).clip(0.0, held / 2)
+    elif kind == "velocity":
+        effect = (own[held - 1] - own[held // 2 - 1]) / ((held - held // 2) * step_s)
+    else:
+        # Before friction and gravity make a difference.
+        square = np.square(step_s * np.arange(1, 4)) / 2
+        effect = square @ own[:3] / (square @ square)
+    return Actions(
+        kind=kind,
+        of_joint=of_joint,
+        effect=effect,
+        neutral=neutral,
+        low=low,
+        high=high,
+        q=still[-1],
+        lag_s=lag_s,
+        step_s=step_s,
+    )
+
+
+class Drive:
+    """Chooses actions so that joints are where they are to be, with an integral of what remains."""
+
+    def __init__(self, actions: Actions):
+        self._actions = actions
+        self._firm = min(_FIRMNESS / actions.step_s, _FASTEST)
+        self.forget()
+
+    def forget(self) -> None:
+        """Begins anew, as after a reset."""
+        self._rest = np.zeros(len(self._actions.q))
+        self._q: np.ndarray | None = None
+
+    def action(self, q: np.ndarray, target: np.ndarray, speed: np.ndarray) -> np.ndarray:
+        """`(A,)` for the next step.
+
+        Args:
+            q: `(J,)` where the joints are.
+            target: `(J,)` where they are to be.
+            speed: `(J,)` of the target, per second.
+        """
+        known, firm = self._actions, self._firm
+        error = target - q
+        moving = np.zeros_like(q) if self._q is None else (q - self._q) / known.step_s
+        self._q = q
+        if known.kind == "position":
+            wanted = target - known.q + known.lag_s * speed + self._rest
+            gain = 1.0
+        elif known.kind == "velocity":
+            wanted, gain = speed + firm * error + self._rest, firm**2
+        else:
+            push = firm**2 * error + 2 * _DAMPING * firm * (speed - moving)
+            wanted, gain = push + self._rest, firm**3
+        action = known.neutral.copy()
+        action[known.of_joint] += wanted / known.effect
+        possible = action.clip(known.low, known.high)
+        free = possible[known.of_joint] == action[known.of_joint]
+        self._rest += free * gain * _PATIENCE[known.kind] * known.step_s * error
+        return possible
