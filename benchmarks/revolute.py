@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from selftouch_drake.agent.representation import KernelSets, QuotientRepresentation
-from selftouch_drake.agent.shape import BodyGraph
-from selftouch_drake.agent.shape.metrics import Progress, between_cells
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.kernels import KernelSets
+from selftouch_drake.agent.shape.metrics import BodyGraph, Progress, between_cells
 from selftouch_drake.agent.shape.quotient_map import discriminants
 
 #: Most configurations per kernel; more do not change the discriminants of 729 products.

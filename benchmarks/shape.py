@@ -42,13 +42,13 @@ from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 from selftouch_drake.agent.shape import (
     SHAPE_METRICS,
     Body,
-    ShapeMetric,
     curvature_corrected_mds,
     intrinsic_dimension,
     recover,
     topology,
 )
 from selftouch_drake.agent.shape.confidence import trusted
+from selftouch_drake.agent.shape.metrics import ShapeMetric
 from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader
 from selftouch_drake.files import load_arrays

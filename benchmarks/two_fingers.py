@@ -22,20 +22,16 @@ from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 from unrolling import Turns, landmarks, turns
 
-from selftouch_drake.agent.representation import (
-    KernelReservoir,
-    KernelSets,
-    QuotientLearner,
-    assign,
+from selftouch_drake.agent.representation import QuotientLearner, geodesics, target_sensations
+from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSets
+from selftouch_drake.agent.representation.neighbours import (
     connected_edges,
-    geodesics,
     locally_scaled,
     neighbour_edges,
-    set_distances,
-    target_sensations,
 )
+from selftouch_drake.agent.representation.quantise import assign, strength
+from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.representation.touches import (
-    equal_touches,
     overlapping,
     separate_touches,
 )
@@ -124,6 +120,19 @@ def collect(seed: int, num_rows: int) -> dict[str, np.ndarray]:
     return {**columns, "steps": np.array(num_steps)}
 
 
+def equal_touches(parts: np.ndarray) -> np.ndarray:
+    """Divides each touch by its own L2 norm and adds them up, so that their force does not count.
+
+    Args:
+        parts: `(n, touches, S)` N, from `separate_touches`.
+
+    Returns:
+        `(n, S)` dimensionless.
+    """
+    felt = strength(parts.reshape(-1, parts.shape[2])).reshape(parts.shape[:2])
+    return np.einsum("nts,nt->ns", parts, 1.0 / np.where(felt > 0, felt, np.inf)).astype(np.float32)
+
+
 def num_touching(p_WF: np.ndarray) -> np.ndarray:
     """`(N,)` fingertips that press a sphere of 0.25 m with a skin of 3 cm: the truth."""
     radius = np.linalg.norm(p_WF, axis=2)
@@ -138,7 +147,7 @@ def by_kernels(q: np.ndarray, sensation: np.ndarray, num_targets: int) -> tuple:
     kernels.add(assign(sensation, targets)[0])
     sample = kernels.sample()
     row, offsets = sample.row, sample.offsets(num_targets)
-    (apart,) = set_distances(KernelSets(q[row], offsets), "quantile")
+    apart = set_distances(KernelSets(q[row], offsets), "quantile")
     edges = connected_edges(neighbour_edges(apart), apart)
     length = locally_scaled(apart[edges[:, 0], edges[:, 1]], edges)
     return targets, row, offsets, geodesics(edges, length, num_targets)

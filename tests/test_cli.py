@@ -16,7 +16,7 @@ import pytest
 from commands import SMALL, refused, selftouch
 
 from selftouch_drake.agent.motions import NO_KERNEL
-from selftouch_drake.agent.representation import connected_edges
+from selftouch_drake.agent.representation.neighbours import connected_edges
 from selftouch_drake.cli import _route, exit_status
 from selftouch_drake.experiment import load_experiment, parse_overrides, shipped_experiments
 from selftouch_drake.resources import EXPERIMENTS, MODELS, SWEEPS, shipped

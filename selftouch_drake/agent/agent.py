@@ -13,15 +13,10 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.planning import (
-    KNOT_SPACING,
-    Limits,
-    Planner,
-    Prediction,
-    checked_target,
-    predict_sensation,
-    recall_sensation,
-)
+from selftouch_drake.agent.planning import Limits, Planner, predict_sensation
+from selftouch_drake.agent.planning.planner import checked_target
+from selftouch_drake.agent.planning.prediction import Prediction, recall_sensation
+from selftouch_drake.agent.planning.smoothing import KNOT_SPACING
 from selftouch_drake.agent.representation import (
     QuotientRepresentation,
     felt_kernels,
@@ -31,7 +26,6 @@ from selftouch_drake.agent.representation import (
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.practice import DryRun
-    from selftouch_drake.agent.representation import Batches
     from selftouch_drake.agent.shape import Body
 
 
@@ -70,7 +64,14 @@ class Agent:
 
     @classmethod
     def learn(
-        cls, q: np.ndarray, sensation: np.ndarray, *, num_targets: int = 500, **parameters: Any
+        cls,
+        q: np.ndarray,
+        sensation: np.ndarray,
+        *,
+        num_targets: int = 500,
+        max_kernel_size: int = 1000,
+        seed: int = 0,
+        **parameters: Any,
     ) -> Agent:
         """Learns from experience held in arrays.
 
@@ -78,40 +79,17 @@ class Agent:
             q: `(n, J)` motor configurations, in the robot's units.
             sensation: `(n, S)` N, sensations at these configurations; no row null.
             num_targets: K, number of target sensations.
-            parameters: as for `learn_batches`.
+            max_kernel_size: most motor configurations kept per kernel.
+            seed: the same seed and experience give the same bytes.
+            parameters: as for `representation.learn`, which learns from experience of any size.
 
         Raises:
             ValueError: the experience cannot be learned from; the text says why.
         """
-        batches = [(sensation, q)]
-        return cls.learn_batches(lambda: batches, num_targets=num_targets, **parameters)
-
-    @classmethod
-    def learn_batches(
-        cls,
-        batches: Batches,
-        *,
-        num_targets: int = 500,
-        max_kernel_size: int = 1000,
-        seed: int = 0,
-        **parameters: Any,
-    ) -> Agent:
-        """Learns from experience of any size, in bounded memory; see `learn`.
-
-        Args:
-            batches: called three times, returns the same `(sensation, q)` batches each time.
-            num_targets: K, number of target sensations.
-            max_kernel_size: most motor configurations kept per kernel.
-            seed: the same seed and experience give the same bytes, whatever the batches.
-            parameters: as for `representation.learn`.
-        """
         sizes = {"num_targets": num_targets, "max_kernel_size": max_kernel_size}
-        representation = learn(batches, **sizes, seed=seed, **parameters).representation
-        sensations = (sensation for sensation, _ in batches())
-        return cls.of(
-            representation,
-            kernel_sensation=kernel_sensations(representation.kernel_row, sensations),
-        )
+        learned = learn(lambda: [(sensation, q)], **sizes, seed=seed, **parameters)
+        row = learned.representation.kernel_row
+        return cls.of(learned.representation, kernel_sensation=kernel_sensations(row, [sensation]))
 
     def recover(self, metric: str = "learned", *, seed: int = 0) -> Body:
         """Recovers the body: shape, holes and dimension of each of its parts."""

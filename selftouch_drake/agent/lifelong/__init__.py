@@ -33,28 +33,18 @@ agent goes on: nothing is forgotten that still holds. Nothing in this knows what
 unit.
 """
 
-from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest
-from selftouch_drake.agent.lifelong.body_change import BodyChange
-from selftouch_drake.agent.lifelong.expectation import Expectation
-from selftouch_drake.agent.lifelong.explanation import explain_change
 from selftouch_drake.agent.lifelong.explorer import Explorer, JointRanges, Walker
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
-from selftouch_drake.agent.lifelong.life import Life, Noticed
+from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.agent.lifelong.posture_sampler import PostureSampler
 from selftouch_drake.agent.lifelong.touch_set import TouchSet
 
 __all__ = [
-    "BodyChange",
-    "Expectation",
     "Explorer",
     "JointRanges",
     "Life",
-    "Noticed",
     "OnlineLearner",
     "PostureSampler",
-    "ReceptorTest",
-    "SurpriseTest",
     "TouchSet",
     "Walker",
-    "explain_change",
 ]

@@ -20,14 +20,13 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.graphs import surface_edges
 from selftouch_drake.agent.representation.joints import joint_scale
 from selftouch_drake.agent.representation.kernels import (
     KernelReservoir,
     KernelSample,
     KernelSets,
 )
-from selftouch_drake.agent.representation.learning import MAX_ROWS, common_targets, firm_steps
+from selftouch_drake.agent.representation.learning import MAX_ROWS, common_targets, with_graph
 from selftouch_drake.agent.representation.quantise import assign, strength, unit
 from selftouch_drake.agent.representation.quotient import (
     LEAST_KERNELS,
@@ -39,10 +38,8 @@ from selftouch_drake.agent.representation.relevance import touch_modes
 from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.representation.touches import (
     ambiguous_touches,
-    by_chance,
     kernel_parts,
-    nearby,
-    overlapping,
+    receptors_together,
 )
 
 #: Touches before the first targets are chosen, and touches per target until all K are chosen.
@@ -215,9 +212,7 @@ class OnlineLearner:
         if len(some) > MAX_ROWS:
             rng = np.random.default_rng([self._seed, self._memory.num_rows])
             some = np.sort(rng.choice(some, MAX_ROWS, replace=False))
-        overlap = overlapping(sensation[some])
-        chance = by_chance(sensation[some], overlap)
-        overlap = nearby(sensation[some], overlap)
+        overlap, chance = receptors_together(sensation[some])
         aside = ambiguous_touches(sensation, overlap, chance)
         some = some[~aside[some]]
         num_targets = min(len(some) // _TOUCHES_A_TARGET, self.num_targets)
@@ -256,14 +251,12 @@ class OnlineLearner:
     def _with_modes(self, layout: _Layout) -> _Layout:
         """Finds the joints that matter to each remembered touch."""
         held = self._memory.sample()
-        offsets = held.offsets(self.num_targets + 1)[: len(layout.targets) + 1]
+        known = held.first(len(layout.targets))
         mode = np.full(len(held.row), NO_MODE, dtype=np.int8)
-        x = (held.columns["q"][: offsets[-1]] * layout.joint_scale).astype(np.float32)
-        mode[: offsets[-1]], mode_joints = touch_modes(
-            KernelSets(x, offsets),
-            layout.targets,
-            layout.part,
-            seed=self._seed,
+        x = (known.columns["q"] * layout.joint_scale).astype(np.float32)
+        sets = KernelSets(x, known.offsets(len(layout.targets)))
+        mode[: len(x)], mode_joints = touch_modes(
+            sets, layout.targets, layout.part, seed=self._seed
         )
         self._memory.relabel(held.kernel, mode=mode)
         return dataclasses.replace(
@@ -283,43 +276,30 @@ class OnlineLearner:
 
     def _learn(self, layout: _Layout) -> tuple[QuotientRepresentation, csr_array]:
         """The representation of the touches remembered now."""
-        held, num = self._memory.sample(), len(layout.targets)
-        offsets = held.offsets(self.num_targets + 1)[: num + 1]
-        rows = slice(int(offsets[-1]))
-        sample = KernelSample(
-            kernel=held.kernel[rows],
-            row=held.row[rows],
-            columns={name: column[rows] for name, column in held.columns.items()},
-        )
+        num = len(layout.targets)
+        sample = self._memory.sample().first(num)
         q, mode = sample.columns["q"], sample.columns["mode"]
         x = mattering((q * layout.joint_scale).astype(np.float32), mode, layout.mode_joints)
-        sets = KernelSets(x, offsets)
+        sets = KernelSets(x, sample.offsets(num))
         changed = self._changed[:num] >= _CHANGED * self._size[:num]
         if changed.any():
-            (again,) = set_distances(sets, _SET_DISTANCE, changed=changed)
+            again = set_distances(sets, _SET_DISTANCE, changed=changed)
             self._distance = np.where(changed[:, None] | changed, again, self._distance)
         self._changed[:num][changed] = 0
-        edges = surface_edges(self._distance, layout.targets, layout.part)
-        representation = QuotientRepresentation(
+        learned = with_graph(
+            sample,
+            sets,
+            self._distance,
             target_sensations=layout.targets,
-            kernel_offsets=offsets,
-            kernel_q=q,
-            kernel_row=sample.row,
-            kernel_strength=sample.columns["strength"],
-            kernel_error=sample.columns["error"],
             kernel_mode=mode,
             mode_joints=layout.mode_joints,
             joint_scale=layout.joint_scale,
             overlap=layout.overlap,
             part=layout.part,
-            set_distance=self._distance,
-            edges=edges,
-            edge_cost=firm_steps(sets.firm(sample.columns["strength"]), edges),
-            embedding=np.full((num, 3), np.nan),
             num_touches=self._memory.num_rows,
             num_set_aside=self._num_set_aside,
         )
-        return representation, csr_array(unit(sample.columns["sensation"]))
+        return learned.representation, csr_array(unit(sample.columns["sensation"]))
 
 
 def _numbered_as(targets: np.ndarray, old: np.ndarray) -> np.ndarray:

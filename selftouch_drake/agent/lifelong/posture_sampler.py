@@ -19,7 +19,7 @@ from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.lifelong.explorer import Explorer, Moves
-from selftouch_drake.agent.planning import firm_members
+from selftouch_drake.agent.planning.route import firm_members
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 
 #: Touches about each place that is met at random, and length of a small move there, strides in each

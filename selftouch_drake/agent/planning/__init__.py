@@ -4,35 +4,15 @@ A query goes through the modules in this order: `route`, `waypoints`, `smoothing
 `planner`; then `prediction`.
 """
 
-from selftouch_drake.agent.planning.planner import (
-    Limits,
-    Planner,
-    checked_configuration,
-    checked_target,
-)
-from selftouch_drake.agent.planning.prediction import (
-    Prediction,
-    predict_sensation,
-    recall_sensation,
-)
-from selftouch_drake.agent.planning.route import firm_members, goal_members
-from selftouch_drake.agent.planning.smoothing import (
-    KNOT_SPACING,
-    polyline,
-    smooth_path,
-)
+from selftouch_drake.agent.planning.planner import Limits, Planner, checked_configuration
+from selftouch_drake.agent.planning.prediction import predict_sensation
+from selftouch_drake.agent.planning.smoothing import polyline, smooth_path
 
 __all__ = [
-    "KNOT_SPACING",
     "Limits",
     "Planner",
-    "Prediction",
     "checked_configuration",
-    "checked_target",
-    "firm_members",
-    "goal_members",
     "polyline",
     "predict_sensation",
-    "recall_sensation",
     "smooth_path",
 ]

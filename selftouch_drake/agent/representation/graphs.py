@@ -1,9 +1,9 @@
 """Two graphs over kernels: one to measure the body, one to plan steps along it.
 
-`surface_edges` joins kernels that are neighbours on the body, and only those. Shape is measured
-along them, so one edge through the body would distort all of it. There are few edges, 5 to 12 per
-kernel, between kernels that are near both in motor space and in sensation. They are the quotient
-graph that a representation stores.
+`surface_neighbours` joins kernels that are neighbours on the body, and only those. Shape is
+measured along them, so one edge through the body would distort all of it. There are few edges, 5 to
+12 per kernel, between kernels that are near both in motor space and in sensation. They are the
+quotient graph that a representation stores.
 
 `step_links` joins kernels between which the agent may step: the surface edges, so that all of a
 part can be reached, and all pairs of kernels that feel alike, however far apart their motor
@@ -26,7 +26,6 @@ from scipy.spatial.distance import cdist
 from selftouch_drake.agent.representation.neighbours import (
     NUM_MUTUAL,
     complete_edges,
-    connected_edges,
     neighbour_edges,
 )
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
@@ -82,20 +81,6 @@ def unlike(target_sensations: np.ndarray) -> np.ndarray:
     """`(K, K)` bool, pairs of `(K, S)` target sensations that have nothing in common."""
     alike = target_sensations @ target_sensations.T
     return alike < _LEAST_ALIKE
-
-
-def surface_edges(
-    set_distance: np.ndarray,
-    target_sensations: np.ndarray,
-    part: np.ndarray,
-    num_mutual: int = NUM_MUTUAL,
-) -> np.ndarray:
-    """`(E, 2)` as `surface_neighbours`, plus bridges where a part of the body is disconnected.
-
-    Warns:
-        DisconnectedWarning: a part is disconnected.
-    """
-    return connected_edges(*surface_neighbours(set_distance, target_sensations, part, num_mutual))
 
 
 def step_links(representation: QuotientRepresentation) -> np.ndarray:

@@ -83,6 +83,12 @@ class KernelSample:
         counts = np.bincount(self.kernel, minlength=num_kernels)
         return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
+    def first(self, num_kernels: int) -> KernelSample:
+        """The rows of kernels 0 to `num_kernels` - 1."""
+        rows = slice(int(np.searchsorted(self.kernel, num_kernels)))
+        columns = {name: column[rows] for name, column in self.columns.items()}
+        return KernelSample(kernel=self.kernel[rows], row=self.row[rows], columns=columns)
+
 
 class KernelReservoir:
     """Samples kernels without bias from streamed experience.

@@ -38,10 +38,8 @@ from selftouch_drake.agent.representation.set_distances import (
 )
 from selftouch_drake.agent.representation.touches import (
     ambiguous_touches,
-    by_chance,
     kernel_parts,
-    nearby,
-    overlapping,
+    receptors_together,
 )
 from selftouch_drake.threads import Threads
 
@@ -131,9 +129,7 @@ def learn(
             "sensations: give a smaller number, or babble longer"
         )
     sample = some.sample().columns
-    overlap = overlapping(sample["sensation"])
-    chance = by_chance(sample["sensation"], overlap)
-    overlap = nearby(sample["sensation"], overlap)
+    overlap, chance = receptors_together(sample["sensation"])
     kept = ~ambiguous_touches(sample["sensation"], overlap, chance)
     if not kept.any():
         raise ValueError(
@@ -170,75 +166,75 @@ def learn(
             f"batches gave {some.num_rows} rows, then {kernels.num_rows}: give the same "
             "experience each time"
         )
-    return _with_graph(
-        kernels.sample(),
-        progress,
-        set_distance=set_distance,
-        num_neighbours=num_neighbours,
-        max_queries=max_queries,
-        seed=int(mode_seed),
-        target_sensations=targets,
-        joint_scale=scale,
-        overlap=overlap,
-        num_touches=some.num_rows,
-        num_set_aside=num_set_aside,
-    )
-
-
-def _with_graph(
-    sample: KernelSample,
-    progress: Progress,
-    *,
-    set_distance: str,
-    num_neighbours: int,
-    max_queries: int,
-    seed: int,
-    target_sensations: np.ndarray,
-    joint_scale: np.ndarray,
-    overlap: np.ndarray,
-    **counts: int,
-) -> Learned:
-    targets, offsets = target_sensations, sample.offsets(len(target_sensations))
+    sample = kernels.sample()
     part = kernel_parts(targets, overlap)
-    sets = KernelSets((sample.columns["q"] * joint_scale).astype(np.float32), offsets)
+    x = (sample.columns["q"] * scale).astype(np.float32)
+    sets = KernelSets(x, sample.offsets(num_targets))
     mode, mode_joints = touch_modes(
         sets,
         targets,
         part,
-        seed=seed,
+        seed=int(mode_seed),
         progress=lambda fraction: progress(0.3 + 0.3 * fraction, "joints that matter"),
     )
-    sets = sets.at(mattering(sets.x, mode, mode_joints))
-    (distance,) = set_distances(
+    sets = sets.at(mattering(x, mode, mode_joints))
+    distance = set_distances(
         sets,
         set_distance,
         max_queries=max_queries,
         rough=unlike(targets),
         progress=lambda fraction: progress(0.6 + 0.4 * fraction, "set distances"),
     )
+    learned = with_graph(
+        sample,
+        sets,
+        distance,
+        num_neighbours,
+        target_sensations=targets,
+        kernel_mode=mode,
+        mode_joints=mode_joints,
+        joint_scale=scale,
+        overlap=overlap,
+        part=part,
+        num_touches=some.num_rows,
+        num_set_aside=num_set_aside,
+    )
+    progress(1.0, "quotient graph")
+    return learned
+
+
+def with_graph(
+    sample: KernelSample,
+    sets: KernelSets,
+    distance: np.ndarray,
+    num_neighbours: int = NUM_MUTUAL,
+    **known: Any,
+) -> Learned:
+    """Joins kernels that are neighbours on the body.
+
+    Args:
+        sample: the rows of K kernels: columns q, strength and error.
+        sets: their scaled configurations, rad.
+        distance: `(K, K)` rad, between these sets.
+        num_neighbours: number of mutual nearest kernels that the quotient graph joins.
+        known: all other fields of the representation.
+    """
+    targets, part = known["target_sensations"], known["part"]
     neighbours, near = surface_neighbours(distance, targets, part, num_neighbours)
     edges = connected_edges(neighbours, near)
-    progress(1.0, "quotient graph")
-
     component = component_labels(neighbours, len(targets))
     i, j = edges.T
     representation = QuotientRepresentation(
-        target_sensations=targets,
-        kernel_offsets=offsets,
+        kernel_offsets=sets.offsets,
         kernel_q=sample.columns["q"],
         kernel_row=sample.row,
         kernel_strength=sample.columns["strength"],
         kernel_error=sample.columns["error"],
-        kernel_mode=mode,
-        mode_joints=mode_joints,
-        joint_scale=joint_scale,
-        overlap=overlap,
-        part=part,
         set_distance=distance,
         edges=edges,
         edge_cost=firm_steps(sets.firm(sample.columns["strength"]), edges),
         embedding=np.full((len(targets), 3), np.nan),
-        **counts,
+        **known,
     )
     bridges = edges[component[i] != component[j]]
     return Learned(representation=representation, component=component, bridges=bridges)
@@ -292,28 +288,19 @@ def _check_parameters(set_distance: str, **numbers: Any) -> None:
         )
 
 
-def _checked(
-    batches: Iterable[Batch],
-) -> Iterator[Batch]:
+def _checked(batches: Iterable[Batch]) -> Iterator[Batch]:
     """The same batches, each checked when it is read."""
-    row, widths = 0, None
+    row, widths = 0, dict[str, int]()
     for given, given_q in batches:
         sensation, q = as_numbers("sensation", given), as_numbers("q", given_q)
         check_sensation(sensation, row)
         _check_configurations(q, len(sensation), row)
-        if widths is None:
-            widths = sensation.shape[1], q.shape[1]
-        for name, parts, width, found in zip(
-            ("sensation", "q"),
-            ("receptors", "joints"),
-            widths,
-            (sensation.shape[1], q.shape[1]),
-            strict=True,
-        ):
-            if found != width:
+        for name, what, array in (("sensation", "receptors", sensation), ("q", "joints", q)):
+            width = widths.setdefault(name, array.shape[1])
+            if array.shape[1] != width:
                 raise ValueError(
-                    f"{name} row {row} has {found} {parts}, earlier rows have {width}: give "
-                    "experience of one robot"
+                    f"{name} row {row} has {array.shape[1]} {what}, earlier rows have {width}: "
+                    "give experience of one robot"
                 )
         row += len(sensation)
         yield sensation, q
@@ -321,9 +308,7 @@ def _checked(
         raise ValueError(NO_ROWS)
 
 
-def _in_blocks(
-    batches: Iterable[Batch],
-) -> Iterator[Batch]:
+def _in_blocks(batches: Iterable[Batch]) -> Iterator[Batch]:
     """The same rows in blocks that are not large."""
     for sensation, q in batches:
         for start in range(0, len(sensation), _BLOCK):

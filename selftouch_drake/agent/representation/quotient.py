@@ -44,7 +44,7 @@ class QuotientRepresentation:
         part: `(K,)` the part of the body that each kernel lies on; 0 has the most kernels.
         set_distance: `(K, K)` rad, symmetric quantile distance between kernel sets.
         edges: `(E, 2)` pairs of kernels that are neighbours on the body, i < j, sorted; both are on
-            the same part. See `graphs.surface_edges`.
+            the same part. See `graphs.surface_neighbours`.
         edge_cost: `(E,)` rad, mean nearest-neighbour distance between the firm configurations of
             both kernels, those felt more strongly than the median of their kernel.
         embedding: `(K, 3)` position of each kernel in the recovered shape of its part, in a pose
@@ -140,11 +140,6 @@ class QuotientRepresentation:
         They are parts 0 to `num_parts - 1`.
         """
         return max(int(np.sum(np.bincount(self.part) >= LEAST_KERNELS)), 1)
-
-    @property
-    def set_aside_share(self) -> float:
-        """Share of the touches that were excluded because they touched several places."""
-        return self.num_set_aside / max(self.num_touches, 1)
 
     @property
     def kernel_sets(self) -> KernelSets:

@@ -71,20 +71,21 @@ SET_DISTANCES: dict[str, SetDistance] = {
 
 def set_distances(
     sets: KernelSets,
-    *names: str,
+    name: str,
+    *,
     max_queries: int = MAX_QUERIES,
     rough: np.ndarray | None = None,
     changed: np.ndarray | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
-) -> list[np.ndarray]:
-    """Computes distances between every two kernel sets, of one or several kinds at once.
+) -> np.ndarray:
+    """Computes distances between every two kernel sets.
 
     Nearest distances are exact: the queries of a set (all its configurations, or `max_queries`
     evenly strided ones) are compared with every configuration of every other set.
 
     Args:
         sets: K sets of scaled configurations, rad.
-        names: in `SET_DISTANCES`.
+        name: in `SET_DISTANCES`.
         max_queries: most queries per set.
         rough: `(K, K)` bool, symmetric, pairs of sets for which 16 queries are enough; None if
             there are none.
@@ -92,20 +93,19 @@ def set_distances(
         progress: called with the fraction done.
 
     Returns:
-        For each name, `(K, K)` rad, float32, symmetric with a zero diagonal; 0 between sets that
-        did not change.
+        `(K, K)` rad, float32, symmetric with a zero diagonal; 0 between sets that did not change.
 
     Raises:
-        ValueError: a name is unknown, or a kernel is empty.
+        ValueError: the name is unknown, or a kernel is empty.
     """
-    if unknown := [name for name in names if name not in SET_DISTANCES]:
+    if name not in SET_DISTANCES:
         raise ValueError(
-            f"set distance {unknown[0]!r} is unknown: choose one of {', '.join(SET_DISTANCES)}"
+            f"set distance {name!r} is unknown: choose one of {', '.join(SET_DISTANCES)}"
         )
     offsets = np.asarray(sets.offsets, dtype=np.int64)
     if (empty := np.flatnonzero(sets.sizes <= 0)).size:
         raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from its offsets")
-    kinds = [SET_DISTANCES[name] for name in names]
+    kind = SET_DISTANCES[name]
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
     kernels = np.arange(len(sets))
     search = _nearest_squared(members.shape[1], False)
@@ -123,26 +123,25 @@ def set_distances(
         few = [queries(kernel, min(_FEW_QUERIES, max_queries)) for kernel in some]
         near = np.split(nearest(np.concatenate(few), kernels), np.cumsum([len(x) for x in few]))
         for kernel, table in zip(some, near, strict=False):  # nothing is left after the last
-            there[:, kernel] = [kind.reduce(table) for kind in kinds]
+            there[kernel] = kind.reduce(table)
 
     def exactly(kernel: int) -> None:
         asked = np.flatnonzero(exact[kernel])
         near = nearest(queries(kernel, max_queries), asked)
-        there[:, kernel, asked] = [kind.reduce(near) for kind in kinds]
+        there[kernel, asked] = kind.reduce(near)
 
     exact = np.ones((len(kernels), len(kernels)), dtype=bool) if rough is None else ~rough
     if changed is not None:
         exact &= changed[:, None] | changed
-    there = np.zeros((len(kinds), len(kernels), len(kernels)), dtype=np.float32)
+    there = np.zeros(exact.shape, dtype=np.float32)
     if rough is not None:
         for _ in mapped(roughly, range(0, len(kernels), _TOGETHER)):
             pass
     for done, _ in enumerate(mapped(exactly, range(len(kernels))), 1):
         progress(done / len(kernels))
-    distances = [kind.symmetrise(t, t.T) for kind, t in zip(kinds, there, strict=True)]
-    for distance in distances:
-        np.fill_diagonal(distance, 0.0)
-    return distances
+    distance = kind.symmetrise(there, there.T)
+    np.fill_diagonal(distance, 0.0)
+    return distance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

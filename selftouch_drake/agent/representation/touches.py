@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from selftouch_drake.agent.representation.quantise import strength
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 #: Receptors overlap if both feel this share of the touches of the rarer one. Measured on a sphere
@@ -73,6 +72,16 @@ def nearby(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
         `(S, S)` bool; true where `overlap` is.
     """
     return overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & _of_one_part(overlap))
+
+
+def receptors_together(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
+    """`(S, S)` bool, as `nearby`, and whether touches of two places are coincidence.
+
+    Args:
+        sensation: `(n, S)` N, as in `overlapping`.
+    """
+    overlap = overlapping(sensation)
+    return nearby(sensation, overlap), by_chance(sensation, overlap)
 
 
 def _shared(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -225,16 +234,3 @@ def separate_touches(
         parts[:, touch] = np.where(part, rest, 0.0)
         rest = np.where(part, 0.0, rest)
     return number + (rest.max(axis=1) > 0), parts
-
-
-def equal_touches(parts: np.ndarray) -> np.ndarray:
-    """Divides each touch by its own L2 norm and adds them up, so that their force does not count.
-
-    Args:
-        parts: `(n, touches, S)` N, from `separate_touches`.
-
-    Returns:
-        `(n, S)` dimensionless.
-    """
-    felt = strength(parts.reshape(-1, parts.shape[2])).reshape(parts.shape[:2])
-    return np.einsum("nts,nt->ns", parts, 1.0 / np.where(felt > 0, felt, np.inf)).astype(np.float32)

@@ -39,7 +39,8 @@ class Topology:
             means unsure.
         scale: radius at which every true bar has just been born, in the unit of the points.
         spacing: radius at which neighbours meet, in the unit of the points.
-        diagram: three arrays `(bars, 2)` of births and deaths, for H0, H1 and H2.
+        diagram: three arrays `(bars, 2)` of births and deaths, for H0, H1 and H2, without bars of
+            zero length; one component never dies (infinity).
     """
 
     betti: tuple[int, int, int]
@@ -134,22 +135,6 @@ def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
     shortest = surely_true if np.isinf(above[cut]) else float(above[cut])
     margin = shortest / max(float(below[cut]), longest_gap, _NO_LENGTH)
     return float(above[cut]), min(margin, _MOST_MARGIN)
-
-
-def alpha_persistence(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Computes the persistence diagram of the alpha filtration of points.
-
-    Args:
-        points: `(K, d)`, at least 5, as of `topology`.
-
-    Returns:
-        Three arrays `(bars, 2)`, births and deaths in the unit of the points, for H0, H1 and H2;
-        bars of zero length are omitted, one component never dies (infinity).
-
-    Raises:
-        ValueError: the points are too few or do not spread.
-    """
-    return _diagram(_bars(points))
 
 
 @dataclass(frozen=True, slots=True, order=True)

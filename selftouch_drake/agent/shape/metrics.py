@@ -115,7 +115,7 @@ def literal(
     representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
 ) -> BodyGraph:
     """Exactly as in the paper: the complete graph of minimum distances, in rad."""
-    (minimum,) = set_distances(
+    minimum = set_distances(
         representation.kernel_sets, "minimum", max_queries=_LITERAL_QUERIES, progress=progress
     )
     edges = complete_edges(len(minimum))

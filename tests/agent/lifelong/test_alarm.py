@@ -5,8 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.lifelong import ReceptorTest, SurpriseTest
-from selftouch_drake.agent.lifelong.alarm import threshold
+from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest, threshold
 
 
 def alike(num):

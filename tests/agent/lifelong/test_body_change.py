@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.lifelong import Expectation, TouchSet, explain_change, explanation
+from selftouch_drake.agent.lifelong import TouchSet, explanation
 from selftouch_drake.agent.lifelong.body_change import NewReceptors
-from selftouch_drake.agent.lifelong.expectation import cosine_distance
+from selftouch_drake.agent.lifelong.expectation import Expectation, cosine_distance
+from selftouch_drake.agent.lifelong.explanation import explain_change
 
 NUM_OLD = 6000
 

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.motions import NO_KERNEL
-from selftouch_drake.agent.planning import Planner, predict_sensation, recall_sensation
+from selftouch_drake.agent.planning import Planner, predict_sensation
+from selftouch_drake.agent.planning.prediction import recall_sensation
 
 SENSORS = 2 * np.pi * np.arange(12) / 12
 

@@ -11,16 +11,18 @@ from scipy.spatial.distance import pdist, squareform
 
 from selftouch_drake.agent.representation import (
     DisconnectedWarning,
-    complete_edges,
-    component_labels,
-    connected_edges,
     geodesics,
-    locally_scaled,
-    neighbour_edges,
     to_networkx,
     without_vectors,
 )
 from selftouch_drake.agent.representation.graphs import step_links, surface_neighbours
+from selftouch_drake.agent.representation.neighbours import (
+    complete_edges,
+    component_labels,
+    connected_edges,
+    locally_scaled,
+    neighbour_edges,
+)
 
 
 def line(*positions: float) -> np.ndarray:

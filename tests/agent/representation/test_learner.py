@@ -8,11 +8,8 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from selftouch_drake.agent.representation import (
-    DisconnectedWarning,
-    QuotientLearner,
-    component_labels,
-)
+from selftouch_drake.agent.representation import DisconnectedWarning, QuotientLearner
+from selftouch_drake.agent.representation.neighbours import component_labels
 
 
 def test_kernels_hold_rows_of_the_experience_that_feel_alike(experience, learner, representation):

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.representation.touches import (
-    equal_touches,
     overlapping,
     separate_touches,
 )
@@ -47,11 +46,3 @@ def test_overlap_is_found_from_what_is_felt_together():
 def test_a_receptor_that_never_feels_overlaps_with_itself_alone():
     overlap = overlapping(np.array([[1.0, 1.0, 0.0]] * 5))
     np.testing.assert_array_equal(overlap, [[1, 1, 0], [1, 1, 0], [0, 0, 1]])
-
-
-def test_equal_touches_forget_how_hard_each_pressed():
-    light = np.array([[[3.0, 4.0, 0, 0], [0, 0, 0, 1.0]]])
-    firm = np.array([[[30.0, 40.0, 0, 0], [0, 0, 0, 2.0]]])
-    np.testing.assert_allclose(equal_touches(light), [[0.6, 0.8, 0, 1]], rtol=1e-6)
-    np.testing.assert_allclose(equal_touches(firm), equal_touches(light), rtol=1e-6)
-    np.testing.assert_array_equal(equal_touches(np.zeros((1, 2, 4))), np.zeros((1, 4)))

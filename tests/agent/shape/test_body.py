@@ -4,7 +4,8 @@ from bodies import flat_torus, shape_error
 from skins import touch
 
 from selftouch_drake.agent.representation import QuotientLearner
-from selftouch_drake.agent.shape import MisfitWarning, fitted_line, fitted_surface, recover
+from selftouch_drake.agent.shape import fitted_line, fitted_surface, recover
+from selftouch_drake.agent.shape.body import MisfitWarning
 
 
 @pytest.fixture(scope="module")

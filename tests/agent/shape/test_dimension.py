@@ -15,13 +15,10 @@ from bodies import (
 )
 from scipy.spatial.distance import pdist, squareform
 
-from selftouch_drake.agent.representation import geodesics, neighbour_edges
-from selftouch_drake.agent.shape import (
-    curvature_corrected_mds,
-    intrinsic_dimension,
-    skin_dimension,
-    space_dimension,
-)
+from selftouch_drake.agent.representation import geodesics
+from selftouch_drake.agent.representation.neighbours import neighbour_edges
+from selftouch_drake.agent.shape import curvature_corrected_mds, intrinsic_dimension
+from selftouch_drake.agent.shape.dimension import skin_dimension, space_dimension
 
 
 def measured(points, noise=0.05, seed=0):

@@ -9,7 +9,7 @@ from ripser import ripser
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import pdist, squareform
 
-from selftouch_drake.agent.shape import alpha_persistence, topology
+from selftouch_drake.agent.shape import topology
 from selftouch_drake.agent.shape.homology import alpha_filtration, circumspheres
 
 
@@ -113,7 +113,7 @@ def test_a_pipe_open_at_both_ends_is_one_loop():
 def test_a_tetrahedron_by_hand():
     corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]])
     points = np.vstack([corners, [[50, 0, 0.0]]])
-    h0, h1, h2 = alpha_persistence(points)
+    h0, h1, h2 = topology(points).diagram
     edge = np.sqrt(2)
     # Edges of length 2 sqrt(2) meet half way, faces close at their circumradius sqrt(8 / 3), and
     # the void is filled at the circumradius sqrt(3).
@@ -127,7 +127,7 @@ def test_a_tetrahedron_by_hand():
 @given(st.integers(6, 40), st.integers(0, 99))
 def test_h0_is_the_minimum_spanning_tree(num_points, seed):
     points = np.random.default_rng(seed).normal(size=(num_points, 3))
-    h0, _, _ = alpha_persistence(points)
+    h0, _, _ = topology(points).diagram
     tree = minimum_spanning_tree(squareform(pdist(points))).data
     np.testing.assert_allclose(np.sort(h0[:-1, 1]), np.sort(tree) / 2, atol=1e-4)
 
@@ -150,7 +150,7 @@ def test_the_filtration_is_valid(num_points, seed):
 
 def test_true_bars_agree_with_the_rips_complex():
     points = torus(250)
-    alpha = alpha_persistence(points)
+    alpha = topology(points).diagram
     rips = ripser(points, maxdim=1)["dgms"]
     # Rips scales are diameters, alpha scales are radii: up to a factor of sqrt(3 / 2), the loops
     # are the same.

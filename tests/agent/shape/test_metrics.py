@@ -4,15 +4,17 @@ from bodies import shape_error, sphere
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake import experiment
-from selftouch_drake.agent.representation import QuotientLearner, neighbour_edges, surface_edges
+from selftouch_drake.agent.representation import QuotientLearner
+from selftouch_drake.agent.representation.graphs import surface_neighbours
+from selftouch_drake.agent.representation.neighbours import neighbour_edges
 from selftouch_drake.agent.shape import (
     SHAPE_METRICS,
-    DistrustWarning,
     intrinsic_dimension,
     metrics,
     recover,
     topology,
 )
+from selftouch_drake.agent.shape.body import DistrustWarning
 
 
 @pytest.fixture(scope="module")
@@ -160,7 +162,7 @@ def test_sensations_keep_edges_on_the_surface(touched):
     pair = sorted([0, int(far)])
     assert pair in neighbour_edges(distance).tolist()
     targets, part = representation.target_sensations, representation.part
-    assert pair not in surface_edges(distance, targets, part).tolist()
+    assert pair not in surface_neighbours(distance, targets, part)[0].tolist()
 
 
 def test_progress_rises_to_one(touched):

@@ -3,9 +3,12 @@ import pytest
 
 from selftouch_drake.agent.network import Network, toward, train
 from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.agent.shape import quotient_coordinates
 from selftouch_drake.agent.shape.cells import Cells
-from selftouch_drake.agent.shape.quotient_map import discriminants, scatter_loss
+from selftouch_drake.agent.shape.quotient_map import (
+    discriminants,
+    quotient_coordinates,
+    scatter_loss,
+)
 
 
 def central_difference(function, array, step):

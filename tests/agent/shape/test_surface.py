@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from bodies import cube, sphere, torus
 
-from selftouch_drake.agent.shape import fitted_surface, rolled_surface, topology
+from selftouch_drake.agent.shape import fitted_surface, topology
+from selftouch_drake.agent.shape.surface import rolled_surface
 
 
 def euler(faces: np.ndarray) -> int:
