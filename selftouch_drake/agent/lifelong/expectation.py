@@ -78,7 +78,7 @@ class Expectation:
             deviation = q.std(axis=0, dtype=float)
             middle, scale = q.mean(axis=0, dtype=float), np.where(deviation > 0, deviation, 1.0)
             typical = float(np.median(strength(touches.sensation)))
-        x = _standardised(q, middle, scale)
+        x = ((q - middle) / scale).astype(np.float32)
         sizes = [q.shape[1], *_HIDDEN, touches.sensation.shape[1] + 1]
         found = cls(
             network=Network.random(sizes, rng, gain=_GAIN),
@@ -103,7 +103,7 @@ class Expectation:
 
     def standardised(self, q: np.ndarray) -> np.ndarray:
         """`(n, J)` float32, configurations as the network takes them."""
-        return _standardised(q, self.middle, self.scale)
+        return ((q - self.middle) / self.scale).astype(np.float32)
 
     def as_learned(self, touches: TouchSet) -> np.ndarray:
         """`(n, S + 1)` float32, sensations of unit L2 norm, and firmness, as the network says."""
@@ -129,10 +129,6 @@ class Expectation:
     def _firmness(self, sensation: np.ndarray) -> np.ndarray:
         firm = strength(sensation)
         return firm / (firm + self.typical)
-
-
-def _standardised(q: np.ndarray, middle: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    return ((q - middle) / scale).astype(np.float32)
 
 
 def with_unit_norm(expected: np.ndarray) -> np.ndarray:

@@ -88,18 +88,12 @@ class QuotientLearner(BaseEstimator):
     def fit_batches(
         self, batches: Batches, progress: Progress = lambda fraction, stage: None
     ) -> QuotientLearner:
-        """Learns from experience of any size in bounded memory; batch sizes do not matter.
+        """As `fit`, from experience of any size in bounded memory; see `learning.learn`.
 
         Args:
             batches: called twice, returns the same experience each time, as
                 `ExperienceReader.touches` does.
             progress: called with the fraction done and the stage.
-
-        Returns:
-            self.
-
-        Raises:
-            ValueError: as `fit`, or the second reading has a different number of rows.
         """
         seed = self.random_state
         if isinstance(seed, np.random.RandomState):

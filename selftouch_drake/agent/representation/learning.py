@@ -119,60 +119,14 @@ def learn(
     )
     quantise_seed, sample_seed, mode_seed = np.random.SeedSequence(seed).generate_state(3)
 
-    some = KernelReservoir(1, MAX_ROWS, seed=int(quantise_seed))
-    for sensation, q in _in_blocks(_checked(batches())):
-        some.add(np.zeros(len(sensation), dtype=int), sensation=sensation, q=q.astype(np.float32))
-        progress(0.0, "target sensations")
-    if some.num_rows < num_targets:
-        raise ValueError(
-            f"num_targets is {num_targets}, but there are only {some.num_rows} "
-            "sensations: give a smaller number, or babble longer"
-        )
-    sample = some.sample().columns
-    overlap, chance = receptors_together(sample["sensation"])
-    kept = ~ambiguous_touches(sample["sensation"], overlap, chance)
-    if not kept.any():
-        raise ValueError(
-            "sensation has touches on several parts of the body in every row: babble until "
-            "each part is touched alone"
-        )
-    sensation, q = sample["sensation"][kept], sample["q"][kept]
-    with Threads(1) as beside:
-        scaling = beside.submit(joint_scale, q, sensation)
-        targets = common_targets(
-            sensation,
-            num_targets,
-            overlap if chance else None,
-            progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
-        )
-    scale = scaling.result()
-    kernels = KernelReservoir(num_targets, max_kernel_size, seed=int(sample_seed))
-    num_set_aside = 0
-    for sensation, q in _in_blocks(batches()):
-        label, error = assign(sensation, targets)
-        left_out = ambiguous_touches(sensation, overlap, chance)
-        num_set_aside += int(left_out.sum())
-        label[left_out] = -1
-        kernels.add(
-            label,
-            q=q.astype(np.float32),
-            strength=strength(sensation).astype(np.float32),
-            error=error,
-        )
-        done = min(kernels.num_rows / some.num_rows, 1.0)
-        progress(0.2 + 0.1 * done, "motor kernels")
-    if kernels.num_rows != some.num_rows:
-        raise ValueError(
-            f"batches gave {some.num_rows} rows, then {kernels.num_rows}: give the same "
-            "experience each time"
-        )
-    sample = kernels.sample()
-    part = kernel_parts(targets, overlap)
-    x = (sample.columns["q"] * scale).astype(np.float32)
+    known = _quantised(batches, num_targets, int(quantise_seed), progress)
+    sample, num_set_aside = _sampled(batches, known, max_kernel_size, int(sample_seed), progress)
+    x = (sample.columns["q"] * known.joint_scale).astype(np.float32)
     sets = KernelSets(x, sample.offsets(num_targets))
+    part = kernel_parts(known.targets, known.overlap)
     mode, mode_joints = touch_modes(
         sets,
-        targets,
+        known.targets,
         part,
         seed=int(mode_seed),
         progress=lambda fraction: progress(0.3 + 0.3 * fraction, "joints that matter"),
@@ -182,7 +136,7 @@ def learn(
         sets,
         set_distance,
         max_queries=max_queries,
-        rough=unlike(targets),
+        rough=unlike(known.targets),
         progress=lambda fraction: progress(0.6 + 0.4 * fraction, "set distances"),
     )
     learned = with_graph(
@@ -190,17 +144,90 @@ def learn(
         sets,
         distance,
         num_neighbours,
-        target_sensations=targets,
+        target_sensations=known.targets,
         kernel_mode=mode,
         mode_joints=mode_joints,
-        joint_scale=scale,
-        overlap=overlap,
+        joint_scale=known.joint_scale,
+        overlap=known.overlap,
         part=part,
-        num_touches=some.num_rows,
+        num_touches=known.num_rows,
         num_set_aside=num_set_aside,
     )
     progress(1.0, "quotient graph")
     return learned
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Quantised:
+    """What a sample of the experience shows: fields as of `QuotientRepresentation`.
+
+    Attributes:
+        chance: result of `by_chance`.
+        num_rows: of the whole experience.
+    """
+
+    targets: np.ndarray
+    joint_scale: np.ndarray
+    overlap: np.ndarray
+    chance: bool
+    num_rows: int
+
+
+def _quantised(batches: Batches, num_targets: int, seed: int, progress: Progress) -> _Quantised:
+    """Reads the experience, and chooses target sensations and a scale of the joints."""
+    some = KernelReservoir(1, MAX_ROWS, seed=seed)
+    for sensation, q in _in_blocks(_checked(batches())):
+        some.add(np.zeros(len(sensation), dtype=int), sensation=sensation, q=q.astype(np.float32))
+        progress(0.0, "target sensations")
+    if some.num_rows < num_targets:
+        raise ValueError(
+            f"num_targets is {num_targets}, but there are only {some.num_rows} "
+            "sensations: give a smaller number, or babble longer"
+        )
+    columns = some.sample().columns
+    overlap, chance = receptors_together(columns["sensation"])
+    kept = ~ambiguous_touches(columns["sensation"], overlap, chance)
+    if not kept.any():
+        raise ValueError(
+            "sensation has touches on several parts of the body in every row: babble until "
+            "each part is touched alone"
+        )
+    sensation, q = columns["sensation"][kept], columns["q"][kept]
+    with Threads(1) as beside:
+        scaling = beside.submit(joint_scale, q, sensation)
+        targets = common_targets(
+            sensation,
+            num_targets,
+            overlap if chance else None,
+            progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
+        )
+    return _Quantised(targets, scaling.result(), overlap, chance, some.num_rows)
+
+
+def _sampled(
+    batches: Batches, known: _Quantised, max_kernel_size: int, seed: int, progress: Progress
+) -> tuple[KernelSample, int]:
+    """Reads the experience again, for the kernel of each row; counts the rows set aside."""
+    kernels = KernelReservoir(len(known.targets), max_kernel_size, seed=seed)
+    num_set_aside = 0
+    for sensation, q in _in_blocks(batches()):
+        label, error = assign(sensation, known.targets)
+        left_out = ambiguous_touches(sensation, known.overlap, known.chance)
+        num_set_aside += int(left_out.sum())
+        label[left_out] = -1
+        kernels.add(
+            label,
+            q=q.astype(np.float32),
+            strength=strength(sensation).astype(np.float32),
+            error=error,
+        )
+        progress(0.2 + 0.1 * min(kernels.num_rows / known.num_rows, 1.0), "motor kernels")
+    if kernels.num_rows != known.num_rows:
+        raise ValueError(
+            f"batches gave {known.num_rows} rows, then {kernels.num_rows}: give the same "
+            "experience each time"
+        )
+    return kernels.sample(), num_set_aside
 
 
 def with_graph(

@@ -22,9 +22,6 @@ _ROWS = 1024
 #: arms touch, 30 of 182 cells held one touch in 100,000 each, and no other less than 349.
 _RARE = 0.05
 
-# BLAS takes rows of a matrix by so many at a time, or by a divisor of it.
-_ODD = 16
-
 #: Below this squared distance two unit sensations are the same one, to float32 rounding.
 _SAME = 1e-6
 
@@ -145,7 +142,9 @@ def target_sensations(
         ValueError: there are fewer distinct sensations than targets.
     """
     points = unit(sensation)
-    start = farthest_points(_Nearer(points), num_targets, least=_SAME)
+    start = farthest_points(
+        lambda row: 2.0 - 2.0 * (points @ points[row]), num_targets, least=_SAME
+    )
     if len(start) == 1:
         raise ValueError("sensation is the same in every row: record touches at more places")
     if len(start) < num_targets and not or_fewer:
@@ -166,57 +165,6 @@ def target_sensations(
         centres = np.divide(total, norm, out=centres, where=norm > 0)
         progress(0.5 + 0.5 * (iteration + 1) / num_iterations)
     return _without_empty_cells(points, centres)
-
-
-class _Nearer:
-    """Squared distances of unit vectors, as `farthest_points` asks for them.
-
-    Most points are far nearer to one picked before than to the new one. By the triangle inequality
-    they cannot be nearer to the new one if it is twice as far from that one as they are. They get
-    an infinite distance without a look: after the first hundreds of points, almost all of them.
-
-    Args:
-        points: `(n, S)` float32, unit L2 norm.
-    """
-
-    def __init__(self, points: np.ndarray):
-        self._points = points
-        self._picked: list[int] = []
-        self._nearest = np.full(len(points), np.inf, dtype=np.float32)
-        self._owner = np.zeros(len(points), dtype=np.int64)
-
-    def __call__(self, row: int) -> np.ndarray:
-        """`(n,)` squared distances from point `row`."""
-        points = self._points
-        self._picked.append(row)
-        away = 2.0 - 2.0 * (points[self._picked] @ points[row])
-        maybe = _maybe_nearer(away, self._owner, self._nearest)
-        # BLAS sums the last rows of an odd number in another order, so some are added.
-        rows = np.append(maybe, np.zeros(-len(maybe) % _ODD, dtype=np.int64))
-        distance = np.full(len(points), np.inf, dtype=np.float32)
-        found = 2.0 - 2.0 * (points[rows] @ points[row])[: len(maybe)]
-        distance[maybe] = found
-        nearer = found < self._nearest[maybe]
-        self._nearest[maybe[nearer]] = found[nearer]
-        self._owner[maybe[nearer]] = len(self._picked) - 1
-        return distance
-
-
-@numba.njit(cache=True)
-def _maybe_nearer(away, owner, nearest):
-    """Points that may be nearer to a new one than to their owner; all distances are squared.
-
-    Args:
-        away: `(k,)` of the owners from the new one.
-        owner: `(n,)` of each point.
-        nearest: `(n,)` of each point from its owner.
-    """
-    maybe, num = np.empty(len(owner), np.int64), 0
-    for point in range(len(owner)):
-        maybe[num] = point
-        # Squares of distances, so four times, and a little more for rounding.
-        num += away[owner[point]] <= 4.004 * nearest[point] + 1e-4
-    return maybe[:num]
 
 
 def rare_cells(label: np.ndarray, part: np.ndarray) -> np.ndarray:

@@ -9,7 +9,8 @@ few modes, and each mode has its own set of joints that matter.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -118,19 +119,21 @@ def touch_modes(
     return _numbered(mode, relevant)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
 class _Expectation:
-    """A network that predicts the sensation of a configuration, and rows to test it on.
+    """A network that predicts the sensation of a configuration.
 
-    Args:
+    Attributes:
         network: maps standardised configurations to `outputs`.
         x: `(R, J)` float32, standardised configurations.
         kernel: `(R,)` the kernel of each configuration.
         outputs: `(K, D)` float32, principal components of the target sensations.
     """
 
-    def __init__(self, network: Network, x: np.ndarray, kernel: np.ndarray, outputs: np.ndarray):
-        self.x = x
-        self._network, self._kernel, self._outputs = network, kernel, outputs
+    network: Network
+    x: np.ndarray
+    kernel: np.ndarray
+    outputs: np.ndarray
 
     @classmethod
     def learned(
@@ -186,8 +189,7 @@ class _Expectation:
 
     def error(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """`(n,)` squared error of the prediction with `joints` `(J,)` bool permuted."""
-        felt = self._outputs[self._kernel[rows]]
-        return np.mean([np.square(x - felt).sum(axis=1) for x in self._tried(rows, joints, rng)], 0)
+        return self._off(self.outputs[self.kernel[rows]], rows, joints, rng)
 
     def learned_well(self, parts: list[np.ndarray], rng: np.random.Generator) -> bool:
         """Whether the error is low on each of the parts, given by held-out rows."""
@@ -199,21 +201,21 @@ class _Expectation:
 
     def by_chance(self, rows: np.ndarray) -> float:
         """Variance of the outputs at `rows`: the error of always predicting their mean."""
-        return float(self._outputs[self._kernel[rows]].var(axis=0).sum())
+        return float(self.outputs[self.kernel[rows]].var(axis=0).sum())
 
     def change(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """`(n,)` squared change of the prediction when `joints` `(J,)` bool are permuted."""
-        before = self._network(self.x[rows])
-        moved = [np.square(x - before).sum(axis=1) for x in self._tried(rows, joints, rng)]
-        return np.mean(moved, axis=0)
+        return self._off(self.network(self.x[rows]), rows, joints, rng)
 
-    def _tried(
-        self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator
-    ) -> Iterator[np.ndarray]:
-        """Yields `(n, D)` predictions with `joints` permuted across the rows, several times."""
-        x = self.x[rows]
+    def _off(
+        self, felt: np.ndarray, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator
+    ) -> np.ndarray:
+        """`(n,)` mean squared distance to `felt` with `joints` permuted across the rows."""
+        x, off = self.x[rows], []
         for _ in range(_NUM_EXCHANGES if joints.any() else 1):
-            yield self._network(np.where(joints, x[rng.permutation(len(x))], x))
+            found = self.network(np.where(joints, x[rng.permutation(len(x))], x))
+            off.append(np.square(found - felt).sum(axis=1))
+        return np.mean(off, axis=0)
 
 
 def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:

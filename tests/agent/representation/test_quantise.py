@@ -4,12 +4,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.agent.representation.quantise import (
-    _Nearer,
     assign,
     target_sensations,
     unit,
 )
-from selftouch_drake.geometry.farthest import farthest_points
 
 
 def test_assign_by_hand():
@@ -60,17 +58,6 @@ def test_targets_are_spread_more_evenly_than_the_touches():
     found = np.degrees(np.sort(np.arctan2(targets[:, 1], targets[:, 0])))
     assert np.diff(found).min() > 2.0
     assert np.diff(found).max() < 12.0
-
-
-@pytest.mark.parametrize("seed", range(4))
-def test_distances_that_a_search_may_skip_change_no_pick(seed):
-    rng = np.random.default_rng(seed)
-    felt = rng.random((2000, 40)) * (rng.random((2000, 40)) < 0.2) + 1e-3
-    points = unit(felt.astype(np.float32))
-    picked = farthest_points(_Nearer(points), 300)
-    assert np.array_equal(
-        picked, farthest_points(lambda row: 2.0 - 2.0 * (points @ points[row]), 300)
-    )
 
 
 def test_progress_rises_to_one():
