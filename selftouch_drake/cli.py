@@ -170,6 +170,7 @@ def cli(ctx: click.Context) -> None:
     selftouch execute runs/cube --from 3 --to 250
     selftouch play runs/cube                  watch it live in a browser
     selftouch robot two_arms                  its joints, skins, and what touches what
+    selftouch body my_robot.py:MyRobot        try a body of your own
     selftouch import recording.npz            data recorded by another robot
     """  # noqa: D301 - click keeps the lines after a \b as they are
     if ctx.invoked_subcommand is None:
@@ -525,6 +526,37 @@ def robot(experiment: str, overrides: dict[str, Any], show: bool) -> None:
         from selftouch_drake.show import show_robot
 
         show_robot(world, announce=click.echo)
+
+
+@cli.command()
+@click.argument("body", metavar="BODY")
+@SET
+@click.option(
+    "--postures",
+    type=click.IntRange(min=2),
+    help="Number of postures to try.  [default: 500, or 20 if it travels]",
+)
+def body(body: str, overrides: dict[str, Any], postures: int | None) -> None:
+    """Try a body of your own: move it, and say what is wrong.
+
+    BODY is a class in a file, as in my_robot.py:MyRobot, or an experiment whose body comes from
+    `python` or `gymnasium`. A body that travels goes to the middle of its limits first, and on from
+    there in small steps.
+    """
+    from selftouch_drake.bodies.making import open_body, open_reference
+    from selftouch_drake.bodies.own import split_reference
+    from selftouch_drake.bodies.trying import try_body
+
+    if split_reference(body) is not None:
+        opened = open_reference(body)
+    else:
+        loaded, _ = _load(body, overrides)
+        if loaded.body_from == "robot":
+            raise click.UsageError(f"{body} has a robot of Drake's: see `selftouch robot {body}`")
+        opened = open_body(loaded)
+    with opened:
+        for line in try_body(opened, postures):
+            click.echo(line)
 
 
 @cli.command()
