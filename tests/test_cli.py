@@ -250,6 +250,7 @@ def test_help_teaches():
         "report",
         "play",
         "robot",
+        "body",
     ):
         assert f"\n  {verb} " in text
     assert "selftouch plan runs/cube --from 3 --to 250" in text
