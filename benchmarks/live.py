@@ -19,8 +19,7 @@ from playwright.sync_api import sync_playwright
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.show import LiveShow
-from selftouch_drake.show.meshcat.live import FRAME_S, SPEED
+from selftouch_drake.show.meshcat.live import FRAME_S, SPEED, LiveShow
 from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.run_data import RunData
 

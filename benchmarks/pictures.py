@@ -34,9 +34,10 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent, load_execution
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.show import FIGURES, LiveShow, PostureCamera
-from selftouch_drake.show.meshcat.live import TARGET
+from selftouch_drake.show.meshcat.live import TARGET, LiveShow
 from selftouch_drake.show.meshcat.stage import open_meshcat
+from selftouch_drake.show.page.figures import FIGURES
+from selftouch_drake.show.page.posture_picture import PostureCamera
 from selftouch_drake.show.run_data import RunData
 
 IMAGES = ROOT / "docs" / "images"

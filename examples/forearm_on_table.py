@@ -16,7 +16,7 @@ from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.robot import AddModelsAndSkins, AddTactileSkin
-from selftouch_drake.show import SkinVisualizer
+from selftouch_drake.show.meshcat.skin_visualizer import SkinVisualizer
 
 HERE = Path(__file__).parent
 # s, and rad of shoulder and elbow: above the table, on it, pressed into it.

@@ -45,7 +45,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 def remove_unfinished(folder: Path) -> None:
     """Removes the files that killed processes were writing into a folder; nobody else may write."""
-    for aside in folder.glob(f".*{_ASIDE}"):
+    for aside in folder.rglob(f".*{_ASIDE}"):
         aside.unlink(missing_ok=True)
 
 

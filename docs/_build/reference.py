@@ -31,7 +31,10 @@ API = {
     "experiment": ("Experiments", ("experiment",)),
     "run": ("Runs", ("run.directory", "run.artifacts", "run.stages")),
     "evaluation": ("Scores against the truth", ("evaluation",)),
-    "show": ("Pictures, recordings, live agent", ("show",)),
+    "show": (
+        "Pictures, recordings, live agent",
+        ("show.run_data", "show.page.figures", "show.outputs", "show.meshcat.skin_visualizer"),
+    ),
     "sweep": ("Sweeps", ("sweep.design", "sweep.runs", "sweep.table")),
     # Packages that are there in some installations only.
     "envs": ("Gymnasium environments", ("envs",)),

@@ -1,7 +1,7 @@
 """Scores of the agent against the truth; the only package that reads both sides."""
 
 from selftouch_drake.evaluation.coverage import coverage, touch_density
-from selftouch_drake.evaluation.kernels import LEAST_SINGLE, KernelTruth, kernel_truth
+from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
 from selftouch_drake.evaluation.motion import (
     MotionScore,
     calibration,
@@ -19,8 +19,6 @@ from selftouch_drake.evaluation.motion import (
 )
 from selftouch_drake.evaluation.parts import TouchCounts, TruePart, count_touches, true_parts
 from selftouch_drake.evaluation.shape import (
-    Distortion,
-    PartOnSkin,
     align,
     distance_distortion,
     neighbour_agreement,
@@ -29,14 +27,10 @@ from selftouch_drake.evaluation.shape import (
     shape_rms_fraction,
     trustworthiness,
 )
-from selftouch_drake.geometry import surface_distances
 
 __all__ = [
-    "LEAST_SINGLE",
-    "Distortion",
     "KernelTruth",
     "MotionScore",
-    "PartOnSkin",
     "TouchCounts",
     "TruePart",
     "align",
@@ -60,7 +54,6 @@ __all__ = [
     "shape_rms_fraction",
     "spatial_jerk_reduction",
     "summarise",
-    "surface_distances",
     "touch_density",
     "true_parts",
     "trustworthiness",

@@ -16,6 +16,13 @@ PRINT_AREA = np.pi
 _BLUR = 0.03
 
 
+def vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """`(V,)` m², the share of a surface `(V, 3)` m, `(F, 3)` that belongs to each vertex."""
+    a, b, c = vertices[faces].swapaxes(0, 1)
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    return np.bincount(faces.ravel(), np.repeat(area / 3, 3), len(vertices))
+
+
 def touch_density(vertices: np.ndarray, faces: np.ndarray, touches: np.ndarray) -> np.ndarray:
     """How often each place of a surface was touched, blurred over a few centimetres.
 
@@ -28,9 +35,7 @@ def touch_density(vertices: np.ndarray, faces: np.ndarray, touches: np.ndarray) 
         `(V,)` touches / cm².
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    tree = cKDTree(vertices)
-    area = np.zeros(len(vertices))
-    np.add.at(area, mesh.faces, mesh.area_faces[:, None] / 3)
+    tree, area = cKDTree(vertices), vertex_areas(vertices, faces)
     near = csr_array(tree.sparse_distance_matrix(tree, _BLUR))
     near.data = np.square(1 - np.square(near.data / _BLUR))
     near.setdiag(1.0)
@@ -50,13 +55,8 @@ def coverage(skins: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> dict
     Args:
         skins: of each its vertices `(V, 3)` m, its faces `(F, 3)` and its `touch_density` `(V,)`.
     """
-    areas = []
-    for vertices, faces, _ in skins:
-        mesh = trimesh.Trimesh(vertices, faces, process=False)
-        areas.append(
-            np.bincount(faces.ravel(), np.repeat(mesh.area_faces, 3), minlength=len(vertices))
-        )
-    area = np.concatenate(areas) / sum(a.sum() for a in areas)
+    area = np.concatenate([vertex_areas(vertices, faces) for vertices, faces, _ in skins])
+    area /= area.sum()
     density = np.concatenate([d for _, _, d in skins])
     touches = area * density / np.sum(area * density)
     present = touches > 0

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
+from selftouch_drake.evaluation.coverage import vertex_areas
 from selftouch_drake.evaluation.kernels import KernelTruth
 from selftouch_drake.experience import Contacts
 from selftouch_drake.geometry import ReceptiveFields, betti_of_patch, submesh, touched_patch
@@ -117,7 +118,7 @@ def true_parts(
     for skin, field in enumerate(fields):
         num_kernels = max(int(np.sum(truth.skin == skin)), 1)
         touched = counts.counts[skin] > 0
-        area = _area(field)[touched].sum()
+        area = vertex_areas(field.vertices, field.faces)[touched].sum()
         radius = max(np.sqrt(area / num_kernels), 1.5 * _edge(field))
         mask = touched_patch(field.vertices, field.faces, counts.counts[skin], radius=radius)
         inside = field.faces[mask[field.faces].all(axis=1)]
@@ -198,13 +199,6 @@ def _components(faces: np.ndarray, num_vertices: int) -> np.ndarray:
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]).T
     graph = coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(num_vertices,) * 2)
     return connected_components(graph, directed=False)[1]
-
-
-def _area(field: ReceptiveFields) -> np.ndarray:
-    """`(V,)` m², the share of the surface that belongs to each vertex."""
-    a, b, c = field.vertices[field.faces].swapaxes(0, 1)
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-    return np.bincount(field.faces.ravel(), np.repeat(area / 3, 3), len(field.vertices))
 
 
 def _edge(field: ReceptiveFields) -> float:

@@ -2,27 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.linalg import orthogonal_procrustes
 from scipy.spatial.distance import cdist, pdist
 
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
 from selftouch_drake.evaluation.kernels import KernelTruth
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Distortion:
-    """How much distances are off, as a share of the true ones, after one scale for all.
-
-    Attributes:
-        median: over pairs of kernels.
-        p95: nineteen pairs of twenty are off by less.
-    """
-
-    median: float
-    p95: float
 
 
 def neighbour_agreement(set_distance: np.ndarray, positions: np.ndarray) -> float:
@@ -64,17 +49,20 @@ def trustworthiness(near: np.ndarray, true: np.ndarray, num_neighbours: int = 12
     return float(1 - 2 * excess / (K * k * (2 * K - 3 * k - 1)))
 
 
-def distance_distortion(found: np.ndarray, true: np.ndarray) -> Distortion:
-    """How much distances along the recovered body are off.
+def distance_distortion(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:
+    """How much distances along the recovered body are off, as a share, after one scale for all.
 
     Args:
         found: `(K, K)` any unit.
         true: `(K, K)` m; pairs at distance 0 are left out.
+
+    Returns:
+        The median over pairs of kernels, and what nineteen pairs of twenty are below.
     """
     pairs = np.triu(true, 1) > 0
     ratio = found[pairs] / true[pairs]
     off = np.abs(ratio / np.median(ratio) - 1)
-    return Distortion(median=float(np.median(off)), p95=float(np.quantile(off, 0.95)))
+    return float(np.median(off)), float(np.quantile(off, 0.95))
 
 
 def align(source: np.ndarray, target: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
@@ -102,38 +90,23 @@ def shape_rms_fraction(embedding: np.ndarray, positions: np.ndarray) -> float:
     return float(np.sqrt(np.square(residual).sum(axis=1).mean()) / pdist(positions).max())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PartOnSkin:
-    """The kernels of one part of the agent's body that truly lie on one skin.
-
-    Attributes:
-        part: number of the part.
-        skin: number of the skin.
-        kernels: `(n,)` these kernels.
-    """
-
-    part: int
-    skin: int
-    kernels: np.ndarray
-
-
-def parts_on_skins(part: np.ndarray, truth: KernelTruth) -> list[PartOnSkin]:
-    """Which part of the agent's body shows each skin: the one with most of its kernels.
+def parts_on_skins(part: np.ndarray, truth: KernelTruth) -> dict[int, np.ndarray]:
+    """The kernels by which the agent's body shows each skin: of the part with most of its kernels.
 
     Args:
         part: `(K,)` the part of each kernel, as the agent found it.
         truth: where the kernels truly are.
 
     Returns:
-        One entry for each skin that some part has enough kernels on for a shape.
+        `(n,)` kernels by the number of each skin that some part has enough on for a shape.
     """
-    found = []
+    found = {}
     for skin in np.unique(truth.skin):
         here = np.flatnonzero(truth.skin == skin)
         most = int(np.bincount(part[here]).argmax())
         kernels = here[part[here] == most]
         if len(kernels) >= LEAST_KERNELS:
-            found.append(PartOnSkin(part=most, skin=int(skin), kernels=kernels))
+            found[int(skin)] = kernels
     return found
 
 
@@ -150,9 +123,9 @@ def shape_errors(positions: np.ndarray, part: np.ndarray, truth: KernelTruth) ->
         For each skin that was recovered, `shape_rms_fraction` of the part that shows it.
     """
     return {
-        entry.skin: shape_rms_fraction(positions[entry.kernels], truth.positions[entry.kernels])
-        for entry in parts_on_skins(part, truth)
-        if np.isfinite(positions[entry.kernels]).all()
+        skin: shape_rms_fraction(positions[kernels], truth.positions[kernels])
+        for skin, kernels in parts_on_skins(part, truth).items()
+        if np.isfinite(positions[kernels]).all()
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -17,14 +17,18 @@ _MOST_PAIRS = 12
 
 def describe(world: World) -> str:
     """What `selftouch robot` prints: joints with limits, skins, and what touches what."""
+    return "\n\n".join(_table(title, rows) for title, rows in description(world))
+
+
+def description(world: World) -> list[tuple[str, list[tuple[str, ...]]]]:
+    """Title and rows of the joints, the skins, what touches them, and rigid links."""
     robot = world.robot
-    blocks = [
-        _table(_counted(robot.num_joints, "joint moves", "joints move"), _joints(world)),
-        _table(_counted(len(robot.skins), "skin", "skins"), _skins(robot)),
-        _table("What touches what", _touching(robot)),
-        _table(_rigid_title(len(robot.rigid_pairs)), _rigid(robot)),
+    return [
+        (_counted(robot.num_joints, "joint moves", "joints move"), list(_joints(world))),
+        (_counted(len(robot.skins), "skin", "skins"), list(_skins(robot))),
+        ("What touches what", list(_touching(robot))),
+        (_rigid_title(len(robot.rigid_pairs)), list(_rigid(robot))),
     ]
-    return "\n\n".join(blocks)
 
 
 def _joints(world: World) -> Iterator[tuple[str, ...]]:
@@ -85,8 +89,7 @@ def _rigid(robot: Robot) -> Iterator[tuple[str, ...]]:
         yield (f"and {more} more",)
 
 
-def _table(title: str, rows: Iterable[tuple[str, ...]]) -> str:
-    cells = list(rows)
+def _table(title: str, cells: Sequence[tuple[str, ...]]) -> str:
     num_columns = max((len(row) for row in cells), default=0)
     widths = [
         max(len(row[column]) for row in cells if column < len(row)) for column in range(num_columns)

@@ -7,8 +7,9 @@ experience; those of another experience or version are refused with the remedy.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -72,10 +73,8 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     if not file.exists():
         raise RunError(f"{run.path} has learned nothing yet; {remedy}")
     arrays = load_arrays(file)
-    try:
+    with _read_as("a representation", file, remedy):
         representation = QuotientRepresentation.from_arrays(arrays)
-    except ValueError as error:
-        raise RunError(f"{file} is not a representation: {_reason(error)}; {remedy}") from None
     found = representation.target_sensations.shape
     wanted = (run.experiment.representation.num_targets, run.experiment.num_receptors)
     if found != wanted:
@@ -134,13 +133,11 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
             f"{run.body_distances} has shape {distances.shape}, not {(num_kernels, num_kernels)}; "
             f"{remedy}"
         )
-    try:
+    with _read_as("a topology", run.topology, remedy):
         parts = tuple(
             _part_from(arrays, number, representation, distances)
             for number in range(int(arrays["num_parts"]))
         )
-    except (KeyError, ValueError, IndexError, TypeError) as error:
-        raise RunError(f"{run.topology} is not a topology: {_reason(error)}; {remedy}") from None
     metric = run.experiment.representation.metric
     return Body(metric=metric, parts=parts, num_kernels=num_kernels)
 
@@ -154,17 +151,13 @@ def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> Re
     file = run.rehearsal
     if not file.exists():
         return RehearsalMemory.blank(representation)
+    arrays = load_arrays(file)
     try:
-        return RehearsalMemory.from_arrays(load_arrays(file), representation)
+        with _read_as("a memory of rehearsals", file, "delete it"):
+            return RehearsalMemory.from_arrays(arrays, representation)
     except ForeignMemoryError:
         raise RunError(
             f"{file} belongs to another representation; delete it and rehearse again"
-        ) from None
-    except ValueError as error:
-        if str(file) in str(error):
-            raise
-        raise RunError(
-            f"{file} is not a memory of rehearsals: {_reason(error)}; delete it"
         ) from None
 
 
@@ -238,10 +231,8 @@ def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
     run.require_stamp(file, arrays, remedy=f"make it again {remedy}")
     if kind is Execution and "felt" not in arrays:
         raise RunError(not_executed(run, *targets))
-    try:
+    with _read_as("a plan", file, f"make it again {remedy}"):
         plan = kind.from_arrays(arrays)
-    except ValueError as error:
-        raise RunError(f"{file} is not a plan: {_reason(error)}; make it again {remedy}") from None
     motion = plan.motion if kind is Execution else plan
     if motion.predicted.shape[1] != run.experiment.num_receptors:
         raise RunError(
@@ -250,10 +241,17 @@ def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
     return plan
 
 
-def _reason(error: Exception) -> str:
-    """The reason of an error, on one short line."""
-    text = " ".join(str(error).split()).rstrip(".")
-    return text if len(text) <= 200 else f"{text[:200]}..."
+@contextmanager
+def _read_as(what: str, file: Path, remedy: str) -> Iterator[None]:
+    """Turns errors of arrays that do not fit together into one short line."""
+    try:
+        yield
+    except ForeignMemoryError:
+        raise
+    except (KeyError, ValueError, IndexError, TypeError) as error:
+        text = " ".join(str(error).split()).rstrip(".")
+        reason = text if len(text) <= 200 else f"{text[:200]}..."
+        raise RunError(f"{file} is not {what}: {reason}; {remedy}") from None
 
 
 def _described(start: int | str, *goals: int | str) -> tuple[str, str]:

@@ -12,7 +12,13 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
-from selftouch_drake.files import content_digest, load_arrays, locked, write_text_whole
+from selftouch_drake.files import (
+    content_digest,
+    load_arrays,
+    locked,
+    remove_unfinished,
+    write_text_whole,
+)
 from selftouch_drake.run.fingerprint import (
     Digests,
     experience_fingerprint,
@@ -180,16 +186,12 @@ class RunDirectory:
             f"{self.path} is being written by another process; wait for it, or choose another --out"
         )
         with locked(self.path, refusal):
-            self._remove_orphans()
+            remove_unfinished(self.path)
             try:
                 yield
             finally:
                 # A worker that ended at once may have left one.
-                self._remove_orphans()
-
-    def _remove_orphans(self) -> None:
-        for orphan in self.path.rglob(_ORPHAN):
-            orphan.unlink(missing_ok=True)
+                remove_unfinished(self.path)
 
     def plan(self, *targets: int | str) -> Path:
         """The file of the plan through target sensations, such as `3-50-120`.

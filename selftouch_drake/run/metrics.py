@@ -51,31 +51,16 @@ class Reading:
     """One metric of a run, as text.
 
     Attributes:
-        key: its name in `metrics.json`.
+        name: its key in `metrics.json`; among what summarises a run, in a few words.
         value: the number with its unit, as text.
         meaning: one line.
         target: which value is good; empty if no value is better than another.
     """
 
-    key: str
+    name: str
     value: str
     meaning: str
     target: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tile:
-    """One of the few metrics that summarise what the agent knows of its body.
-
-    Attributes:
-        name: in a few words.
-        value: the number with its unit, as text.
-        explanation: what it measures, and which value is good.
-    """
-
-    name: str
-    value: str
-    explanation: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,7 +89,7 @@ class Headline:
         columns: the heading of each column of `motions`, that of the names first.
     """
 
-    tiles: list[Tile]
+    tiles: list[Reading]
     motions: list[MotionRow]
     columns: tuple[str, ...] = ("motions", "contact", "worst", "reached", "prediction error")
 
@@ -177,14 +162,14 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
     for metric in METRICS:
         if metric.key in metrics:
             reading = Reading(
-                key=metric.key,
+                name=metric.key,
                 value=_text(metrics[metric.key], metric.unit),
                 meaning=metric.meaning,
                 target=metric.target,
             )
             found.setdefault(metric.section, []).append(reading)
     others = [
-        Reading(key=key, value=_text(value, ""), meaning="")
+        Reading(name=key, value=_text(value, ""), meaning="")
         for key, value in metrics.items()
         if key not in _UNITS
     ]
@@ -194,8 +179,8 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
 def headline(metrics: Mapping[str, Any]) -> Headline:
     """What summarises a run, as far as it is known."""
     tiles = [
-        Tile(name=name, value=_text(metrics[key], _UNITS[key]), explanation=explanation)
-        for key, (name, explanation) in _TILES.items()
+        Reading(name=name, value=_text(metrics[key], _UNITS[key]), meaning=meaning)
+        for key, (name, meaning) in _TILES.items()
         if key in metrics
     ]
     motions = []

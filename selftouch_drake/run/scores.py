@@ -20,12 +20,12 @@ from selftouch_drake.evaluation import (
     neighbour_agreement,
     parts_on_skins,
     shape_rms_fraction,
-    surface_distances,
     touch_density,
     true_parts,
     trustworthiness,
 )
 from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.geometry import surface_distances
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 
@@ -157,8 +157,8 @@ def _place_metrics(
     size: dict[str, int] = {}
     # By metric of `metrics.json` and shape metric, then by skin.
     of: dict[tuple[str, str], dict[str, float]] = defaultdict(dict)
-    for entry in parts_on_skins(representation.part, truth):
-        skin, here = world.skins[entry.skin], entry.kernels
+    for number, here in parts_on_skins(representation.part, truth).items():
+        skin = world.skins[number]
         place, size[skin.name] = truth.positions[here], len(here)
         near = representation.set_distance[np.ix_(here, here)]
         of["neighbour_agreement", chosen][skin.name] = neighbour_agreement(near, place)
@@ -173,11 +173,11 @@ def _place_metrics(
                     of[f"{key}_rms_fraction", name][skin.name] = error
             if true is not None:
                 along = body.distances[np.ix_(here, here)]
-                off = distance_distortion(along, true)
+                median, p95 = distance_distortion(along, true)
                 of["trustworthiness", name][skin.name] = trustworthiness(along, true)
                 of["continuity", name][skin.name] = trustworthiness(true, along)
-                of["distance_distortion_median_fraction", name][skin.name] = off.median
-                of["distance_distortion_p95_fraction", name][skin.name] = off.p95
+                of["distance_distortion_median_fraction", name][skin.name] = median
+                of["distance_distortion_p95_fraction", name][skin.name] = p95
     mean = {
         key: float(np.average([*found.values()], weights=[size[skin] for skin in found]))
         for key, found in of.items()

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
 
 import numpy as np
 from pydrake.geometry import SceneGraph
-from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation
@@ -40,10 +38,9 @@ from selftouch_drake.run.artifacts import (
     was_executed,
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.metrics import Headline, Reading, headline, readings
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import NoWorldError, require_robot
-from selftouch_drake.show.recovered import RecoveredSkin, at_poses, laid_on_skins, skins_of
+from selftouch_drake.show.recovered import RecoveredSkin, laid_on_skins, skins_of
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import SkinSurface
 
@@ -57,21 +54,6 @@ class MissingError(ValueError):
 
 class NoSurfaceError(MissingError):
     """The recovered body is not a surface in space, so it has no picture."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TouchSample:
-    """True places of some touches.
-
-    Attributes:
-        places: `(n, 3)` m, with the skins at home.
-        num_drawn: number of touches in the sample; some have several places.
-        num_touches: number of all touches.
-    """
-
-    places: np.ndarray
-    num_drawn: int
-    num_touches: int
 
 
 class RunData:
@@ -112,16 +94,6 @@ class RunData:
     def metrics(self) -> dict[str, Any]:
         """The metrics of the run; empty before the first stage is done."""
         return self.run.metrics()
-
-    @property
-    def readings(self) -> dict[str, list[Reading]]:
-        """The metrics by section of the report."""
-        return readings(self.metrics)
-
-    @property
-    def headline(self) -> Headline:
-        """The few metrics that summarise the run."""
-        return headline(self.metrics)
 
     def _require_robot(self) -> None:
         try:
@@ -193,17 +165,6 @@ class RunData:
             for skin, counts in zip(self.skins, self._touch_counts.counts, strict=True)
         ]
 
-    def touch_sample(self, count: int) -> TouchSample:
-        """About `count` of the touches."""
-        num_touches = self._truth.num_rows
-        rows = np.arange(0, num_touches, max(num_touches // count, 1))
-        contacts = self._truth.take_contacts(rows)
-        return TouchSample(
-            places=at_poses(contacts.p_LC, self.home[contacts.skin]),
-            num_drawn=len(rows),
-            num_touches=num_touches,
-        )
-
     @cached_property
     def representation(self) -> QuotientRepresentation:
         """What the agent has learned."""
@@ -228,13 +189,6 @@ class RunData:
         except StoreError as error:
             raise MissingError(str(error)) from None
         return kernel_truth(representation, self._truth.take_contacts(representation.kernel_row))
-
-    @cached_property
-    def true_distances(self) -> np.ndarray:
-        """`(K, K)` m between the true places of kernels; NaN between those on different skins."""
-        truth = self.kernel_truth
-        same = truth.skin[:, None] == truth.skin
-        return np.where(same, cdist(truth.positions, truth.positions), np.nan)
 
     @cached_property
     def recovered(self) -> tuple[RecoveredSkin, ...]:

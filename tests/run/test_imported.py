@@ -149,7 +149,7 @@ def test_the_report_says_what_there_is(run):
     assert page.count("was imported, without a robot") == 1
     assert "selftouch evaluate" not in page
     assert {path.stem for path in run.figures.glob("*.png")} == {
-        *("kernels", "distance_matrix", "quotient_graph", "persistence"),
+        *("quotient_graph", "persistence"),
     }
 
 

@@ -14,7 +14,8 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.lifelong import live
 from selftouch_drake.run.touches import ChangedBodyWarning
-from selftouch_drake.show import LifePage, open_meshcat
+from selftouch_drake.show.meshcat.life_page import LifePage
+from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.page import life_figure
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.threads import Threads

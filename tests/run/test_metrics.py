@@ -43,7 +43,7 @@ def test_numbers_are_read_with_their_units():
         "execution_tracking_rms_rad": 0.0031,
     }
     found = readings(metrics)
-    value = {reading.key: reading.value for section in found.values() for reading in section}
+    value = {reading.name: reading.value for section in found.values() for reading in section}
     assert value == {
         "babbling_num_samples": "400,000",
         "babbling_touches_by_skin": "torso 1,200, head 0",

@@ -7,15 +7,16 @@ from laid_out import execution_of
 from matplotlib.image import imread
 
 from selftouch_drake.agent.motions import Execution
-from selftouch_drake.show import FIGURES, SkinSurface
 from selftouch_drake.show.outputs import write_figures
 from selftouch_drake.show.page import motion_figures, path_figure, robot_figure
-from selftouch_drake.show.page.graph_figures import quotient_graph, spectral_order
+from selftouch_drake.show.page.figures import FIGURES
+from selftouch_drake.show.page.graph_figures import quotient_graph
 from selftouch_drake.show.page.scene import visible
 from selftouch_drake.show.page.sensation_figures import sensations
 from selftouch_drake.show.page.shape_figures import persistence
 from selftouch_drake.show.paths import SkinPath
 from selftouch_drake.show.run_data import RunData
+from selftouch_drake.show.skins import SkinSurface
 from selftouch_drake.show.view import View
 
 
@@ -35,7 +36,7 @@ def test_every_figure_shows_something_in_shades_or_colours(images):
     assert set(images) == set(FIGURES)
     assert [name for name, image in images.items() if ink(image) <= 0.01] == []
     few = {name for name, image in images.items() if num_colors(image) <= 15}
-    assert few <= {"persistence", "kernels"}
+    assert few <= {"persistence"}
 
 
 def test_the_same_run_gives_the_same_bytes(reported, monkeypatch):
@@ -69,8 +70,8 @@ def test_a_vector_file_keeps_letters_and_is_small(make_run, monkeypatch):
     [
         ("nothing", []),
         ("babbled", ["coverage"]),
-        ("learned", [*list(FIGURES)[:9], "life"]),
-        ("planned", [*list(FIGURES)[:10], "life"]),
+        ("learned", [*list(FIGURES)[:7], "life"]),
+        ("planned", [*list(FIGURES)[:8], "life"]),
     ],
 )
 def test_what_is_missing_is_skipped_with_a_reason(make_run, unrendered, stage, drawn):
@@ -95,7 +96,7 @@ def test_the_agents_figures_do_without_the_truth(make_run, unrendered):
     for path in run.truth.iterdir():
         path.unlink()
     skipped = {name for name, it in write_figures(run).items() if isinstance(it, str)}
-    assert skipped - set(list(FIGURES)[9:]) == {"coverage", "body_shape"}
+    assert skipped - set(list(FIGURES)[7:]) == {"coverage", "body_shape"}
 
 
 def test_damage_is_an_error_that_names_the_file(make_run, unrendered):
@@ -222,8 +223,8 @@ def test_a_line_in_a_plane_is_shown_from_above_with_its_holes():
     drawn = np.asarray(ax.collections[1].get_offsets())
     assert np.hypot(*drawn.T) == pytest.approx(np.ones(20)), "as a circle"
     diagram = [np.array([[0.0, 0.1]]), np.array([[0.2, 1.0]])]
-    labels = persistence([diagram], betti=[(1, 1)]).axes[1].get_legend().get_texts()
-    assert [text.get_text() for text in labels] == ["components: 1", "loops: 1"]
+    (bars,) = persistence({0: diagram}, {0: (1, 1)}).axes
+    assert bars.get_title(loc="left") == "components: 1, loops: 1"
 
 
 def test_a_point_is_visible_from_its_own_side_only():
@@ -257,10 +258,3 @@ def test_projection_keeps_lengths_across_the_view():
     view = View(elevation=0.0, azimuth=0.0)
     assert view.project(np.array([0.0, 2.0, 3.0])) == pytest.approx([2.0, 3.0, 0.0])
     assert view.axes @ view.axes.T == pytest.approx(np.eye(3), abs=1e-12)
-
-
-def test_spectral_order_finds_a_line_again():
-    place = np.random.default_rng(0).permutation(50)
-    order = spectral_order(np.abs(place[:, None] - place).astype(float))
-    found = place[order]
-    assert (np.diff(found) == 1).all() or (np.diff(found) == -1).all()

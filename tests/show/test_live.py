@@ -9,8 +9,7 @@ from laid_out import motion_of
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.show import LiveShow
-from selftouch_drake.show.meshcat.live import BRAKING_S, SPEED, TARGET, braked
+from selftouch_drake.show.meshcat.live import BRAKING_S, SPEED, TARGET, LiveShow, braked
 from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.outputs import play
 from selftouch_drake.show.run_data import RunData

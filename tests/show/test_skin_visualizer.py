@@ -11,7 +11,7 @@ from pydrake.systems.framework import DiagramBuilder
 from test_browser import PATIENCE, chromium, visited  # noqa: F401 (a fixture)
 
 from selftouch_drake.robot import AddSkins, AddTactileSkin
-from selftouch_drake.show import SkinVisualizer
+from selftouch_drake.show.meshcat.skin_visualizer import SkinVisualizer
 from selftouch_drake.show.meshcat.stage import open_meshcat
 
 PATH = "/tactile_skin"

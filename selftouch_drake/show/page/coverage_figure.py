@@ -14,12 +14,10 @@ from selftouch_drake.show.page.scene import (
     add_scene,
     draw,
     fit_height,
-    outline,
     scale_bar,
     share_scale,
 )
-from selftouch_drake.show.run_data import TouchSample
-from selftouch_drake.show.skins import SkinSurface, as_one, moved
+from selftouch_drake.show.skins import SkinSurface, as_one
 from selftouch_drake.show.style import AMOUNT, styled
 from selftouch_drake.show.view import View
 
@@ -28,14 +26,12 @@ from selftouch_drake.show.view import View
 def coverage(
     skins: Sequence[SkinSurface],
     density: Sequence[np.ndarray],
-    sample: TouchSample,
 ) -> Figure:
     """Number of touches on the skins, from the front and from behind.
 
     Args:
         skins: in one frame.
         density: `(V,)` touches / cm² of each skin, as `touch_density` gives it.
-        sample: some of the touches, in the same frame.
     """
     skin = as_one(skins)
     # Round their middle the skins are in the same place in both views.
@@ -48,23 +44,13 @@ def coverage(
     norm = Normalize(0.0, float(np.quantile(amount, 0.99)) or 1.0)
     painted = surface(skin.vertices, skin.faces, AMOUNT(norm(amount))[:, :3])
 
-    figure = Figure(figsize=(10.5, 4.0), layout="constrained")
-    grid = figure.add_gridspec(1, 3)
-    title = f"{sample.num_drawn:,} of {sample.num_touches:,} touches"
-    ax = add_scene(figure, grid[0], title)
-    x, y, nearness = front.project(moved(sample.places, centred)).T
-    order = np.argsort(nearness)
-    ax.scatter(
-        x[order], y[order], c=nearness[order], s=2.5, cmap="Blues", linewidths=0,
-        vmin=2 * nearness.min() - nearness.max(), zorder=2,
-    )  # fmt: skip
-    outline(ax, front, skin.vertices, skin.faces, zorder=3)
+    figure = Figure(figsize=(7.5, 4.0), layout="constrained")
+    grid = figure.add_gridspec(1, 2)
     for where, view, title in (
-        (grid[1], front, "Density, from the front and above"),
-        (grid[2], back, "from behind and below"),
+        (grid[0], front, "From the front and above"),
+        (grid[1], back, "from behind and below"),
     ):
-        ax = add_scene(figure, where, title)
-        draw(ax, view, painted, ambient=0.85)
+        draw(add_scene(figure, where, title), view, painted, ambient=0.85)
     share_scale(figure.axes)
     fit_height(figure)
     scale_bar(figure.axes[0])

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
@@ -25,8 +24,6 @@ from selftouch_drake.show.run_data import MissingError, RunData
 from selftouch_drake.show.skins import SkinSurface, all_moved
 from selftouch_drake.show.style import DPI
 
-# Approximate number of touches drawn as points; more would merge.
-_NUM_DOTS = 6000
 # Candidate postures for the picture of the agent.
 _NUM_POSTURES = 400
 
@@ -43,8 +40,7 @@ def agent(data: RunData) -> Figure:
 
 def coverage(data: RunData) -> Figure:
     """Where babbling touched the skins."""
-    density, sample = data.touch_density, data.touch_sample(_NUM_DOTS)
-    return coverage_figure.coverage(_skins(data), density, sample)
+    return coverage_figure.coverage(_skins(data), data.touch_density)
 
 
 def sensations(data: RunData) -> Figure:
@@ -57,24 +53,6 @@ def sensation_map(data: RunData) -> Figure:
     """Where some of the target sensations are felt, by number."""
     targets = data.representation.target_sensations
     return sensation_figures.sensation_map(_skins(data), targets)
-
-
-def kernels(data: RunData) -> Figure:
-    """Sizes, likeness and firmness of the motor kernel sets."""
-    known = data.representation
-    return sensation_figures.kernels(
-        np.diff(known.kernel_offsets), known.kernel_error, known.kernel_strength
-    )
-
-
-def distance_matrix(data: RunData) -> Figure:
-    """Distances between kernel sets; against the truth, if it is known."""
-    known = data.representation
-    try:
-        true = data.true_distances
-    except MissingError:
-        return graph_figures.distance_matrix(known.set_distance)
-    return graph_figures.distance_matrix(known.set_distance, true)
 
 
 def quotient_graph(data: RunData) -> Figure:
@@ -95,9 +73,8 @@ def persistence(data: RunData) -> Figure:
     if not found:
         raise MissingError("no part of the recovered body is a surface; babble longer")
     return shape_figures.persistence(
-        [topology.diagram for topology in found.values()],
-        betti=[topology.betti for topology in found.values()],
-        parts=list(found),
+        {n: topology.diagram for n, topology in found.items()},
+        {n: topology.betti for n, topology in found.items()},
     )
 
 
@@ -135,8 +112,6 @@ FIGURES: dict[str, Callable[[RunData], Figure]] = {
     "coverage": coverage,
     "sensations": sensations,
     "sensation_map": sensation_map,
-    "kernels": kernels,
-    "distance_matrix": distance_matrix,
     "quotient_graph": quotient_graph,
     "body_shape": body_shape,
     "persistence": persistence,

@@ -1,4 +1,4 @@
-"""Pictures of the representation: distances between kernel sets, and the quotient graph."""
+"""A picture of the quotient graph."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection
 from matplotlib.colors import Normalize, to_rgba_array
 from matplotlib.figure import Figure
-from scipy.linalg import eigh
 
 from selftouch_drake.show.page.scene import add_scene, fit_height, share_scale
 from selftouch_drake.show.style import AMOUNT, INK, styled
@@ -18,38 +17,6 @@ from selftouch_drake.show.view import View
 
 # Parts in a row of the graph's picture.
 _COLUMNS = 4
-
-
-@styled
-def distance_matrix(set_distance: np.ndarray, true_distance: np.ndarray | None = None) -> Figure:
-    """Distances between all kernel sets, in an order that the agent could find itself.
-
-    Args:
-        set_distance: `(K, K)` rad, symmetric.
-        true_distance: `(K, K)` m, between the true positions of the kernels; NaN between those on
-            different skins.
-    """
-    num_panels = 1 if true_distance is None else 2
-    figure = Figure(figsize=(5.2 * num_panels, 4.3), layout="constrained")
-    axes = figure.subplots(1, num_panels, squeeze=False)[0]
-    order = spectral_order(set_distance)
-    image = axes[0].imshow(set_distance[np.ix_(order, order)], interpolation="nearest")
-    figure.colorbar(image, ax=axes[0], label="set distance (rad)", shrink=0.85)
-    axes[0].set(
-        xlabel="kernel set, in spectral order",
-        ylabel="kernel set, in spectral order",
-        title="How far the joints must move between kernels",
-    )
-    if true_distance is not None:
-        i, j = np.nonzero(np.triu(np.isfinite(true_distance), k=1))
-        bins = axes[1].hexbin(
-            100 * true_distance[i, j], set_distance[i, j], gridsize=45, bins="log", linewidths=0
-        )
-        figure.colorbar(bins, ax=axes[1], label="pairs of kernels", shrink=0.85)
-        axes[1].set(
-            xlabel="true distance (cm)", ylabel="set distance (rad)", title="Against the truth"
-        )
-    return figure
 
 
 @styled
@@ -108,23 +75,6 @@ def quotient_graph(
         extend="both",
     )
     return figure
-
-
-def spectral_order(distance: np.ndarray) -> np.ndarray:
-    """`(K,)` an order in which near things are near: along the graph's slowest vibration.
-
-    That is the Fiedler vector of the Laplacian of similarities that fall off over the distance to
-    the tenth nearest.
-    """
-    tenth = np.sort(distance, axis=1)[:, min(10, len(distance) - 1)]
-    width = max(float(np.median(tenth)), 1e-12)
-    similarity = np.exp(-np.square(distance / width))
-    degree = 1 / np.sqrt(similarity.sum(axis=1))
-    num = len(distance)
-    if num == 1:
-        return np.array([0])
-    _, vector = eigh(degree[:, None] * similarity * degree, subset_by_index=[num - 2, num - 2])
-    return np.argsort(vector[:, 0] * degree)
 
 
 def _draw_graph(

@@ -10,14 +10,9 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from selftouch_drake.experiment import dump_experiment
-from selftouch_drake.show.page.tables import (
-    Table,
-    joint_table,
-    part_table,
-    plan_table,
-    skin_table,
-    toucher_table,
-)
+from selftouch_drake.robot.describe import description
+from selftouch_drake.run.metrics import headline, readings
+from selftouch_drake.show.page.tables import Table, part_table, plan_table
 from selftouch_drake.show.page.turnable import turnable_body
 from selftouch_drake.show.run_data import MissingError, NoSurfaceError, RunData
 
@@ -39,11 +34,9 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
         no_surface = str(reason)
     except MissingError:
         pass
-    joints = skins = touchers = None
-    collisions = ""
+    robot: list[Table] = []
     try:
-        joints, skins, touchers = joint_table(data), skin_table(data), toucher_table(data)
-        collisions = _collisions(data)
+        robot = [Table(title, (), rows) for title, rows in description(data.world)]
     except MissingError as reason:
         robot_missing = str(reason)
     images = {name: _encoded(it) for name, it in pictures.items() if isinstance(it, Path)}
@@ -52,12 +45,9 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
         settings=dump_experiment(data.experiment),
         images=images,
         missing={name: it for name, it in pictures.items() if isinstance(it, str)},
-        headline=data.headline,
-        readings=data.readings,
-        joints=joints,
-        skins=skins,
-        touchers=touchers,
-        collisions=collisions,
+        headline=headline(data.metrics),
+        readings=readings(data.metrics),
+        robot=robot,
         robot_missing=robot_missing,
         parts=_parts(data),
         body=body,
@@ -67,20 +57,6 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
         shown=data.shown_pair if data.pairs else None,
         recording=recording.name if isinstance(recording, Path) else "",
         no_recording=recording if isinstance(recording, str) else "",
-    )
-
-
-def _collisions(data: RunData) -> str:
-    """What else of the robot collides, in a sentence."""
-    pairs = len(data.robot.rigid_pairs)
-    if not pairs:
-        return (
-            "Nothing else collides: the links of this robot have no collision geometry that could, "
-            "so they pass through one another and through the skins."
-        )
-    count = "One pair" if pairs == 1 else f"{pairs} pairs"
-    return (
-        f"{count} of rigid links must not run into each other; other links pass through the skins."
     )
 
 

@@ -1,4 +1,4 @@
-"""Pictures of what the agent feels: target sensations on its skin, and the kernels behind them."""
+"""Pictures of what the agent feels: target sensations on its skin."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from selftouch_drake.show.page.scene import (
     visible,
 )
 from selftouch_drake.show.skins import SkinSurface, as_one
-from selftouch_drake.show.style import BLUE, GREEN, MUTED, PRESSURE, SKIN, styled
+from selftouch_drake.show.style import BLUE, PRESSURE, SKIN, styled
 from selftouch_drake.show.view import View
 
 # Sensations whose numbers are written on the skin; more would cover it.
@@ -124,32 +124,6 @@ def felt_places(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -> 
     inside = weight @ receptors / weight.sum(axis=1, keepdims=True)
     _, nearest = cKDTree(everything.vertices).query(inside)
     return everything.vertices[nearest]
-
-
-@styled
-def kernels(sizes: np.ndarray, error: np.ndarray, strength: np.ndarray) -> Figure:
-    """How many motor configurations a kernel set holds, how alike they feel, and how firmly.
-
-    Args:
-        sizes: `(K,)` configurations in each kernel set.
-        error: `(R,)` cosine distance from the sensation felt to the target sensation.
-        strength: `(R,)` N, L2 norm of the sensation felt.
-    """
-    figure = Figure(figsize=(10.0, 2.7), layout="constrained")
-    size, likeness, force = figure.subplots(1, 3)
-    panels = (
-        (size, sizes, "configurations in a kernel set", "kernel sets", BLUE),
-        (likeness, error, "cosine distance to the target sensation", "configurations", BLUE),
-        (force, strength, "strength of the touch (N)", "configurations", GREEN),
-    )
-    for ax, values, xlabel, ylabel, color in panels:
-        top = float(np.quantile(values, 0.995))
-        ax.hist(np.minimum(values, top), bins=40, color=color)
-        middle = float(np.median(values))
-        ax.axvline(middle, color=MUTED, linewidth=1.0)
-        ax.set(xlabel=xlabel, ylabel=ylabel, title=f"median {middle:.3g}")
-        ax.set_xlim(left=0.0)
-    return figure
 
 
 def _unlike(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ from selftouch_drake.show.page.scene import (
 )
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.skins import SkinSurface, as_one
-from selftouch_drake.show.style import BLUE, GREEN, INK, MUTED, ORANGE, RECOVERED, SKIN, styled
+from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, SKIN, styled
 from selftouch_drake.show.view import View
 
 # Bars drawn for each dimension; the rest are shorter.
@@ -84,43 +84,29 @@ def body_shape(
 
 @styled
 def persistence(
-    diagrams: Sequence[Sequence[np.ndarray]],
-    *,
-    betti: Sequence[Sequence[int]] | None = None,
-    parts: Sequence[int] | None = None,
+    diagrams: Mapping[int, Sequence[np.ndarray]], betti: Mapping[int, Sequence[int]]
 ) -> Figure:
-    """The persistence of components, loops and voids, as a diagram and as bars; of parts, as bars.
+    """The persistence of components, loops and voids, as bars.
 
     Args:
-        diagrams: of each part the births and deaths `(bars, 2)` for H0, H1 and, in space, H2; a
-            death may be infinite.
+        diagrams: of each part, by its number, the births and deaths `(bars, 2)` for H0, H1 and, in
+            space, H2; a death may be infinite.
         betti: of each part how many of each are held to be true.
-        parts: their numbers; by default from 0 on.
     """
-    counts = [None] * len(diagrams) if betti is None else list(betti)
-    if len(diagrams) == 1:
-        figure = Figure(figsize=(8.6, 3.8), layout="constrained")
-        diagram, bars = figure.subplots(1, 2, width_ratios=(1, 1.35))
-        _draw_diagram(diagram, diagrams[0])
-        _draw_bars(bars, diagrams[0])
-        bars.set(
-            xlabel="radius of the balls round the kernels (unit of the recovered body)",
-            title="How long each lives",
-        )
-        bars.legend(handles=_handles(counts[0]), loc="center right")
-        return figure
     rows, columns = -(-len(diagrams) // _COLUMNS), min(len(diagrams), _COLUMNS)
-    figure = Figure(figsize=(3.6 * columns, 0.8 + 2.4 * rows), layout="constrained")
+    figure = Figure(figsize=(max(3.6 * columns, 6.0), 0.8 + 2.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    numbers = range(len(diagrams)) if parts is None else parts
-    for part, ax, diagram, count in zip(numbers, axes, diagrams, counts, strict=False):
+    for (part, diagram), ax in zip(diagrams.items(), axes, strict=False):
         _draw_bars(ax, diagram)
-        held = "" if count is None else f": {', '.join(map(str, count))}"
-        ax.set(title=f"part {part}{held}")
+        held = [f"{kind}: {n}" for (kind, _), n in zip(_KINDS, betti[part], strict=False)]
+        ax.set(
+            title=f"part {part}: {', '.join(map(str, betti[part]))}" if part else ", ".join(held)
+        )
     for ax in axes[len(diagrams) :]:
         ax.set_axis_off()
     figure.supxlabel("radius of the balls round the kernels (unit of each part)", fontsize=9)
-    figure.legend(handles=_handles(None), loc="outside lower right", ncols=3, fontsize=8)
+    handles = [Line2D([], [], color=color, linewidth=2.5, label=kind) for kind, color in _KINDS]
+    figure.legend(handles=handles, loc="outside lower right", ncols=3, fontsize=8)
     return figure
 
 
@@ -156,30 +142,9 @@ def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: 
     return len(kernels)
 
 
-def _end(diagram: Sequence[np.ndarray]) -> float:
-    """Where the axis ends: beyond every death."""
-    finite = np.concatenate([d[np.isfinite(d)] for d in diagram] + [np.zeros(1)])
-    return 1.08 * float(finite.max()) or 1.0
-
-
-def _draw_diagram(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
-    end = _end(diagram)
-    ax.plot([0, end], [0, end], color=MUTED, linewidth=0.8)
-    for pairs, (_, color) in zip(diagram, _KINDS, strict=False):
-        birth, death = pairs[:, 0], np.minimum(pairs[:, 1], end)
-        ax.scatter(birth, death, s=16, color=color, alpha=0.75, linewidths=0, zorder=3)
-    ax.set(
-        xlabel="born at radius (unit of the recovered body)",
-        ylabel="filled at radius (same unit)",
-        xlim=(-0.03 * end, end),
-        ylim=(-0.03 * end, 1.03 * end),
-        aspect="equal",
-        title="Each hole is a point; far from the line is real",
-    )
-
-
 def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
-    end, row = _end(diagram), 0
+    finite = np.concatenate([d[np.isfinite(d)] for d in diagram] + [np.zeros(1)])
+    end, row = 1.08 * float(finite.max()) or 1.0, 0
     for pairs, (_, color) in zip(diagram, _KINDS, strict=False):
         birth, death = pairs[:, 0], np.minimum(pairs[:, 1], end)
         longest = np.argsort(birth - death, kind="stable")[:_MOST_BARS]
@@ -189,12 +154,3 @@ def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
     ax.set(xlim=(-0.01 * end, end), yticks=[])
     ax.invert_yaxis()
     ax.spines["left"].set_visible(False)
-
-
-def _handles(betti: Sequence[int] | None) -> list[Line2D]:
-    """Of the legend: a line per kind of hole, with how many are held to be true."""
-    counts = [""] * len(_KINDS) if betti is None else [f": {number}" for number in betti]
-    return [
-        Line2D([], [], color=color, linewidth=2.5, label=f"{kind}{count}")
-        for (kind, color), count in zip(_KINDS, counts, strict=False)
-    ]

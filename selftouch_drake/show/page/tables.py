@@ -1,4 +1,4 @@
-"""The tables of the report: joints, skins, what touches what, recovered parts, plans."""
+"""The tables of the report: recovered parts, plans."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from selftouch_drake.agent.motions import NO_KERNEL
-from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.run_data import MissingError, RunData
 
 
@@ -19,65 +18,13 @@ class Table:
 
     Attributes:
         caption: above it.
-        columns: their headings.
+        columns: their headings, or none.
         rows: a text for each column.
     """
 
     caption: str
     columns: Sequence[str]
     rows: Sequence[Sequence[str]]
-
-
-def joint_table(data: RunData) -> Table:
-    """The joints that move, in the order of a motor configuration."""
-    robot = data.robot
-    rows = []
-    for name, turns, low, high in zip(
-        robot.joint_names, robot.turns, robot.lower, robot.upper, strict=True
-    ):
-        limited = np.isfinite(low) and np.isfinite(high)
-        span = f"{low:.3g} to {high:.3g} {'rad' if turns else 'm'}"
-        rows.append((name, "turns" if turns else "slides", span if limited else "no limits"))
-    return Table(f"{len(rows)} joints", ("joint", "motion", "range"), rows)
-
-
-def skin_table(data: RunData) -> Table:
-    """The skins, in the order of their readings in a sensation."""
-    robot = data.robot
-    rows = []
-    for number, skin in enumerate(robot.skins):
-        wall = skin.model.wall
-        area = trimesh.Trimesh(wall.vertices, wall.faces, process=False).area
-        rows.append(
-            (
-                skin.model.name,
-                skin.model.link,
-                f"{1e4 * area:.0f} cm²",
-                f"{100 * wall.thickness:g} cm",
-                str(skin.model.fields.num_receptors),
-                ", ".join(robot.touchers[t].name for t, s in robot.touching_pairs if s == number),
-            )
-        )
-    columns = ("skin", "on the link", "area", "thickness", "receptors", "touched by")
-    return Table("Skins", columns, rows)
-
-
-def toucher_table(data: RunData) -> Table:
-    """What touches, and what it may touch."""
-    robot = data.robot
-    worn = {int(skin.link.index()): skin.model.name for skin in robot.skins}
-    rows = []
-    for number, toucher in enumerate(robot.touchers):
-        described = data.experiment.touching[toucher.name]
-        if described.radius is not None:
-            what = f"a ball of {100 * described.radius:.2g} cm radius at {described.frame}"
-        elif (name := worn.get(int(toucher.link.index()))) is not None:
-            what = f"the skin {name}"
-        else:
-            what = f"the link {described.link}"
-        skins = (robot.skins[s].model.name for t, s in robot.touching_pairs if t == number)
-        rows.append((toucher.name, what, ", ".join(skins)))
-    return Table("What touches them", ("what touches", "is", "may touch"), rows)
 
 
 def part_table(data: RunData) -> Table:
