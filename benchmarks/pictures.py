@@ -37,7 +37,7 @@ from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show.meshcat.live import TARGET, LiveShow
 from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.page.figures import FIGURES
-from selftouch_drake.show.page.posture_picture import PostureCamera
+from selftouch_drake.show.page.robot_pictures import PostureCamera
 from selftouch_drake.show.run_data import RunData
 
 IMAGES = ROOT / "docs" / "images"

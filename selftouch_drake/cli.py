@@ -523,7 +523,7 @@ def robot(experiment: str, overrides: dict[str, Any], show: bool) -> None:
     world = build_world(_load(experiment, overrides)[0])
     click.echo(describe(world))
     if show:
-        from selftouch_drake.show.meshcat.robot_page import show_robot
+        from selftouch_drake.show.meshcat.pages import show_robot
 
         show_robot(world, announce=click.echo)
 

@@ -150,7 +150,6 @@ READ = [
     ("experience/part-00001.parquet", ["learn"]),
     ("truth/part-00003.parquet", ["evaluate"]),
     ("truth/part-00003.parquet", ["report"]),
-    ("skin.npz", ["report"]),
     ("representation.npz", ["plan", *PAIR]),
     ("representation.npz", ["execute", *PAIR]),
     ("representation.npz", ["evaluate"]),

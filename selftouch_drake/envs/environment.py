@@ -20,7 +20,7 @@ from selftouch_drake.robot.imperfections import remembered
 from selftouch_drake.robot.limits import JointLimits
 from selftouch_drake.robot.world import drakes_refusals
 from selftouch_drake.show.meshcat.stage import FeelingRobot, open_meshcat
-from selftouch_drake.show.page.posture_picture import PostureCamera
+from selftouch_drake.show.page.robot_pictures import PostureCamera
 
 # s between actions: four times as often as a person corrects a movement.
 PERIOD_S = 0.05

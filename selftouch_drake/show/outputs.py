@@ -16,9 +16,10 @@ from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.lifelong import live
 from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.run.worlds import require_robot
-from selftouch_drake.show.meshcat.life_page import show_life
-from selftouch_drake.show.meshcat.live import play_live
+from selftouch_drake.show.meshcat.live import LiveShow
+from selftouch_drake.show.meshcat.pages import LifePage
 from selftouch_drake.show.meshcat.recording import recording_page
+from selftouch_drake.show.meshcat.stage import shown_page
 from selftouch_drake.show.page.figures import FIGURES, draw_figure
 from selftouch_drake.show.page.report import report_page
 from selftouch_drake.show.run_data import MissingError, RunData
@@ -134,7 +135,8 @@ def show_live(
     Raises:
         ValueError: the run has not babbled, or the port is taken.
     """
-    show_life(lambda page: live(run, page), port=port, announce=announce)
+    with shown_page("live", port, announce) as meshcat:
+        live(run, LifePage(meshcat))
 
 
 def play(
@@ -160,4 +162,7 @@ def play(
     def motion_from(q_start: np.ndarray, felt: np.ndarray, goal: int) -> Motion:
         return pilot.plan_feeling(q_start, felt, goal).motion
 
-    play_live(data, motion_from, port=port, announce=announce)
+    with shown_page(f"{run.experiment.name}, live", port, announce) as meshcat:
+        show = LiveShow(meshcat, data, motion_from, announce)
+        while not show.ended:
+            show.step()

@@ -153,18 +153,10 @@ def _drawn_meshes(robot: Robot) -> list[tuple[RigidBody, trimesh.Trimesh]]:
             except ValueError:  # a half space has no end to draw
                 pieces = []
             if pieces:
-                meshes.append((link, _coarse(_joined(pieces))))
+                joined = trimesh.util.concatenate(pieces)
+                meshes.append((link, _coarse(joined)))  # type: ignore[arg-type]  # of meshes a mesh
                 break
     return meshes
-
-
-def _joined(pieces: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:
-    offsets = np.cumsum([0, *(len(piece.vertices) for piece in pieces)])
-    return trimesh.Trimesh(
-        np.concatenate([piece.vertices for piece in pieces]),
-        np.concatenate([p.faces + o for p, o in zip(pieces, offsets, strict=False)]),
-        process=False,
-    )
 
 
 def _coarse(mesh: trimesh.Trimesh, cell: float = _FINEST) -> trimesh.Trimesh:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
 from functools import cached_property
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import SceneGraph
@@ -24,7 +23,6 @@ from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import load_arrays
-from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot import MakeRobot, Robot, Touches, World
 from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.artifacts import (
@@ -37,12 +35,12 @@ from selftouch_drake.run.artifacts import (
     stored_pairs,
     was_executed,
 )
-from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import NoWorldError, require_robot
 from selftouch_drake.show.recovered import RecoveredSkin, laid_on_skins, skins_of
 from selftouch_drake.show.robot_shape import RobotShape
-from selftouch_drake.show.skins import SkinSurface
+from selftouch_drake.show.skins import SkinSurface, surfaces_of
 
 #: The targets that name a plan, in order; the first is a text if it begins in any configuration.
 Targets = tuple[int | str, ...]
@@ -129,26 +127,7 @@ class RunData:
     @cached_property
     def skins(self) -> tuple[SkinSurface, ...]:
         """The skins, each in the frame of its link."""
-        self._require_robot()
-        names = list(self.experiment.skins)
-        kinds = ("vertices", "faces", "p_LS")
-        if not self.run.skin.exists():
-            raise MissingError("the skins are missing; run `selftouch babble`")
-        wanted = [f"{name}_{kind}" for name in names for kind in kinds]
-        arrays = load_arrays(self.run.skin, [*wanted, "made_for"])
-        if str(arrays["made_for"]) != str(self.run.body_stamp()["made_for"]):
-            raise RunError(
-                f"{self.run.skin} belongs to another experiment or version; run `selftouch babble "
-                f"{self.run.path / 'experiment.yaml'} --out {self.run.path}`"
-            )
-        skins, first = [], 0
-        for name in names:
-            vertices, faces, p_LS = (arrays[f"{name}_{kind}"] for kind in kinds)
-            skins.append(
-                SkinSurface(name=name, vertices=vertices, faces=faces, receptors=p_LS, first=first)
-            )
-            first += len(p_LS)
-        return tuple(skins)
+        return surfaces_of(self.world.skins)
 
     @cached_property
     def home(self) -> np.ndarray:
@@ -271,6 +250,5 @@ class RunData:
 
     @cached_property
     def _touch_counts(self) -> TouchCounts:
-        # Only the surfaces of the fields count, and the run stores them.
-        surfaces = cast(Sequence[ReceptiveFields], self.skins)
-        return count_touches(surfaces, self._truth.contacts())
+        fields = [skin.fields for skin in self.world.skins]
+        return count_touches(fields, self._truth.contacts())

@@ -14,9 +14,9 @@ from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.lifelong import live
 from selftouch_drake.run.touches import ChangedBodyWarning
-from selftouch_drake.show.meshcat.life_page import LifePage
+from selftouch_drake.show.meshcat.pages import LifePage
 from selftouch_drake.show.meshcat.stage import open_meshcat
-from selftouch_drake.show.page import life_figure
+from selftouch_drake.show.page import motion_figures
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.threads import Threads
 
@@ -85,7 +85,7 @@ def test_a_life_is_shown_and_kept_as_curves(run):
         np.array_equal(array, kept.to_arrays()[name], equal_nan=True)
         for name, array in curves.to_arrays().items()
     )
-    assert len(life_figure.life(kept).axes) == 4
+    assert len(motion_figures.life(kept).axes) == 4
 
 
 def test_an_active_life_goes_on_in_a_changed_body(tmp_path, monkeypatch):

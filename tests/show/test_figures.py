@@ -6,14 +6,12 @@ import trimesh
 from laid_out import execution_of
 from matplotlib.image import imread
 
-from selftouch_drake.agent.motions import Execution
 from selftouch_drake.show.outputs import write_figures
-from selftouch_drake.show.page import motion_figures, path_figure, robot_figure
+from selftouch_drake.show.page import motion_figures, robot_pictures
 from selftouch_drake.show.page.figures import FIGURES
-from selftouch_drake.show.page.graph_figures import quotient_graph
 from selftouch_drake.show.page.scene import visible
-from selftouch_drake.show.page.sensation_figures import sensations
-from selftouch_drake.show.page.shape_figures import persistence
+from selftouch_drake.show.page.shape_figures import persistence, quotient_graph
+from selftouch_drake.show.page.skin_figures import sensations
 from selftouch_drake.show.paths import SkinPath
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinSurface
@@ -132,7 +130,7 @@ def test_the_agent_is_drawn_by_its_model(two_skins):
 def test_the_legend_names_the_kinds_of_joints(two_skins):
     data = RunData(two_skins)
     drawn = data.shape.at(np.zeros(12))
-    figure = robot_figure.agent(data.skins, drawn)
+    figure = robot_pictures.agent(data.skins, drawn)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["joints that turn", "three in one point", "what touches", "receptors (32)"]
 
@@ -141,7 +139,7 @@ def test_the_clearest_posture_keeps_its_joints_far_from_the_skin():
     skin = ball_at(np.zeros(3))
     joints = np.array([[[0.0, 0, 0.5], [0.3, 0, 0.0]], [[0.0, 0, 0.5], [0.9, 0, 0]]])
     poses = np.tile(np.eye(3, 4), (2, 1, 1, 1))
-    assert robot_figure.clearest(joints, [skin], poses) == 1
+    assert robot_pictures.clearest(joints, [skin], poses) == 1
 
 
 def ball_at(centre) -> SkinSurface:
@@ -167,41 +165,17 @@ def test_a_plan_over_several_skins_is_shown_skin_by_skin():
         SkinPath(toucher="tip", skin=0, points=here, rows=np.array([8, 9])),
         SkinPath(toucher="tip", skin=1, points=there, rows=np.array([0, 1])),
     ]
-    figure = path_figure.plan_path(skins, paths, paths, 10)
+    figure = motion_figures.plan_path(skins, paths, paths, 10)
     assert len(figure.axes) == 2
-    one = path_figure.plan_path(skins, paths[:1], paths[:1], 10)
+    one = motion_figures.plan_path(skins, paths[:1], paths[:1], 10)
     assert len(one.axes) == 2, "a single skin from two sides"
 
 
 def test_time_in_the_air_is_no_lost_contact():
     execution = execution_of("two_skins")
-    figure = motion_figures.contact_and_tracking(
-        execution, [f"joint_{n}" for n in range(12)], np.ones(12, dtype=bool)
-    )
-    title = figure.axes[0].get_title(loc="left")
-    assert title == "In contact 100.0% of the time, where touch was expected"
-    labels = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
+    figure = motion_figures.felt_and_predicted(execution)
+    labels = [text.get_text() for text in figure.axes[2].get_legend().get_texts()]
     assert labels == ["in the air"]
-
-
-def test_joints_that_slide_have_their_own_unit():
-    execution = execution_of("ball")
-    turns = np.array([True, True, False, True, True, True])
-    slid = Execution(
-        motion=execution.motion,
-        felt=execution.felt,
-        q_measured=execution.motion.q + np.where(turns, 0.001, 0.002),
-        v_measured=execution.v_measured,
-        torque=execution.torque,
-    )
-    figure = motion_figures.contact_and_tracking(slid, ["a", "b", "c", "d", "e", "f"], turns)
-    assert [ax.get_ylabel() for ax in figure.axes] == [
-        "force (N)",
-        "planned (rad)",
-        "planned (m)",
-        "error (mrad or mm)",
-    ]
-    assert figure.axes[3].get_title(loc="left") == "Measured less planned: RMS 1 mrad, 2 mm"
 
 
 def test_parts_are_shown_apart():

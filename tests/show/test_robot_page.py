@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from laid_out import motion_of, world_of
 
-from selftouch_drake.show.meshcat.robot_page import RobotPage
+from selftouch_drake.show.meshcat.pages import RobotPage
 from selftouch_drake.show.meshcat.stage import open_meshcat
 
 

@@ -63,13 +63,3 @@ def test_several_touches_at_once_are_no_surface(reported, monkeypatch):
 
 def test_the_longest_executed_plan_is_shown(reported):
     assert RunData(reported).shown_pair == (0, 40)
-
-
-def test_the_stored_skins_are_those_of_this_experiment(make_run):
-    run = make_run("babbled")
-    arrays = dict(np.load(run.skin))
-    np.savez(run.skin, **arrays | {"made_for": np.array("format 0, other")})
-    with pytest.raises(
-        ValueError, match=r"skin\.npz belongs to another experiment or version; run"
-    ):
-        _ = RunData(run).skins

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Callable
 
 import numpy as np
@@ -14,7 +13,6 @@ from selftouch_drake.evaluation import cosine_distance
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.robot import Simulation
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
-from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.paths import SkinPath, touch_paths
 from selftouch_drake.show.run_data import RunData
 
@@ -233,33 +231,6 @@ class LiveShow:
     def _say(self, text: str) -> None:
         self._announce(text.replace("\n", "; "))
         self._scene.write_status(text)
-
-
-def play_live(
-    data: RunData,
-    motion_from: MotionFrom,
-    *,
-    port: int | None = None,
-    announce: Callable[[str], None] = print,
-) -> None:
-    """Shows an agent live in a browser, until its `end` button or Ctrl-C.
-
-    Args:
-        data: of a run that has learned.
-        motion_from: the agent's plans.
-        port: of the page; by default the first free one from 7000 on.
-        announce: called with where to look, and then with a line about every motion.
-
-    Raises:
-        ValueError: the port is taken.
-    """
-    meshcat = open_meshcat(port)
-    show = LiveShow(meshcat, data, motion_from, announce)
-    announce(f"{data.experiment.name}, live at {meshcat.web_url()} (Ctrl-C to end)")
-    with contextlib.suppress(KeyboardInterrupt):
-        while not show.ended:
-            show.step()
-    announce("ended")
 
 
 def braked(motion: Motion, time_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

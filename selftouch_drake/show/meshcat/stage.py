@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams, MeshcatVisualizer, SceneGraph, Sphere
@@ -41,6 +42,27 @@ def open_meshcat(port: int | None = None) -> Meshcat:
         raise ValueError(f"--port {port} is in use; give another, or leave it out") from None
     finally:
         logger.setLevel(level)
+
+
+@contextlib.contextmanager
+def shown_page(
+    name: str, port: int | None = None, announce: Callable[[str], None] = print
+) -> Iterator[Meshcat]:
+    """Opens a Meshcat for what goes on inside, until its end or Ctrl-C.
+
+    Args:
+        name: of what is shown.
+        port: of the page; by default the first free one from 7000 on.
+        announce: called with where to look, and at the end.
+
+    Raises:
+        ValueError: the port is taken.
+    """
+    meshcat = open_meshcat(port)
+    announce(f"{name} at {meshcat.web_url()} (Ctrl-C to end)")
+    with contextlib.suppress(KeyboardInterrupt):
+        yield meshcat
+    announce("ended")
 
 
 def set_stage(

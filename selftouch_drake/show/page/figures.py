@@ -10,14 +10,10 @@ from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
 from selftouch_drake.show.page import (
-    coverage_figure,
-    graph_figures,
-    life_figure,
     motion_figures,
-    path_figure,
-    robot_figure,
-    sensation_figures,
+    robot_pictures,
     shape_figures,
+    skin_figures,
 )
 from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.run_data import MissingError, RunData
@@ -33,32 +29,32 @@ def agent(data: RunData) -> Figure:
     known, robot = data.representation, data.robot
     q = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
     poses = robot.skin_positions(q)
-    clear = robot_figure.clearest(data.shape.joints(q), data.skins, poses)
+    clear = robot_pictures.clearest(data.shape.joints(q), data.skins, poses)
     skins = all_moved(data.skins, poses[clear])
-    return robot_figure.agent(skins, data.shape.at(q[clear]))
+    return robot_pictures.agent(skins, data.shape.at(q[clear]))
 
 
 def coverage(data: RunData) -> Figure:
     """Where babbling touched the skins."""
-    return coverage_figure.coverage(_skins(data), data.touch_density)
+    return skin_figures.coverage(_skins(data), data.touch_density)
 
 
 def sensations(data: RunData) -> Figure:
     """A few target sensations on the skins."""
     targets = data.representation.target_sensations
-    return sensation_figures.sensations(_skins(data), targets)
+    return skin_figures.sensations(_skins(data), targets)
 
 
 def sensation_map(data: RunData) -> Figure:
     """Where some of the target sensations are felt, by number."""
     targets = data.representation.target_sensations
-    return sensation_figures.sensation_map(_skins(data), targets)
+    return skin_figures.sensation_map(_skins(data), targets)
 
 
 def quotient_graph(data: RunData) -> Figure:
     """The quotient graph in the embedding."""
     known, parts = data.representation, [part.kernels for part in data.body.parts]
-    return graph_figures.quotient_graph(known.embedding, known.edges, known.edge_cost, parts)
+    return shape_figures.quotient_graph(known.embedding, known.edges, known.edge_cost, parts)
 
 
 def body_shape(data: RunData) -> Figure:
@@ -87,7 +83,7 @@ def plan_path(data: RunData) -> Figure:
     )
     if not paths:
         raise MissingError("the plan of this figure touches nothing; evaluate again")
-    return path_figure.plan_path(_skins(data), paths, known, len(motion.q))
+    return motion_figures.plan_path(_skins(data), paths, known, len(motion.q))
 
 
 def felt_and_predicted(data: RunData) -> Figure:
@@ -95,15 +91,9 @@ def felt_and_predicted(data: RunData) -> Figure:
     return motion_figures.felt_and_predicted(data.execution(*data.shown_pair))
 
 
-def contact_and_tracking(data: RunData) -> Figure:
-    """Force and tracking along that plan."""
-    robot, execution = data.robot, data.execution(*data.shown_pair)
-    return motion_figures.contact_and_tracking(execution, robot.joint_names, robot.turns)
-
-
 def life(data: RunData) -> Figure:
     """The life of the agent, as curves."""
-    return life_figure.life(data.life)
+    return motion_figures.life(data.life)
 
 
 # In the order of the paper. The name is that of the file.
@@ -117,7 +107,6 @@ FIGURES: dict[str, Callable[[RunData], Figure]] = {
     "persistence": persistence,
     "plan_path": plan_path,
     "felt_and_predicted": felt_and_predicted,
-    "contact_and_tracking": contact_and_tracking,
     "life": life,
 }
 

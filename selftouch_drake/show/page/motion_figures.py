@@ -1,30 +1,147 @@
-"""Pictures of acting: what was felt along a plan, and how its joints were tracked."""
+"""Pictures of acting: the path over the skin, what was felt along it, and a whole life."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from selftouch_drake.agent.motions import Execution
-from selftouch_drake.show.style import (
-    BLUE,
-    INK,
-    MUTED,
-    ORANGE,
-    PRESSURE,
-    SKY,
-    VERMILION,
-    styled,
+from selftouch_drake.evaluation.life import LifeCurves
+from selftouch_drake.show.page.scene import (
+    add_scene,
+    balls,
+    draw,
+    finish_row,
+    outline,
+    surface,
+    visible,
 )
+from selftouch_drake.show.paths import SkinPath, evenly_spaced
+from selftouch_drake.show.skins import SkinSurface
+from selftouch_drake.show.style import BLUE, GREEN, ORANGE, PRESSURE, SKIN, SKY, VERMILION, styled
+from selftouch_drake.show.view import View
 
+# m between the dots of a path.
+_DOT_SPACING = 0.008
+# Skins in a row: more are too small to be read.
+_MOST_SKINS = 4
 # Share of its strongest receptor that another must reach to be drawn.
 _SILENT = 0.03
-# Number of joints beyond which the colours of the style repeat.
-_COLORS = 6
+
+
+@styled
+def plan_path(
+    skins: Sequence[SkinSurface],
+    paths: Sequence[SkinPath],
+    known: Sequence[SkinPath],
+    num_rows: int,
+) -> Figure:
+    """A planned motion over translucent skins (paper, figure 4).
+
+    Each kernel set on the way gives one posture, which touches anywhere in the patch of skin that
+    feels alike: so the path wanders from side to side.
+
+    A plan on one skin is shown from two sides; one over several, skin by skin, in the order in
+    which it touches them.
+
+    Args:
+        skins: in one frame.
+        paths: of the smooth motion, in the same frame.
+        known: of the known configurations that it came from.
+        num_rows: instants of the motion.
+    """
+    touched = sorted(paths, key=lambda path: path.rows[0])
+    numbers = list(dict.fromkeys(path.skin for path in touched))[:_MOST_SKINS]
+    panels = []
+    for number in numbers:
+        over = np.concatenate([path.points for path in paths if path.skin == number])
+        middle = skins[number].vertices.mean(axis=0)
+        first = View.facing(over.mean(axis=0) - middle + 1e-9)
+        second = View(first.elevation, first.azimuth + 110.0)
+        panels += [(number, first)] + [(number, second)] * (len(numbers) == 1)
+    figure = Figure(figsize=(9.4, 4.4), layout="constrained")
+    grid = figure.add_gridspec(1, len(panels))
+    for column, (number, view) in enumerate(panels):
+        title = skins[number].name if len(numbers) > 1 else ""
+        ax = add_scene(figure, grid[column], title)
+        # Several skins, far apart, are each shown round their own middle.
+        middle = np.zeros(3) if len(numbers) == 1 else -skins[number].vertices.mean(axis=0)
+        pose = np.hstack([np.eye(3), middle[:, None]])
+        here, crosses = (
+            [path.moved(pose) for path in of if path.skin == number] for of in (paths, known)
+        )
+        _draw_paths(ax, view, skins[number].moved(pose), here, crosses, num_rows)
+    finish_row(figure, margin=0.5)
+    ax = figure.axes[0]
+    handles = [
+        ax.scatter([], [], s=45, color=GREEN, label="start"),
+        ax.scatter([], [], s=45, color=BLUE, label="goal"),
+        ax.scatter(
+            [],
+            [],
+            s=28,
+            color=VERMILION,
+            marker="x",
+            label="a posture of each kernel set on the way",
+        ),
+        ax.scatter([], [], s=6, color=BLUE, label="the motion"),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=4)
+    return figure
+
+
+def _draw_paths(
+    ax: Axes,
+    view: View,
+    skin: SkinSurface,
+    paths: Sequence[SkinPath],
+    known: Sequence[SkinPath],
+    num_rows: int,
+) -> None:
+    dots = _joined([evenly_spaced(s, _DOT_SPACING) for path in paths for s in path.stretches()])
+    crosses = _joined([path.points for path in known])
+    ends = [
+        (end, color)
+        for path in paths
+        for row, color in ((0, GREEN), (num_rows - 1, BLUE))
+        if (end := path.at(row)) is not None
+    ]
+    # Behind the body's front: the same marks, veiled.
+    _marks(ax, view, dots, crosses, ends, skin.extent, zorder=1)
+    draw(ax, view, surface(skin.vertices, skin.faces, SKIN), opacity=0.55, zorder=2)
+    outline(ax, view, skin.vertices, skin.faces, zorder=3)
+    seen = [_seen(points, skin, view) for points in (dots, crosses)]
+    shown = [(end, color) for end, color in ends if _seen(end[None], skin, view)[0]]
+    _marks(ax, view, dots[seen[0]], crosses[seen[1]], shown, skin.extent, zorder=4)
+
+
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate([np.zeros((0, 3)), *parts])
+
+
+def _seen(points: np.ndarray, skin: SkinSurface, view: View) -> np.ndarray:
+    return visible(points, skin.vertices, skin.faces, view)
+
+
+def _marks(
+    ax: Axes,
+    view: View,
+    dots: np.ndarray,
+    known: np.ndarray,
+    ends: Sequence[tuple[np.ndarray, str]],
+    size: float,
+    *,
+    zorder: float,
+) -> None:
+    x, y = view.project(dots)[:, :2].T
+    ax.scatter(x, y, s=5, color=BLUE, linewidths=0, zorder=zorder)
+    x, y = view.project(known)[:, :2].T
+    ax.scatter(x, y, s=30, color=VERMILION, marker="x", linewidths=1.5, zorder=zorder + 0.1)
+    for end, color in ends:
+        draw(ax, view, balls(end[None], 0.03 * size, color, detail=3), zorder=zorder + 0.2)
 
 
 @styled
@@ -63,65 +180,6 @@ def felt_and_predicted(execution: Execution) -> Figure:
     return figure
 
 
-@styled
-def contact_and_tracking(execution: Execution, names: Sequence[str], turns: np.ndarray) -> Figure:
-    """The force on the skin and the tracking of every joint along an executed plan.
-
-    Args:
-        execution: J joints.
-        names: of the joints.
-        turns: `(J,)` bool, whether each joint turns (rad) or slides (m).
-    """
-    motion, felt = execution.motion, execution.felt
-    time_s, force = motion.time_s, felt.sum(axis=1)
-    error = 1e3 * (execution.q_measured - motion.q)
-    kinds = [(those, unit) for those, unit in ((turns, "rad"), (~turns, "m")) if those.any()]
-    figure = Figure(figsize=(9.0, 3.8 + 1.8 * len(kinds)), layout="constrained")
-    pressing, *moving, tracking = figure.subplots(2 + len(kinds), 1, sharex=True)
-    pressing.plot(time_s, force, color=INK, linewidth=1.2)
-    pressing.fill_between(time_s, force, color=ORANGE, alpha=0.35, linewidth=0)
-    _shade_contact(pressing, execution)
-    when = "of the time" if motion.touching.all() else "of the time, where touch was expected"
-    pressing.set(
-        ylabel="force (N)", ylim=(0, None), title=f"In contact {execution.contact:.1%} {when}"
-    )
-    colors = _colors(len(names))
-    lines = []
-    for ax, (those, unit) in zip(moving, kinds, strict=True):
-        for joint in np.flatnonzero(those).tolist():
-            (line,) = ax.plot(
-                time_s, motion.q[:, joint], linewidth=1.2, color=colors[joint], label=names[joint]
-            )
-            lines.append(line)
-        ax.set(ylabel=f"planned ({unit})")
-    moving[0].set(title="The plan")
-    for joint in range(len(names)):
-        tracking.plot(time_s, error[:, joint], linewidth=1.0, color=colors[joint])
-    tracking.axhline(0.0, color=MUTED, linewidth=0.6)
-    rms = ", ".join(
-        f"{np.sqrt(np.mean(np.square(error[:, those]))):.2g} {'mrad' if unit == 'rad' else 'mm'}"
-        for those, unit in kinds
-    )
-    units = " or ".join("mrad" if unit == "rad" else "mm" for _, unit in kinds)
-    tracking.set(
-        xlabel="time (s)", ylabel=f"error ({units})", xlim=(time_s[0], time_s[-1]),
-        title=f"Measured less planned: RMS {rms}",
-    )  # fmt: skip
-    figure.legend(handles=lines, loc="outside lower center", ncols=_columns(names), fontsize=8)
-    return figure
-
-
-def _columns(names: Sequence[str]) -> int:
-    """As many as fit below a figure."""
-    return max(1, min(len(names), 130 // (8 + max(map(len, names)))))
-
-
-def _colors(count: int) -> list:
-    if count <= _COLORS:
-        return mpl.rcParams["axes.prop_cycle"].by_key()["color"][:count]
-    return list(mpl.colormaps["turbo"](np.linspace(0.04, 0.96, count)))
-
-
 def _shade_contact(ax: Axes, execution: Execution) -> None:
     """Marks where touch was lost, and where none was expected."""
     touching, expected = execution.felt.any(axis=1), execution.motion.touching
@@ -141,3 +199,34 @@ def _shade_where(ax: Axes, time_s: np.ndarray, mask: np.ndarray, label: str, col
 def _unit(rows: np.ndarray) -> np.ndarray:
     norm = np.linalg.norm(rows, axis=1, keepdims=True)
     return np.divide(rows, norm, out=np.zeros(rows.shape), where=norm > 0)
+
+
+@styled
+def life(curves: LifeCurves) -> Figure:
+    """Coverage, shape error, contact and surprise; changes of the body, and when it noticed."""
+    figure = Figure(figsize=(10.5, 5.0), layout="constrained")
+    panels = (
+        ("receptors that have felt", "%", curves.touches, 100 * curves.coverage, BLUE),
+        ("shape error, worst skin", "% of the size", curves.touches, 100 * curves.error, VERMILION),
+        ("plans in contact, before practice", "%", curves.touches, 100 * curves.contact, GREEN),
+        ("surprise", "cosine distance", curves.block_touches, curves.surprise, ORANGE),
+    )
+    axes: list[Axes] = figure.subplots(2, 2, sharex=True).ravel().tolist()
+    for ax, (title, unit, touches, values, color) in zip(axes, panels, strict=True):
+        ax.plot(touches, values, color=color, marker="." if len(touches) < 50 else "")
+        for moments, style, label in (
+            (curves.changed, "-", "the body changes"),
+            (curves.noticed, ":", "the agent notices"),
+        ):
+            for number, moment in enumerate(moments):
+                named = label if number == 0 else None
+                ax.axvline(moment, color="0.4", linestyle=style, linewidth=1.0, label=named)
+        ax.set_title(title)
+        ax.set_ylabel(unit)
+        if np.isfinite(values).any():
+            ax.set_ylim(bottom=0)
+    for ax in axes[2:]:
+        ax.set_xlabel("touches")
+    if len(curves.changed) or len(curves.noticed):
+        axes[-1].legend(loc="upper left", fontsize="small")
+    return figure

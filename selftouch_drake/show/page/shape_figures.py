@@ -1,4 +1,4 @@
-"""Pictures of the recovered body: its shape (paper, figure 3) and its holes."""
+"""Pictures of what the agent recovered: the graph, the shape and the holes of its body."""
 
 from __future__ import annotations
 
@@ -6,29 +6,34 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection
+from matplotlib.colors import Normalize, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from selftouch_drake.show.page.meshes import ColoredMesh, balls, surface
 from selftouch_drake.show.page.scene import (
+    ColoredMesh,
     add_scene,
+    balls,
     draw,
+    finish_row,
     fit_height,
     outline,
-    scale_bar,
     share_scale,
+    surface,
     visible,
 )
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.skins import SkinSurface, as_one
-from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, SKIN, styled
+from selftouch_drake.show.style import AMOUNT, BLUE, GREEN, INK, ORANGE, RECOVERED, SKIN, styled
 from selftouch_drake.show.view import View
 
 # Bars drawn for each dimension; the rest are shorter.
 _MOST_BARS = 24
 _KINDS = tuple(zip(("components", "loops", "voids"), (ORANGE, BLUE, GREEN), strict=True))
-# Parts in a row of the picture of their holes.
-_COLUMNS = 3
+# Parts in a row.
+_COLUMNS = 4
 
 
 @styled
@@ -76,9 +81,7 @@ def body_shape(
     error = "" if rms_fraction is None else f"\nerror {rms_fraction:.1%} of its extent (RMS)"
     ax.set_title(f"Both, fitted to one another{error}", loc="center")
 
-    share_scale(figure.axes)
-    fit_height(figure)
-    scale_bar(figure.axes[0])
+    finish_row(figure)
     return figure
 
 
@@ -94,7 +97,7 @@ def persistence(
         betti: of each part how many of each are held to be true.
     """
     rows, columns = -(-len(diagrams) // _COLUMNS), min(len(diagrams), _COLUMNS)
-    figure = Figure(figsize=(max(3.6 * columns, 6.0), 0.8 + 2.4 * rows), layout="constrained")
+    figure = Figure(figsize=(max(2.8 * columns, 6.0), 0.8 + 2.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
     for (part, diagram), ax in zip(diagrams.items(), axes, strict=False):
         _draw_bars(ax, diagram)
@@ -154,3 +157,89 @@ def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
     ax.set(xlim=(-0.01 * end, end), yticks=[])
     ax.invert_yaxis()
     ax.spines["left"].set_visible(False)
+
+
+@styled
+def quotient_graph(
+    embedding: np.ndarray, edges: np.ndarray, edge_cost: np.ndarray, parts: Sequence[np.ndarray]
+) -> Figure:
+    """The quotient graph, laid out as the agent embeds it.
+
+    One part is shown from the front and from above; several, each in its own unit, from the front.
+    A part that was laid out in a plane is shown from above.
+
+    Args:
+        embedding: `(K, 3)` arbitrary unit and pose of each part; NaN in fragments, and 0 in the
+            third coordinate of parts that were laid out in a plane.
+        edges: `(E, 2)` pairs of kernels.
+        edge_cost: `(E,)` rad.
+        parts: the kernels of each part.
+    """
+    low, high = np.quantile(edge_cost, [0.02, 0.98]) if len(edge_cost) else (0.0, 1.0)
+    norm = Normalize(low, max(high, low + 1e-9))
+    above = View(elevation=90.0, azimuth=-90.0)
+    panels = [
+        (f"part {n}: {len(part)} kernels", View() if embedding[part, 2].any() else above, part)
+        for n, part in enumerate(parts)
+    ]
+    size = 2.4
+    if len(parts) == 1:
+        (_, view, part), size = panels[0], 4.8
+        panels = [("The quotient graph, embedded in a plane", above, part)]
+        if view is not above:
+            panels = [("The quotient graph, embedded", view, part)]
+            panels += [("from above", View(elevation=80.0), part)]
+    rows, columns = -(-len(panels) // _COLUMNS), min(len(panels), _COLUMNS)
+    figure = Figure(figsize=(size * columns, 0.4 + size * rows), layout="constrained")
+    grid = figure.add_gridspec(rows, columns)
+    for n, (title, view, part) in enumerate(panels):
+        ax = add_scene(figure, grid[n // columns, n % columns], title)
+        inside = np.isin(edges, part).all(axis=1)
+        picture = view.project(embedding - embedding[part].mean(axis=0))
+        _draw_graph(ax, picture, part, edges[inside], edge_cost[inside], norm)
+    if len(parts) == 1:
+        share_scale(figure.axes)
+        fit_height(figure)
+    figure.colorbar(
+        ScalarMappable(norm, AMOUNT),
+        ax=figure.axes,
+        label="cost of an edge (rad)",
+        shrink=0.7,
+        extend="both",
+    )
+    return figure
+
+
+def _draw_graph(
+    ax: Axes,
+    picture: np.ndarray,
+    part: np.ndarray,
+    edges: np.ndarray,
+    edge_cost: np.ndarray,
+    norm: Normalize,
+) -> None:
+    near = _from_far_to_near(picture[edges, 2].mean(axis=1))
+    order = np.argsort(near)
+    lines = LineCollection(
+        list(picture[edges[order], :2]),
+        array=edge_cost[order],
+        norm=norm,
+        cmap=AMOUNT,
+        alpha=0.15 + 0.85 * near[order] ** 1.5,
+        linewidths=0.4 + 1.1 * near[order],
+    )
+    ax.add_collection(lines)
+    x, y, nearness = picture[part].T
+    near = _from_far_to_near(nearness)
+    ax.scatter(
+        x, y, s=2 + 14 * near**2, linewidths=0, zorder=3,
+        color=to_rgba_array([INK] * len(near), 0.1 + 0.9 * near**1.5),
+    )  # fmt: skip
+    ax.autoscale_view()
+
+
+def _from_far_to_near(nearness: np.ndarray) -> np.ndarray:
+    """Scales to 0 for the farthest and 1 for the nearest; 1 if all are as near."""
+    if not len(nearness) or np.ptp(nearness) < 1e-12:
+        return np.ones(len(nearness))
+    return (nearness - nearness.min()) / np.ptp(nearness)

@@ -1,4 +1,4 @@
-"""Pictures of what the agent feels: target sensations on its skin."""
+"""Pictures of the skins: where they were touched, and what is felt on them."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.show.page.meshes import balls, surface
 from selftouch_drake.show.page.scene import (
     add_scene,
+    balls,
     draw,
-    fit_height,
+    finish_row,
     scale_bar,
-    share_scale,
+    surface,
     visible,
 )
 from selftouch_drake.show.skins import SkinSurface, as_one
-from selftouch_drake.show.style import BLUE, PRESSURE, SKIN, styled
+from selftouch_drake.show.style import AMOUNT, BLUE, PRESSURE, SKIN, styled
 from selftouch_drake.show.view import View
 
 # Sensations whose numbers are written on the skin; more would cover it.
@@ -33,6 +33,57 @@ _NUM_NAMED = 60
 _REACH = 0.25
 # Panels in a row: more are too small to be read.
 _MOST_SHOWN = 6
+
+
+@styled
+def coverage(
+    skins: Sequence[SkinSurface],
+    density: Sequence[np.ndarray],
+) -> Figure:
+    """Number of touches on the skins, from the front and from behind.
+
+    Args:
+        skins: in one frame.
+        density: `(V,)` touches / cm² of each skin, as `touch_density` gives it.
+    """
+    skin = as_one(skins)
+    # Round their middle the skins are in the same place in both views.
+    low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
+    centred = np.hstack([np.eye(3), -(low + high)[:, None] / 2])
+    skin = skin.moved(centred)
+    amount = np.concatenate(list(density))
+    front = View.of_most(_offsets(skins, density), float(np.mean([skin.extent for skin in skins])))
+    back = View(-front.elevation, front.azimuth + 180.0)
+    norm = Normalize(0.0, float(np.quantile(amount, 0.99)) or 1.0)
+    painted = surface(skin.vertices, skin.faces, AMOUNT(norm(amount))[:, :3])
+
+    figure = Figure(figsize=(7.5, 4.0), layout="constrained")
+    grid = figure.add_gridspec(1, 2)
+    for where, view, title in (
+        (grid[0], front, "From the front and above"),
+        (grid[1], back, "from behind and below"),
+    ):
+        draw(add_scene(figure, where, title), view, painted, ambient=0.85)
+    finish_row(figure)
+    figure.colorbar(
+        ScalarMappable(norm, AMOUNT),
+        ax=figure.axes,
+        label="touches / cm²",
+        shrink=0.7,
+        aspect=30,
+        extend="max",
+    )
+    return figure
+
+
+def _offsets(skins: Sequence[SkinSurface], density: Sequence[np.ndarray]) -> np.ndarray:
+    """`(skins, 3)` m, from the middle of each skin to the middle of its touches."""
+    return np.array(
+        [
+            np.average(skin.vertices, axis=0, weights=amount + 1e-12) - skin.vertices.mean(axis=0)
+            for skin, amount in zip(skins, density, strict=True)
+        ]
+    )
 
 
 @styled
@@ -59,9 +110,7 @@ def sensations(
         ax = add_scene(figure, grid[column], title)
         _draw_sensation(ax, skin, target_sensations[kernel, skin.readings], norm)
     if len(skins) == 1:
-        share_scale(figure.axes)
-        fit_height(figure)
-        scale_bar(figure.axes[0])
+        finish_row(figure)
     else:
         for ax in figure.axes:
             scale_bar(ax)
@@ -100,9 +149,7 @@ def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -
                 fontsize=10, fontweight="bold",
             )  # fmt: skip
             text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
-    share_scale(figure.axes)
-    fit_height(figure)
-    scale_bar(figure.axes[0])
+    finish_row(figure)
     return figure
 
 

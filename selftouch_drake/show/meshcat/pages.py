@@ -1,8 +1,7 @@
-"""A life in a browser: the robot, and beside it the body that the agent knows."""
+"""Robots in a browser: one with a slider for each joint, and one that lives and learns."""
 
 from __future__ import annotations
 
-import contextlib
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -14,7 +13,7 @@ from pydrake.math import RigidTransform
 from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
 from selftouch_drake.show.meshcat.skin_drawing import rgba
-from selftouch_drake.show.meshcat.stage import VIEW, FeelingRobot, open_meshcat
+from selftouch_drake.show.meshcat.stage import VIEW, FeelingRobot, shown_page
 from selftouch_drake.show.recovered import laid_on_skins
 from selftouch_drake.show.skins import surfaces_of
 from selftouch_drake.show.style import INK, RECOVERED
@@ -23,11 +22,79 @@ if TYPE_CHECKING:
     from selftouch_drake.agent.lifelong import Life
 
 END = "end"
-#: s, from frame to frame, and frames of each block of touches.
+# s, from frame to frame, and frames of each block of touches.
 _FRAME_S, _FRAMES = 1 / 30, 15
+# rad or m, step of a slider.
+_SLIDER_STEP = 0.001
 #: The body that the agent knows stands this many sizes beside the real one.
 _ASIDE = 1.55
 _KNOWN = "/known"
+
+
+class RobotPage:
+    """A robot that takes the posture of its sliders.
+
+    Args:
+        meshcat: where it is shown.
+        world: of the robot.
+
+    Attributes:
+        meshcat: where it is shown.
+    """
+
+    def __init__(self, meshcat: Meshcat, world: World):
+        self.meshcat, self._world = meshcat, world
+        self._robot = robot = world.robot
+        self._drawing = FeelingRobot(meshcat, world)
+        self._q = self._drawing.home
+        lower, upper = robot.babbled_range
+        for name, low, high, value in zip(robot.joint_names, lower, upper, self._q, strict=True):
+            meshcat.AddSlider(name, low, high, _SLIDER_STEP, value)
+        meshcat.AddButton(END, "Escape")
+        self.show(self._q)
+
+    @property
+    def status(self) -> str:
+        """What is written below the robot."""
+        return self._drawing.status
+
+    @property
+    def ended(self) -> bool:
+        """Whether the user pressed the end button."""
+        return self.meshcat.GetButtonClicks(END) > 0
+
+    def step(self) -> None:
+        """Takes the posture of the sliders, if they have moved."""
+        q = np.array([self.meshcat.GetSliderValue(name) for name in self._robot.joint_names])
+        # A slider rounds to whole steps, and may end beyond its range.
+        q = q.clip(*self._robot.babbled_range)
+        if not np.array_equal(q, self._q):
+            self.show(q)
+
+    def show(self, q: np.ndarray) -> None:
+        """Shows the robot at `(J,)` q with its sensation."""
+        self._q = q
+        (felt,) = self._world.probe.sensations(q[None])
+        self._drawing.show(q, felt)
+        (depth,) = self._world.probe.collision_depth(q[None])
+        status = f"feels {felt.sum():.1f} N" if felt.any() else "touches nothing"
+        if depth > 0:
+            status = "rigid parts run into each other: no posture of this robot"
+        self._drawing.say(status)
+
+
+def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None:
+    """Shows a robot in a browser, until its `end` button or Ctrl-C.
+
+    Args:
+        world: of the robot.
+        announce: called with where to look.
+    """
+    with shown_page(world.experiment.name, announce=announce) as meshcat:
+        page = RobotPage(meshcat, world)
+        while not page.ended:
+            page.step()
+            time.sleep(_FRAME_S)
 
 
 class LifePage:
@@ -90,26 +157,3 @@ def _mood(life: Life) -> str:
     if life.noticed:
         return f"it found: {life.noticed[-1].change.in_words}"
     return "it learns" if life.learner.knows else "it begins"
-
-
-def show_life(
-    live: Callable[[LifePage], object],
-    *,
-    port: int | None = None,
-    announce: Callable[[str], None] = print,
-) -> None:
-    """Shows a life in a browser, until its end, the `end` button or Ctrl-C.
-
-    Args:
-        live: lives, and calls the page with all that happens.
-        port: of the page; by default the first free one from 7000 on.
-        announce: called with where to look.
-
-    Raises:
-        ValueError: the port is taken.
-    """
-    meshcat = open_meshcat(port)
-    announce(f"live at {meshcat.web_url()} (Ctrl-C to end)")
-    with contextlib.suppress(KeyboardInterrupt):
-        live(LifePage(meshcat))
-    announce("ended")
