@@ -29,7 +29,7 @@ from selftouch_drake.files import (
     save_arrays,
     written_whole,
 )
-from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.shape import Body, RecoveredPart
@@ -66,12 +66,13 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     """The representation of a run that has learned.
 
     Raises:
-        RunError: there is none, or it belongs to another experiment.
+        MissingError: there is none.
+        RunError: it belongs to another experiment.
         ValueError: the file is damaged.
     """
     file, remedy = run.representation, f"run `selftouch learn {run.path}`"
     if not file.exists():
-        raise RunError(f"{run.path} has learned nothing yet; {remedy}")
+        raise MissingError(f"{run.path} has learned nothing yet; {remedy}")
     arrays = load_arrays(file)
     with _read_as("a representation", file, remedy):
         representation = QuotientRepresentation.from_arrays(arrays)
@@ -113,7 +114,8 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
     """The body that `learn` recovered.
 
     Raises:
-        RunError: it is not there, or of another experiment.
+        MissingError: it is not there.
+        RunError: it is of another experiment.
         ValueError: a file is damaged.
     """
     from selftouch_drake.agent.shape import Body  # not needed to plan
@@ -124,7 +126,7 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
         try:
             read.append(load_arrays(file, names))
         except FileNotFoundError:
-            raise RunError(f"{file} is missing; {remedy}") from None
+            raise MissingError(f"{file} is missing; {remedy}") from None
         run.require_stamp(file, read[-1])
     arrays, distances = read[0], read[1]["distances"]
     num_kernels = representation.num_targets
@@ -179,7 +181,8 @@ def load_motion(run: RunDirectory, *targets: int | str) -> Motion:
         targets: of the plan, in order; a free start as `free_start` names it.
 
     Raises:
-        RunError: there is no such plan, or it belongs to another representation.
+        MissingError: there is no such plan.
+        RunError: it belongs to another representation.
         ValueError: the file is damaged.
     """
     return _load_plan(run, Motion, targets)
@@ -201,18 +204,6 @@ def was_executed(run: RunDirectory, *targets: int | str) -> bool:
     return "felt" in load_arrays(run.plan(*targets))
 
 
-def no_plan(run: RunDirectory, *targets: int | str) -> str:
-    """The error text for a missing plan."""
-    what, options = _described(*targets)
-    return f"{run.path} has no {what}; make one with `selftouch plan {run.path} {options}`"
-
-
-def not_executed(run: RunDirectory, *targets: int | str) -> str:
-    """The error text for a plan that was not executed."""
-    what, options = _described(*targets)
-    return f"{run.path} has not executed its {what}; run `selftouch execute {run.path} {options}`"
-
-
 def export_graph(run: RunDirectory, representation: QuotientRepresentation) -> None:
     """Writes the quotient graph as GraphML, for other tools."""
     import networkx as nx  # needed here alone
@@ -224,13 +215,16 @@ def export_graph(run: RunDirectory, representation: QuotientRepresentation) -> N
 
 def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
     file = run.plan(*targets)
-    remedy = f"with `selftouch plan {run.path} {_described(*targets)[1]}`"
+    what, options = _described(*targets)
+    remedy = f"with `selftouch plan {run.path} {options}`"
     if not file.exists():
-        raise RunError(no_plan(run, *targets))
+        raise MissingError(f"{run.path} has no {what}; make one {remedy}")
     arrays = load_arrays(file)
     run.require_stamp(file, arrays, remedy=f"make it again {remedy}")
     if kind is Execution and "felt" not in arrays:
-        raise RunError(not_executed(run, *targets))
+        raise MissingError(
+            f"{run.path} has not executed its {what}; run `selftouch execute {run.path} {options}`"
+        )
     with _read_as("a plan", file, f"make it again {remedy}"):
         plan = kind.from_arrays(arrays)
     motion = plan.motion if kind is Execution else plan
@@ -321,11 +315,7 @@ def _part_from(
             spacing=spacing,
             diagram=(h0, h1, h2),
         )
-    # Older runs were always laid out in three dimensions.
-    skin, space = (
-        int(array(name)) if has(name) else before
-        for name, before in (("skin_dimension", 2), ("embedding_dimension", 3))
-    )
+    skin, space = int(array("skin_dimension")), int(array("embedding_dimension"))
     return RecoveredPart(
         doubt=str(array("doubt")) or None,
         kernels=kernels,

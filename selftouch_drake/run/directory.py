@@ -40,6 +40,10 @@ class RunError(ValueError):
     """A run directory that cannot be used; the text names it and the remedy."""
 
 
+class MissingError(RunError):
+    """Something was not made yet, or cannot be; the text says why, and what makes it."""
+
+
 class _Inside:
     """The path of a file or folder of a run."""
 

@@ -9,15 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.experience.collect import world_of
-from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.robot.skins import ARRAYS, SkinModel, make_skins
 from selftouch_drake.robot.world import MakeSkins, drakes_refusals
-from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.directory import MissingError, RunDirectory
 
 
-class NoWorldError(ExperimentError):
+class NoWorldError(MissingError):
     """The experience was imported: there is no robot, so no world can be built."""
 
 

@@ -12,7 +12,7 @@ from selftouch_drake.files import write_text_whole
 from selftouch_drake.robot import World
 from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
-from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.directory import MissingError, RunDirectory
 from selftouch_drake.run.lifelong import live
 from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.run.worlds import require_robot
@@ -22,7 +22,7 @@ from selftouch_drake.show.meshcat.recording import recording_page
 from selftouch_drake.show.meshcat.stage import shown_page
 from selftouch_drake.show.page.figures import FIGURES, draw_figure
 from selftouch_drake.show.page.report import report_page
-from selftouch_drake.show.run_data import MissingError, RunData
+from selftouch_drake.show.run_data import RunData
 
 
 def write_figures(

@@ -30,24 +30,18 @@ from selftouch_drake.run.artifacts import (
     load_execution,
     load_motion,
     load_representation,
-    no_plan,
-    not_executed,
     stored_pairs,
     was_executed,
 )
-from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.directory import MissingError, RunDirectory
 from selftouch_drake.run.stages import make_world
-from selftouch_drake.run.worlds import NoWorldError, require_robot
+from selftouch_drake.run.worlds import require_robot
 from selftouch_drake.show.recovered import RecoveredSkin, laid_on_skins, skins_of
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import SkinSurface, surfaces_of
 
 #: The targets that name a plan, in order; the first is a text if it begins in any configuration.
 Targets = tuple[int | str, ...]
-
-
-class MissingError(ValueError):
-    """Something to show is missing; the text says why, and what makes it."""
 
 
 class NoSurfaceError(MissingError):
@@ -93,16 +87,10 @@ class RunData:
         """The metrics of the run; empty before the first stage is done."""
         return self.run.metrics()
 
-    def _require_robot(self) -> None:
-        try:
-            require_robot(self.experiment)
-        except NoWorldError as error:
-            raise MissingError(str(error)) from None
-
     @cached_property
     def world(self) -> World:
         """The world of the experiment."""
-        self._require_robot()
+        require_robot(self.experiment)
         if self._known_world is not None:
             return self._known_world
         try:
@@ -147,21 +135,17 @@ class RunData:
     @cached_property
     def representation(self) -> QuotientRepresentation:
         """What the agent has learned."""
-        if not self.run.representation.exists():
-            raise MissingError("nothing has been learned yet; run `selftouch learn`")
         return load_representation(self.run)
 
     @cached_property
     def body(self) -> Body:
         """The body that the agent recovered."""
-        if not self.run.topology.exists():
-            raise MissingError("the recovered body is missing; run `selftouch learn`")
         return load_body(self.run, self.representation)
 
     @cached_property
     def kernel_truth(self) -> KernelTruth:
         """The true places of the kernels."""
-        self._require_robot()
+        require_robot(self.experiment)
         representation, run = self.representation, self.run
         try:
             require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
@@ -228,22 +212,17 @@ class RunData:
 
     def motion(self, *targets: int | str) -> Motion:
         """A plan, executed or not; the targets name it, in order."""
-        if not self.run.plan(*targets).exists():
-            raise MissingError(no_plan(self.run, *targets))
         return load_motion(self.run, *targets)
 
     def execution(self, *targets: int | str) -> Execution:
         """A plan that was executed."""
-        self._require_robot()
-        self.motion(*targets)
-        if not was_executed(self.run, *targets):
-            raise MissingError(not_executed(self.run, *targets))
+        require_robot(self.experiment)
         return load_execution(self.run, *targets)
 
     @property
     def _truth(self) -> ExperienceReader:
         """The true places of the touches."""
-        self._require_robot()
+        require_robot(self.experiment)
         if not any(self.run.truth.glob("part-*.parquet")):
             raise MissingError("the truth is missing; run `selftouch babble`")
         return ExperienceReader(self.run.truth)

@@ -32,15 +32,16 @@ def draw_figures(table: pa.Table, folder: Path) -> list[Path]:
     grid, all rows count.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    rows = _numbers(table)
-    paths = []
-    for field in varied_fields(table):
-        chosen = _along(field, rows, varied_fields(table))
-        names = [name for name in _panels(rows, table) if _changes(name, chosen)]
-        if len({_key(row[field]) for row in chosen}) < 2 or not names:
+    fields, rows, paths = varied_fields(table), _numbers(table), []
+    others = {"experiment", "seed", *fields}
+    for field in fields:
+        chosen = _along(field, rows, fields)
+        names = dict.fromkeys(name for row in rows for name in row if name not in others)
+        changing = [name for name in names if _changes(name, chosen)]
+        if len({str(row[field]) for row in chosen}) < 2 or not changing:
             continue
         path = folder / f"{field}.png"
-        figure = _draw(field, chosen, names)
+        figure = _draw(field, chosen, changing)
         with written_whole(path) as aside:
             figure.savefig(aside, format="png")
         paths.append(path)
@@ -51,25 +52,17 @@ def _numbers(table: pa.Table) -> list[Row]:
     """The rows, with lists of numbers spread over columns and all other values left out."""
     rows = []
     for row in table.to_pylist():
-        numbers = {k: row[k] for k in ("experiment", "seed", *varied_fields(table))}
+        numbers = {key: row[key] for key in ("experiment", "seed", *varied_fields(table))}
         for name in figure_names(table):
-            value = row[name]
-            entries = (
-                {f"{name}[{i}]": v for i, v in enumerate(value)}
-                if isinstance(value, list)
-                else {name: value}
-            )
+            value, entries = row[name], {name: row[name]}
+            if isinstance(value, list):
+                entries = {f"{name}[{i}]": entry for i, entry in enumerate(value)}
             for key, number in entries.items():
                 if isinstance(number, (int, float)) and math.isfinite(number):
                     # Yes and no become 1 and 0, which have quantiles.
                     numbers[key] = float(number)
         rows.append(numbers)
     return rows
-
-
-def _panels(rows: list[Row], table: pa.Table) -> list[str]:
-    others = {"experiment", "seed", *varied_fields(table)}
-    return list(dict.fromkeys(name for row in rows for name in row if name not in others))
 
 
 def _changes(name: str, rows: list[Row]) -> bool:
@@ -100,14 +93,10 @@ def _along(field: str, rows: list[Row], fields: list[str]) -> list[Row]:
     for other in fields:
         if other == field:
             continue
-        counts = Counter(_key(row[other]) for row in rows).most_common(2)
+        counts = Counter(str(row[other]) for row in rows).most_common(2)
         if len(counts) == 1 or counts[0][1] > counts[1][1]:
-            rows = [row for row in rows if _key(row[other]) == counts[0][0]]
+            rows = [row for row in rows if str(row[other]) == counts[0][0]]
     return rows
-
-
-def _key(value: Any) -> str:
-    return str(value)
 
 
 @styled
@@ -127,15 +116,15 @@ def _draw(field: str, rows: list[Row], names: list[str]) -> Figure:
 
 
 def _panel(panel: Axes, field: str, name: str, rows: list[Row]) -> None:
-    values = sorted({row[field] for row in rows if _is_number(row[field])})
-    numeric = len(values) == len({_key(row[field]) for row in rows})
-    places = values if numeric else sorted({_key(row[field]) for row in rows})
-    at = {_key(value): value if numeric else i for i, value in enumerate(places)}
+    values = {str(row[field]): row[field] for row in rows}
+    numeric = all(type(value) in (int, float) for value in values.values())
+    places = sorted(values.values() if numeric else values)
+    at = {str(place): place if numeric else i for i, place in enumerate(places)}
     for experiment in dict.fromkeys(row["experiment"] for row in rows):
         found = defaultdict(list)
         for row in rows:
             if row["experiment"] == experiment and name in row:
-                found[at[_key(row[field])]].append(row[name])
+                found[at[str(row[field])]].append(row[name])
         x = np.array(sorted(found))
         low, middle, high = (
             np.array([np.quantile(found[place], share) for place in x]) for share in (0, 0.5, 1)
@@ -147,10 +136,6 @@ def _panel(panel: Axes, field: str, name: str, rows: list[Row]) -> None:
         panel.fill_between(x, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
     if not numeric:
         panel.set_xticks(range(len(places)), places)
-    elif values[0] > 0 and values[-1] > 20 * values[0]:
+    elif places[0] > 0 and places[-1] > 20 * places[0]:
         panel.set_xscale("log")
     panel.set_title("\n".join(textwrap.wrap(label(name), 44)), fontsize=8)
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)

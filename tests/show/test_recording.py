@@ -8,11 +8,12 @@ import pytest
 from laid_out import execution_of
 from pydrake.geometry import Meshcat
 
+from selftouch_drake.run.directory import MissingError
 from selftouch_drake.show.meshcat.meshcat_scene import firm_touch
 from selftouch_drake.show.meshcat.recording import FRAMES_PER_S, frame_rows, record
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, key_frames
 from selftouch_drake.show.outputs import write_recording
-from selftouch_drake.show.run_data import MissingError, RunData
+from selftouch_drake.show.run_data import RunData
 
 
 @pytest.fixture(scope="module")

@@ -3,9 +3,10 @@ import pytest
 import trimesh
 from laid_out import places_of
 
+from selftouch_drake.run.directory import MissingError
 from selftouch_drake.show.page.figures import FIGURES
 from selftouch_drake.show.page.report import report_page
-from selftouch_drake.show.run_data import MissingError, RunData
+from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import all_moved
 
 

@@ -31,8 +31,6 @@ BRAKING_S = 0.4
 _STEP_S = 0.01
 # Frames between two drawings of the trace.
 _TRACE_EVERY = 6
-# Name of the paths of a motion.
-_PLAN = "plan"
 
 #: Plans and times a motion: from a configuration `(J,)` in which a sensation `(S,)` N is felt, to a
 #: target sensation. Raises ValueError if there is none.
@@ -176,8 +174,8 @@ class LiveShow:
             return
         through = ", through the air" if motion.plan.in_air.any() else ""
         self._say(f"to sensation {self._goal}{through}")
-        self._scene.clear_paths(_PLAN)
-        self._scene.draw_path(_PLAN, self._paths(motion.q), len(motion.q))
+        self._scene.clear_paths()
+        self._scene.draw_path(self._paths(motion.q), len(motion.q))
         simulation.follow(motion.time_s, motion.q, motion.v)
         self._motion, self._log = motion, []
 
@@ -203,7 +201,7 @@ class LiveShow:
         over = self.simulation.time_s > motion.time_s[-1]
         if over or len(self._log) % _TRACE_EVERY == 2:
             q = np.array([entry[1] for entry in self._log])
-            self._scene.draw_trace(_PLAN, self._paths(q))
+            self._scene.draw_trace(self._paths(q))
         if over:
             self._finish(motion)
 

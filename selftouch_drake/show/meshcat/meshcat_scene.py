@@ -19,6 +19,7 @@ from pydrake.perception import BaseField, Fields, PointCloud
 
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.geometry import farthest_points
+from selftouch_drake.run.directory import MissingError
 from selftouch_drake.show.meshcat.skin_drawing import (
     Receptors,
     SkinDrawing,
@@ -29,7 +30,7 @@ from selftouch_drake.show.meshcat.skin_drawing import (
 from selftouch_drake.show.meshcat.stage import VIEW, draw_balls, set_stage
 from selftouch_drake.show.meshcat.text_meshes import put_text
 from selftouch_drake.show.paths import SkinPath, evenly_spaced
-from selftouch_drake.show.run_data import MissingError, RunData
+from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import all_moved, as_one, moved
 from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, VERMILION
 
@@ -84,6 +85,8 @@ class MeshcatScene:
         self.size = max(float((high - low).max()), width / _APART)
         self._under = middle + (lowest - 0.22 * self.size) * VIEW.axes[1]
         self._aside = _APART * self.size * VIEW.axes[0]
+        # Paths move with the skin that they are on.
+        self._plan_roots = [f"{FELT}/{skin.name}/plan" for skin in data.skins]
         self._felt = SkinDrawing(meshcat, FELT, data.skins)
         self._expected = SkinDrawing(meshcat, EXPECTED, data.skins)
         meshcat.SetTransform(EXPECTED, RigidTransform(-self._aside))
@@ -149,34 +152,26 @@ class MeshcatScene:
                 here = RigidTransform(place)
                 recording.SetTransform(frame, f"{RECOVERED_BODY}/here", here)
 
-    def draw_path(self, name: str, paths: Sequence[SkinPath], num_rows: int) -> None:
-        """Draws the planned paths over the skins, from green to blue; `name` is the plan's."""
+    def draw_path(self, paths: Sequence[SkinPath], num_rows: int) -> None:
+        """Draws the planned paths over the skins, from green to blue."""
         for number, path in enumerate(paths):
-            root = f"{self.path_root(path, name)}/path_{number}"
+            root = f"{self._plan_roots[path.skin]}/path_{number}"
             self._draw_dots(root, path, BLUE, spacing=0.008, point_size=0.007)
             for end, row, color in (("start", 0, GREEN), ("goal", num_rows - 1, BLUE)):
                 if (place := path.at(row)) is not None:
                     self._meshcat.SetObject(f"{root}/{end}", Sphere(0.014), rgba(color))
                     self._meshcat.SetTransform(f"{root}/{end}", RigidTransform(place))
 
-    def draw_trace(self, name: str, paths: Sequence[SkinPath]) -> None:
+    def draw_trace(self, paths: Sequence[SkinPath]) -> None:
         """Draws the executed paths, in orange."""
         for number, path in enumerate(paths):
-            root = f"{self.path_root(path, name)}/trace_{number}"
+            root = f"{self._plan_roots[path.skin]}/trace_{number}"
             self._draw_dots(root, path, ORANGE, spacing=0.004, point_size=0.005)
 
-    def clear_paths(self, name: str) -> None:
-        """Removes the paths of a plan."""
-        for root in self.path_roots(name):
+    def clear_paths(self) -> None:
+        """Removes all paths."""
+        for root in self._plan_roots:
             self._meshcat.Delete(root)
-
-    def path_roots(self, name: str) -> list[str]:
-        """Where the paths of a plan are drawn, one place per skin."""
-        return [f"{FELT}/{skin.name}/{name}" for skin in self._skins]
-
-    def path_root(self, path: SkinPath, name: str) -> str:
-        """Where one path of a plan is drawn: it moves with the skin that it is on."""
-        return self.path_roots(name)[path.skin]
 
     def write_status(self, text: str) -> None:
         """Writes one or two lines below everything."""

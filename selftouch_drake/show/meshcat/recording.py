@@ -88,8 +88,8 @@ def record(meshcat: Meshcat, data: RunData, targets: Targets) -> float:
         touch_paths(data.shape, data.touches_at, path)
         for path in (execution.motion.q, execution.q_measured)
     )
-    scene.draw_path("plan", planned, len(execution.motion.q))
-    scene.draw_trace("plan", measured)
+    scene.draw_path(planned, len(execution.motion.q))
+    scene.draw_trace(measured)
     # What is set with a time is recorded only; live, the recording is played.
     meshcat.StartRecording(FRAMES_PER_S, set_visualizations_while_recording=False)
     recording = meshcat.get_mutable_recording()

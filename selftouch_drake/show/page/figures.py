@@ -9,6 +9,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
+from selftouch_drake.run.directory import MissingError
 from selftouch_drake.show.page import (
     motion_figures,
     robot_pictures,
@@ -16,7 +17,7 @@ from selftouch_drake.show.page import (
     skin_figures,
 )
 from selftouch_drake.show.paths import touch_paths
-from selftouch_drake.show.run_data import MissingError, RunData
+from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinSurface, all_moved
 from selftouch_drake.show.style import DPI
 

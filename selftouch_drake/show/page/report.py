@@ -11,10 +11,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from selftouch_drake.experiment import dump_experiment
 from selftouch_drake.robot.describe import description
+from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.metrics import headline, readings
 from selftouch_drake.show.page.tables import Table, part_table, plan_table
 from selftouch_drake.show.page.turnable import turnable_body
-from selftouch_drake.show.run_data import MissingError, NoSurfaceError, RunData
+from selftouch_drake.show.run_data import NoSurfaceError, RunData
 
 
 def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Path | str) -> str:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from selftouch_drake.agent.motions import NO_KERNEL
-from selftouch_drake.show.run_data import MissingError, RunData
+from selftouch_drake.run.directory import MissingError
+from selftouch_drake.show.run_data import RunData
 
 
 @dataclass(frozen=True, slots=True)
