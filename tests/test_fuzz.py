@@ -177,6 +177,7 @@ def run(tmp_path_factory):
     topology |= {"stress": np.array(0.1), "spectrum": np.linspace(1, 0, 50)}
     topology |= {"doubt": np.array(""), "betti": np.array([1, 0, 1])}
     topology |= {"scales": np.array([3.0, 0.5, 0.2])}
+    topology |= {"skin_dimension": np.array(2), "embedding_dimension": np.array(3)}
     topology |= {f"diagram_{dimension}": random.uniform(0, 1, (4, 2)) for dimension in range(3)}
     save_arrays(made.topology, topology | made.stamp())
     save_arrays(made.body_distances, {"distances": np.ones((50, 50), np.float32)} | made.stamp())

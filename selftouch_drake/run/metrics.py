@@ -43,7 +43,7 @@ def _table() -> tuple[Metric, ...]:
 
 #: Every metric, in the order of the report.
 METRICS = _table()
-_UNITS = {metric.key: metric.unit for metric in METRICS}
+_BY_KEY = {metric.key: metric for metric in METRICS}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,38 +94,16 @@ class Headline:
     columns: tuple[str, ...] = ("motions", "contact", "worst", "reached", "prediction error")
 
 
+# The few metrics that summarise what the agent knows of its body, in a few words.
 _TILES = {
-    "surface_rms_fraction": (
-        "shape error",
-        "distance of the recovered places from the true ones on the skin, as a share of the body's "
-        "size; below 5 % the body is easy to recognise",
-    ),
-    "shape_expected_error": (
-        "expected by the agent",
-        "error of the shape that the agent expects, without knowing the truth",
-    ),
-    "shape_trusted": (
-        "trusted",
-        "whether the agent trusts its shape and holes: expected error below 4 %, holes with a "
-        "margin of 4 or more",
-    ),
-    "parts_found": ("parts", "pieces of the body that no touch joins; one skin is one part"),
-    "topology_betti": (
-        "components, loops, voids",
-        "1, 0, 1 is one closed surface without handles, 1, 2, 1 a torus, 1, 1, 0 a closed line",
-    ),
-    "topology_betti_by_part": (
-        "components, loops, voids by part",
-        "1, 0, 1 is closed, 1, 0, 0 a patch with one rim, 1, 1, 0 an open tube",
-    ),
-    "intrinsic_dimension": (
-        "dimension",
-        "number of directions in which one can move on the body; a surface has 2",
-    ),
-    "embedding_dimension": (
-        "dimension of space",
-        "number of dimensions that the recovered body needs: a flat body 2, others 3",
-    ),
+    "surface_rms_fraction": "shape error",
+    "shape_expected_error": "expected by the agent",
+    "shape_trusted": "trusted",
+    "parts_found": "parts",
+    "topology_betti": "components, loops, voids",
+    "topology_betti_by_part": "components, loops, voids by part",
+    "intrinsic_dimension": "dimension",
+    "embedding_dimension": "dimension of space",
 }
 _MOTIONS = {
     "unpractised": (
@@ -161,17 +139,12 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
     found: dict[str, list[Reading]] = {}
     for metric in METRICS:
         if metric.key in metrics:
-            reading = Reading(
-                name=metric.key,
-                value=_text(metrics[metric.key], metric.unit),
-                meaning=metric.meaning,
-                target=metric.target,
-            )
+            reading = _reading(metric, metrics[metric.key])
             found.setdefault(metric.section, []).append(reading)
     others = [
         Reading(name=key, value=_text(value, ""), meaning="")
         for key, value in metrics.items()
-        if key not in _UNITS
+        if key not in _BY_KEY
     ]
     return found | ({"Others": others} if others else {})
 
@@ -179,17 +152,24 @@ def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
 def headline(metrics: Mapping[str, Any]) -> Headline:
     """What summarises a run, as far as it is known."""
     tiles = [
-        Reading(name=name, value=_text(metrics[key], _UNITS[key]), meaning=meaning)
-        for key, (name, meaning) in _TILES.items()
-        if key in metrics
+        _reading(_BY_KEY[key], metrics[key], name) for key, name in _TILES.items() if key in metrics
     ]
     motions = []
     for kind, (name, explanation) in _MOTIONS.items():
         keys = [f"{kind}_{ending}" for ending in _OF_MOTIONS]
         if any(key in metrics for key in keys):
-            cells = tuple(_text(metrics[k], _UNITS[k]) if k in metrics else "" for k in keys)
+            cells = tuple(_text(metrics[k], _BY_KEY[k].unit) if k in metrics else "" for k in keys)
             motions.append(MotionRow(name=name, cells=cells, explanation=explanation))
     return Headline(tiles=tiles, motions=motions)
+
+
+def _reading(metric: Metric, value: Any, name: str = "") -> Reading:
+    return Reading(
+        name=name or metric.key,
+        value=_text(value, metric.unit),
+        meaning=metric.meaning,
+        target=metric.target,
+    )
 
 
 def _text(value: Any, unit: str) -> str:

@@ -77,7 +77,7 @@ def test_every_section_of_the_metrics_has_its_place():
 
 
 def test_the_tiles_are_explained(page):
-    assert "<strong>1.2 %</strong><b>shape error</b><span>distance of" in page
+    assert "<strong>1.2 %</strong><b>shape error</b><span>RMS distance of" in page
 
 
 def test_motions_before_and_after_practice_stand_side_by_side(page):
