@@ -236,10 +236,15 @@ def babble(workers: int | None, scheduler: str | None, **given: Any) -> None:
     help="Joint positions: a column of arrays, or a pattern such as 'joint_*' for one column per "
     "joint.",
 )
-@click.option(
-    "--sensation", metavar="COLUMNS", help="Readings of the skin: an array column or a pattern."
-)
+@click.option("--sensation", metavar="COLUMNS", help="Readings of the skin, likewise.")
 @click.option("--time", metavar="COLUMN", help="Seconds, to compute the speeds of the joints.")
+@click.option(
+    "--rows",
+    metavar="COLUMN=VALUE",
+    multiple=True,
+    help="Import only rows with this value, or one of several with commas between them.",
+)
+@click.option("--delimiter", help="Between the columns of CSV.  [default: as in the first line]")
 @click.option(
     "--offset",
     type=float,
@@ -515,11 +520,13 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
 def robot(experiment: str, overrides: dict[str, Any], show: bool) -> None:
     """Print joints, skins, and what touches what.
 
-    EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
+    EXPERIMENT is the name of a shipped experiment (by default cube), a YAML file or a run.
     """
     from selftouch_drake.robot.describe import describe
     from selftouch_drake.run.stages import build_world
 
+    if (Path(experiment) / "experiment.yaml").is_file():
+        experiment = str(Path(experiment) / "experiment.yaml")
     world = build_world(_load(experiment, overrides)[0])
     click.echo(describe(world))
     if show:

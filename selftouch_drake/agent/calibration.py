@@ -168,6 +168,7 @@ class Felt:
         sensation: `(n, S)` float32, pressures in raw units; no row null.
         calibration: of the receptors.
         null: `(m,)` rows of the recording in which nothing is felt.
+        successive: whether rows are successive in time.
         num_lone: number of spikes: readings above the threshold that no neighbouring receptors
             shared. They are 0 in `sensation`.
         num_fading: number of rows excluded because pressure fell, if readings decay slowly.
@@ -178,6 +179,7 @@ class Felt:
     sensation: np.ndarray
     calibration: Calibration
     null: np.ndarray
+    successive: bool
     num_lone: int
     num_fading: int
 
@@ -314,6 +316,7 @@ def felt_touches(
         sensation=pressure,
         calibration=calibration,
         null=null,
+        successive=successive,
         num_lone=num_lone,
         num_fading=num_fading,
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -30,9 +30,21 @@ SENSATION_NAMES = (
     *("touch", "tactile", "taxels", "skin", "readings"),
     *("taxel_#", "sensation_#", "touch_#", "tactile_#", "taxel#"),
 )
+#: Arrays of an archive that name the joints or receptors.
+NAMES_OF = {
+    "--q": ("joint_names", "joints"),
+    "--sensation": ("receptor_names", "taxel_names", "receptors"),
+}
 TIME_NAMES = ("time_s", "time", "timestamp", "t")
 EPISODE_NAMES = ("episode_index", "episode", "walk")
 _KINDS = (".parquet", ".csv", ".npz")
+_DELIMITERS = ",;\t| "
+# What is around and between the numbers of a list that is written as text.
+_AROUND, _BETWEEN = " \t\r\n[](){},;", r"[\s,;]+"
+# Bytes at the start of a text file that show how it is written.
+_HEAD = 65_536
+# A column with so many different words or whole numbers may say what touched.
+_FEW_VALUES = range(2, 21)
 
 #: Columns by name, of a table or of an archive of arrays.
 Columns = Mapping[str, pa.ChunkedArray | np.ndarray]
@@ -53,8 +65,9 @@ class Recording:
         piece: `(n,)` number of the piece of motion (a file or an episode) of each row.
         joints: J names.
         receptors: S names.
-        num_rows: rows in the files.
+        num_rows: rows in the files, of those that were chosen.
         num_incomplete: number of rows left out because a number was missing, NaN or infinite.
+        choices: the values of each other column that has few; `rows` can choose by it.
     """
 
     q: np.ndarray
@@ -65,6 +78,7 @@ class Recording:
     receptors: tuple[str, ...]
     num_rows: int
     num_incomplete: int
+    choices: Mapping[str, tuple[str, ...]]
 
     def speeds(self) -> np.ndarray | None:
         """`(m, J)` per second, between successive rows of a piece; None without time."""
@@ -78,18 +92,27 @@ class Recording:
 
 
 def read_recording(
-    source: Path, *, q: str | None = None, sensation: str | None = None, time: str | None = None
+    source: Path,
+    *,
+    q: str | None = None,
+    sensation: str | None = None,
+    time: str | None = None,
+    rows: Sequence[str] = (),
+    delimiter: str | None = None,
 ) -> Recording:
     """Reads a file, or a folder of files of one kind.
 
     Args:
         source: a Parquet, CSV or NPZ file, or a folder; in LeRobot's layout the files under `data`
             are read.
-        q: the column of motor configurations, with an array in each row; or several columns with
-            one number each, as names separated by commas or as a pattern (`joint_*`), in the order
-            of their numbers. By default the first of `Q_NAMES` that exists.
+        q: the columns of motor configurations, with an array or a number in each row, as names
+            separated by commas or as a pattern (`joint_*`), in the order of their numbers. By
+            default the first of `Q_NAMES` that exists. In an archive, the arrays of `NAMES_OF` name
+            the joints and receptors, and arrays may be transposed.
         sensation: the columns of raw readings, likewise; by default the first of `SENSATION_NAMES`.
         time: the column of seconds; by default the first of `TIME_NAMES` that exists, if any.
+        rows: conditions, as `COLUMN=VALUE` or `COLUMN=VALUE,VALUE`; rows that meet all are read.
+        delimiter: between the columns of text; by default the one that the first line has most of.
 
     Raises:
         FileNotFoundError: the source does not exist.
@@ -98,7 +121,10 @@ def read_recording(
     """
     files = _files(source)
     named = _lerobot_names(source)
-    parts = [_read(path, q, sensation, time, named, piece) for piece, path in enumerate(files)]
+    parts = [
+        _read(_columns(path, delimiter), path, q, sensation, time, rows, named, piece)
+        for piece, path in enumerate(files)
+    ]
     first = parts[0]
     for path, part in zip(files, parts, strict=True):
         for what in ("joints", "receptors"):
@@ -118,7 +144,13 @@ def read_recording(
         receptors=first.receptors,
         num_rows=sum(part.num_rows for part in parts),
         num_incomplete=sum(part.num_incomplete for part in parts),
+        choices={
+            name: tuple(sorted({value for part in parts for value in part.choices.get(name, ())}))
+            for name in first.choices
+        },
     )
+    if rows and not joined.num_rows:
+        raise RecordingError(f"--rows is {', '.join(rows)}; no row of {source} is so: correct it")
     if not len(joined.q):
         raise RecordingError(
             f"{source} has no complete row: in each of {joined.num_rows} a number is missing; "
@@ -145,50 +177,146 @@ def _files(source: Path) -> list[Path]:
 
 
 def _read(
+    columns: Columns,
     path: Path,
     q: str | None,
     sensation: str | None,
     time: str | None,
+    conditions: Sequence[str],
     named: Mapping[str, Sequence[str]],
     number: int,
 ) -> Recording:
-    columns = _columns(path)
-    joints, configurations = _taken(columns, "--q", q, Q_NAMES, path, named)
-    receptors, readings = _taken(columns, "--sensation", sensation, SENSATION_NAMES, path, named)
+    taken_q = _chosen(columns, "--q", q, Q_NAMES, path)
+    taken_s = _chosen(columns, "--sensation", sensation, SENSATION_NAMES, path)
+    parts_q = _parts(columns, "--q", taken_q, path)
+    parts_s = _parts(columns, "--sensation", taken_s, path)
     time_s = _single(columns, "--time", time, TIME_NAMES, path)
     episode = _single(columns, "", None, EPISODE_NAMES, path)
+    parts_q, parts_s = _upright(parts_q, parts_s)
+    configurations, readings = np.concatenate(parts_q, axis=1), np.concatenate(parts_s, axis=1)
     num_rows = len(configurations)
     for name, rows in (("sensation", readings), ("time", time_s)):
         if rows is not None and len(rows) != num_rows:
             raise RecordingError(
                 f"{path} has {num_rows} rows of q and {len(rows)} of {name}; record them together"
             )
+    chosen = _meeting(columns, conditions, num_rows, path)
     complete = np.isfinite(configurations).all(axis=1) & np.isfinite(readings).all(axis=1)
     if time_s is not None:
         complete &= np.isfinite(time_s)
-    # An episode ends with its file.
+    # A piece ends with its file, its episode, and where rows were left out by choice.
     piece = np.zeros(num_rows) if episode is None else np.nan_to_num(episode[:num_rows])
+    breaks = np.diff(piece, prepend=piece[:1]) != 0
+    breaks[1:] |= ~chosen[:-1]
+    kept = complete & chosen
     return Recording(
-        q=configurations[complete],
-        readings=readings[complete],
-        time_s=None if time_s is None else time_s[complete],
-        piece=number * 1_000_000 + piece[complete].astype(np.int64),
-        joints=joints,
-        receptors=receptors,
-        num_rows=num_rows,
-        num_incomplete=int(num_rows - complete.sum()),
+        q=configurations[kept],
+        readings=readings[kept],
+        time_s=None if time_s is None else time_s[kept],
+        piece=number * 1_000_000_000 + np.cumsum(breaks)[kept],
+        joints=_names(columns, "--q", dict(zip(taken_q, map(_width, parts_q), strict=True)), named),
+        receptors=_names(
+            columns, "--sensation", dict(zip(taken_s, map(_width, parts_s), strict=True)), named
+        ),
+        num_rows=int(chosen.sum()),
+        num_incomplete=int((chosen & ~complete).sum()),
+        choices=_choices(columns, {*taken_q, *taken_s, *EPISODE_NAMES, *TIME_NAMES}, num_rows),
     )
 
 
-def _columns(path: Path) -> Columns:
-    if path.suffix.lower() == ".npz":
+def _columns(path: Path, delimiter: str | None) -> Columns:
+    kind = path.suffix.lower()
+    if kind == ".npz":
         return load_arrays(path)
     try:
-        table = pq.read_table(path) if path.suffix.lower() == ".parquet" else pa.csv.read_csv(path)
+        table = pq.read_table(path) if kind == ".parquet" else _read_text(path, delimiter)
     except UNREADABLE as error:
         reason = " ".join(str(error).split())[:200]
         raise RecordingError(f"{path} is damaged ({reason}); write it again") from None
     return {name: table.column(name) for name in table.column_names}
+
+
+def _read_text(path: Path, delimiter: str | None) -> pa.Table:
+    with path.open("rb") as file:
+        head = file.read(_HEAD).decode("utf-8", errors="replace")
+    if delimiter is None:
+        first, *_ = head.splitlines() or [""]
+        delimiter = max(_DELIMITERS, key=re.sub(r'"[^"]*"', "", first).count)
+    elif len(delimiter) != 1:
+        raise RecordingError(f"--delimiter is {shown(delimiter)}; give one character, such as ;")
+    # A cell in quotes may hold an array that was printed over several lines.
+    options = pa.csv.ParseOptions(delimiter=delimiter, newlines_in_values='"' in head)
+    return pa.csv.read_csv(path, parse_options=options)
+
+
+def _upright(
+    q: list[np.ndarray], readings: list[np.ndarray]
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Arrays with one row for each instant, of which there are more than joints or receptors."""
+    if len(q) > 1 or len(readings) > 1 or len(q[0]) == len(readings[0]):
+        return q, readings
+    for a, b in ((q[0].T, readings[0]), (q[0], readings[0].T), (q[0].T, readings[0].T)):
+        if len(a) == len(b) and len(a) > max(a.shape[1], b.shape[1]):
+            return [a], [b]
+    return q, readings
+
+
+def _meeting(columns: Columns, conditions: Sequence[str], num_rows: int, path: Path) -> np.ndarray:
+    """`(n,)` bool, the rows that meet all conditions."""
+    chosen = np.ones(num_rows, dtype=bool)
+    for condition in conditions:
+        name, equals, values = condition.partition("=")
+        if not equals:
+            raise RecordingError(f"--rows is {shown(condition)}; write it as COLUMN=VALUE")
+        _require_column(columns, "--rows", name, path)
+        words = _words_in(columns[name])
+        if words is None or len(words) != num_rows:
+            raise RecordingError(
+                f"--rows is {shown(condition)}; column {name} of {path} does not hold one word or "
+                "number for each instant: choose by another"
+            )
+        chosen &= np.isin(words, [_plain(value) for value in values.split(",")])
+    return chosen
+
+
+def _choices(columns: Columns, taken: Collection[str], num_rows: int) -> dict[str, tuple[str, ...]]:
+    """The values of all columns that are not taken and have few: words or whole numbers."""
+    found = {}
+    for name in sorted(set(columns) - set(taken)):
+        words = _words_in(columns[name], few=True)
+        if words is not None and len(words) == num_rows:
+            found[name] = tuple(np.unique(words).tolist())
+    return found
+
+
+def _words_in(column: pa.ChunkedArray | np.ndarray, *, few: bool = False) -> np.ndarray | None:
+    """What each row of a column holds, as text; None if that is no word and no number.
+
+    Args:
+        column: of a table or an archive.
+        few: None as well unless these are few different words or whole numbers.
+    """
+    if isinstance(column, pa.ChunkedArray):
+        kind = column.type
+        if pa.types.is_string(kind) or pa.types.is_dictionary(kind):
+            column = column.cast(pa.string()).fill_null("")
+        elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
+            return None
+        column = column.to_numpy()
+    if column.ndim != 1 or column.dtype.kind not in ("iubUO" if few else "iubUOf"):
+        return None
+    values, place = np.unique(column, return_inverse=True)
+    if few and len(values) not in _FEW_VALUES:
+        return None
+    return np.array([_plain(value) for value in values])[place]
+
+
+def _plain(value: object) -> str:
+    """A word, or a number in one form: 1, 1.0 and "1" are equal."""
+    try:
+        return f"{float(str(value)):g}"
+    except ValueError:
+        return str(value)
 
 
 def _lerobot_names(source: Path) -> dict[str, list[str]]:
@@ -211,54 +339,70 @@ def _lerobot_names(source: Path) -> dict[str, list[str]]:
     }
 
 
-def _taken(
+def _parts(columns: Columns, option: str, chosen: Sequence[str], path: Path) -> list[np.ndarray]:
+    """`(n, width)` numbers of each column, which holds an array or a number in each row."""
+    parts = [_numbers(columns[name], f"column {name} of {path}") for name in chosen]
+    for name, part in zip(chosen, parts, strict=True):
+        if len(part) != len(parts[0]):
+            raise RecordingError(
+                f"column {name} of {path} has {len(part)} rows, but {chosen[0]} has "
+                f"{len(parts[0])}; {option} takes columns that were recorded together"
+            )
+    return [part.reshape(len(part), -1) for part in parts]
+
+
+def _names(
     columns: Columns,
     option: str,
-    asked: str | None,
-    defaults: Sequence[str],
-    path: Path,
+    widths: Mapping[str, int],
     named: Mapping[str, Sequence[str]],
-) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names and `(n, width)` numbers of the columns that an option asks for."""
-    chosen = _chosen(columns, option, asked, defaults, path)
-    parts = [_numbers(columns[name], f"column {name} of {path}") for name in chosen]
-    if len(parts) == 1 and parts[0].ndim > 1:
-        rows, name = parts[0].reshape(len(parts[0]), -1), chosen[0]
-        width = rows.shape[1]
-        names = named.get(name, ())
-        if len(names) != width:
-            names = [f"{name}[{number}]" for number in range(width)]
-        return tuple(names), rows
-    for name, part in zip(chosen, parts, strict=True):
-        if part.ndim > 1 or len(part) != len(parts[0]):
-            raise RecordingError(
-                f"column {name} of {path} has shape {part.shape}; {option} takes one column of "
-                "arrays, or several with one number in each row"
-            )
-    return tuple(chosen), np.stack(parts, axis=1)
+) -> tuple[str, ...]:
+    """Names of all numbers in the chosen columns, of which each has a width."""
+    num_names = sum(widths.values())
+    for name in (*(f"{name}_names" for name in widths), *NAMES_OF[option]):
+        found = columns.get(name)
+        if isinstance(found, np.ndarray) and found.dtype.kind == "U" and found.size == num_names:
+            return tuple(found.ravel().tolist())
+    names: list[str] = []
+    for name, width in widths.items():
+        each = [name] if width == 1 and len(widths) > 1 else named.get(name, ())
+        names += each if len(each) == width else [f"{name}[{number}]" for number in range(width)]
+    return tuple(names)
 
 
 def _chosen(
     columns: Columns, option: str, asked: str | None, defaults: Sequence[str], path: Path
 ) -> list[str]:
-    there = ", ".join(list(columns)[:20]) + (", ..." if len(columns) > 20 else "")
     if asked is None:
         for name in defaults:
             numbered = re.escape(name).replace(r"\#", r"\d+")
             if found := [column for column in columns if re.fullmatch(numbered, column)]:
                 return sorted(found, key=_in_order_of_numbers)
         raise RecordingError(
-            f"{path} has no column with a usual name for {option}; it has {there}: "
+            f"{path} has no column with a usual name for {option}; it has {_all(columns)}: "
             f"name the column, as in {option} '{defaults[0]}' or {option} '{defaults[-1][:-1]}*'"
         )
     chosen: list[str] = []
     for entry in asked.split(","):
         found = [entry] if entry in columns else [c for c in columns if fnmatchcase(c, entry)]
         if not found:
-            hint = closest(entry, columns) or f"it has {there}"
-            raise RecordingError(f"{option} is {shown(entry)}; {path} has no such column: {hint}")
+            _require_column(columns, option, entry, path)
         chosen += sorted(found, key=_in_order_of_numbers)
     return chosen
+
+
+def _require_column(columns: Columns, option: str, asked: str, path: Path) -> None:
+    if asked not in columns:
+        hint = closest(asked, columns) or f"it has {_all(columns)}"
+        raise RecordingError(f"{option} is {shown(asked)}; {path} has no such column: {hint}")
+
+
+def _all(columns: Columns) -> str:
+    return ", ".join(list(columns)[:20]) + (", ..." if len(columns) > 20 else "")
+
+
+def _width(part: np.ndarray) -> int:
+    return part.shape[1]
 
 
 def _in_order_of_numbers(name: str) -> list[tuple[int, str]]:
@@ -274,9 +418,7 @@ def _single(
         asked = next((name for name in defaults if name in columns), None)
     if asked is None:
         return None
-    if asked not in columns:
-        hint = closest(asked, columns) or f"it has {', '.join(list(columns)[:20])}"
-        raise RecordingError(f"{option} is {shown(asked)}; {path} has no such column: {hint}")
+    _require_column(columns, option, asked, path)
     numbers = _numbers(columns[asked], f"column {asked} of {path}")
     return numbers.reshape(len(numbers), -1)[:, 0].astype(float)
 
@@ -303,6 +445,11 @@ def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
         pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
     ):
         try:
+            if pa.types.is_string(kind):  # cells such as [0.1, 0.2] or 0.1 0.2
+                cells = pa.compute.utf8_trim(column, _AROUND)
+                cells = pa.compute.if_else(pa.compute.equal(cells, ""), None, cells)
+                lists = pa.compute.split_pattern_regex(cells, _BETWEEN)
+                return _of_arrow(lists.cast(pa.list_(pa.float64())), what)
             return column.to_numpy(zero_copy_only=False)
         except pa.ArrowException:
             raise RecordingError(f"{what} holds {kind}; name a column that holds numbers") from None

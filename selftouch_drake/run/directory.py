@@ -70,6 +70,8 @@ class RunDirectory:
     truth = _Inside("truth")
     #: Receptors and outer surfaces of the skins; part of the truth.
     skin = _Inside("skin.npz")
+    #: Where nothing was felt, of an imported run.
+    free = _Inside("free.npz")
     #: What the agent learned.
     representation = _Inside("representation.npz")
     #: What the agent remembers of its rehearsals.

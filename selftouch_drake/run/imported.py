@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,8 @@ _FAST = 0.99
 # 1/s, acceleration allowed per speed allowed, as the default limits of an experiment have it.
 # Second differences of recorded joints are mostly noise.
 _ACCELERATION_PER_SPEED = 5.0
+# Most rows without a touch that a run keeps, at most half of them next to a touch.
+_MOST_FREE = 20_000
 # rad/s or m/s, if the data have no times.
 _DEFAULT_SPEED = 1.0
 
@@ -79,6 +81,8 @@ def read_data(
     q: str | None = None,
     sensation: str | None = None,
     time: str | None = None,
+    rows: Sequence[str] = (),
+    delimiter: str | None = None,
     offset: float | None = None,
     threshold: float | None = None,
     rising: bool | None = None,
@@ -91,6 +95,8 @@ def read_data(
         q: as of `read_recording`.
         sensation: as of `read_recording`.
         time: as of `read_recording`.
+        rows: as of `read_recording`.
+        delimiter: as of `read_recording`.
         offset: as of `felt_touches`.
         threshold: as of `felt_touches`.
         rising: as of `felt_touches`.
@@ -100,7 +106,9 @@ def read_data(
         FileNotFoundError: there is no recording.
         ValueError: it cannot be used; the text says why.
     """
-    recording = read_recording(source, q=q, sensation=sensation, time=time)
+    recording = read_recording(
+        source, q=q, sensation=sensation, time=time, rows=rows, delimiter=delimiter
+    )
     felt = felt_touches(
         recording.q,
         recording.readings,
@@ -156,9 +164,10 @@ def imported_experiment(
 
 
 def store(run: RunDirectory, data: Data) -> None:
-    """Writes the touches and the calibration of the receptors into the run."""
+    """Writes touches, calibration of the receptors, and where nothing was felt into the run."""
     felt, last = data.felt, 0
     save_arrays(run.path / "calibration.npz", felt.calibration.to_arrays() | run.body_stamp())
+    save_arrays(run.free, free_rows(data, run.experiment.seed) | run.body_stamp())
     ends = np.cumsum(walk_sizes(run.experiment)).tolist()
     for walk, (first, end) in enumerate(zip([0, *ends], ends, strict=False)):
         rows = felt.rows[first:end]
@@ -174,6 +183,27 @@ def store(run: RunDirectory, data: Data) -> None:
         )
         write_shard(run.path, shard, fingerprint=run.fingerprint())
     run.add_metrics(_metrics(data))
+
+
+def free_rows(data: Data, seed: int) -> dict[str, np.ndarray]:
+    """A thin sample of the configurations in which nothing is felt: where the robot can be.
+
+    Args:
+        data: what was read.
+        seed: of the sample.
+
+    Returns:
+        `q`: `(m, J)` float32, in the order of the recording; `next_to_touch`: `(m,)` bool, the last
+        before a touch or the first after one. At most 20,000.
+    """
+    rng, piece, null = np.random.default_rng(seed), data.recording.piece, data.felt.null
+    touching = np.ones(len(piece), dtype=bool)
+    touching[null] = False
+    turns = (touching[1:] != touching[:-1]) & (piece[1:] == piece[:-1]) & data.felt.successive
+    beside = np.append(turns, False) | np.insert(turns, 0, False)
+    kinds = null[beside[null]], null[~beside[null]]
+    rows = np.sort(np.concatenate([rng.permutation(kind)[: _MOST_FREE // 2] for kind in kinds]))
+    return {"q": data.recording.q[rows].astype(np.float32), "next_to_touch": beside[rows]}
 
 
 def timed(agent: Agent, plan: Plan, imported: Imported) -> Motion:
@@ -266,6 +296,11 @@ def summary(data: Data, experiment: Experiment) -> list[str]:
         lines.append(f"receptors that never read anything: {_listed(data.silent)}")
     if data.still:
         lines.append(f"joints that never move: {_listed(data.still)}")
+    lines += [
+        f"column {name} holds {_listed(values)}: if it says what touches, choose one by --rows "
+        f"'{name}={values[0]}'; several that press one part blur its shape"
+        for name, values in recording.choices.items()
+    ]
     lines.append(
         f"limits of plans: {_range(np.array(imported.max_velocity))} per second, "
         f"{_range(np.array(imported.max_acceleration))} per second²"

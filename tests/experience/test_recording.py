@@ -111,6 +111,104 @@ def test_bytes_stay_bytes(tmp_path):
         assert read_recording(source).readings.dtype == np.uint8
 
 
+@pytest.mark.parametrize("delimiter", [",", ";", "\t", " ", "|"])
+def test_the_delimiter_is_found(delimiter, tmp_path):
+    names = list(columns())
+    rows = np.column_stack(list(columns().values())).tolist()
+    lines = [delimiter.join(map(str, row)) for row in [names, *rows]]
+    (tmp_path / "a.csv").write_text("\n".join(lines) + "\n")
+    for given in (None, delimiter):
+        found = read_recording(tmp_path / "a.csv", delimiter=given)
+        np.testing.assert_array_equal(found.q, Q)
+        np.testing.assert_array_equal(found.readings, READINGS)
+    with pytest.raises(RecordingError, match="--delimiter is ';;'; give one character, such as ;"):
+        read_recording(tmp_path / "a.csv", delimiter=";;")
+
+
+@pytest.mark.parametrize("form", ["{}", "[{}]", "({})", '"[{}]"'])
+@pytest.mark.parametrize("between", [",", ", ", " ", "  ", "\n "])
+def test_lists_may_be_text(form, between, tmp_path):
+    """One column for each joint, and one list for each part of the skin, as pyCub writes it."""
+    if "\n" in between and '"' not in form:
+        pytest.skip("only quotes hold a line together")
+    delimiter = ";" if "," in between and '"' not in form else "\t"
+    lines = [["timestamp", "yaw", "pitch", "roll", "left_arm", "torso"]]
+    for time, q, readings in zip(TIME_S, Q, READINGS / 10, strict=True):
+        lists = [form.format(between.join(map(str, part))) for part in np.split(readings, [5])]
+        lines.append([str(time), *map(str, q), *lists])
+    lines.append(["0.5", "1", "2", "3", "", form.format(between.join("1" * 7))])
+    (tmp_path / "a.csv").write_text("\n".join(delimiter.join(line) for line in lines) + "\n")
+    found = read_recording(tmp_path / "a.csv", q="yaw,pitch,roll", sensation="left_arm,torso")
+    np.testing.assert_array_equal(found.q, Q)
+    np.testing.assert_allclose(found.readings, READINGS / 10)
+    np.testing.assert_array_equal(found.time_s, TIME_S)
+    assert found.receptors[4:6] == ("left_arm[4]", "torso[0]")
+    assert found.num_incomplete == 1
+
+
+def test_lists_of_words_or_of_unequal_length_are_refused(tmp_path):
+    for text, message in (("[1 a]", "holds string; name a column that"), ("1 2 3", "another len")):
+        (tmp_path / "a.csv").write_text(f"q;touch\n[1 2];[1 2]\n[1 2];{text}\n")
+        with pytest.raises(RecordingError, match=message):
+            read_recording(tmp_path / "a.csv")
+
+
+def test_an_archive_may_name_its_joints(tmp_path):
+    names = {"joint_names": np.array(["yaw", "pitch", "roll"])}
+    taxels = {"touch_names": np.array([f"pad {n}" for n in range(12)])}
+    np.savez(tmp_path / "a.npz", q=Q, touch=READINGS, **names, **taxels)
+    found = read_recording(tmp_path / "a.npz")
+    assert found.joints == ("yaw", "pitch", "roll")
+    assert found.receptors[-1] == "pad 11"
+    np.savez(tmp_path / "a.npz", q=Q, touch=READINGS, joint_names=np.array(["yaw"]))
+    assert read_recording(tmp_path / "a.npz").joints == ("q[0]", "q[1]", "q[2]")
+
+
+@pytest.mark.parametrize(("turned", "as_they_are"), [("q", "touch"), ("touch", "q"), ("both", "")])
+def test_transposed_arrays_are_recognised(turned, as_they_are, tmp_path):
+    given = {"q": np.tile(Q, (5, 1)), "touch": np.tile(READINGS, (5, 1))}
+    turned_round = {name: a if name == as_they_are else a.T for name, a in given.items()}
+    np.savez(tmp_path / "a.npz", **turned_round, time_s=np.arange(20.0))
+    found = read_recording(tmp_path / "a.npz")
+    np.testing.assert_array_equal(found.q, given["q"])
+    np.testing.assert_array_equal(found.readings, given["touch"])
+    assert found.joints == ("q[0]", "q[1]", "q[2]")
+
+
+@pytest.mark.parametrize("kind", ["csv", "npz", "parquet"])
+def test_rows_can_be_chosen(kind, tmp_path):
+    table = {"q": Q, "touch": READINGS, "time_s": TIME_S}
+    table |= {
+        "finger": np.array(["left", "right", "left", "thumb"]),
+        "trial": np.array([1, 1, 2, 2]),
+    }
+    path = tmp_path / f"a.{kind}"
+    if kind == "npz":
+        np.savez(path, **table)
+    elif kind == "parquet":
+        pq.write_table(pa.table(table | {"q": arrays(Q), "touch": arrays(READINGS)}), path)
+    else:
+        lists = {name: [str(row) for row in table[name]] for name in ("q", "touch")}
+        pa.csv.write_csv(pa.table(table | lists), path)
+    whole = read_recording(path)
+    assert whole.choices == {"finger": ("left", "right", "thumb"), "trial": ("1", "2")}
+    found = read_recording(path, rows=["finger=left"])
+    np.testing.assert_array_equal(found.q, Q[[0, 2]])
+    assert (found.num_rows, found.num_incomplete) == (2, 0)
+    # What was left out lies between them.
+    assert len(np.unique(found.piece)) == 2
+    assert len(read_recording(path, rows=["finger=left,right"]).q) == 3
+    assert len(read_recording(path, rows=["finger=left", "trial=1.0"]).q) == 1
+    for rows, message in (
+        ("finger", "--rows is 'finger'; write it as COLUMN=VALUE"),
+        ("hand=left", r"--rows is 'hand'; .* has no such column"),
+        ("finger=toe", r"--rows is finger=toe; no row of .* is so: correct it"),
+        ("q=1", "does not hold one word or number for each instant|no row of .* is so"),
+    ):
+        with pytest.raises(RecordingError, match=message):
+            read_recording(path, rows=[rows])
+
+
 def test_incomplete_rows_are_left_out_and_counted(tmp_path):
     q, readings = Q.copy(), READINGS.astype(float)
     q[1, 2], readings[3, 5] = np.nan, np.inf

@@ -16,7 +16,7 @@ from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.files import load_arrays
-from selftouch_drake.run import stages
+from selftouch_drake.run import imported, stages
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.imported import imported_experiment, read_data
 
@@ -86,6 +86,45 @@ def test_what_was_found_is_reported(data, tmp_path, capfd):
     calibration = load_arrays(tmp_path / "run" / "calibration.npz")
     assert calibration["threshold"].shape == (NUM_RECEPTORS,)
     assert calibration["level"].shape == (len(calibration["row"]), NUM_RECEPTORS)
+
+
+def test_where_nothing_was_felt_is_kept_thinly(learned, data, monkeypatch):
+    free = load_arrays(learned.free)
+    found = read_data(data)
+    touching = np.ones(len(found.recording.q), dtype=bool)
+    touching[found.felt.null] = False
+    last = np.flatnonzero(~touching[:-1] & touching[1:])
+    first = np.flatnonzero(touching[:-1] & ~touching[1:]) + 1
+    middle = NUM_ROWS // 2 - 1  # between the two files, one row short
+    beside = np.setdiff1d(np.union1d(last, first), [middle - 1, middle])
+    near = free["q"][free["next_to_touch"]]
+    assert free["q"].dtype == np.float32
+    assert {*map(bytes, found.recording.q[beside].astype(np.float32))} <= {*map(bytes, near)}
+    assert len(beside) <= len(near) <= len(beside) + 2
+    null = {*map(bytes, found.recording.q[found.felt.null].astype(np.float32))}
+    assert {*map(bytes, free["q"])} <= null
+    assert len(near) + 10_000 == len(free["q"]) <= 20_000
+    monkeypatch.setattr(imported, "_MOST_FREE", 100)
+    few = imported.free_rows(found, seed=0)
+    assert (len(few["q"]), few["next_to_touch"].sum()) == (100, 50)
+
+
+def test_what_touched_can_be_chosen(recording, tmp_path, capfd):
+    rows = slice(0, 12_000)
+    finger = np.where(np.arange(12_000) // 3000 % 2, "left", "right")
+    path = tmp_path / "a.npz"
+    np.savez(path, q=recording.q[rows], touch=recording.raw[rows], finger=finger)
+    overrides = ("--set", "{representation: {num_targets: 50}}")
+    assert selftouch("import", path, "--out", tmp_path / "both", *overrides) == 0
+    out = capfd.readouterr().out
+    assert (
+        "column finger holds 2 (left, right): if it says what touches, choose one by --rows" in out
+    )
+    options = ("--rows", "finger=left", "--filter", "none")
+    assert selftouch("import", path, "--out", tmp_path / "left", *options, *overrides) == 0
+    out = capfd.readouterr().out
+    assert "rows: 6,000, of which 0 are incomplete" in out
+    assert "spikes" not in out
 
 
 def test_touches_are_stored_as_those_of_any_run(learned):
@@ -167,6 +206,7 @@ PLAN = ("--from", 3, "--to", 100)
         ("babble", "RUN/experiment.yaml", "--out", "RUN"),
         ("run", "RUN/experiment.yaml", "--out", "RUN"),
         ("robot", "RUN/experiment.yaml"),
+        ("robot", "RUN"),
     ],
     ids=lambda words: words[0],
 )
