@@ -24,7 +24,7 @@ _RISE = 0.5
 #: or after 469 with one band.
 _BANDS = 4
 
-#: Touches of a receptor that are fewer touches apart than this count as one encounter.
+#: A receptor is met anew once this many touches passed without meeting it.
 _TOGETHER = 10
 
 #: A receptor is surely expected if its reading is at least this share of a sensation. On a torus

@@ -11,8 +11,8 @@ from selftouch_drake.agent.lifelong.expectation import Expectation, with_unit_no
 from selftouch_drake.agent.lifelong.touch_set import TouchSet
 from selftouch_drake.agent.network import Network
 
-#: A receptor counts as felt if its reading is at least this share of a sensation; in so many
-#: touches, it surely is not there by chance.
+#: A receptor counts as felt if its reading is at least this share of a sensation; felt in this many
+#: touches, it is no chance.
 FELT, SURELY = 0.1, 20
 
 #: A touch from before the change is forgotten if new receptors make up more than this share of it.

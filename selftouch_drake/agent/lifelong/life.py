@@ -103,7 +103,7 @@ class Life:
         return self._raised is not None
 
     def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
-        """Lives through the next touches.
+        """Takes the next touches.
 
         Args:
             q: `(n, J)` motor configurations, in the robot's units.

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 
-#: Rows that wait at least before they are sorted in: sorting few rows often takes long.
+#: Rows are sorted in once so many wait: sorting a few of them at a time is slow.
 _LEAST_WAITING = 32_768
 
 

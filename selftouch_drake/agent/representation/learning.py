@@ -43,13 +43,13 @@ from selftouch_drake.agent.representation.touches import (
 )
 from selftouch_drake.threads import Threads
 
-#: Rows that target sensations are learned from: 40 a target, when there are 1000.
+#: Rows that target sensations are learned from: 40 per target for 1000 targets.
 MAX_ROWS = 40_000
 
-# Rows that are worked on at a time, to bound the memory.
+# Rows per block: bounds the memory.
 _BLOCK = 16_384
 
-#: Targets are chosen anew so often at most, without the touches that hardly any other is like.
+#: Most rounds in which targets are chosen, each without the touches of rare targets of the last.
 _MOST_ROUNDS = 6
 
 #: Called with the fraction done and what is being done.
@@ -336,7 +336,7 @@ def _checked(batches: Iterable[Batch]) -> Iterator[Batch]:
 
 
 def _in_blocks(batches: Iterable[Batch]) -> Iterator[Batch]:
-    """The same rows in blocks that are not large."""
+    """The same rows in blocks of at most `_BLOCK`."""
     for sensation, q in batches:
         for start in range(0, len(sensation), _BLOCK):
             block = slice(start, start + _BLOCK)

@@ -51,7 +51,7 @@ class QuotientRepresentation:
             and unit of that part; NaN until `Body.embed` fills it, and in parts not recovered.
         num_touches: rows of the experience.
         num_set_aside: rows of the experience that touched several places at once and were
-            excluded; see `touches.set_aside`.
+            excluded; see `touches.ambiguous_touches`.
 
     Raises:
         ValueError: shapes disagree, an array has the wrong type of numbers, or a kernel is empty.

@@ -19,7 +19,7 @@ from selftouch_drake.threads import in_slices, mapped
 
 #: Most queries per set. More of them change distances by less than 2 %.
 MAX_QUERIES = 120
-#: Most queries where a rough distance is enough, and sets whose few queries are compared together.
+#: Queries per set where a rough distance is enough, and number of sets compared in one call.
 _FEW_QUERIES = 16
 _TOGETHER = 8
 # Links along which one thread searches at once.

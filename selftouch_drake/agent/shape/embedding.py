@@ -19,8 +19,8 @@ from selftouch_drake.threads import Threads, mapped
 _one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 
 
-#: Passes end with the first that leaves more than this share of the stress; it is discarded. A body
-#: whose second pass is kept has rims, and needs more.
+#: A pass is kept if it leaves at most this share of the stress; the first that leaves more is
+#: discarded and ends the search. A body whose second pass is kept has rims, and needs more passes.
 _LEAST_LOWERED, _LEAST_LOWERED_WITH_RIMS = 2 / 3, 0.95
 
 #: Stands for the square of a distance of zero.
@@ -89,10 +89,6 @@ class Majoriser:
                 laid = 2.0 * moved - laid if left else moved
         return laid[:dimension].T
 
-    def stress(self, positions: np.ndarray, distances: np.ndarray) -> float:
-        """Weighted squared misfit over weighted squared distance, at the best common scale."""
-        return _stress(positions, distances, self.weights)
-
 
 @_one_thread
 def classical_embedding(distances: np.ndarray, dimension: int = 3) -> Embedding:
@@ -150,10 +146,12 @@ def stress_embedding(
         lambda last: majoriser(axes[:, [*first, last]], distances, num_trial_iterations),
         [dimension - 1 + last for last in last_axes if dimension - 1 + last < num_axes],
     )
-    best = min(trials, key=lambda positions: majoriser.stress(positions, distances))
+    best = min(trials, key=lambda positions: _stress(positions, distances, majoriser.weights))
     positions = majoriser(best, distances, num_iterations)
     return Embedding(
-        positions=positions, stress=majoriser.stress(positions, distances), spectrum=spectrum
+        positions=positions,
+        stress=_stress(positions, distances, majoriser.weights),
+        spectrum=spectrum,
     )
 
 
@@ -205,11 +203,11 @@ def unbending(
     """
 
     def unbend(positions: np.ndarray) -> tuple[np.ndarray, float]:
-        laid = _lengths(positions)
+        laid = cdist(positions, positions)
         along = geodesics(edges, laid[edges[:, 0], edges[:, 1]], len(laid))
         straight = distances * np.divide(laid, along, out=np.ones_like(laid), where=along > 0)
         positions = majoriser(positions, straight, num_iterations)
-        return positions, majoriser.stress(positions, straight)
+        return positions, _stress(positions, straight, majoriser.weights)
 
     return unbend
 
@@ -235,13 +233,9 @@ def _weights(distances: np.ndarray) -> np.ndarray:
 
 def _stress(positions: np.ndarray, distances: np.ndarray, weights: np.ndarray) -> float:
     """Weighted squared misfit over weighted squared distance, at the best common scale."""
-    laid = _lengths(positions)
+    laid = cdist(positions, positions)
     cross, norm = np.sum(weights * laid * distances), np.sum(weights * laid**2)
     return float(1.0 - cross**2 / (norm * np.sum(weights * np.square(distances))))
-
-
-def _lengths(positions: np.ndarray) -> np.ndarray:
-    return cdist(positions, positions)
 
 
 # Sums in vector lanes: in any order, but in the same one each time. Each pair is seen from both

@@ -185,7 +185,7 @@ def _model(
 def _strengths(
     reading: np.ndarray, modelled: np.ndarray, node: np.ndarray, whole: np.ndarray
 ) -> np.ndarray:
-    """`(N,)` by what the readings of each node exceed modelled ones, 1 in the median.
+    """`(N,)` factor by which readings at each node exceed the modelled ones; its median is 1.
 
     Sensations have unit norm, so their readings are strong where few receptors feel.
     """

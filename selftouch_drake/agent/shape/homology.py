@@ -17,7 +17,7 @@ from scipy.spatial import Delaunay, cKDTree
 #: Bars between these lengths, in spacings, may be true or false.
 _UNSURE = (1.0, 1.3)
 
-#: Stands for the length of no bar; and the largest margin, where no bar is false.
+#: Length that stands for a missing bar, and the margin where no bar is false.
 _NO_LENGTH, _MOST_MARGIN = 1e-100, 100.0
 
 #: Bars born later than this, in spacings, are not holes of the body. On sampled surfaces, loops are
@@ -118,7 +118,7 @@ def spacings(points: np.ndarray, num_neighbours: int) -> np.ndarray:
 def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
     """Splits bar lengths, in spacings; returns the shortest true one and the margin.
 
-    If no bar is true: infinity, and the margin of a bar that would just have been true.
+    If no bar is true, the first is infinite, and the margin is that of a bar just long enough.
 
     Args:
         length: of the bars that may be true.
@@ -126,7 +126,7 @@ def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
     """
     surely_false, surely_true = _UNSURE
     falling = np.sort(length)[::-1]
-    # Cut c calls the first c bars true; sentinels stand for a bar that is just true and for no bar.
+    # Cut c calls the first c bars true. Sentinels: a bar of any length above, no bar below.
     above = np.concatenate([[np.inf], falling])
     below = np.concatenate([falling, [_NO_LENGTH]])
     allowed = (above >= surely_false) & (below <= surely_true)
