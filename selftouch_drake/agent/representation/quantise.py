@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from selftouch_drake.geometry.farthest import farthest_points
-from selftouch_drake.threads import mapped
+from selftouch_drake.threads import in_slices
 
 # Rows that one thread assigns at once.
 _ROWS = 1024
@@ -57,12 +57,10 @@ def assign(sensation: np.ndarray, target_sensations: np.ndarray) -> tuple[np.nda
     error = np.empty(len(sensation), dtype=np.float32)
     targets = np.ascontiguousarray(target_sensations.T, dtype=np.float32)
 
-    def compare(start: int) -> None:
-        chunk = slice(start, start + _ROWS)
+    def compare(chunk: slice) -> None:
         _most_alike(unit(sensation[chunk]), targets, label[chunk], error[chunk])
 
-    for _ in mapped(compare, range(0, len(sensation), _ROWS)):
-        pass
+    in_slices(compare, len(sensation), _ROWS)
     return label, np.maximum(error, 0.0)
 
 

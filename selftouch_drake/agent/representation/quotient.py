@@ -76,42 +76,39 @@ class QuotientRepresentation:
     num_set_aside: int = 0
 
     def __post_init__(self) -> None:
-        for name in _ARRAYS:
-            array = getattr(self, name)
-            wanted, kind = _KINDS.get(name, ("fiu", "real numbers"))
-            if array.dtype.kind not in wanted:
-                raise ValueError(f"{name} holds {array.dtype}, expected {kind}")
         # A scalar counts as length 0; its shape is rejected below.
-        num_kernels, num_edges, num_rows = (
+        num_kernels, num_edges, num_rows, num_modes = (
             array.shape[0] if array.ndim else 0
-            for array in (self.target_sensations, self.edges, self.kernel_q)
+            for array in (self.target_sensations, self.edges, self.kernel_q, self.mode_joints)
         )
-        num_modes = self.mode_joints.shape[0] if self.mode_joints.ndim else 0
-        num_receptors, num_joints = self.target_sensations.shape[1:2], self.kernel_q.shape[1:2]
-        expected: dict[str, tuple[int | None, ...]] = {
-            "target_sensations": (num_kernels, None),
-            "kernel_offsets": (num_kernels + 1,),
-            "kernel_q": (num_rows, None),
-            "kernel_row": (num_rows,),
-            "kernel_strength": (num_rows,),
-            "kernel_error": (num_rows,),
-            "kernel_mode": (num_rows,),
-            "mode_joints": (num_modes, *num_joints),
-            "joint_scale": num_joints,
-            "overlap": 2 * num_receptors,
-            "part": (num_kernels,),
-            "set_distance": (num_kernels, num_kernels),
-            "edges": (num_edges, 2),
-            "edge_cost": (num_edges,),
-            "embedding": (num_kernels, 3),
+        receptors, joints = self.target_sensations.shape[1:2], self.kernel_q.shape[1:2]
+        real, whole, boolean = ("fiu", "real numbers"), ("iu", "whole numbers"), ("b", "booleans")
+        expected: dict[str, tuple[tuple[str, str], tuple[int | None, ...]]] = {
+            "target_sensations": (real, (num_kernels, None)),
+            "kernel_offsets": (whole, (num_kernels + 1,)),
+            "kernel_q": (real, (num_rows, None)),
+            "kernel_row": (whole, (num_rows,)),
+            "kernel_strength": (real, (num_rows,)),
+            "kernel_error": (real, (num_rows,)),
+            "kernel_mode": (whole, (num_rows,)),
+            "mode_joints": (boolean, (num_modes, *joints)),
+            "joint_scale": (real, joints),
+            "overlap": (boolean, 2 * receptors),
+            "part": (whole, (num_kernels,)),
+            "set_distance": (real, (num_kernels, num_kernels)),
+            "edges": (whole, (num_edges, 2)),
+            "edge_cost": (real, (num_edges,)),
+            "embedding": (real, (num_kernels, 3)),
         }
-        for name, shape in expected.items():
-            found = getattr(self, name).shape
-            if len(found) != len(shape) or any(
-                want not in (None, have) for want, have in zip(shape, found, strict=True)
+        for name, ((kinds, words), shape) in expected.items():
+            array = getattr(self, name)
+            if array.dtype.kind not in kinds:
+                raise ValueError(f"{name} holds {array.dtype}, expected {words}")
+            if len(array.shape) != len(shape) or any(
+                want not in (None, have) for want, have in zip(shape, array.shape, strict=True)
             ):
                 wanted = ", ".join("any" if size is None else str(size) for size in shape)
-                raise ValueError(f"{name} has shape {found}, expected ({wanted})")
+                raise ValueError(f"{name} has shape {array.shape}, expected ({wanted})")
         sizes = np.diff(self.kernel_offsets)
         if self.kernel_offsets[0] != 0 or self.kernel_offsets[-1] != num_rows or (sizes < 1).any():
             raise ValueError(
@@ -207,24 +204,13 @@ class QuotientRepresentation:
         names = [field.name for field in fields(cls)]
         if missing := [name for name in names if name not in arrays]:
             raise ValueError(f"{', '.join(missing)} is missing")
-        checked: dict[str, Any] = {name: np.asarray(arrays[name]) for name in _ARRAYS}
-        for name in _COUNTS:
-            count = np.asarray(arrays[name])
+        checked: dict[str, Any] = {name: np.asarray(arrays[name]) for name in names}
+        for name in ("num_touches", "num_set_aside"):
+            count = checked[name]
             if count.shape != () or count.dtype.kind not in "iu" or count < 0:
                 raise ValueError(f"{name} is {count.tolist()}, expected a whole number >= 0")
             checked[name] = int(count)
         return cls(**checked)
-
-
-_COUNTS = ("num_touches", "num_set_aside")
-_ARRAYS = tuple(f.name for f in fields(QuotientRepresentation) if f.name not in _COUNTS)
-#: Kinds of numbers of the arrays that do not hold real numbers.
-_KINDS = {
-    **dict.fromkeys(
-        ("kernel_offsets", "kernel_row", "kernel_mode", "part", "edges"), ("iu", "whole numbers")
-    ),
-    **dict.fromkeys(("overlap", "mode_joints"), ("b", "booleans")),
-}
 
 
 def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:

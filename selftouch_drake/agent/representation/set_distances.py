@@ -118,8 +118,8 @@ def set_distances(
         search(x.T.copy(), members, offsets[asked], offsets[asked + 1], squared, _NOT_TOLD)
         return np.sqrt(squared.T)
 
-    def roughly(first: int) -> None:
-        some = kernels[first : first + _TOGETHER]
+    def roughly(rows: slice) -> None:
+        some = kernels[rows]
         few = [queries(kernel, min(_FEW_QUERIES, max_queries)) for kernel in some]
         near = np.split(nearest(np.concatenate(few), kernels), np.cumsum([len(x) for x in few]))
         for kernel, table in zip(some, near, strict=False):  # nothing is left after the last
@@ -135,8 +135,7 @@ def set_distances(
         exact &= changed[:, None] | changed
     there = np.zeros(exact.shape, dtype=np.float32)
     if rough is not None:
-        for _ in mapped(roughly, range(0, len(kernels), _TOGETHER)):
-            pass
+        in_slices(roughly, len(kernels), _TOGETHER)
     for done, _ in enumerate(mapped(exactly, range(len(kernels))), 1):
         progress(done / len(kernels))
     distance = kind.symmetrise(there, there.T)
