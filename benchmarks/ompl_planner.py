@@ -65,7 +65,7 @@ def surface_distance(p, shape, size):
 
 
 @njit(cache=True)
-def on_surface(q, parent, X_PF, axis_F, turns, owner, X_JL, shape, size):
+def on_surface(q, parent, X_PF, turns, owner, X_JL, shape, size):
     """Signed distance of the nearest toucher to the surface, and its slope in the joints.
 
     The first frame is that of the skin's link, the others are those of the touchers.
@@ -78,7 +78,7 @@ def on_surface(q, parent, X_PF, axis_F, turns, owner, X_JL, shape, size):
     X_WF, X_FJ = np.empty((1, 3, 4)), np.zeros((1, 3, 4))
     for joint in range(num_joints):
         _compose(X, parent[joint] + 1, X_PF, joint, X_WF, 0)
-        _move(q[joint], axis_F, joint, turns[joint], X_FJ)
+        _move(q[joint], turns[joint], X_FJ)
         _compose(X_WF, 0, X_FJ, 0, X, joint + 1)
     X_WJ, X_WL = X[1:], np.empty((len(owner), 3, 4))
     for frame in range(len(owner)):
@@ -97,7 +97,7 @@ def on_surface(q, parent, X_PF, axis_F, turns, owner, X_JL, shape, size):
         for frame, sign in ((toucher, 1.0), (0, -1.0)):
             joint = owner[frame]
             while joint >= 0:
-                axis_W = X_WJ[joint, :, :3].copy() @ axis_F[joint]
+                axis_W = X_WJ[joint, :, 2].copy()
                 motion = np.cross(axis_W, p_WT - X_WJ[joint, :, 3]) if turns[joint] else axis_W
                 slope[joint] += sign * np.dot(motion, gradient_W)
                 joint = parent[joint]
@@ -112,7 +112,7 @@ class OnSurface(ob.Constraint):
         (skin,) = world.experiment.skins.values()
         depth, known = skin.thickness / 2, world.robot.kinematics
         self.arguments = (
-            known.parent, known.X_PF, known.axis_F, known.turns, known.owner, known.X_JL,
+            known.parent, known.X_PF, known.turns, known.owner, known.X_JL,
             SHAPES[skin.surface.shape], dimensions(skin.surface, depth),
         )  # fmt: skip
 

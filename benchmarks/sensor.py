@@ -54,7 +54,7 @@ from selftouch_drake.robot import (
     TactileSkin,
     WornSkin,
 )
-from selftouch_drake.robot.contact import PressedFaces
+from selftouch_drake.robot.contact import pressed_faces
 
 GRAVITY = 9.81
 # m and Pa, of all skins but those that vary.
@@ -190,9 +190,8 @@ class Rest:
     def centre_by_sensor(self) -> np.ndarray:
         """`(3,)` m, in the world: the centre of pressure in `Touches`, the truth."""
         sensor = SensorModel([self.worn.model.fields], [self.worn.geometry_id])
-        faces = PressedFaces()
-        sensor.gather(faces, 0, [contact.contact_surface() for contact in self.contacts])
-        touches = sensor.touches(faces, self.X_WL.GetAsMatrix34()[None, None])
+        surfaces = [(0, contact.contact_surface()) for contact in self.contacts]
+        touches = sensor.touches(surfaces, self.X_WL.GetAsMatrix34()[None, None])
         return self.X_WL @ touches.p_LC[0]
 
     def centre_by_receptors(self) -> np.ndarray:
@@ -374,12 +373,10 @@ def tip_accuracy(quick: bool) -> Iterator[str]:
     for radius, tip, depth in cases[: 1 if quick else None]:
         rest = tip_in_ball(radius, tip, depth)
         felt, force = rest.felt.sum(), np.linalg.norm(rest.force)
-        faces = PressedFaces()
-        for contact in rest.contacts:
-            faces.add(0, 0, 0, contact.contact_surface())
+        pressure = sum(pressed_faces(c.contact_surface())[1].sum() for c in rest.contacts)
         yield (
             f"| {radius} | {tip} | {1e3 * depth:.0f} | {felt:.3f} | {force:.3f} | "
-            f"{deviation(felt, force)} | {deviation(felt, sum(faces.force))} |"
+            f"{deviation(felt, force)} | {deviation(felt, pressure)} |"
         )
 
 

@@ -119,8 +119,6 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
     faces = np.asarray(faces).reshape(-1, 3)
     if not len(faces):
         return 0, 0, 0
-    corners, faces = np.unique(faces, return_inverse=True)
-    faces = faces.reshape(-1, 3)
     edges, edge_of, count = np.unique(
         np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1),
         axis=0,
@@ -132,18 +130,14 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
             f"faces has an edge of {count.max()} triangles; give a surface, in which each edge "
             "belongs to one or two"
         )
-    edge_of = edge_of.reshape(-1, 3)
-    _, num_parts = _parts_by_vertex(faces, len(corners))
+    corners = np.unique(faces)
+    part, _ = _parts_by_vertex(faces, corners[-1] + 1)
+    num_parts = len(np.unique(part[corners]))
     # A part is closed if it has no rim. Here parts are connected by edges: a sphere that touches a
     # disc in one vertex still has its cavity.
-    num_edges = len(edges)
-    incidence = (np.repeat(np.arange(len(faces)), 3) + num_edges, edge_of.ravel())
-    size = num_edges + len(faces)
-    graph = coo_array((np.ones(len(incidence[0])), incidence), shape=(size, size))
-    num_sheets, sheet = connected_components(graph, directed=False)
-    with_rim = np.unique(sheet[:num_edges][count == 1])
-    num_cavities = num_sheets - len(with_rim)
-    euler_number = len(corners) - num_edges + len(faces)
+    sheet, num_sheets = _parts_by_vertex(edge_of.reshape(-1, 3), len(edges))
+    num_cavities = num_sheets - len(np.unique(sheet[count == 1]))
+    euler_number = len(corners) - len(edges) + len(faces)
     return num_parts, num_parts + num_cavities - euler_number, num_cavities
 
 

@@ -76,11 +76,11 @@ class ReceptiveFields:
         """
         p_LQ = np.asarray(p_LQ, dtype=float)
         _, face = self._centroids.query(p_LQ)
-        barycentric = np.einsum("nij,nj->ni", self._gradients[face], p_LQ)
-        barycentric += self._offsets[face]
-        np.maximum(barycentric, 0, out=barycentric)
-        barycentric /= barycentric.sum(axis=1, keepdims=True)
-        return self.faces[face], barycentric
+        parts = np.einsum("nij,nj->ni", self.barycentric[face, :, :3], p_LQ)
+        parts += self.barycentric[face, :, 3]
+        np.maximum(parts, 0, out=parts)
+        parts /= parts.sum(axis=1, keepdims=True)
+        return self.faces[face], parts
 
     @cached_property
     def _centroids(self) -> cKDTree:
@@ -88,19 +88,19 @@ class ReceptiveFields:
         return cKDTree(self.vertices[self.faces].mean(axis=1), leafsize=32)
 
     @cached_property
-    def _gradients(self) -> np.ndarray:
-        """`(F, 3, 3)` 1/m, gradient of each barycentric coordinate in the triangle's plane."""
-        a, b, c = self.vertices[self.faces].swapaxes(0, 1)
+    def barycentric(self) -> np.ndarray:
+        """`(F, 3, 4)` weights of the corners of each triangle, linear in a point.
+
+        The gradient in the triangle's plane, 1/m, and the weight at the link's origin.
+        """
+        corners = self.vertices[self.faces]
+        a, b, c = corners.swapaxes(0, 1)
         normal = np.cross(b - a, c - a)
         opposite = np.stack([c - b, a - c, b - a], axis=1)
         area = np.einsum("fi,fi->f", normal, normal)[:, None, None]
-        return np.cross(normal[:, None], opposite) / area
-
-    @cached_property
-    def _offsets(self) -> np.ndarray:
-        """`(F, 3)` barycentric coordinates of the link's origin, by these gradients."""
-        centroids = self.vertices[self.faces].mean(axis=1)
-        return 1 / 3 - np.einsum("fij,fj->fi", self._gradients, centroids)
+        gradients = np.cross(normal[:, None], opposite) / area
+        offsets = 1 / 3 - np.einsum("fij,fj->fi", gradients, corners.mean(axis=1))
+        return np.concatenate([gradients, offsets[:, :, None]], axis=2)
 
 
 def place_receptors(

@@ -9,14 +9,10 @@ loops run over `_LANES` of them, for the processor's vector instructions.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from pydrake.math import RigidTransform, RotationMatrix
 
 from selftouch_drake.compiled import compiled, inner
-from selftouch_drake.robot.kinematics import Kinematics
-from selftouch_drake.robot.reach import WallGrid, covering_balls
+from selftouch_drake.robot.reach import WallGrid, covering_balls, moved
 from selftouch_drake.robot.robot import Robot
 
 # Configurations at a time.
@@ -25,57 +21,16 @@ _LANES = 32
 _ROUNDING = 1e-6
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Chain:
-    """A robot's joints, each with a frame C that it carries, whose z axis is the joint's axis.
-
-    Attributes:
-        parent: `(J,)` the joint before each one; -1 for none.
-        X_PF: `(J, 3, 4)` where C is at 0, in the frame that the parent carries.
-        X_CL: for each frame of the robot's kinematics, its pose in the frame that carries it.
-        owner: `(L,)` the joint that carries each of those; -1 for the world.
-    """
-
-    parent: np.ndarray
-    X_PF: np.ndarray
-    X_CL: tuple[RigidTransform, ...]
-    owner: np.ndarray
-
-    @staticmethod
-    def of(kinematics: Kinematics) -> _Chain:
-        """Turns the frames of the joints so that all axes are z."""
-        R_JC = [RotationMatrix.MakeFromOneVector(axis, 2) for axis in kinematics.axis_F]
-
-        def carried(X: np.ndarray, joint: int) -> RigidTransform:
-            R_CJ = R_JC[joint].inverse() if joint >= 0 else RotationMatrix()
-            return RigidTransform(R_CJ, [0, 0, 0]).multiply(
-                RigidTransform(RotationMatrix.ProjectToRotationMatrix(X[:, :3]), X[:, 3])
-            )
-
-        X_PF = [
-            carried(X, parent).multiply(RigidTransform(R, [0, 0, 0])).GetAsMatrix34()
-            for X, parent, R in zip(kinematics.X_PF, kinematics.parent, R_JC, strict=True)
-        ]
-        return _Chain(
-            parent=kinematics.parent,
-            X_PF=np.array(X_PF),
-            X_CL=tuple(map(carried, kinematics.X_JL, kinematics.owner)),
-            owner=kinematics.owner,
-        )
-
-
 class BroadPhase:
     """The screen of one robot."""
 
     def __init__(self, robot: Robot):
-        chain = _Chain.of(robot.kinematics)
-        num_skins = len(robot.skins)
-        self._chain, self._turns = chain, robot.kinematics.turns
+        self._tree = tree = robot.kinematics
         self._pairs = np.array(robot.touching_pairs, dtype=np.int64).reshape(-1, 2)
         balls = [
-            _with_bound(X_CT.multiply(centre.T).T, radius)
-            for X_CT, (centre, radius) in zip(
-                chain.X_CL[num_skins:],
+            _with_bound(moved(X_JT, centre), radius)
+            for X_JT, (centre, radius) in zip(
+                tree.X_JL[len(robot.skins) :],
                 (covering_balls(toucher, robot) for toucher in robot.touchers),
                 strict=True,
             )
@@ -84,8 +39,8 @@ class BroadPhase:
         self._balls = np.concatenate(balls)
         largest = float(self._balls[:, 3].max())
         grids = [
-            WallGrid.of(skin.model.wall, X_CL, largest)
-            for skin, X_CL in zip(robot.skins, chain.X_CL, strict=False)
+            WallGrid.of(skin.model.wall, X_JL, largest)
+            for skin, X_JL in zip(robot.skins, tree.X_JL, strict=False)
         ]
         self._boxes = np.array([grid.box for grid in grids])
         self._grids = np.array([[*grid.origin, grid.cell] for grid in grids])
@@ -99,7 +54,7 @@ class BroadPhase:
         lanes[:, : len(q)] = q.T
         found = np.zeros((lanes.shape[1], len(self._pairs)), dtype=np.bool_)
         _near(
-            lanes, self._chain.parent, self._chain.X_PF, self._turns, self._chain.owner,
+            lanes, self._tree.parent, self._tree.X_PF, self._tree.turns, self._tree.owner,
             self._pairs, self._ball_ends, self._balls, self._boxes, self._grids, self._shapes,
             self._grid_ends, self._reach, found,
         )  # fmt: skip

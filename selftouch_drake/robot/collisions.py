@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector
@@ -19,21 +18,6 @@ from selftouch_drake.robot.robot import Robot
 # Share of its radius that a bound is larger: a mesh of a round shape is inside it, by 8e-4 of its
 # radius, and Drake's signed distances of round shapes have errors, too.
 _SLACK = 2e-3
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Bound:
-    """A capsule round a geometry, in the frame of its link, m.
-
-    Attributes:
-        centre: `(3,)`.
-        half: `(3,)` from there to the centre of the cap at one end.
-        radius: of the caps, and between them.
-    """
-
-    centre: np.ndarray
-    half: np.ndarray
-    radius: float
 
 
 class CollisionCheck:
@@ -51,7 +35,7 @@ class CollisionCheck:
 
     def __init__(self, robot: Robot):
         inspector = robot.scene_graph.model_inspector()
-        bounds: dict[GeometryId, _Bound] = {}
+        bounds: dict[GeometryId, tuple[np.ndarray, np.ndarray, float]] = {}
         frames: list[Frame] = []
         for pair in robot.rigid_pairs:
             for link, geometries in zip(pair.links, pair.geometry_ids, strict=True):
@@ -61,8 +45,7 @@ class CollisionCheck:
                         frames.append(link.body_frame())
         self._kinematics = Kinematics.of(robot.plant, frames)
         self._centre, self._half = (
-            np.array([getattr(bound, name) for bound in bounds.values()]).reshape(-1, 3)
-            for name in ("centre", "half")
+            np.array([bound[part] for bound in bounds.values()]).reshape(-1, 3) for part in (0, 1)
         )
         number = {geometry: k for k, geometry in enumerate(bounds)}
         self._pairs = [
@@ -73,7 +56,7 @@ class CollisionCheck:
         self._ends = np.array([[number[a], number[b]] for a, b, _ in self._pairs]).reshape(-1, 2)
         # If their axes are nearer to each other, two capsules overlap by more than allowed.
         self._near = np.array(
-            [bounds[a].radius + bounds[b].radius - allowed for a, b, allowed in self._pairs]
+            [bounds[a][2] + bounds[b][2] - allowed for a, b, allowed in self._pairs]
         )
 
     def depth(
@@ -138,7 +121,14 @@ def _axes_apart(centre, half, ends, apart):
             apart[row, pair] = np.sqrt(square)
 
 
-def _bound(inspector: SceneGraphInspector, geometry: GeometryId, link: RigidBody) -> _Bound:
+def _bound(
+    inspector: SceneGraphInspector, geometry: GeometryId, link: RigidBody
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """A capsule round a geometry, in the frame of its link, m.
+
+    Returns:
+        `(3,)` centre; `(3,)` from there to the centre of the cap at one end; and the radius.
+    """
     try:
         corners = as_mesh(inspector.GetShape(geometry)).vertices
     except ValueError as error:
@@ -152,8 +142,5 @@ def _bound(inspector: SceneGraphInspector, geometry: GeometryId, link: RigidBody
     radius = np.sqrt(square.max())
     beyond = (along - np.sqrt(np.maximum(radius**2 - square, 0.0))).max()
     X_LG = inspector.GetPoseInFrame(geometry)
-    return _Bound(
-        centre=X_LG.multiply(centre),
-        half=X_LG.rotation().multiply(max(beyond, 0.0) * axis),
-        radius=(1.0 + _SLACK) * float(radius),
-    )
+    half = X_LG.rotation().multiply(max(beyond, 0.0) * axis)
+    return X_LG.multiply(centre), half, (1.0 + _SLACK) * float(radius)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import ContactSurface, GeometryId
@@ -79,60 +79,32 @@ class Touches:
 
     def and_also(self, other: Touches) -> Touches:
         """The touches at the same instants with the contacts of other touchers added."""
-        order = np.lexsort(
-            [
-                np.concatenate([getattr(self, name), getattr(other, name)])
-                for name in ("toucher", "skin", "row")
-            ]
-        )
+        columns = {
+            name: np.concatenate([getattr(self, name), getattr(other, name)])
+            for name in ("toucher", "skin", "row", "p_LC")
+        }
+        order = np.lexsort([columns[name] for name in ("toucher", "skin", "row")])
         return Touches(
             sensation=self.sensation + other.sensation,
-            **{
-                name: np.concatenate([getattr(self, name), getattr(other, name)])[order]
-                for name in ("row", "skin", "toucher", "p_LC")
-            },
+            **{name: column[order] for name, column in columns.items()},
         )
 
 
-@dataclass(slots=True)
-class PressedFaces:
-    """Faces of contact surfaces, gathered over many instants to be processed together.
+def pressed_faces(surface: ContactSurface) -> tuple[np.ndarray, np.ndarray]:
+    """The faces of a contact surface.
 
-    These are lists because the inner loop of babbling adds a few faces at a time. Pressure is
-    linear on a face, so its value at the centroid times the area is the exact integral.
-
-    Attributes:
-        p_WQ: centroid `(3,)` of each face, m, in the world.
-        force: pressure integrated over each face, N.
-        num_faces: number of faces of each contact.
-        row: instant of each contact.
-        skin: number of the pressed skin of each contact.
-        toucher: number of what presses it, for each contact.
+    Returns:
+        `(F, 3)` m, their centroids in the world, and `(F,)` N, the pressure integrated over each.
     """
-
-    p_WQ: list[np.ndarray] = field(default_factory=list)
-    force: list[float] = field(default_factory=list)
-    num_faces: list[int] = field(default_factory=list)
-    row: list[int] = field(default_factory=list)
-    skin: list[int] = field(default_factory=list)
-    toucher: list[int] = field(default_factory=list)
-
-    def add(self, row: int, skin: int, toucher: int, surface: ContactSurface) -> None:
-        """Adds all faces of a contact surface that presses on a skin."""
-        pressure = (
-            surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
-        ).EvaluateCartesian
-        centroid, area = surface.centroid, surface.area
-        faces = range(surface.num_faces())
-        points = [centroid(face) for face in faces]
-        self.p_WQ += points
-        self.force += [
-            pressure(face, p) * area(face) for face, p in zip(faces, points, strict=True)
-        ]
-        self.num_faces.append(len(points))
-        self.row.append(row)
-        self.skin.append(skin)
-        self.toucher.append(toucher)
+    pressure = (
+        surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
+    ).EvaluateCartesian
+    centroid, area = surface.centroid, surface.area
+    faces = range(surface.num_faces())
+    points = [centroid(face) for face in faces]
+    # Pressure is linear on a face: its value at the centroid times the area is the exact integral.
+    force = [pressure(face, p) * area(face) for face, p in zip(faces, points, strict=True)]
+    return np.array(points).reshape(-1, 3), np.array(force)
 
 
 class SensorModel:
@@ -163,64 +135,44 @@ class SensorModel:
             if geometry_id not in self._skin_of
         }
         self._num_touchers = len(toucher_ids)
-        self._ends = np.cumsum([0, *(f.num_receptors for f in fields)])
-        self._sizes = [len(f.vertices) for f in fields]
         self._spread = [f.vertex_weights.T.tocsr() for f in fields]
+        ends = itertools.accumulate((f.num_receptors for f in fields), initial=0)
+        #: The slice of a sensation that holds the readings of each skin.
+        self.readings = [slice(a, b) for a, b in itertools.pairwise(ends)]
+        #: S, number of receptors of all skins together.
+        self.num_receptors = self.readings[-1].stop
 
-    @property
-    def num_receptors(self) -> int:
-        """S, number of receptors of all skins together."""
-        return int(self._ends[-1])
+    def touches(self, surfaces: Iterable[tuple[int, ContactSurface]], X_WL: np.ndarray) -> Touches:
+        """The touches that contact surfaces cause at N instants.
 
-    @property
-    def readings(self) -> list[slice]:
-        """The slice of a sensation that holds the readings of each skin."""
-        return [slice(a, b) for a, b in itertools.pairwise(self._ends.tolist())]
-
-    def gather(self, into: PressedFaces, row: int, surfaces: Iterable[ContactSurface]) -> None:
-        """Adds all contact surfaces that press on skins at one instant to `into`."""
-        for surface in surfaces:
+        Args:
+            surfaces: each with its instant, in any order; those that press no skin are left out.
+            X_WL: `(N, skins, 3, 4)` poses of the links that wear the skins.
+        """
+        sensation = np.zeros((len(X_WL), self.num_receptors))
+        contacts, totals = [], []
+        for row, surface in surfaces:
             ends = surface.id_M(), surface.id_N()
             for pressed, pressing in (ends, ends[::-1]):
-                if (skin := self._skin_of.get(pressed)) is not None:
-                    into.add(row, skin, self._presser(pressing), surface)
+                if (skin := self._skin_of.get(pressed)) is None:
+                    continue
+                p_WQ, force = pressed_faces(surface)
+                X = X_WL[row, skin]
+                p_LQ = (p_WQ - X[:, 3]) @ X[:, :3]
+                corner, part = self._fields[skin].parts_at(p_LQ)
+                # Forces are summed at the corners of the surface first, because there are fewer.
+                load = np.bincount(
+                    corner.ravel(), (force[:, None] * part).ravel(), self._spread[skin].shape[1]
+                )
+                sensation[row, self.readings[skin]] += self._spread[skin] @ load
+                contacts.append((row, skin, self._presser(pressing)))
+                totals.append([force.sum(), *force @ p_LQ])
+        row_of, skin_of, toucher_of = np.array(contacts, dtype=int).reshape(-1, 3).T
+        total = np.array(totals).reshape(-1, 4)
+        return Touches.of(sensation, row_of, skin_of, toucher_of, total)
 
     def _presser(self, geometry_id: GeometryId) -> int:
         if (skin := self._skin_of.get(geometry_id)) is not None:
             return self._num_touchers + skin
         # Not named in the experiment, for instance the floor of a user's own diagram.
         return self._toucher_of.get(geometry_id, -1)
-
-    def touches(self, faces: PressedFaces, X_WL: np.ndarray) -> Touches:
-        """The touches that the gathered faces cause.
-
-        Args:
-            faces: faces at N instants.
-            X_WL: `(N, skins, 3, 4)` poses of the links that wear the skins.
-        """
-        sensation = np.zeros((len(X_WL), self.num_receptors))
-        row, skin, toucher, num_faces = (
-            np.array(column, dtype=int)
-            for column in (faces.row, faces.skin, faces.toucher, faces.num_faces)
-        )
-        force = np.array(faces.force)
-        p_LQ = _in_frames(np.array(faces.p_WQ), np.repeat(X_WL[row, skin], num_faces, axis=0))
-        ends = np.cumsum([0, *num_faces])
-        for number, k in enumerate(skin):
-            faces_of = slice(ends[number], ends[number + 1])
-            corner, part = self._fields[k].parts_at(p_LQ[faces_of])
-            # Forces are summed at the corners of the surface first, because there are fewer.
-            load = np.bincount(
-                corner.ravel(), (force[faces_of, None] * part).ravel(), self._sizes[k]
-            )
-            felt = self._spread[k] @ load
-            sensation[row[number], self._ends[k] : self._ends[k + 1]] += felt
-        total = np.zeros((len(row), 4))
-        contact = np.repeat(np.arange(len(row)), num_faces)
-        np.add.at(total, contact, np.column_stack([force, force[:, None] * p_LQ]))
-        return Touches.of(sensation, row, skin, toucher, total)
-
-
-def _in_frames(p_WQ: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
-    """`(N, 3)` points given in the world, each expressed in its own frame `(N, 3, 4)`."""
-    return np.einsum("ni,nij->nj", p_WQ.reshape(-1, 3) - X_WL[:, :, 3], X_WL[:, :, :3])

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
 
@@ -24,8 +24,8 @@ class Kinematics:
     Attributes:
         parent: `(J,)` the joint before each one on its way to the world; -1 for none. Joints are in
             the order of q, a parent before its children.
-        X_PF: `(J, 3, 4)` each joint's frame on the frame that its parent joint moves.
-        axis_F: `(J, 3)` unit vectors, along or about which the side away from the world moves.
+        X_PF: `(J, 3, 4)` each joint's frame on the frame that its parent joint moves; the side away
+            from the world moves along or about its z axis.
         turns: `(J,)` bool, whether the joint turns (rad) or slides (m).
         owner: `(L,)` the joint that each frame hangs on; -1 for none.
         X_JL: `(L, 3, 4)` each frame on the frame that its joint moves.
@@ -33,7 +33,6 @@ class Kinematics:
 
     parent: np.ndarray
     X_PF: np.ndarray
-    axis_F: np.ndarray
     turns: np.ndarray
     owner: np.ndarray
     X_JL: np.ndarray
@@ -50,8 +49,12 @@ class Kinematics:
         plant.SetPositions(context, np.zeros(plant.num_positions()))
         tree = JointTree(plant)
         joints = tree.joints
-        # At zero the frame that a joint moves lies in the frame it moves in.
-        X_WJ = [joint.frame_on_parent().CalcPoseInWorld(context) for joint in joints]
+        # At zero the frame that a joint moves lies in the frame it moves in. Both are turned, so
+        # that all axes are z.
+        X_WJ = [
+            joint.frame_on_parent().CalcPoseInWorld(context) @ _with_z_along(tree.axis(joint))
+            for joint in joints
+        ]
         parent = [tree.carrier(tree.frames(joint)[0].body()) for joint in joints]
         owner = [tree.carrier(frame.body()) for frame in frames]
 
@@ -62,7 +65,6 @@ class Kinematics:
         return Kinematics(
             parent=np.array(parent, dtype=np.int64),
             X_PF=np.array([relative(X, p) for X, p in zip(X_WJ, parent, strict=True)]),
-            axis_F=np.array([tree.axis(joint) for joint in joints]),
             turns=np.array([isinstance(joint, RevoluteJoint) for joint in joints]),
             owner=np.array(owner, dtype=np.int64),
             X_JL=np.array(
@@ -82,12 +84,16 @@ class Kinematics:
         """`(N, L, 3, 4)` poses of the frames in the world at `q` `(N, J)`."""
         q = np.ascontiguousarray(q, dtype=float)
         X_WL = np.empty((len(q), len(self.owner), 3, 4))
-        _all_poses(q, self.parent, self.X_PF, self.axis_F, self.turns, self.owner, self.X_JL, X_WL)
+        _all_poses(q, self.parent, self.X_PF, self.turns, self.owner, self.X_JL, X_WL)
         return X_WL
 
     def positions(self, q: np.ndarray) -> np.ndarray:
         """`(N, L, 3)` m, origins of the frames in the world at `q` `(N, J)`."""
         return self.poses(q)[..., 3]
+
+
+def _with_z_along(axis: np.ndarray) -> RigidTransform:
+    return RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), np.zeros(3))
 
 
 def moving_joints(plant: MultibodyPlant) -> list[Joint]:
@@ -153,7 +159,7 @@ class JointTree:
 
 
 @compiled
-def _all_poses(q, parent, X_PF, axis_F, turns, owner, X_JL, X_WL):
+def _all_poses(q, parent, X_PF, turns, owner, X_JL, X_WL):
     # The world, then what each joint moves.
     X = np.zeros((len(parent) + 1, 3, 4))
     for i in range(3):
@@ -164,7 +170,7 @@ def _all_poses(q, parent, X_PF, axis_F, turns, owner, X_JL, X_WL):
     for row in range(len(q)):
         for joint in range(len(parent)):
             _compose(X, parent[joint] + 1, X_PF, joint, X_WF, only)
-            _move(q[row, joint], axis_F, joint, turns[joint], X_FJ)
+            _move(q[row, joint], turns[joint], X_FJ)
             _compose(X_WF, only, X_FJ, only, X, joint + 1)
         for frame in range(len(owner)):
             _compose(X, owner[frame] + 1, X_JL, frame, X_WL[row], frame)
@@ -180,24 +186,9 @@ def _compose(A, a, B, b, out, o):
 
 
 @inner
-def _move(q, axis_F, joint, turns, X_FJ):
+def _move(q, turns, X_FJ):
     """Writes what a joint does at `q` into X_FJ[0]."""
-    x, y, z = axis_F[joint, 0], axis_F[joint, 1], axis_F[joint, 2]
     c, s, shift = (np.cos(q), np.sin(q), 0.0) if turns else (1.0, 0.0, q)
-    t = 1.0 - c
-    X_FJ[0, 0, 0], X_FJ[0, 0, 1], X_FJ[0, 0, 2] = (
-        t * x * x + c,
-        t * x * y - s * z,
-        t * x * z + s * y,
-    )
-    X_FJ[0, 1, 0], X_FJ[0, 1, 1], X_FJ[0, 1, 2] = (
-        t * x * y + s * z,
-        t * y * y + c,
-        t * y * z - s * x,
-    )
-    X_FJ[0, 2, 0], X_FJ[0, 2, 1], X_FJ[0, 2, 2] = (
-        t * x * z - s * y,
-        t * y * z + s * x,
-        t * z * z + c,
-    )
-    X_FJ[0, 0, 3], X_FJ[0, 1, 3], X_FJ[0, 2, 3] = shift * x, shift * y, shift * z
+    X_FJ[0, 0, 0], X_FJ[0, 0, 1] = c, -s
+    X_FJ[0, 1, 0], X_FJ[0, 1, 1] = s, c
+    X_FJ[0, 2, 2], X_FJ[0, 2, 3] = 1.0, shift

@@ -8,6 +8,7 @@ import functools
 import hashlib
 import json
 import logging
+import math
 import sys
 import xml.dom.expatbuilder
 import xml.dom.minidom
@@ -28,6 +29,7 @@ from pydrake.multibody.parsing import (
     ProcessModelDirectives,
 )
 from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import ModelInstanceIndex
 
 from selftouch_drake.files import write_text_whole
 from selftouch_drake.resources import MODELS
@@ -95,7 +97,12 @@ def parse(plant: MultibodyPlant, model: RobotModel) -> list[ModelInstanceInfo]:
     for name, root in model.packages.items():
         parser.package_map().Add(name, str(root))
     with one_line("robot.directives cannot be loaded"):
-        return ProcessModelDirectives(model.directives, parser)
+        loaded = ProcessModelDirectives(model.directives, parser)
+    for info in loaded:
+        if info.model_path.endswith(".xml"):
+            efforts = _mjcf_efforts(_read_xml(Path(info.model_path)))
+            _limit_efforts(plant, info.model_instance, efforts)
+    return loaded
 
 
 def digests(files: Iterable[Path]) -> dict[str, str]:
@@ -172,23 +179,6 @@ class _Finder:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Reference:
-    """A place in a model file that names another file.
-
-    Attributes:
-        uri: as it stands there.
-        folder: where it starts if it is relative.
-        taken: the suffixes that Drake takes; None for a file that is itself a model.
-        write: puts another name in its place.
-    """
-
-    uri: str
-    folder: Path
-    taken: frozenset[str] | None
-    write: Callable[[str], None]
-
-
 class _Reader:
     """Walks from directives to meshes, and notes every file on the way.
 
@@ -232,17 +222,18 @@ class _Reader:
             document = _read_xml(path)
             if path.suffix.lower() == ".xml":
                 self._join_included(document, document, path.parent)
-            references = list(find_references(document, path.parent))
-            files, places = [], []
-            for reference in references:
-                file = self._find(reference.uri, reference.folder, what=f"file in {path}")
-                files.append(file)
-                places.append(self._place(file, reference.taken))
-        if files == places:
+            places = []
+            for node, folder, taken in find_references(document, path.parent):
+                # An attribute, or the text of an element; else it names no file.
+                is_text = isinstance(node, xml.dom.minidom.Attr | xml.dom.minidom.Text)
+                if is_text and (uri := node.nodeValue.strip()):
+                    file = self._find(uri, folder, what=f"file in {path}")
+                    places.append((node, file, self._place(file, taken)))
+        if all(file == place for _, file, place in places):
             return path
-        for reference, place in zip(references, places, strict=True):
+        for node, _, place in places:
             # All of them: a relative path would start in the cache.
-            reference.write(str(place))
+            node.nodeValue = str(place)
         return _cached_copy(path.name, document.toxml())
 
     def _place(self, file: Path, taken: frozenset[str] | None) -> Path:
@@ -287,46 +278,86 @@ def _read_xml(path: Path) -> xml.dom.minidom.Document:
         raise ModelError(f"model {path} is not readable XML ({error}); correct it") from None
 
 
-def _urdf_references(document: xml.dom.minidom.Document, folder: Path) -> Iterator[_Reference]:
+# XML nodes that name other files, the folder in which a relative path starts, and the suffixes that
+# Drake takes; None for a file that is itself a model.
+_References = Iterator[tuple[Any, Path, frozenset[str] | None]]
+
+
+def _urdf_references(document: xml.dom.minidom.Document, folder: Path) -> _References:
     for tag, taken in (("mesh", DRAKE_SUFFIXES), ("texture", _IMAGES)):
-        yield from _attributes(document, tag, "filename", folder, taken)
+        for element in document.getElementsByTagName(tag):
+            yield element.getAttributeNode("filename"), folder, taken
 
 
-def _sdf_references(document: xml.dom.minidom.Document, folder: Path) -> Iterator[_Reference]:
+def _sdf_references(document: xml.dom.minidom.Document, folder: Path) -> _References:
     for parent, taken in (("mesh", DRAKE_SUFFIXES), ("include", None)):
         for element in document.getElementsByTagName(parent):
             for uri in element.getElementsByTagName("uri"):
-                yield from _texts(uri, folder, taken)
+                yield uri.firstChild, folder, taken
     for element in document.getElementsByTagName("drake:diffuse_map"):
-        yield from _texts(element, folder, _IMAGES)
+        yield element.firstChild, folder, _IMAGES
 
 
-def _mjcf_references(document: xml.dom.minidom.Document, folder: Path) -> Iterator[_Reference]:
+def _mjcf_references(document: xml.dom.minidom.Document, folder: Path) -> _References:
     for compiler in document.getElementsByTagName("compiler"):
         folder = folder / (compiler.getAttribute("meshdir") or compiler.getAttribute("assetdir"))
-    yield from _attributes(document, "mesh", "file", folder, frozenset({".obj"}))
+    for element in document.getElementsByTagName("mesh"):
+        yield element.getAttributeNode("file"), folder, frozenset({".obj"})
 
 
-def _attributes(
-    document: xml.dom.minidom.Document, tag: str, name: str, folder: Path, taken: frozenset[str]
-) -> Iterator[_Reference]:
-    for element in document.getElementsByTagName(tag):
-        if uri := element.getAttribute(name):
-            write = functools.partial(element.setAttribute, name)
-            yield _Reference(uri=uri, folder=folder, taken=taken, write=write)
+def _mjcf_efforts(document: Any) -> dict[str, float]:
+    """N·m or N, the most that the actuators of each joint of an MJCF file exert together.
+
+    The force of a motor is its control; `gear` multiplies it on the way to the joint.
+    """
+    defaults: dict[str, dict[str, str]] = {}
+    for default in document.getElementsByTagName("default"):  # an outer one before those inside
+        settings = dict(defaults.get(default.parentNode.getAttribute("class") or "main", {}))
+        for child in default.childNodes:
+            if child.nodeName in _ACTUATORS:
+                settings |= dict(child.attributes.items())
+        defaults[default.getAttribute("class") or "main"] = settings
+    efforts: dict[str, float] = {}
+    for section in document.getElementsByTagName("actuator"):
+        for actuator in section.childNodes:
+            if actuator.nodeName not in _ACTUATORS:
+                continue
+            own = dict(actuator.attributes.items())
+            settings = defaults.get(own.get("class", "main"), {}) | own
+            most = _largest(settings, "force")
+            if actuator.nodeName == "motor":
+                most = min(most, _largest(settings, "ctrl"))
+            gear = abs(float(settings.get("gear", "1").split()[0]))
+            joint = settings.get("joint", "")
+            efforts[joint] = efforts.get(joint, 0.0) + gear * most
+    return efforts
 
 
-def _texts(
-    element: xml.dom.minidom.Element, folder: Path, taken: frozenset[str] | None
-) -> Iterator[_Reference]:
-    text = element.firstChild
-    if isinstance(text, xml.dom.minidom.Text) and text.data.strip():
-        write = functools.partial(setattr, text, "data")
-        yield _Reference(uri=text.data.strip(), folder=folder, taken=taken, write=write)
+def _largest(settings: Mapping[str, str], what: str) -> float:
+    if settings.get(f"{what}limited") == "false" or f"{what}range" not in settings:
+        return math.inf
+    return max(abs(float(end)) for end in settings[f"{what}range"].split())
 
 
+def _limit_efforts(
+    plant: MultibodyPlant, model: ModelInstanceIndex, efforts: Mapping[str, float]
+) -> None:
+    """Limits actuators as MuJoCo does; Drake leaves `gear` out, and some kinds of actuators."""
+    without = {name for name in efforts if plant.HasJointNamed(name, model)}
+    for index in plant.GetJointActuatorIndices(model):
+        actuator = plant.get_mutable_joint_actuator(index)
+        name = actuator.joint().name()
+        actuator.set_effort_limit(efforts.get(name, actuator.effort_limit()))
+        without.discard(name)
+    for name in sorted(without):
+        joint = plant.GetJointByName(name, model)
+        if joint.num_velocities() == 1:
+            plant.AddJointActuator(f"{name}_actuator", joint, efforts[name])
+
+
+_ACTUATORS = ("motor", "position", "velocity", "general")
 _IMAGES = frozenset({".png", ".jpg", ".jpeg", ".ktx2"})
-_FORMATS: dict[str, Callable[[xml.dom.minidom.Document, Path], Iterator[_Reference]]] = {
+_FORMATS: dict[str, Callable[[xml.dom.minidom.Document, Path], _References]] = {
     ".urdf": _urdf_references,
     ".sdf": _sdf_references,
     ".xml": _mjcf_references,

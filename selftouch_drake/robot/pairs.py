@@ -97,10 +97,11 @@ class Neighbours:
         own: Mapping[BodyIndex, tuple[GeometryId, ...]],
     ):
         self._inspector, self._own = scene_graph.model_inspector(), own
-        self._group: dict[int, int] = {}
-        for number, bodies in enumerate(_welded_groups(plant)):
-            for body in bodies:
-                self._group[body] = number
+        # A group is called after its first link.
+        self._group = {
+            int(link.index()): min(int(one.index()) for one in plant.GetBodiesWeldedTo(link))
+            for link in all_links(plant)
+        }
         context = plant.CreateDefaultContext()
         tree = JointTree(plant)
         turns = [isinstance(joint, RevoluteJoint) for joint in tree.joints]
@@ -151,16 +152,6 @@ def _are_at_one_place(a: Frame, b: Frame, context: Context) -> bool:
 def _welded_mass(plant: MultibodyPlant, link: RigidBody) -> float:
     """kg, of a link and those that are welded to it."""
     return sum(body.default_mass() for body in plant.GetBodiesWeldedTo(link))
-
-
-def _welded_groups(plant: MultibodyPlant) -> list[set[int]]:
-    left = set(range(plant.num_bodies()))
-    groups = []
-    while left:
-        body = plant.get_body(BodyIndex(min(left)))
-        groups.append({int(b.index()) for b in plant.GetBodiesWeldedTo(body)} | {int(body.index())})
-        left -= groups[-1]
-    return groups
 
 
 def touching_pairs(

@@ -12,7 +12,7 @@ from pydrake.geometry import HydroelasticContactRepresentation, QueryObject
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.broadphase import BroadPhase
 from selftouch_drake.robot.collisions import CollisionCheck
-from selftouch_drake.robot.contact import PressedFaces, SensorModel, Touches
+from selftouch_drake.robot.contact import SensorModel, Touches
 from selftouch_drake.robot.hydroelastic import RigidTouchers
 from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.skins import SkinModel
@@ -111,14 +111,16 @@ class ContactProbe:
     def _of_soft_touchers(self, q: np.ndarray, X_WL: np.ndarray, near: np.ndarray) -> Touches:
         """Touches of skins by skins, computed by Drake for near pairs."""
         postures, sensor = self._soft_postures
-        faces, skins = PressedFaces(), frozenset(s.geometry_id for s in postures.robot.skins)
-        for row in np.flatnonzero(near[:, ~self._rigid_touchers.is_rigid].any(axis=1)):
-            surfaces = postures.query(q[row]).ComputeContactSurfaces(
+        skins = frozenset(s.geometry_id for s in postures.robot.skins)
+        surfaces = [
+            (int(row), surface)
+            for row in np.flatnonzero(near[:, ~self._rigid_touchers.is_rigid].any(axis=1))
+            for surface in postures.query(q[row]).ComputeContactSurfaces(
                 HydroelasticContactRepresentation.kPolygon
             )
-            soft = [s for s in surfaces if s.id_M() in skins and s.id_N() in skins]
-            sensor.gather(faces, int(row), soft)
-        return sensor.touches(faces, X_WL[:, : len(self.robot.skins)])
+            if surface.id_M() in skins and surface.id_N() in skins
+        ]
+        return sensor.touches(surfaces, X_WL[:, : len(self.robot.skins)])
 
     @cached_property
     def _screen(self) -> BroadPhase:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Sphere
-from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import HollowSkin, farthest_points, wall_points
@@ -48,18 +47,18 @@ class WallGrid:
     box: np.ndarray
 
     @staticmethod
-    def of(wall: HollowSkin, X_CL: RigidTransform, largest_radius: float) -> WallGrid:
+    def of(wall: HollowSkin, X_JL: np.ndarray, largest_radius: float) -> WallGrid:
         """The grid for balls up to `largest_radius` m.
 
         Args:
             wall: in the frame L of its link.
-            X_CL: that frame in the frame C that carries it.
+            X_JL: `(3, 4)` that frame in the frame that carries it.
             largest_radius: m.
         """
-        corners = X_CL.multiply(wall.tet_vertices.T).T
+        corners = moved(X_JL, wall.tet_vertices)
         extent = float(np.ptp(corners, axis=0).max()) + 2 * largest_radius
         cell = max(_CELL, extent / _MOST_CELLS)
-        points = X_CL.multiply(wall_points(wall, cell).T).T
+        points = moved(X_JL, wall_points(wall, cell))
         inside = np.linalg.norm(wall.vertices - wall.inner_vertices, axis=1).max() / 4
         slack = cell / np.sqrt(3) + cell * np.sqrt(3) / 2
         margin = max(largest_radius, inside) + slack
@@ -76,6 +75,11 @@ class WallGrid:
             reach=np.nextafter(reach.astype(np.float32), -np.inf).reshape(shape),
             box=np.concatenate([corners.min(axis=0), corners.max(axis=0)]),
         )
+
+
+def moved(X_AB: np.ndarray, p_BQ: np.ndarray) -> np.ndarray:
+    """`(N, 3)` points in frame A, given in frame B, by its pose `(3, 4)`."""
+    return p_BQ @ X_AB[:, :3].T + X_AB[:, 3]
 
 
 def covering_balls(toucher: Toucher, robot: Robot) -> tuple[np.ndarray, np.ndarray]:

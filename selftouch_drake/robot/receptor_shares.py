@@ -48,29 +48,18 @@ def receptor_shares(wall: HollowSkin, fields: ReceptiveFields, first_receptor: i
         fields: its receptive fields.
         first_receptor: where its readings start in a sensation.
     """
-    corners = fields.vertices[fields.faces]
-    centroid = corners.mean(axis=1)
+    centroid = fields.vertices[fields.faces].mean(axis=1)
     ends, faces = _nearest_faces(wall.tet_vertices[wall.tetrahedra], centroid)
     return Shares(
         nearest_ends=ends,
         nearest_faces=faces,
         centroid=centroid,
-        barycentric=_barycentric(corners, centroid),
+        barycentric=fields.barycentric,
         faces=fields.faces.astype(np.int64),
         weight_ends=fields.vertex_weights.indptr.astype(np.int64),
         weight_receptor=fields.vertex_weights.indices.astype(np.int64) + first_receptor,
         weight=np.asarray(fields.vertex_weights.data, dtype=float),
     )
-
-
-def _barycentric(corners: np.ndarray, centroid: np.ndarray) -> np.ndarray:
-    """`(F, 3, 4)` weights of the corners of triangles `(F, 3, 3)`, linear in a point."""
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    opposite = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-    area = np.einsum("fi,fi->f", normal, normal)[:, None, None]
-    gradients = np.cross(normal[:, None], opposite) / area
-    offsets = 1 / 3 - np.einsum("fij,fj->fi", gradients, centroid)
-    return np.concatenate([gradients, offsets[:, :, None]], axis=2)
 
 
 @compiled

@@ -63,12 +63,11 @@ def soft_skin(wall: HollowSkin, modulus: float) -> SoftSkin:
 
 def pressure_at_vertices(wall: HollowSkin, modulus: float) -> np.ndarray:
     """`(V,)` Pa, the pressure that Drake gives each vertex of a skin's tetrahedra."""
-    sides = wall.tetrahedra[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3)
-    sides, count = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
-    boundary = sides[count == 1]
-    inner = np.setdiff1d(np.arange(len(wall.tet_vertices)), boundary)
-    distance = np.zeros(len(wall.tet_vertices))
-    distance[inner] = distance_to_triangles(wall.tet_vertices[inner], wall.tet_vertices[boundary])
+    num = len(wall.vertices)
+    boundary = np.concatenate([wall.faces, wall.faces + 2 * num])
+    distance = np.zeros(3 * num)
+    middle = slice(num, 2 * num)
+    distance[middle] = distance_to_triangles(wall.tet_vertices[middle], wall.tet_vertices[boundary])
     return modulus * distance / distance.max()
 
 

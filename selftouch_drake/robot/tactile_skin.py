@@ -27,7 +27,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
 from selftouch_drake.geometry import HollowSkin, ReceptiveFields, vtk_text
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.robot.contact import PressedFaces, SensorModel
+from selftouch_drake.robot.contact import SensorModel
 from selftouch_drake.robot.imperfections import ImperfectSkins
 
 # Slippery, like the skin of an exploring finger: friction changes no reading, only the effort.
@@ -167,19 +167,14 @@ class TactileSkin(LeafSystem):
 
     def _calc_sensation(self, context, output):
         contact = self._contact.Eval(context)
-        faces = PressedFaces()
-        self._sensor.gather(
-            faces,
-            0,
-            (
-                contact.hydroelastic_contact_info(i).contact_surface()
-                for i in range(contact.num_hydroelastic_contacts())
-            ),
-        )
         self._warn_of_points(contact)
+        surfaces = (
+            (0, contact.hydroelastic_contact_info(i).contact_surface())
+            for i in range(contact.num_hydroelastic_contacts())
+        )
         poses = self._poses.Eval(context)
         X_WS = [poses[link].multiply(X_LS).GetAsMatrix34() for link, X_LS in self._worn]
-        output.SetFromVector(self._sensor.touches(faces, np.array([X_WS])).sensation[0])
+        output.SetFromVector(self._sensor.touches(surfaces, np.array([X_WS])).sensation[0])
 
     def _warn_of_points(self, contact: ContactResults) -> None:
         for i in range(contact.num_point_pair_contacts()):
@@ -355,9 +350,8 @@ class KinematicTactileSkin(LeafSystem):
 
     def _calc_sensation(self, context, output):
         query = self._query.Eval(context)
-        faces = PressedFaces()
-        surfaces = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
-        self._sensor.gather(faces, 0, surfaces)
+        found = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
+        surfaces = [(0, surface) for surface in found]
         # A skin of an experiment is registered in the frame of its link.
         X_WL = [query.GetPoseInWorld(s).GetAsMatrix34() for s in self._skin_ids]
-        output.SetFromVector(self._sensor.touches(faces, np.array([X_WL])).sensation[0])
+        output.SetFromVector(self._sensor.touches(surfaces, np.array([X_WL])).sensation[0])

@@ -13,7 +13,6 @@ from scipy.spatial import Delaunay, cKDTree
 
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.geometry import hollow_skin, place_receptors, receptive_fields, surfaces
-from selftouch_drake.robot.contact import PressedFaces
 from selftouch_drake.robot.hydroelastic import cut
 from selftouch_drake.robot.probe import Postures
 from selftouch_drake.robot.receptor_shares import add_load, feel_loads, receptor_shares
@@ -41,13 +40,14 @@ EXPERIMENTS = (
 def drake_touches(world, q):
     """Drake's result: all contact surfaces at every configuration."""
     postures = Postures(world.experiment, world.skins, feels=True)
-    faces, sensor = PressedFaces(), sensor_model(postures.robot)
-    for row, at in enumerate(q):
-        surfaces = postures.query(at).ComputeContactSurfaces(
+    surfaces = (
+        (row, surface)
+        for row, at in enumerate(q)
+        for surface in postures.query(at).ComputeContactSurfaces(
             HydroelasticContactRepresentation.kPolygon
         )
-        sensor.gather(faces, row, surfaces)
-    return sensor.touches(faces, world.robot.skin_positions(q))
+    )
+    return sensor_model(postures.robot).touches(surfaces, world.robot.skin_positions(q))
 
 
 def assert_same_touches(touches, expected):

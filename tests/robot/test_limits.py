@@ -1,8 +1,10 @@
 import numpy as np
 import robots
+from pydrake.multibody.plant import MultibodyPlant
 
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot.limits import JointLimits
+from selftouch_drake.robot.models import load_model, parse
 
 
 def test_limits_are_those_of_the_robot_and_the_experiment(cube_world):
@@ -68,3 +70,39 @@ def test_babbling_stays_within_one_turn_where_there_are_no_limits(tmp_path):
     lower, upper = robot.babbled_range
     np.testing.assert_allclose(lower, [-np.pi, -1.0, -np.pi, 0.5])
     np.testing.assert_allclose(upper, [np.pi, 2.0, np.pi, 0.5 + 2 * np.pi])
+
+
+def test_actuators_of_mjcf_are_as_strong_as_in_mujoco(tmp_path):
+    actuators = {
+        '<motor gear="100" class="weak"/>': 40.0,
+        '<motor gear="-50 0 0" ctrlrange="-1 2" forcerange="-3 1"/>': 100.0,
+        '<motor gear="10" ctrlrange="-20 20" forcerange="-5 7"/>': 70.0,
+        '<motor gear="10" ctrllimited="false"/>': np.inf,
+        # The control of a servo is no force.
+        '<position gear="3" kp="20" forcerange="-4 4"/>': 12.0,
+        '<velocity kv="5"/>': np.inf,
+        '<general gear="2" gainprm="5" forcerange="-9 9"/>': 18.0,
+        '<motor gear="4"/><motor gear="6"/>': 10.0,
+    }
+    bodies = "".join(
+        f"""<body name="link_{k}" pos="0.1 0 0"><geom size="0.02" type="sphere"/>
+          <joint name="joint_{k}" type="hinge" axis="0 0 1" range="-60 60"/>"""
+        for k in range(len(actuators))
+    )
+    own = "".join(text.replace("/>", f' joint="joint_{k}"/>') for k, text in enumerate(actuators))
+    (tmp_path / "robot.xml").write_text(
+        f"""<mujoco model="robot">
+          <default><motor ctrlrange="-1 1"/><default class="weak"><motor ctrlrange="-.4 .4"/>
+          </default></default>
+          <worldbody>{bodies}{"</body>" * len(actuators)}</worldbody>
+          <actuator>{own}</actuator></mujoco>"""
+    )
+    directives = tmp_path / "robot.dmd.yaml"
+    directives.write_text("directives:\n- add_model: {name: robot, file: robot.xml}\n")
+    plant = MultibodyPlant(time_step=0.0)
+    parse(plant, load_model(str(directives), {}))
+    found = {
+        actuator.joint().name(): actuator.effort_limit()
+        for actuator in map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
+    }
+    assert [found[f"joint_{k}"] for k in range(len(actuators))] == list(actuators.values())
