@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from pydrake.geometry import SceneGraph
 
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation
@@ -23,7 +22,7 @@ from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import load_arrays
-from selftouch_drake.robot import MakeRobot, Robot, Touches, World
+from selftouch_drake.robot import Robot, Touches, World
 from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.artifacts import (
     load_body,
@@ -98,10 +97,10 @@ class RunData:
         except ModelError as error:
             raise MissingError(str(error)) from None
 
-    @cached_property
+    @property
     def robot(self) -> Robot:
-        """The robot, without the probe of contact, which takes longer to build."""
-        return MakeRobot(self.experiment, self.world.skins, SceneGraph())
+        """The robot of its world."""
+        return self.world.robot
 
     @cached_property
     def shape(self) -> RobotShape:

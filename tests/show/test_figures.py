@@ -11,7 +11,6 @@ from selftouch_drake.show.page import motion_figures, robot_pictures
 from selftouch_drake.show.page.figures import FIGURES
 from selftouch_drake.show.page.scene import visible
 from selftouch_drake.show.page.shape_figures import persistence, quotient_graph
-from selftouch_drake.show.page.skin_figures import sensations
 from selftouch_drake.show.paths import SkinPath
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinSurface
@@ -68,8 +67,8 @@ def test_a_vector_file_keeps_letters_and_is_small(make_run, monkeypatch):
     [
         ("nothing", []),
         ("babbled", ["coverage"]),
-        ("learned", [*list(FIGURES)[:7], "life"]),
-        ("planned", [*list(FIGURES)[:8], "life"]),
+        ("learned", [*list(FIGURES)[:6], "life"]),
+        ("planned", [*list(FIGURES)[:7], "life"]),
     ],
 )
 def test_what_is_missing_is_skipped_with_a_reason(make_run, unrendered, stage, drawn):
@@ -94,7 +93,7 @@ def test_the_agents_figures_do_without_the_truth(make_run, unrendered):
     for path in run.truth.iterdir():
         path.unlink()
     skipped = {name for name, it in write_figures(run).items() if isinstance(it, str)}
-    assert skipped - set(list(FIGURES)[7:]) == {"coverage", "body_shape"}
+    assert skipped - set(list(FIGURES)[6:]) == {"coverage", "body_shape"}
 
 
 def test_damage_is_an_error_that_names_the_file(make_run, unrendered):
@@ -148,13 +147,6 @@ def ball_at(centre) -> SkinSurface:
     return SkinSurface(
         name="ball", vertices=vertices, faces=np.array(ball.faces), receptors=vertices[::40]
     )
-
-
-def test_sensations_are_shown_on_every_skin(two_skins):
-    data = RunData(two_skins)
-    figure = sensations(data.skins, data.representation.target_sensations)
-    titles = [ax.get_title(loc="left") for ax in figure.axes[:4]]
-    assert [title.split()[-1] for title in titles] == ["body", "forearm", "body", "forearm"]
 
 
 def test_a_plan_over_several_skins_is_shown_skin_by_skin():

@@ -40,12 +40,6 @@ def coverage(data: RunData) -> Figure:
     return skin_figures.coverage(_skins(data), data.touch_density)
 
 
-def sensations(data: RunData) -> Figure:
-    """A few target sensations on the skins."""
-    targets = data.representation.target_sensations
-    return skin_figures.sensations(_skins(data), targets)
-
-
 def sensation_map(data: RunData) -> Figure:
     """Where some of the target sensations are felt, by number."""
     targets = data.representation.target_sensations
@@ -101,7 +95,6 @@ def life(data: RunData) -> Figure:
 FIGURES: dict[str, Callable[[RunData], Figure]] = {
     "agent": agent,
     "coverage": coverage,
-    "sensations": sensations,
     "sensation_map": sensation_map,
     "quotient_graph": quotient_graph,
     "body_shape": body_shape,

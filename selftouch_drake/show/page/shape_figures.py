@@ -102,14 +102,13 @@ def persistence(
     for (part, diagram), ax in zip(diagrams.items(), axes, strict=False):
         _draw_bars(ax, diagram)
         held = [f"{kind}: {n}" for (kind, _), n in zip(_KINDS, betti[part], strict=False)]
-        ax.set(
-            title=f"part {part}: {', '.join(map(str, betti[part]))}" if part else ", ".join(held)
-        )
+        short = f"part {part}: {', '.join(map(str, betti[part]))}"
+        ax.set(title=short if len(diagrams) > 1 else ", ".join(held))
     for ax in axes[len(diagrams) :]:
         ax.set_axis_off()
     figure.supxlabel("radius of the balls round the kernels (unit of each part)", fontsize=9)
     handles = [Line2D([], [], color=color, linewidth=2.5, label=kind) for kind, color in _KINDS]
-    figure.legend(handles=handles, loc="outside lower right", ncols=3, fontsize=8)
+    figure.legend(handles=handles, loc="outside upper right", ncols=3, fontsize=8)
     return figure
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -13,26 +12,22 @@ from matplotlib.patheffects import withStroke
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import farthest_points
-from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.page.scene import (
     add_scene,
     balls,
     draw,
     finish_row,
-    scale_bar,
     surface,
     visible,
 )
 from selftouch_drake.show.skins import SkinSurface, as_one
-from selftouch_drake.show.style import AMOUNT, BLUE, PRESSURE, SKIN, styled
+from selftouch_drake.show.style import AMOUNT, BLUE, SKIN, styled
 from selftouch_drake.show.view import View
 
 # Sensations whose numbers are written on the skin; more would cover it.
 _NUM_NAMED = 60
 # How far readings of one touch lie apart, as a share of the skin's extent.
 _REACH = 0.25
-# Panels in a row: more are too small to be read.
-_MOST_SHOWN = 6
 
 
 @styled
@@ -87,40 +82,6 @@ def _offsets(skins: Sequence[SkinSurface], density: Sequence[np.ndarray]) -> np.
 
 
 @styled
-def sensations(
-    skins: Sequence[SkinSurface], target_sensations: np.ndarray, *, num_shown: int = 4
-) -> Figure:
-    """A few target sensations, each on the skin that feels it and seen from its own side.
-
-    Args:
-        skins: in one frame.
-        target_sensations: `(K, S)` unit L2 norm.
-        num_shown: how many are drawn at least; they are as unlike as can be, and of all skins.
-    """
-    wanted = max(num_shown, min(len(skins), _MOST_SHOWN))
-    chosen = _unlike(skins, target_sensations, wanted)
-    felt = target_sensations[[kernel for kernel, _ in chosen]]
-    norm = Normalize(0.0, float(felt.max()) or 1.0)
-
-    figure = Figure(figsize=(10.5, 3.2), layout="constrained")
-    grid = figure.add_gridspec(1, len(chosen))
-    for column, (kernel, number) in enumerate(chosen):
-        skin = skins[number]
-        title = f"sensation {kernel}" + (f"\non {skin.name}" if len(skins) > 1 else "")
-        ax = add_scene(figure, grid[column], title)
-        _draw_sensation(ax, skin, target_sensations[kernel, skin.readings], norm)
-    if len(skins) == 1:
-        finish_row(figure)
-    else:
-        for ax in figure.axes:
-            scale_bar(ax)
-    figure.colorbar(
-        ScalarMappable(norm, PRESSURE), ax=figure.axes, label="share of the sensation", shrink=0.7
-    )
-    return figure
-
-
-@styled
 def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -> Figure:
     """Where some target sensations are felt, by number, from the front and from behind.
 
@@ -130,7 +91,7 @@ def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -
     """
     skin = as_one(skins)
     places = felt_places(skins, target_sensations)
-    named = farthest_points(_distances(places), _NUM_NAMED)
+    named = farthest_points(lambda k: np.linalg.norm(places - places[k], axis=1), _NUM_NAMED)
     # Round their middle the skins are in the same place in both views.
     middle = (skin.vertices.min(axis=0) + skin.vertices.max(axis=0)) / 2
     vertices, places = skin.vertices - middle, places - middle
@@ -171,35 +132,3 @@ def felt_places(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -> 
     inside = weight @ receptors / weight.sum(axis=1, keepdims=True)
     _, nearest = cKDTree(everything.vertices).query(inside)
     return everything.vertices[nearest]
-
-
-def _unlike(
-    skins: Sequence[SkinSurface], target_sensations: np.ndarray, wanted: int
-) -> list[tuple[int, int]]:
-    """Target sensations as unlike as can be, from each skin in turn, and the skins they are on."""
-    strength = np.stack([target_sensations[:, s.readings].sum(axis=1) for s in skins], axis=1)
-    skin = strength.argmax(axis=1)
-    rounds: list[tuple[int, int, int]] = []
-    for number in range(len(skins)):
-        here = np.flatnonzero(skin == number)
-        rows = target_sensations[here]
-        if len(here):
-            order = farthest_points(_distances(rows), wanted)
-            rounds += [(turn, number, int(here[k])) for turn, k in enumerate(order)]
-    return [(kernel, number) for _, number, kernel in sorted(rounds)[:wanted]]
-
-
-def _distances(rows: np.ndarray) -> Callable[[int], np.ndarray]:
-    return lambda row: np.linalg.norm(rows - rows[row], axis=1)
-
-
-def _draw_sensation(ax: Axes, skin: SkinSurface, felt: np.ndarray, norm: Normalize) -> None:
-    mesh = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
-    _, nearest = mesh.kdtree.query(skin.receptors)
-    direction = felt @ mesh.vertex_normals[nearest]
-    height = np.degrees(np.arcsin(direction[2] / max(np.linalg.norm(direction), 1e-9)))
-    view = View.facing(direction + 1e-9, elevation=float(np.clip(height, -35.0, 50.0)))
-    draw(ax, view, surface(skin.vertices, skin.faces, SKIN))
-    seen = visible(skin.receptors, skin.vertices, skin.faces, view)
-    colors = PRESSURE(norm(felt[seen]))[:, :3]
-    draw(ax, view, balls(skin.receptors[seen], 0.026 * skin.extent, colors), zorder=2)
