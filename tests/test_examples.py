@@ -57,6 +57,32 @@ def test_an_agent_in_a_diagram_feels_what_is_wanted():
     assert felt == wanted
 
 
+def lines_of_glue(name):
+    """Lines of an example that are not blank, up to its `main`."""
+    text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8").partition("\ndef main")[0]
+    return [line for line in text.splitlines() if line.strip()]
+
+
+def test_mujoco_is_a_body_in_forty_lines():
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    assert len(lines_of_glue("body_in_mujoco")) <= 40
+    touches, receptors = run("body_in_mujoco")
+    assert touches > 50
+    assert receptors >= 20
+
+
+def test_pybullet_is_a_body_in_forty_lines():
+    pytest.importorskip("pybullet", reason="there are wheels of pybullet up to Python 3.11 only")
+    assert len(lines_of_glue("body_in_pybullet")) <= 40
+    touches, receptors = run("body_in_pybullet")
+    assert touches > 50
+    assert receptors >= 20
+
+
+def test_a_robot_stops_where_it_is_pressed_too_hard():
+    assert run("own_robot") == [True, True, False]
+
+
 def test_every_example_is_tested():
     text = Path(__file__).read_text(encoding="utf-8")
     for path in EXAMPLES.glob("*.py"):

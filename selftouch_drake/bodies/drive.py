@@ -197,7 +197,11 @@ def _described(
 
 
 class Drive:
-    """Chooses actions so that joints are where they are to be, with an integral of what remains."""
+    """Chooses actions so that joints are where they are to be.
+
+    Attributes:
+        correction: `(J,)` integral of what remains, as of weight and friction.
+    """
 
     def __init__(self, actions: Actions):
         self._actions = actions
@@ -206,7 +210,7 @@ class Drive:
 
     def forget(self) -> None:
         """Begins anew, as after a reset."""
-        self._rest = np.zeros(len(self._actions.q))
+        self.correction = np.zeros(len(self._actions.q))
         self._q: np.ndarray | None = None
 
     def action(self, q: np.ndarray, target: np.ndarray, speed: np.ndarray) -> np.ndarray:
@@ -222,16 +226,18 @@ class Drive:
         moving = np.zeros_like(q) if self._q is None else (q - self._q) / known.step_s
         self._q = q
         if known.kind == "position":
-            wanted = target - known.q + known.lag_s * speed + self._rest
+            wanted = target - known.q + known.lag_s * speed + self.correction
             gain = 1.0
         elif known.kind == "velocity":
-            wanted, gain = speed + firm * error + self._rest, firm**2
+            wanted, gain = speed + firm * error + self.correction, firm**2
         else:
             push = firm**2 * error + 2 * _DAMPING * firm * (speed - moving)
-            wanted, gain = push + self._rest, firm**3
+            wanted, gain = push + self.correction, firm**3
         action = known.neutral.copy()
         action[known.of_joint] += wanted / known.effect
         possible = action.clip(known.low, known.high)
-        free = possible[known.of_joint] == action[known.of_joint]
-        self._rest += free * gain * _PATIENCE[known.kind] * known.step_s * error
+        more = gain * _PATIENCE[known.kind] * known.step_s * error
+        # Not further beyond what is possible.
+        excess = (action - possible)[known.of_joint] * known.effect
+        self.correction = self.correction + np.where(more * excess > 0, 0.0, more)
         return possible

@@ -199,7 +199,7 @@ class GymnasiumBody:
 
     def _travel(self, goal: np.ndarray) -> bool:
         assert self._drive is not None
-        start = self._q
+        start, correction = self._q, self._drive.correction
         way = goal - start
         duration = (_PEAK * np.abs(way) / (_SLOW * self.velocity)).max()
         num_steps = int(np.ceil(duration / self._step_s))
@@ -209,7 +209,8 @@ class GymnasiumBody:
             target = start + share * way
             self._step(self._drive.action(self._q, target, rate / (duration or 1.0) * way))
             if (np.abs(target - self._q) > self._blocked).any():
-                goal = self._q  # what is in the way is not pressed harder
+                # What is in the way is not pressed harder.
+                goal, self._drive.correction = self._q, correction
                 break
         blocked, before, nothing = goal is self._q, self._q, np.zeros_like(goal)
         watched = max(1, round(_STILL_S / self._step_s))
@@ -220,6 +221,7 @@ class GymnasiumBody:
                 if still and (blocked or (np.abs(self._q - goal) < self._near).all()):
                     return not blocked
                 before = self._q
+        self._drive.correction = correction
         return False
 
     def _trial(self, actions: np.ndarray) -> np.ndarray:

@@ -218,3 +218,25 @@ def test_mistakes_in_an_experiment_are_one_line(tmp_path, fields, line):
     with pytest.raises(BodyError) as error:
         open_body(experiment(tmp_path, **fields))
     assert line in str(error.value)
+
+
+@pytest.mark.parametrize("control", ["position", "torque"])
+def test_a_foreign_arm_walks_under_dynamics_and_does_not_get_stuck(control):
+    pytest.importorskip("mujoco", reason="mujoco is not installed")
+    from mujoco_body import START, Dynamic
+
+    body = Dynamic(control)
+    assert body.actions.kind == control
+    assert body.actions.of_joint.tolist() == list(range(12))
+    rng, span, q, step = np.random.default_rng(0), body.upper - body.lower, START, np.zeros(12)
+    reached, touched = [], np.zeros(160, dtype=bool)
+    for _ in range(150):
+        step = 0.8 * step + 0.04 * span * rng.normal(size=12)
+        step = np.where((q + step < body.lower) | (q + step > body.upper), -step, step)
+        felt = body.feel((q + step).clip(body.lower, body.upper)[None])
+        q = felt.q[0]
+        reached.append(felt.reached[0])
+        touched |= felt.sensation[0] > 0
+    assert np.mean(reached) > 0.8
+    assert np.mean(reached[100:]) > 0.7
+    assert touched.sum() > 10
