@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from fenced import blocks
 
 from selftouch_drake.agent.body import BodyError
 from selftouch_drake.bodies.making import open_body, open_reference
@@ -159,3 +160,10 @@ class Mine:
     with pytest.raises(BodyError):
         open_body(in_file(tmp_path, text))
     assert (tmp_path / "closed").exists()
+
+
+def test_the_experiments_of_the_page_are_valid():
+    page = Path(__file__).parents[2] / "docs" / "own_body.md"
+    own, env = (yaml.safe_load(text) for text in blocks(page.read_text(encoding="utf-8"), "yaml"))
+    assert experiment_from_fields(own).body_from == "python"
+    assert experiment_from_fields(env).body_from == "gymnasium"
