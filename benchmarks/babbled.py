@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 from selftouch_drake.experiment import Experiment, load_experiment
-from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import local_executor
@@ -16,7 +15,7 @@ def babbled(path: Path, experiment: Experiment) -> RunDirectory:
     run = RunDirectory.create(path, experiment)
     if not stages.has_babbled(run):
         with local_executor(2) as executor:
-            stages.babble(run, World(experiment), executor)
+            stages.babble(run, executor)
     return run
 
 

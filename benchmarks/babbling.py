@@ -36,7 +36,7 @@ from selftouch_drake.experience import (
     random_walk,
     write_shard,
 )
-from selftouch_drake.experience.walkers import BATCH, KinematicWalker
+from selftouch_drake.experience.walkers import BATCH
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import MakeDynamicStation, World
 from selftouch_drake.robot.broadphase import BroadPhase
@@ -68,7 +68,7 @@ class Selftouch:
 
     def __init__(self, world: World, folder: Path):
         self.experiment, self.folder = world.experiment, folder
-        self.source = KinematicWalker(world)
+        self.source = DrakeBody(world)
 
     def run(self, walk_number: int, num_touches: int) -> None:
         shard = collect_walk(self.source, self.experiment, walk_number, num_touches)
@@ -199,11 +199,11 @@ def measure_steps(turns: int) -> dict[str, float]:
 _FIRST_TOUCHES = """
 import time
 from selftouch_drake.experience import collect_walk
-from selftouch_drake.experience.walkers import KinematicWalker
+from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 experiment = load_experiment("sphere")
-source = KinematicWalker(World(experiment))
+source = DrakeBody(World(experiment))
 began = time.perf_counter()
 collect_walk(source, experiment, 0, 100)
 print(time.perf_counter() - began)

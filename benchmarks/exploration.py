@@ -56,9 +56,9 @@ from selftouch_drake.agent.representation import QuotientLearner, QuotientRepres
 from selftouch_drake.agent.shape import recover
 from selftouch_drake.evaluation import kernel_truth, random_pairs, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader, Shard, collect_walk
+from selftouch_drake.experience.exploration import Exploration
 from selftouch_drake.experience.walkers import SAMPLE_PERIOD, DynamicWalker, KinematicWalker
 from selftouch_drake.experiment import Experiment, load_experiment
-from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.first_tries import FirstTries

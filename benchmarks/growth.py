@@ -9,8 +9,8 @@ from __future__ import annotations
 import argparse
 import time
 
+from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience import collect_walk
-from selftouch_drake.experience.walkers import KinematicWalker
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 
@@ -23,7 +23,7 @@ def measure(name: str, overrides: dict, num_touches: int) -> str:
     experiment = load_experiment(name, overrides)
     began = time.process_time()
     world = World(experiment)
-    source = KinematicWalker(world)
+    source = DrakeBody(world)
     built = time.process_time() - began
     collect_walk(source, experiment, 0, 50)
     began = time.process_time()

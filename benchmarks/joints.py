@@ -20,7 +20,6 @@ from results import add_update_option, results
 
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.resources import MODELS
-from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.show.style import BLUE, GREEN, ORANGE, styled
 
@@ -103,7 +102,7 @@ def measured(num_joints: int, arguments: argparse.Namespace) -> Metrics:
     if not stages.has_learned(run):
         stages.learn(run)
     if "execution_contact_mean" not in run.metrics():
-        stages.evaluate(run, World(experiment))
+        stages.evaluate(run)
     return run.metrics()
 
 

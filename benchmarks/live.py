@@ -16,7 +16,7 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from selftouch_drake.run.acting import Pilot
+from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show.meshcat.live import FRAME_S, SPEED, LiveShow

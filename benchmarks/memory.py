@@ -78,13 +78,13 @@ def do(stage: str, path: Path) -> dict[str, float]:
     if stage == "babble":
         spawn = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(1, mp_context=spawn) as executor:
-            stages.babble(run, stages.make_world(run), executor)
+            stages.babble(run, executor)
             worker = executor.submit(peak_memory_mb).result()
         return {STAGES[0]: worker, STAGES[1]: peak_memory_mb()}
     if stage == "learn":
         stages.learn(run)
     elif stage == "evaluate":
-        stages.evaluate(run, stages.make_world(run))
+        stages.evaluate(run)
     else:
         write_report(run)
     return {stage: peak_memory_mb()}

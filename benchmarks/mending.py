@@ -33,11 +33,11 @@ from results import results
 
 from selftouch_drake.agent.lifelong import Life, OnlineLearner, TouchSet
 from selftouch_drake.agent.lifelong.expectation import cosine_distance
+from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.evaluation.life import planned_contact, quality
 from selftouch_drake.experience import collect_walk
-from selftouch_drake.experience.walkers import KinematicWalker
+from selftouch_drake.experience.exploration import Exploration
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.exploration import Exploration
 from selftouch_drake.robot import World
 
 #: Bodies with their holes.
@@ -86,7 +86,7 @@ class Walks:
         self._touches = self._halves(world, first_walk)
 
     def _halves(self, world: World, walk: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        source = KinematicWalker(world)
+        source = DrakeBody(world)
         while True:
             shard = collect_walk(source, world.experiment, walk, 2 * LOOK)
             for rows in (slice(LOOK), slice(LOOK, None)):

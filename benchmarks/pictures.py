@@ -28,10 +28,10 @@ from drawings import DRAWINGS, ROOT
 from matplotlib.figure import Figure
 from PIL import Image
 
+from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
-from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent, load_execution
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show.meshcat.live import TARGET, LiveShow
@@ -73,8 +73,8 @@ def torus(folder: Path) -> RunData:
     data = evaluated(folder / "torus", load_experiment("torus", SIZE | FEW_PAIRS))
     for targets in (TOUR[:2], TOUR):
         if not data.run.plan(*targets).exists():
-            stages.plan(data.run, data.world, *targets)
-            stages.execute(data.run, data.world, *targets)
+            stages.plan(data.run, *targets)
+            stages.execute(data.run, *targets)
     return data
 
 
@@ -100,11 +100,11 @@ def evaluated(folder: Path, experiment: Experiment) -> RunData:
     run, world = RunDirectory.create(folder, experiment), World(experiment)
     if not stages.has_babbled(run):
         with ThreadPoolExecutor() as executor:
-            stages.babble(run, world, executor)
+            stages.babble(run, executor)
     if not stages.has_learned(run):
         stages.learn(run)
     if not stages.has_evaluated(run):
-        stages.evaluate(run, world)
+        stages.evaluate(run)
     return RunData(run, world)
 
 

@@ -21,13 +21,14 @@ import trimesh
 from babbled import babbled
 from results import add_update_option, results
 
+from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.agent.rehearsal import reached
 from selftouch_drake.evaluation import random_pairs
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.geometry import hollow_skin
 from selftouch_drake.robot import Simulation, SkinModel
 from selftouch_drake.run import stages
-from selftouch_drake.run.acting import NoWayError, Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 

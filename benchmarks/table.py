@@ -25,8 +25,8 @@ import numpy as np
 from babbling import measure, measure_steps
 from peers import measure_peers
 
+from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.run import stages
-from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent, load_representation
 from selftouch_drake.run.directory import RunDirectory
 

@@ -15,8 +15,8 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.planning.timing import time_path
+from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience import collect_walk
-from selftouch_drake.experience.walkers import KinematicWalker
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import MakeDynamicStation, World
 
@@ -101,7 +101,7 @@ class NaiveAgent(LeafSystem):
 
 def learned(world: World) -> Agent:
     """An agent with a few thousand touches."""
-    touches = collect_walk(KinematicWalker(world), world.experiment, 0, NUM_TOUCHES)
+    touches = collect_walk(DrakeBody(world), world.experiment, 0, NUM_TOUCHES)
     return Agent.learn(touches.q, touches.sensation, num_targets=NUM_TARGETS)
 
 

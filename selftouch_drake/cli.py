@@ -188,14 +188,14 @@ def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
     a YAML file. Finished stages are skipped: a stopped run resumes.
     """
     with local_executor(workers) as executor:
-        directory, world = _begin(**given, executor=executor)
+        directory = _begin(**given, executor=executor)
 
         from selftouch_drake.run import stages
         from selftouch_drake.show.outputs import write_figures, write_report
 
         if not stages.has_babbled(directory):
-            _babble(directory, world, executor, scheduler)
-            for picture in write_figures(directory, world=world).values():
+            _babble(directory, executor, scheduler)
+            for picture in write_figures(directory).values():
                 if isinstance(picture, Path):
                     click.echo(f"first picture: {picture}")
         if not stages.has_learned(directory):
@@ -204,9 +204,9 @@ def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
                 stages.learn(directory, progress)
         if not stages.has_evaluated(directory):
             with _progress("plan, execute, evaluate") as progress:
-                stages.evaluate(directory, world, progress, executor)
+                stages.evaluate(directory, progress, executor)
         with _progress("report") as progress:
-            report = write_report(directory, progress, world=world)
+            report = write_report(directory, progress)
     _print_headline(directory)
     click.echo(f"report: {report}")
 
@@ -220,10 +220,10 @@ def babble(workers: int | None, scheduler: str | None, **given: Any) -> None:
 
     EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
     """
-    directory, world = _begin(**given)
+    directory = _begin(**given)
 
     with local_executor(workers) as executor:
-        _babble(directory, world, executor, scheduler)
+        _babble(directory, executor, scheduler)
     click.echo(f"experience: {directory.experience}")
 
 
@@ -338,10 +338,9 @@ def plan(directory: RunDirectory, targets: list) -> None:
             )
         motion = stages.plan_imported(directory, *targets)
     elif q_start is None:
-        motion = stages.plan(directory, stages.make_world(directory), *targets)
+        motion = stages.plan(directory, *targets)
     else:
-        world = stages.make_world(directory)
-        motion = stages.plan_from(directory, world, np.array(q_start), targets[-1])
+        motion = stages.plan_from(directory, np.array(q_start), targets[-1])
     click.echo(f"route: {_route(motion)}\nduration: {motion.time_s[-1]:.2f} s")
     click.echo(f"plan: {directory.plan(*targets)}")
     if without_world:
@@ -370,14 +369,13 @@ def execute(directory: RunDirectory, targets: list, max_tries: int | None) -> No
     from selftouch_drake.agent.rehearsal import best
     from selftouch_drake.run import stages
 
-    world = stages.make_world(directory)
     if max_tries is None:
-        kept = stages.execute(directory, world, *targets)
+        kept = stages.execute(directory, *targets)
     else:
-        tries = stages.rehearse(directory, world, targets[0], targets[1], max_tries)
+        tries = stages.rehearse(directory, targets[0], targets[1], max_tries)
         kept = best(tries)
         click.echo("tries: " + ", ".join(f"{one.contact:.1%}" for one in tries))
-    click.echo(f"tracking: {_tracking(kept.execution, world.robot.turns)}")
+    click.echo(f"tracking: {_tracking(kept.execution, stages.run_bodies(directory).world)}")
     click.echo(f"in contact: {kept.contact:.1%} of the time")
     click.echo(f"sensation {targets[-1]}: {'reached' if kept.reached else 'missed'}")
     click.echo(f"plan: {directory.plan(*targets)}")
@@ -408,7 +406,7 @@ def evaluate(directory: RunDirectory, workers: int | None) -> None:
     from selftouch_drake.run import stages
 
     with _progress("evaluate") as progress, local_executor(workers) as executor:
-        stages.evaluate(directory, stages.make_world(directory), progress, executor)
+        stages.evaluate(directory, progress, executor)
     _print_headline(directory)
 
 
@@ -442,14 +440,14 @@ def live(workers: int | None, port: int | None, no_page: bool, **given: Any) -> 
     body changes, and corrects what it knows. The report shows its life as curves. End with the
     button on the page or with Ctrl-C.
     """
-    directory, world = _begin(**given)
+    directory = _begin(**given)
 
     from selftouch_drake.run import lifelong, stages
     from selftouch_drake.show.outputs import show_live
 
     if not stages.has_babbled(directory):
         with local_executor(workers) as executor:
-            _babble(directory, world, executor, None)
+            _babble(directory, executor, None)
     if no_page:
         with _progress("live") as progress:
             lifelong.live(directory, progress=progress)
@@ -643,10 +641,13 @@ def _route(motion) -> str:
     return "\n       ".join([" ".join(words), *used])
 
 
-def _tracking(execution, turns) -> str:
+def _tracking(execution, world) -> str:
     import numpy as np
 
     squares = np.square(execution.q_measured - execution.motion.q)
+    if world is None:  # the body has units of its own
+        return f"{np.sqrt(squares.mean()):.2g}"
+    turns = world.robot.turns
     return ", ".join(
         f"{1e3 * np.sqrt(squares[:, joints].mean()):.1f} {unit}"
         for joints, unit in ((turns, "mrad"), (~turns, "mm"))
@@ -666,8 +667,8 @@ def _load(experiment: str, overrides: dict[str, Any]):
 
 def _begin(
     experiment: str, out: Path | None, overrides: dict[str, Any], executor: Executor | None = None
-):
-    """Begins or resumes a run, prints its path, and builds its world.
+) -> RunDirectory:
+    """Begins or resumes a run, prints its path, and builds its bodies.
 
     The workers of an executor get ready to babble.
     """
@@ -678,19 +679,21 @@ def _begin(
     loaded, digests = _load(experiment, overrides)
     path = out or default_path(loaded.name, overrides)
     if executor is not None and not path.exists():
-        from selftouch_drake.experience.collect import get_ready
+        from selftouch_drake.bodies.embodiment import get_ready
 
         for number in range(2):
             fingerprint = experience_fingerprint(loaded, digests)
             meanwhile(executor, get_ready, loaded.after(0), fingerprint, number)
 
-    from selftouch_drake.run.stages import build_world
+    from selftouch_drake.bodies.embodiment import make_bodies
+    from selftouch_drake.run.stages import keep_bodies
 
-    world = build_world(loaded)  # errors appear before anything is written
+    bodies = make_bodies(loaded.after(0))  # errors appear before anything is written
     directory = RunDirectory.create(path, loaded)
     click.get_current_context().with_resource(directory.writing())
+    keep_bodies(directory, bodies)
     click.echo(f"run: {directory.path}")
-    return directory, world
+    return directory
 
 
 def _open(run: Path, *, writing: bool = True) -> RunDirectory:
@@ -702,14 +705,14 @@ def _open(run: Path, *, writing: bool = True) -> RunDirectory:
     return directory
 
 
-def _babble(directory, world, executor, scheduler: str | None) -> None:
+def _babble(directory, executor, scheduler: str | None) -> None:
     from selftouch_drake.run import stages
     from selftouch_drake.run.executors import dask_executor
 
     chosen = dask_executor(scheduler) if scheduler else nullcontext(executor)
     with _progress("babble") as progress, chosen as where:
         progress(0.0, "the first walks")  # under dynamics these take minutes
-        stages.babble(directory, world, where, progress)
+        stages.babble(directory, where, progress)
 
 
 @contextmanager

@@ -20,7 +20,6 @@ from selftouch_drake.agent.representation.neighbours import connected_edges
 from selftouch_drake.cli import _route, exit_status
 from selftouch_drake.experiment import load_experiment, parse_overrides, shipped_experiments
 from selftouch_drake.resources import EXPERIMENTS, MODELS, SWEEPS, shipped
-from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.metrics import METRICS
@@ -329,9 +328,7 @@ def test_what_was_never_touched_is_named_in_one_line(capfd, tmp_path):
     experiment = load_experiment("cube", overrides)
     directory = RunDirectory.create(tmp_path / "run", experiment)
     with Threads(1) as executor:
-        status = exit_status(
-            lambda: stages.babble(directory, World(experiment), executor, stages.silent)
-        )
+        status = exit_status(lambda: stages.babble(directory, executor, stages.silent))
     assert status == 0
     (line,) = capfd.readouterr().err.strip().splitlines()
     assert line == (

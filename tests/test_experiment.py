@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from selftouch_drake.experiment import (
     SHAPE_METRICS,
     SHAPES,
-    STREAMS,
     Experiment,
     ExperimentError,
     Skin,
@@ -22,6 +21,7 @@ from selftouch_drake.experiment import (
     parse_overrides,
     shipped_experiments,
 )
+from selftouch_drake.randomness import STREAMS
 
 TOP_FIELDS = (
     "name, seed, robot, skins, touching, joints, babbling, "

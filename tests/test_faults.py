@@ -58,7 +58,7 @@ def learned_run(finished_run, tmp_path_factory):
     file = path / "experiment.yaml"
     file.write_text(file.read_text().replace("shape_metrics: null", "shape_metrics: []"))
     run = RunDirectory.open(path)
-    stages.plan(run, stages.make_world(run), 0, 1)
+    stages.plan(run, 0, 1)
     save_memory(run, RehearsalMemory.blank(load_representation(run)))
     return path
 

@@ -18,14 +18,13 @@ LAYERS = (
     ("show",),
     ("run",),
     ("evaluation",),
-    ("exploration",),
     ("bodies",),
-    ("agent",),
     ("experience",),
+    ("agent",),
     ("robot",),
     ("geometry",),
     ("experiment",),
-    ("compiled", "files", "lazy", "resources", "threads"),
+    ("compiled", "files", "lazy", "randomness", "resources", "threads"),
 )
 HEIGHT = {room: -number for number, rooms in enumerate(LAYERS) for room in rooms}
 # The agent is naive: below it are only the helpers of `geometry` that know no robot.

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from selftouch_drake.agent.touch_profile import TouchProfile
 
 
 class BodyError(Exception):
@@ -33,22 +36,40 @@ class Felt:
     sensation: np.ndarray
     reached: np.ndarray
 
+    def touches(self) -> tuple[np.ndarray, Felt]:
+        """The rows in which something is felt, and what was felt there."""
+        rows = np.flatnonzero(self.sensation.any(axis=1))
+        return rows, self.of_rows(rows)
+
+    def of_rows(self, rows: np.ndarray) -> Felt:
+        """What was felt at some of the configurations."""
+        return Felt(q=self.q[rows], sensation=self.sensation[rows], reached=self.reached[rows])
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Followed:
     """What a body measured while it followed a motion.
 
-    T samples, J joints, S receptors.
+    T samples, J joints, S receptors, and N samples of the efforts, as many as there are.
 
     Attributes:
         time_s: `(T,)` s, from the start of the motion.
         q: `(T, J)` where it was, in its own units.
         sensation: `(T, S)` raw readings.
+        v: `(T, J)` velocities, if the body measures them.
+        torque: `(N, J)` efforts of the joints, if the body measures them.
     """
 
     time_s: np.ndarray
     q: np.ndarray
     sensation: np.ndarray
+    v: np.ndarray | None = None
+    torque: np.ndarray | None = None
+
+    def felt(self) -> Felt:
+        """What was felt at each sample."""
+        reached = np.ones(len(self.q), dtype=bool)
+        return Felt(q=self.q, sensation=self.sensation, reached=reached)
 
 
 @runtime_checkable
@@ -84,6 +105,22 @@ class Body(Protocol):
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
         """Carries out a timed motion: `(T,)` s from 0, and `(T, J)` where to be then.
 
-        A body that jumps begins at rest at the first configuration, another where it is.
+        It begins where the last motion ended. If that is not the first configuration, a body that
+        jumps is put there, at rest; another goes there first.
         """
+        ...
+
+
+@runtime_checkable
+class ServoedBody(Body, Protocol):
+    """A body that corrects a motion by touch while it follows it.
+
+    Attributes:
+        offsets: `(G,)` rad, displacements across the skin that it distinguishes.
+    """
+
+    offsets: np.ndarray
+
+    def follow_beside(self, time_s: np.ndarray, q: np.ndarray, beside: TouchProfile) -> Followed:
+        """As `follow`, and stays in the skin by what is felt `beside` the motion."""
         ...

@@ -124,10 +124,10 @@ def dry_run(plan: Plan, slider: Slider) -> DryRun:
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, 2 + int(length / _SAMPLED))
     x = plan.path(s) * slider.joint_scale
-    felt = slider.feel(x)
+    there = slider.feel(x)
+    felt, impossible = there.sensation, ~there.reached
     step = steps(plan.waypoint_s, s)
     lost = plan.touching(s) & ~felt.any(axis=1)
-    impossible = ~slider.possible(x)
     if not len(plan.in_air):  # a plan to stay
         lost[:] = impossible[:] = False
     return DryRun(
@@ -204,15 +204,15 @@ def out_of_the_way(
     still = x.max(axis=0) == x.min(axis=0)
     if plan.in_air.any() or not still.any():
         return None
-    best, most = None, int(slider.possible(x).sum())
+    best, most = None, int(slider.feel(x).reached.sum())
     if most == len(x):
         return None
     members = [representation.members(kernel) for kernel in np.unique(plan.nodes)]
     rows = np.concatenate([np.r_[some] for some in members])
     for row in rows[:: max(len(rows) // _NUM_ASIDE, 1)]:
         other = np.where(still, representation.scaled(representation.kernel_q[row]), x)
-        there = int(slider.possible(other).sum())
-        if there > most and slider.possible(straight(x[0], other[0])).all():
+        there = int(slider.feel(other).reached.sum())
+        if there > most and slider.feel(straight(x[0], other[0])).reached.all():
             best, most = other[0], there
     return best
 

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from scipy.sparse.csgraph import dijkstra
+
+from selftouch_drake.agent.body import Body, Felt
 
 #: rad, length of a step, and of a trial to either side. Measured on 51 ways of 2 rad between
 #: touches of a forearm with nine joints that matter: 86 % succeed by sliding, 12 % if straight.
@@ -38,45 +39,21 @@ _MOST_CHECKS = 300
 _MOST_HALVINGS, _CORRECTIONS = 5, 4
 
 
-class PracticeWorld(Protocol):
-    """Where an agent may try motor configurations one by one, without dynamics.
-
-    Configurations are in the robot's units, `(n, J)`.
-
-    Attributes:
-        lower: `(J,)` lower limits of the joints.
-        upper: `(J,)` upper limits.
-    """
-
-    lower: np.ndarray
-    upper: np.ndarray
-
-    def feel(self, q: np.ndarray) -> np.ndarray:
-        """`(n, S)` N, the sensations at these configurations."""
-
-    def possible(self, q: np.ndarray) -> np.ndarray:
-        """`(n,)` bool, whether the robot can take these configurations."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Slider:
     """Slides by feel; all its configurations are scaled, in rad.
 
     Attributes:
-        world: where it feels.
+        body: where it feels.
         joint_scale: `(J,)` factors of the agent's representation.
     """
 
-    world: PracticeWorld
+    body: Body
     joint_scale: np.ndarray
 
-    def feel(self, x: np.ndarray) -> np.ndarray:
-        """`(n, S)` N, the sensations at `(n, J)` configurations."""
-        return self.world.feel(x / self.joint_scale)
-
-    def possible(self, x: np.ndarray) -> np.ndarray:
-        """`(n,)` bool, whether the robot can take `(n, J)` configurations."""
-        return self.world.possible(x / self.joint_scale)
+    def feel(self, x: np.ndarray) -> Felt:
+        """What the body feels at `(n, J)` configurations, and whether it can be there."""
+        return self.body.feel(x / self.joint_scale)
 
     def slide(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Slides from one touching configuration to another; only joints that differ move.
@@ -90,9 +67,10 @@ class Slider:
             the sensations there; None if it did not arrive.
         """
         joints = np.flatnonzero(x_from != x_to)
-        felt, at_end = self.feel(np.stack([x_from, x_to]))
-        start, end = _strength(np.stack([felt, at_end]))
-        if not (start > 0 and end > 0 and self.possible(x_to[None])[0]):
+        at_ends = self.feel(np.stack([x_from, x_to]))
+        felt = at_ends.sensation[0]
+        start, end = _strength(at_ends.sensation)
+        if not (start > 0 and end > 0 and at_ends.reached[1]):
             return None
         whole = float(np.linalg.norm(x_to - x_from))
         x, passed = x_from, list[tuple[np.ndarray, np.ndarray]]()
@@ -141,7 +119,7 @@ class Slider:
                 return x[way[1:-1]]
             i, j = unsure[0]
             checked[i, j] = checked[j, i] = True
-            if not self.possible(straight(x[i], x[j])).all():
+            if not self.feel(straight(x[i], x[j])).reached.all():
                 length[i, j] = length[j, i] = 0.0
         return None
 
@@ -154,7 +132,7 @@ class Slider:
         trials = np.zeros((len(joints), len(x)))
         trials[np.arange(len(joints)), joints] = _TRIAL
         tried = self.within(np.concatenate([x + trials, x - trials]))
-        more, less = np.split(_strength(self.feel(tried)), 2)
+        more, less = np.split(_strength(self.feel(tried).sensation), 2)
         apart = np.linalg.norm(np.subtract(*np.split(tried, 2)), axis=1)
         slope = np.zeros(len(x))
         slope[joints] = np.divide(more - less, apart, out=np.zeros(len(apart)), where=apart > 0)
@@ -162,7 +140,7 @@ class Slider:
 
     def within(self, x: np.ndarray) -> np.ndarray:
         """`(..., J)` the nearest positions within the limits of the joints."""
-        return x.clip(self.world.lower * self.joint_scale, self.world.upper * self.joint_scale)
+        return x.clip(self.body.lower * self.joint_scale, self.body.upper * self.joint_scale)
 
     def _go(
         self, x: np.ndarray, x_to: np.ndarray, felt: np.ndarray, wanted: float, joints: np.ndarray
@@ -182,11 +160,11 @@ class Slider:
             press = np.clip((wanted - _strength(felt)) / steepness, -0.5 * step, 0.5 * step)
             there = self.within(x + step / length * along + press * up)
             for _ in range(_CORRECTIONS):
-                (now,) = self.feel(there[None])
-                share = float(_strength(now)) / wanted
+                now = self.feel(there[None])
+                share = float(_strength(now.sensation[0])) / wanted
                 if _LEAST_FELT < share < _MOST_FELT:
-                    if self.possible(there[None])[0]:
-                        return there, now
+                    if now.reached[0]:
+                        return there, now.sensation[0]
                     break
                 correction = np.clip((1.0 - share) * wanted / steepness, -step, step)
                 there = self.within(there + correction * up)

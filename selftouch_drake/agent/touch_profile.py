@@ -33,11 +33,13 @@ class TouchProfile:
     Attributes:
         time_s: `(K,)` s, time of the motion at each place.
         across: `(K, J)` unit length, scaled direction through the skin; it changes continuously.
+        joint_scale: `(J,)` factors of scaled configurations.
         strength: `(K, G)` N, L2 norm of the sensations across the motion; 0 in the air.
     """
 
     time_s: np.ndarray
     across: np.ndarray
+    joint_scale: np.ndarray
     strength: np.ndarray
 
 
@@ -65,9 +67,14 @@ def felt_across(motion: Motion, offsets: np.ndarray, slider: Slider) -> TouchPro
             way = turned if turned.any() else way
         across[place] = way
         if motion.touching[row]:
-            felt = slider.feel(slider.within(x[row] + offsets[:, None] * way))
+            felt = slider.feel(slider.within(x[row] + offsets[:, None] * way)).sensation
             strength[place] = np.linalg.norm(felt, axis=1)
-    return TouchProfile(time_s=motion.time_s[rows], across=across, strength=strength)
+    return TouchProfile(
+        time_s=motion.time_s[rows],
+        across=across,
+        joint_scale=slider.joint_scale,
+        strength=strength,
+    )
 
 
 def _unit(slope: np.ndarray) -> np.ndarray:

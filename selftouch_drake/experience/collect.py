@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from selftouch_drake.agent.body import Body, Felt
 from selftouch_drake.experience.store import (
     Contacts,
     Shard,
@@ -20,12 +21,9 @@ from selftouch_drake.experience.store import (
     write_shard,
 )
 from selftouch_drake.experience.walk import RandomWalk
-from selftouch_drake.experience.walkers import DynamicWalker, KinematicWalker, Steps
+from selftouch_drake.experience.walkers import Walker, strides, walk_range
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import remove_unfinished
-from selftouch_drake.robot import Robot, World
-from selftouch_drake.robot.imperfections import remembered
-from selftouch_drake.threads import OncePerThread
 
 # A walk without a touch in this many steps is given up.
 PATIENCE = 2_000_000
@@ -56,90 +54,79 @@ def walk_sizes(experiment: Experiment) -> list[int]:
     return sizes
 
 
-def random_walk(experiment: Experiment, robot: Robot, walk: int) -> RandomWalk:
-    """Walk number `walk` of an experiment, in the range in which its robot babbles."""
-    babbling, (lower, upper) = experiment.babbling, robot.babbled_range
+def random_walk(experiment: Experiment, body: Body, walk: int) -> RandomWalk:
+    """Walk number `walk` of an experiment, in the range in which its body babbles."""
+    babbling, (lower, upper) = experiment.babbling, walk_range(body)
     return RandomWalk(
         lower=lower,
         upper=upper,
-        step_size=step_sizes(experiment, robot),
+        step_size=strides(body, babbling.step_size),
         persistence=babbling.persistence,
         seed=experiment.random_stream("walk", walk),
     )
 
 
-def step_sizes(experiment: Experiment, robot: Robot) -> np.ndarray:
-    """`(J,)` rad or m, `babbling.step_size` of each joint of the robot."""
-    lower, upper = robot.babbled_range
-    # A sliding joint crosses its range in the time in which a revolute joint turns once.
-    share = np.where(robot.turns, 1.0, (upper - lower) / (2 * np.pi))
-    return experiment.babbling.step_size * share
+def walker_of(experiment: Experiment, body: Body) -> Walker:
+    """Leads the body of an experiment."""
+    babbling = experiment.babbling
+    return Walker(body, timed=babbling.mode == "dynamic", step_duration=babbling.step_duration)
 
 
-def collect_walk(
-    walker: KinematicWalker | DynamicWalker, experiment: Experiment, walk: int, num_rows: int
-) -> Shard:
-    """Walks until `num_rows` touching configurations that the robot can take are found.
+def collect_walk(body: Body, experiment: Experiment, walk: int, num_rows: int) -> Shard:
+    """Walks until `num_rows` touching configurations that the body can take are found.
 
     Raises:
         NeverTouchesError: there was no touch in `PATIENCE` steps.
     """
-    walker.begin(random_walk(experiment, walker.robot, walk))
-    return keep_touches(walker.next_steps, walker.possible, experiment, walk, num_rows)
+    walker, path = walker_of(experiment, body), random_walk(experiment, body, walk)
+    if walker.timed:
+        walker.begin_at(path.steps(1)[0])
+    return keep_touches(lambda: walker.walk(path.steps(walker.batch)), walk, num_rows)
 
 
-def keep_touches(
-    next_steps: Callable[[], Steps],
-    can_take: Callable[[np.ndarray], np.ndarray],
-    experiment: Experiment,
-    walk: int,
-    num_rows: int,
-) -> Shard:
-    """Keeps touching configurations that the robot can take, until there are `num_rows`.
+def keep_touches(next_steps: Callable[[], Felt], walk: int, num_rows: int) -> Shard:
+    """Keeps touching configurations that the body can take, until there are `num_rows`.
 
     Args:
-        next_steps: as of a walker.
-        can_take: as of a walker.
-        experiment: the experiment.
+        next_steps: moves the body by some steps.
         walk: number of the walk.
         num_rows: number of touches to keep.
 
     Raises:
         NeverTouchesError: there was no touch in `PATIENCE` steps.
     """
-    kept_step, kept_q, kept_sensation, kept_contacts = [], [], [], []
+    kept_step, kept_felt = [], list[Felt]()
     num_kept = num_steps = last_touch = num_impossible = 0
     while num_kept < num_rows:
-        q, touching, touches = next_steps()
-        possible = can_take(q[touching])
+        felt = next_steps()
+        touching, touches = felt.touches()
+        possible = touches.reached
         rows = np.flatnonzero(possible)[: num_rows - num_kept]
         kept = touching[rows]
         considered = touching <= kept[-1] if len(kept) == num_rows - num_kept else np.True_
         num_impossible += int(np.sum(~possible & considered))
         kept_step.append(num_steps + kept)
-        kept_q.append(q[kept])
-        kept_sensation.append(touches.sensation[rows].astype(np.float32))
-        kept_contacts.append(
-            Contacts.of_rows(touches.row, touches.skin, touches.toucher, touches.p_LC, rows)
-        )
+        kept_felt.append(touches.of_rows(rows))
         num_kept += len(kept)
         if len(kept):
             last_touch = num_steps + int(kept[-1])
-        num_steps += len(q)
+        num_steps += len(felt.q)
         if num_kept < num_rows and num_steps - last_touch >= PATIENCE:
             raise NeverTouchesError(
                 f"babbling touched nothing in {num_steps - last_touch} steps; see what can touch "
                 "what with `selftouch robot EXPERIMENT --show`, or make babbling.step_size larger"
             )
     step = np.concatenate(kept_step)
+    # Where a body has a truth, it comes with what was felt.
+    contacts = [part.contacts for part in kept_felt if hasattr(part, "contacts")]
     return Shard(
         walk=walk,
         num_steps=int(step[-1]) + 1,
         num_impossible=num_impossible,
         step=step,
-        q=remembered(experiment, np.concatenate(kept_q)),
-        sensation=np.concatenate(kept_sensation),
-        contacts=Contacts.joined(kept_contacts),
+        q=np.concatenate([part.q for part in kept_felt]).astype(np.float32),
+        sensation=np.concatenate([part.sensation for part in kept_felt]).astype(np.float32),
+        contacts=Contacts.joined(contacts) if contacts else None,
     )
 
 
@@ -149,8 +136,8 @@ def collect(
     *,
     fingerprint: str,
     executor: Executor,
+    body_of: Callable[[Experiment, str], Body],
     progress: Callable[[int], None] = lambda num_rows: None,
-    world: World | None = None,
 ) -> WalkCounts:
     """Collects the missing random walks of a run and returns the number of steps of all walks.
 
@@ -161,18 +148,16 @@ def collect(
         folder: of the run; the workers write shards into it.
         fingerprint: of the experience; every shard carries it.
         executor: where the walks run; its workers must have access to the folder.
+        body_of: makes the body of an experiment and a fingerprint, in whichever process walks.
         progress: called with the number of new rows each time a walk is stored.
-        world: world of the experiment at its beginning, for walks that run in this thread.
 
     Raises:
         ChildProcessError: a process of the executor was killed.
         NeverTouchesError: a walk touches nothing.
         StoreError: a stored shard is damaged, or belongs to another experiment.
     """
-    if world is not None:
-        world_of.keep(world, experiment.after(0), fingerprint)
     counts, missing = stored_walks(experiment, folder, fingerprint=fingerprint, progress=progress)
-    store = partial(_collect_and_store, folder.resolve(), fingerprint)
+    store = partial(_collect_and_store, folder.resolve(), fingerprint, body_of)
     try:
         for walk, found in zip(missing, executor.map(store, missing), strict=True):
             counts += found
@@ -221,7 +206,8 @@ def stored_walks(
     counts, missing = WalkCounts(0, 0), list[Walk]()
     for number, num_rows in enumerate(sizes):
         known = read_counts(folder, number, num_rows=num_rows, fingerprint=fingerprint)
-        if known is None or not (folder / "truth" / shard_name(number)).exists():
+        truth = folder / "truth" / shard_name(number)
+        if known is None or (experiment.has_truth and not truth.exists()):
             missing.append(Walk(number, num_rows, bodies[body[number]]))
         else:
             counts += known
@@ -262,41 +248,10 @@ def require_complete(
         )
 
 
-@OncePerThread
-def world_of(experiment: Experiment, fingerprint: str) -> World:
-    """The world of an experiment, for jobs: Drake's diagrams cannot be pickled.
-
-    Args:
-        experiment: the experiment.
-        fingerprint: of its experience, which depends on the content of its models.
-    """
-    return World(experiment)
-
-
-def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
-    """Has a worker build its world, and compile what walks need.
-
-    Two workers compile different functions first, and find the others compiled.
-
-    Args:
-        experiment: as of `world_of`.
-        fingerprint: as of `world_of`.
-        number: 0 or 1, of the worker.
-    """
-    probe = world_of(experiment, fingerprint).probe
-    q = np.zeros((1, len(probe.robot.lower)), dtype=np.float32)
-    for look in (probe.touches, probe.collision_depth)[:: 1 - 2 * number]:
-        look(q)
-
-
-def _collect_and_store(folder: Path, fingerprint: str, walk: Walk) -> WalkCounts:
-    walker = _walker(walk.experiment, fingerprint)
-    shard = collect_walk(walker, walk.experiment, walk.number, walk.num_rows)
+def _collect_and_store(
+    folder: Path, fingerprint: str, body_of: Callable[[Experiment, str], Body], walk: Walk
+) -> WalkCounts:
+    body = body_of(walk.experiment, fingerprint)
+    shard = collect_walk(body, walk.experiment, walk.number, walk.num_rows)
     write_shard(folder, shard, fingerprint=fingerprint)
     return shard.counts
-
-
-@OncePerThread
-def _walker(experiment: Experiment, fingerprint: str) -> KinematicWalker | DynamicWalker:
-    dynamic = experiment.babbling.mode == "dynamic"
-    return (DynamicWalker if dynamic else KinematicWalker)(world_of(experiment, fingerprint))

@@ -16,7 +16,6 @@ from selftouch_drake.experiment.loading import (
 from selftouch_drake.experiment.schema import (
     SHAPE_METRICS,
     SHAPES,
-    STREAMS,
     Babbling,
     Change,
     ExecutionSettings,
@@ -34,7 +33,6 @@ from selftouch_drake.experiment.schema import (
 __all__ = [
     "SHAPES",
     "SHAPE_METRICS",
-    "STREAMS",
     "Babbling",
     "Change",
     "ExecutionSettings",

@@ -15,6 +15,7 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 from pydantic.dataclasses import dataclass
 
 from selftouch_drake.experiment.errors import Mistake, closest, require, shown
+from selftouch_drake.randomness import random_stream
 
 # Dimensions that each shape needs, in metres. `collision` and `visual` stand for the geometry of
 # the link in the robot's model.
@@ -39,8 +40,6 @@ WITHOUT = {
     "gymnasium": (*_OF_ROBOT, "python", "imported"),
     "imported": (*_OF_ROBOT, "execution", "evaluation", "python", "gymnasium"),
 }
-# Purposes of randomness; add a new one at the end, so that the streams of the others do not change.
-STREAMS = ("walk", "pairs", "start", "skin", "joints", "explorer", "changes")
 
 
 def _number(value: Any) -> Any:
@@ -524,6 +523,11 @@ class Experiment(Settings):
         return self.after(0).changes
 
     @property
+    def has_truth(self) -> bool:
+        """Whether the experimenter knows what is touched where: Drake does."""
+        return self.body_from == "robot"
+
+    @property
     def num_receptors(self) -> int:
         """S, number of receptors of all skins together.
 
@@ -537,5 +541,5 @@ class Experiment(Settings):
         return sum(skin.num_receptors for skin in self.skins.values())
 
     def random_stream(self, purpose: str, *index: int) -> np.random.SeedSequence:
-        """An independent stream of randomness for one of `STREAMS`, numbered by `index`."""
-        return np.random.SeedSequence(self.seed, spawn_key=(STREAMS.index(purpose), *index))
+        """As `selftouch_drake.randomness.random_stream`, from the experiment's seed."""
+        return random_stream(self.seed, purpose, *index)

@@ -47,6 +47,11 @@ class Log:
 class Simulation:
     """A robot under dynamics that follows paths; all its state is in its context.
 
+    Attributes:
+        robot: the robot.
+        log_period: s, between two entries of the log.
+        slip: `(J,)` rad or m, by how much joints read more than their true position.
+
     Args:
         experiment: the experiment whose robot acts.
         skins: its skins.
@@ -66,8 +71,8 @@ class Simulation:
         station = MakeDynamicStation(experiment, skins, meshcat)
         self.robot = station.robot
         num_joints = self.robot.num_joints
-        # Slipped joints read more than their true position.
-        self._slip = slip(experiment, num_joints)
+        self.log_period = log_period
+        self.slip = slip(experiment, num_joints)
         builder.AddNamedSystem("station", station.diagram)
         self._source = builder.AddNamedSystem("path_source", PathSource(num_joints))
         desired_state = self._source.GetOutputPort("desired_state")
@@ -121,12 +126,12 @@ class Simulation:
         """
         desired = self._source.GetOutputPort("desired_state")
         source_context = self._source.GetMyContextFromRoot(self._context)
-        return desired.Eval(source_context)[: self.robot.num_joints] + self._slip
+        return desired.Eval(source_context)[: self.robot.num_joints] + self.slip
 
     @property
     def q_read(self) -> np.ndarray:
         """`(J,)` rad or m, where the joints read that they are."""
-        return self.q + self._slip
+        return self.q + self.slip
 
     @property
     def v(self) -> np.ndarray:
@@ -141,7 +146,7 @@ class Simulation:
     def rest_at(self, q: np.ndarray) -> None:
         """Puts the robot at rest at `(J,)` q, as its joints read, and starts its time there."""
         q = np.asarray(q, dtype=float)
-        self._begin(PiecewisePolynomial((q - self._slip)[:, None]), q - self._slip)
+        self._begin(PiecewisePolynomial((q - self.slip)[:, None]), q - self.slip)
 
     def follow(
         self,
@@ -161,7 +166,7 @@ class Simulation:
             jump: whether the robot is put at rest where the motion starts.
             beside: what would be felt beside it, for the touch servo; it keeps its offset without.
         """
-        q = q - self._slip
+        q = q - self.slip
         path = PiecewisePolynomial.CubicHermite(time_s, q.T, v.T)
         self._begin(path, q[0] if jump else None, beside)
 
@@ -175,7 +180,7 @@ class Simulation:
         They are led from where they are commanded to be, and pass each q at its time `(n,)` s. Time
         and the log go on, as they do not where a motion begins.
         """
-        nodes = np.concatenate([self.q_commanded[None], q]) - self._slip
+        nodes = np.concatenate([self.q_commanded[None], q]) - self.slip
         times = np.append(self.time_s, time_s)
         self._give_path(PiecewisePolynomial.FirstOrderHold(times, nodes.T))
         self.advance_to(times[-1])

@@ -15,7 +15,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from scipy.sparse import csr_matrix
 
-from selftouch_drake.experiment import SHAPES, STREAMS, Experiment, ExperimentError, Skin
+from selftouch_drake.experiment import SHAPES, Experiment, ExperimentError, Skin
 from selftouch_drake.geometry import (
     HollowSkin,
     ReceptiveFields,
@@ -27,6 +27,7 @@ from selftouch_drake.geometry import (
     surfaces,
 )
 from selftouch_drake.lazy import trimesh
+from selftouch_drake.randomness import random_stream
 from selftouch_drake.robot.changes import skin_motion
 from selftouch_drake.robot.links import find_link, link_geometries, pieces_in_link
 from selftouch_drake.robot.models import load_model, parse
@@ -203,7 +204,7 @@ def receptor_seed(seed: int, number: int) -> int:
     """The seed of the receptors' places on skin `number`; the first skin's is the experiment's."""
     if number == 0:
         return seed
-    stream = np.random.SeedSequence(seed, spawn_key=(STREAMS.index("skin"), 2, number))
+    stream = random_stream(seed, "skin", 2, number)
     return int(stream.generate_state(1)[0])
 
 

@@ -5,25 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body import Followed
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
+from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.agent.rehearsal import Try, judge
-from selftouch_drake.evaluation import (
-    MotionScore,
-    cosine_distance,
-    in_link_frames,
-    limit_shares,
-    off_skin,
-    progress_along,
-    score_motion,
-    spatial_jerk_reduction,
-)
-from selftouch_drake.geometry import wall_points
-from selftouch_drake.robot import World
-from selftouch_drake.run.acting import NoWayError, Pilot
+from selftouch_drake.bodies.drake import DrakeFollowed
+from selftouch_drake.bodies.embodiment import Bodies
+from selftouch_drake.evaluation import MotionScore, cosine_distance, jerk_reduction, score_motion
+from selftouch_drake.evaluation.executed import ExecutedTruth, ExecutionJudge
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,63 +25,54 @@ class FirstTry:
     Attributes:
         start: target sensation.
         goal: target sensation.
-        unpractised: the plan before practice, scored without dynamics.
+        unpractised: the plan before practice, scored without dynamics; None if the body cannot be
+            at rest everywhere.
         unpractised_executed: the same as felt under dynamics.
-        planned: the practised plan, scored without dynamics.
+        planned: the practised plan, scored without dynamics; None likewise.
         executed: the same as felt under dynamics.
         query_s: s, duration of planning.
         jerk_reduction: of the plan, in motor space.
         num_slides: ways that practice found for steps of the plan.
-        tracking: `(J,)` mean square error of each joint, rad² or m².
-        limit_shares: for each kind of limit, the largest share that any joint used.
-        force: N, the largest total force.
-        error: `(n,)` cosine distances between predicted and felt sensations that are not null.
-        spread: `(n,)` predicted scale of these errors.
-        impossible_planned: samples of the plan in which rigid parts run into each other.
-        impossible_executed: steps of the plant in which they do.
-        tip_jerk_planned: times less jerk in space than the polyline; None for a single step.
-        tip_jerk_measured: the same for the measured path; None also if the robot did not move.
-        off_skin_s: s, off every skin by more than a ball's radius; None if not only balls touch.
+        error: `(n,)` cosine distances from predicted to felt.
+        spread: `(n,)` predicted scales of these errors.
+        impossible_planned: samples of the plan at which the body cannot be.
+        truth: of the execution; None if nobody knows it.
     """
 
     start: int
     goal: int
-    unpractised: MotionScore
+    unpractised: MotionScore | None
     unpractised_executed: MotionScore
-    planned: MotionScore
+    planned: MotionScore | None
     executed: MotionScore
     query_s: float
     jerk_reduction: float
     num_slides: int
-    tracking: np.ndarray
-    limit_shares: dict[str, float]
-    force: float
     error: np.ndarray
     spread: np.ndarray
     impossible_planned: int
-    impossible_executed: int
-    tip_jerk_planned: float | None
-    tip_jerk_measured: float | None
-    off_skin_s: float | None
+    truth: ExecutedTruth | None
 
 
 class FirstTries:
     """Makes and scores first tries of an agent without memory.
 
     Args:
-        world: where plans are executed.
-        agent: the agent that plans; with its stored sensations, for predictions without practice.
+        pilot: an agent in its body, with its stored sensations, for predictions without practice.
+        bodies: its bodies.
 
     Attributes:
         agent: the agent without memory.
     """
 
-    def __init__(self, world: World, agent: Agent):
-        self.agent = agent.recalling(RehearsalMemory.blank(agent.representation))
-        self._world = world
-        self._pilot = Pilot(self.agent, world)
-        self._pilot.get_ready()
-        self._balls = _Balls.of(world)
+    def __init__(self, pilot: Pilot, bodies: Bodies):
+        representation = pilot.agent.representation
+        self.agent = pilot.agent.recalling(RehearsalMemory.blank(representation))
+        self._pilot, self._still = pilot, bodies.still
+        pilot.agent = self.agent
+        pilot.get_ready()
+        world = bodies.world
+        self._judge = None if world is None else ExecutionJudge(world, representation)
 
     def first(self, start: int, goal: int) -> tuple[FirstTry, Try] | None:
         """The first try of a pair; None if no way is found."""
@@ -97,42 +80,27 @@ class FirstTries:
             query = self._pilot.plan(start, goal)
         except NoWayError:
             return None
-        world, motion, representation = self._world, query.motion, self.agent.representation
+        motion, scale = query.motion, self.agent.representation.joint_scale
         unpractised = self._pilot.motion(query.unpractised)
         blind, _ = self._pilot.execute(unpractised, practised=False)
-        execution, log = self._pilot.execute(motion)
+        execution, followed = self._pilot.execute(motion)
         predicted = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
         predicted &= motion.predicted_spread > 0
-        progress = progress_along(
-            motion.s, representation.scaled(motion.q), representation.scaled(execution.q_measured)
-        )
+        planned, impossible = self._without_dynamics(motion)
         first = FirstTry(
             start=start,
             goal=goal,
-            unpractised=self._without_dynamics(unpractised),
+            unpractised=self._without_dynamics(unpractised)[0],
             unpractised_executed=self.score(blind),
-            planned=self._without_dynamics(motion),
+            planned=planned,
             executed=self.score(execution),
             query_s=query.seconds,
-            jerk_reduction=query.jerk_reduction,
+            jerk_reduction=jerk_reduction(query.plan, scale),
             num_slides=len(query.agent.memory.slides.ends),
-            tracking=np.square(execution.q_measured - motion.q).mean(axis=0),
-            limit_shares=limit_shares(
-                motion.time_s,
-                motion.q,
-                motion.v,
-                execution.q_measured,
-                execution.torque,
-                world.limits,
-            ),
-            force=float(execution.felt.sum(axis=1).max()),
             error=cosine_distance(execution.felt[predicted], motion.predicted[predicted]),
             spread=motion.predicted_spread[predicted],
-            impossible_planned=_impossible(world, motion.q),
-            impossible_executed=_impossible(world, log.q_steps),
-            tip_jerk_planned=_tip_jerk(world, motion, motion.s, motion.q),
-            tip_jerk_measured=_tip_jerk(world, motion, progress, execution.q_measured),
-            off_skin_s=self.off_skin_s(execution),
+            impossible_planned=impossible,
+            truth=self._truth(execution, followed),
         )
         return first, judge(execution, self.agent.representation)
 
@@ -140,55 +108,19 @@ class FirstTries:
         """An execution, scored as it was felt."""
         return score_motion(execution.motion, execution.felt, self.agent.representation)
 
-    def _without_dynamics(self, motion: Motion) -> MotionScore:
-        felt = self._world.probe.sensations(motion.q)
-        return score_motion(motion, felt, self.agent.representation)
-
     def off_skin_s(self, execution: Execution) -> float | None:
-        """s, off every skin by more than a ball's radius; None if not only balls touch."""
-        return None if self._balls is None else self._balls.off_skin_s(self._world, execution)
+        """As of `ExecutionJudge`; None if nobody knows."""
+        return None if self._judge is None else self._judge.off_skin_s(execution)
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Balls:
-    """Touching balls, and the walls on which they should stay."""
-
-    radius: np.ndarray
-    walls: list[cKDTree]
-
-    @staticmethod
-    def of(world: World) -> _Balls | None:
-        """The balls of a world; None if something else touches as well."""
-        radii = [toucher.radius for toucher in world.experiment.touching.values()]
-        known = [radius for radius in radii if radius is not None]
-        if len(known) < len(radii):
+    def _truth(self, execution: Execution, followed: Followed) -> ExecutedTruth | None:
+        if self._judge is None or not isinstance(followed, DrakeFollowed):
             return None
-        spacing = min(known) / 2
-        walls = [cKDTree(wall_points(skin.wall, spacing)) for skin in world.skins]
-        return _Balls(np.array(known), walls)
+        return self._judge.truth(execution, followed.log)
 
-    def off_skin_s(self, world: World, execution: Execution) -> float:
-        """s, time that an execution was off all skins although contact was expected."""
-        motion, robot = execution.motion, world.robot
-        p_LT = in_link_frames(
-            robot.toucher_positions(execution.q_measured),
-            robot.skin_positions(execution.q_measured),
-        )
-        off = off_skin(p_LT, self.radius, self.walls) & motion.touching
-        return float(np.sum(off[:-1] * np.diff(motion.time_s)))
-
-
-def _impossible(world: World, q: np.ndarray) -> int:
-    return int(np.sum(world.probe.collision_depth(q) > 0))
-
-
-def _tip_jerk(world: World, motion: Motion, s: np.ndarray, q: np.ndarray) -> float | None:
-    """Jerk of the fingertips along the polyline, over their jerk along the plan."""
-    plan = motion.plan
-    if len(plan.links) < 2:
-        return None
-
-    def to_space(q: np.ndarray) -> np.ndarray:
-        return world.robot.toucher_positions(q).reshape(len(q), -1)
-
-    return spatial_jerk_reduction(s, to_space(q), plan.waypoints_q, plan.waypoint_s, to_space)
+    def _without_dynamics(self, motion: Motion) -> tuple[MotionScore | None, int]:
+        """A motion, scored as it is felt slowly, and its samples at which the body cannot be."""
+        if self._still is None:
+            return None, 0
+        felt = self._still.feel(motion.q)
+        score = score_motion(motion, felt.sensation, self.agent.representation)
+        return score, int(np.sum(~felt.reached))

@@ -19,6 +19,7 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.calibration import Felt, felt_touches
 from selftouch_drake.agent.motions import Motion, Plan
+from selftouch_drake.agent.pilot import RATE_HZ
 from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.experience import Recording, Shard, read_recording, write_shard
 from selftouch_drake.experience.collect import walk_sizes
@@ -30,7 +31,6 @@ from selftouch_drake.experiment import (
     merged,
 )
 from selftouch_drake.files import save_arrays, write_text_whole
-from selftouch_drake.robot import LOG_PERIOD
 from selftouch_drake.run.directory import RunDirectory
 
 # Quantile of the speeds of a joint between rows that sets its limit: the fastest 1 % are slips.
@@ -216,7 +216,7 @@ def timed(agent: Agent, plan: Plan, imported: Imported) -> Motion:
         plan.path,
         velocity_limit=np.array(imported.max_velocity),
         acceleration_limit=np.array(imported.max_acceleration),
-        rate_hz=1 / LOG_PERIOD,
+        rate_hz=RATE_HZ,
     )
     return agent.motion(plan, time_s=found.time_s, s=found.s, q=found.q, v=found.v)
 

@@ -8,14 +8,14 @@ from typing import Protocol
 import numpy as np
 
 from selftouch_drake.agent.lifelong import Life
+from selftouch_drake.bodies.embodiment import World, build_world
 from selftouch_drake.evaluation.life import LifeCurves, Quality, quality
 from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.exploration import new_life
+from selftouch_drake.experience.exploration import new_life
 from selftouch_drake.files import save_arrays
-from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.stages import Progress, require_experience, silent
-from selftouch_drake.run.worlds import build_world, require_robot
+from selftouch_drake.run.worlds import require_robot
 
 #: Number of touches per block.
 BLOCK = 500

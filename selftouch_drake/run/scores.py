@@ -10,6 +10,7 @@ import numpy as np
 
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.shape import SHAPE_METRICS, Body, recover
+from selftouch_drake.bodies.embodiment import World
 from selftouch_drake.evaluation import (
     KernelTruth,
     TruePart,
@@ -26,7 +27,6 @@ from selftouch_drake.evaluation import (
 )
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.geometry import surface_distances
-from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 
 Metrics = dict[str, Any]

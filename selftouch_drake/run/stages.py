@@ -21,6 +21,8 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.bodies.embodiment import World, body_of, build_world, pilot_in
+from selftouch_drake.evaluation.touches import touch_counts
 from selftouch_drake.experience import (
     ExperienceReader,
     collect,
@@ -28,8 +30,6 @@ from selftouch_drake.experience import (
     require_complete,
 )
 from selftouch_drake.files import save_arrays
-from selftouch_drake.robot import World
-from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import (
     load_agent,
     load_body,
@@ -46,11 +46,11 @@ from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.touches import (
     force_metrics,
-    touch_counts,
     warn_of_changes,
     warn_of_untouched,
 )
-from selftouch_drake.run.worlds import build_world, keep_world, make_world
+from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
+from selftouch_drake.run.worlds import keep_bodies, make_world, run_bodies
 
 __all__ = [
     "Progress",
@@ -62,12 +62,14 @@ __all__ = [
     "has_babbled",
     "has_evaluated",
     "has_learned",
+    "keep_bodies",
     "learn",
     "make_world",
     "plan",
     "plan_from",
     "plan_imported",
     "rehearse",
+    "run_bodies",
     "silent",
 ]
 
@@ -82,15 +84,13 @@ def silent(fraction: float, doing: str) -> None:
     """Reports progress to nobody."""
 
 
-def babble(
-    run: RunDirectory, world: World, executor: Executor, progress: Progress = silent
-) -> None:
+def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -> None:
     """Collects the experience of the run; stored walks are kept.
 
     Args:
         run: the run.
-        world: its world.
-        executor: where random walks are made; an agent that explores does so in this process.
+        executor: where random walks are made; an agent that explores does so in this process, and
+            so does a body that cannot be in two places.
         progress: called with the fraction done and what is done.
 
     Warns:
@@ -98,13 +98,10 @@ def babble(
     """
     began = time.perf_counter()
     wall_before = run.metrics().get("babbling_wall_s", 0.0)
-    surfaces = {"receptor_skin": world.receptor_skin}
-    for skin in world.skins:
-        surfaces[f"{skin.name}_vertices"] = skin.fields.vertices
-        surfaces[f"{skin.name}_faces"] = skin.fields.faces
-        surfaces[f"{skin.name}_p_LS"] = skin.fields.p_LS
-    save_arrays(run.skin, surfaces | run.body_stamp())
-    keep_world(run, world)
+    bodies = run_bodies(run)
+    if bodies.world is not None:
+        _save_skins(run, bodies.world)
+    keep_bodies(run, bodies)
     wanted, stored = run.experiment.babbling.num_samples, 0
 
     def count(num_rows: int) -> None:
@@ -112,38 +109,41 @@ def babble(
         stored += num_rows
         progress(stored / wanted, f"{stored:,} of {wanted:,} touches")
 
-    fingerprint = run.fingerprint()
+    how: dict[str, Any] = {"fingerprint": run.fingerprint(), "body_of": body_of, "progress": count}
     if run.experiment.babbling.strategy == "active":
         # Other stages need not wait for its imports.
-        from selftouch_drake.exploration import Exploration, explore
+        from selftouch_drake.experience.exploration import Exploration, explore
 
-        exploration = Exploration(run.experiment, world=world)
-        counts = explore(exploration, run.path, fingerprint=fingerprint, progress=count)
+        counts = explore(Exploration(run.experiment, bodies.babbling), run.path, **how)
     else:
-        counts = collect(
-            run.experiment,
-            run.path,
-            fingerprint=fingerprint,
-            executor=executor,
-            progress=count,
-            world=world,
-        )
+        counts = collect(run.experiment, run.path, executor=executor, **how)
     wall = time.perf_counter() - began
     median, largest = force_metrics(run)
-    by_skin, by_toucher = touch_counts(run, world.robot)
-    run.add_metrics(
-        {
-            "babbling_num_samples": wanted,
-            "babbling_num_steps": counts.num_steps,
-            "babbling_touch_rate": wanted / counts.num_steps,
-            "babbling_num_impossible": counts.num_impossible,
-            "babbling_touches_by_skin": by_skin,
-            "babbling_force_median_N": median,
-            "babbling_force_max_N": largest,
-            "babbling_wall_s": wall_before + wall,
-        }
-    )
+    found = {
+        "babbling_num_samples": wanted,
+        "babbling_num_steps": counts.num_steps,
+        "babbling_touch_rate": wanted / counts.num_steps,
+        "babbling_num_impossible": counts.num_impossible,
+        "babbling_force_median_N": median,
+        "babbling_force_max_N": largest,
+        "babbling_wall_s": wall_before + wall,
+    }
+    if bodies.world is None:
+        run.add_metrics(found)
+        return
+    by_skin, by_toucher = touch_counts(ExperienceReader(run.truth), bodies.world.robot)
+    run.add_metrics(found | {"babbling_touches_by_skin": by_skin})
     warn_of_untouched(run, by_skin, by_toucher)
+
+
+def _save_skins(run: RunDirectory, world: World) -> None:
+    """Stores receptors and surfaces of the skins: the truth."""
+    surfaces = {"receptor_skin": world.receptor_skin}
+    for skin in world.skins:
+        surfaces[f"{skin.name}_vertices"] = skin.fields.vertices
+        surfaces[f"{skin.name}_faces"] = skin.fields.faces
+        surfaces[f"{skin.name}_p_LS"] = skin.fields.p_LS
+    save_arrays(run.skin, surfaces | run.body_stamp())
 
 
 def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentation:
@@ -204,13 +204,13 @@ def get_ready(run: RunDirectory) -> None:
 
     Then numba has compiled it, while this worker has nothing else to do.
     """
-    world = make_world(run)
+    bodies = run_bodies(run)
     sensation, q = next(ExperienceReader(run.experience).touches())
     num_touches = min(len(q), _READY_TOUCHES)
     with suppress(ValueError), warnings.catch_warnings():  # there may be no way
         warnings.simplefilter("ignore")
         agent = Agent.learn(q[:num_touches], sensation[:num_touches], num_targets=_READY_TARGETS)
-        pilot = Pilot(agent, world)
+        pilot = pilot_in(bodies, agent, run.experiment)
         pilot.execute(pilot.plan(*agent.representation.edges[0].tolist()).motion)
 
 
@@ -222,14 +222,14 @@ def _forget_learning(run: RunDirectory) -> None:
     run.trials.unlink(missing_ok=True)
 
 
-def plan(run: RunDirectory, world: World, *targets: int) -> Motion:
+def plan(run: RunDirectory, *targets: int) -> Motion:
     """Plans through target sensations, from a configuration of the first; keeps the plan.
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
         ValueError: no plan exists.
     """
-    pilot = Pilot(load_agent(run), world)
+    pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
     _require_targets(run, targets)
     motion = pilot.plan(*targets).motion
     save_plan(run, motion, *targets)
@@ -256,26 +256,25 @@ def plan_imported(run: RunDirectory, *targets: int) -> Motion:
     return motion
 
 
-def plan_from(run: RunDirectory, world: World, q_start: np.ndarray, goal: int) -> Motion:
+def plan_from(run: RunDirectory, q_start: np.ndarray, goal: int) -> Motion:
     """Plans from any `(J,)` configuration, touching or not; the file of the plan names it.
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
         ValueError: `q_start` is not a configuration within the limits, or no plan exists.
     """
-    pilot = Pilot(load_agent(run), world)
+    pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
     _require_targets(run, (0, goal))
     motion = pilot.plan_from(q_start, goal).motion
     save_plan(run, motion, free_start(q_start), goal)
     return motion
 
 
-def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
-    """Executes a stored plan in the dynamic world, and saves the sensations with it.
+def execute(run: RunDirectory, *targets: int | str) -> Try:
+    """Executes a stored plan in the agent's body, and saves the sensations with it.
 
     Args:
         run: a run that has planned.
-        world: its world.
         targets: of the plan, in order; a free start as `free_start` names it.
 
     Returns:
@@ -286,18 +285,19 @@ def execute(run: RunDirectory, world: World, *targets: int | str) -> Try:
     """
     agent = load_agent(run)
     _require_targets(run, targets)
-    execution, _ = Pilot(agent, world).execute(load_motion(run, *targets))
+    pilot = pilot_in(run_bodies(run), agent, run.experiment)
+    execution, _ = pilot.execute(load_motion(run, *targets))
     save_plan(run, execution, *targets)
     return judge(execution, agent.representation)
 
 
-def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: int) -> list[Try]:
+def rehearse(run: RunDirectory, start: int, goal: int, max_tries: int) -> list[Try]:
     """Plans and executes until contact is never lost, and remembers for every later plan.
 
     Returns:
         The tries, in order; the best is kept.
     """
-    pilot = Pilot(load_agent(run), world)
+    pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
     _require_targets(run, (start, goal))
     tries = pilot.rehearse(start, goal, max_tries=max_tries)
     save_plan(run, best(tries).execution, start, goal)
@@ -306,16 +306,12 @@ def rehearse(run: RunDirectory, world: World, start: int, goal: int, max_tries: 
 
 
 def evaluate(
-    run: RunDirectory,
-    world: World,
-    progress: Progress = silent,
-    executor: Executor | None = None,
+    run: RunDirectory, progress: Progress = silent, executor: Executor | None = None
 ) -> None:
     """Scores what was learned against the truth, and random plans by what is felt.
 
     Args:
         run: a run that has learned.
-        world: its world.
         progress: called with the fraction done, 0 to 1.
         executor: where plans are executed; by default in this process, one after another.
 
@@ -323,26 +319,25 @@ def evaluate(
         ChildProcessError: a process of the executor was killed.
         StoreError: the truth is missing or incomplete.
     """
-    from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
-
     # Damaged files are refused before the long work.
     load_body(run, load_representation(run))
-    require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
+    bodies = run_bodies(run)
+    if bodies.world is not None:
+        require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
     run.metrics()
     agent = load_agent(run, predicts=True)
-    keep_world(run, world)
+    keep_bodies(run, bodies)
     executor = executor or InTurn()
-    scores = executor.submit(_score_body, run)
+    scores = None if bodies.world is None else executor.submit(_score_body, run)
     trials, without_way = try_pairs(
-        run, world, agent, lambda fraction, doing: progress(0.9 * fraction, doing), executor
+        run, bodies, agent, lambda fraction, doing: progress(0.9 * fraction, doing), executor
     )
-    progress(0.9, "against the truth")
-    run.add_metrics(scores.result())
+    if scores is not None:
+        progress(0.9, "against the truth")
+        run.add_metrics(scores.result())
     if trials:
         save_arrays(run.trials, trial_table(trials) | run.stamp())
-    run.add_metrics(
-        {"planning_num_without_way": len(without_way)} | trial_metrics(trials, world.robot.turns)
-    )
+    run.add_metrics({"planning_num_without_way": len(without_way)} | trial_metrics(trials))
     progress(1.0, "evaluated")
 
 

@@ -1,4 +1,4 @@
-"""Statistics of the touches of a run: their force, and their number by skin and by toucher."""
+"""Statistics of the touches of a run, and what is said about them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from collections.abc import Mapping
 import numpy as np
 
 from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.robot import Robot
 from selftouch_drake.run.directory import RunDirectory
 
 # mN, largest force in the histogram from which the median comes.
@@ -32,26 +31,6 @@ def force_metrics(run: RunDirectory) -> tuple[float, float]:
         bins = np.rint(1e3 * force).astype(np.int64).clip(0, _MOST_FORCE_MN)
         counts += np.bincount(bins, minlength=len(counts))
     return int(np.searchsorted(np.cumsum(counts), counts.sum() / 2)) / 1e3, largest
-
-
-def touch_counts(run: RunDirectory, robot: Robot) -> tuple[dict[str, int], dict[str, int]]:
-    """Number of touches of each skin and by each toucher; a touch of two skins counts for both."""
-    skins = [skin.model.name for skin in robot.skins]
-    touchers = [toucher.name for toucher in robot.touchers]
-    of_skin, by_toucher = np.zeros(len(skins), int), np.zeros(len(touchers) + len(skins), int)
-    for contacts in ExperienceReader(run.truth).contacts():
-        for found, counts in ((contacts.skin, of_skin), (contacts.toucher, by_toucher)):
-            pairs = np.unique(contacts.row * len(counts) + found)
-            counts += np.bincount(pairs % len(counts), minlength=len(counts))
-    # A link that touches with its own skin is numbered as that skin.
-    for number, toucher in enumerate(robot.touchers):
-        for skin, worn in enumerate(robot.skins):
-            if worn.geometry_id in toucher.geometry_ids:
-                by_toucher[number] += by_toucher[len(touchers) + skin]
-    return (
-        dict(zip(skins, of_skin.tolist(), strict=True)),
-        dict(zip(touchers, by_toucher[: len(touchers)].tolist(), strict=True)),
-    )
 
 
 def warn_of_untouched(

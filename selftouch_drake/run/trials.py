@@ -17,15 +17,15 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.rehearsal import Try, best
+from selftouch_drake.bodies.embodiment import Bodies, pilot_in
 from selftouch_drake.evaluation import MotionScore, calibration, random_pairs, summarise
+from selftouch_drake.evaluation.executed import ExecutedTruth
 from selftouch_drake.files import content_digest
-from selftouch_drake.robot import World
-from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent, save_plan
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.first_tries import FirstTries, FirstTry
-from selftouch_drake.run.worlds import make_world
+from selftouch_drake.run.worlds import run_bodies
 from selftouch_drake.threads import OncePerThread
 
 # First tries that may wait for the rehearsals of earlier pairs.
@@ -51,7 +51,7 @@ class Trial(FirstTry):
 
 def try_pairs(
     run: RunDirectory,
-    world: World,
+    bodies: Bodies,
     agent: Agent,
     progress: Callable[[float, str], None],
     executor: Executor | None = None,
@@ -64,7 +64,7 @@ def try_pairs(
 
     Args:
         run: where the plans are kept.
-        world: where they are executed.
+        bodies: of the agent.
         agent: the agent that plans, with its stored sensations.
         progress: called with the fraction done and the current task.
         executor: where first tries are made; by default here, one after another. Other processes
@@ -76,9 +76,11 @@ def try_pairs(
     Raises:
         ChildProcessError: a process of the executor was killed.
     """
-    tries, learned = FirstTries(world, agent), content_digest(run.representation)
+    tries = FirstTries(pilot_in(bodies, agent, run.experiment), bodies)
+    learned = content_digest(run.representation)
     _tries.keep(tries, run, learned)
-    rehearsing, max_tries = Pilot(tries.agent, world), run.experiment.execution.max_tries
+    rehearsing = pilot_in(bodies, tries.agent, run.experiment)
+    max_tries = run.experiment.execution.max_tries
     pairs = random_pairs(run.experiment, agent.representation)
     trials, without_way = list[Trial](), list[tuple[int, int]]()
     with closing(_in_order(run, learned, pairs, executor or InTurn())) as found:
@@ -134,51 +136,62 @@ def _first_try(
 @OncePerThread
 def _tries(run: RunDirectory, learned: str) -> FirstTries:
     """First tries of the agent of a run; `learned` identifies what it learned."""
-    return FirstTries(make_world(run), load_agent(run, predicts=True))
+    bodies = run_bodies(run)
+    agent = load_agent(run, predicts=True)
+    return FirstTries(pilot_in(bodies, agent, run.experiment), bodies)
 
 
-def trial_metrics(trials: Sequence[Trial], turns: np.ndarray) -> dict[str, Any]:
-    """Metrics of trials.
-
-    Args:
-        trials: one or more.
-        turns: `(J,)` bool, whether the unit of a joint is the radian, not the metre.
-    """
+def trial_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Metrics of trials; without truth, those that need it are absent."""
     if not trials:
         return {}
     query_ms = 1e3 * np.array([trial.query_s for trial in trials])
-    tracking = np.mean([trial.tracking for trial in trials], axis=0)
     within = calibration([trial.error for trial in trials], [trial.spread for trial in trials])
     metrics: dict[str, Any] = {
-        **summarise([trial.unpractised for trial in trials], "unpractised"),
-        **summarise([trial.unpractised_executed for trial in trials], "unpractised_execution"),
+        **_summarised([trial.unpractised for trial in trials], "unpractised"),
+        **_summarised([trial.unpractised_executed for trial in trials], "unpractised_execution"),
         "planning_num_pairs": len(trials),
-        **summarise([trial.planned for trial in trials], "planning"),
+        **_summarised([trial.planned for trial in trials], "planning"),
         "planning_num_slides": sum(trial.num_slides for trial in trials),
         "planning_impossible_postures": sum(trial.impossible_planned for trial in trials),
         "planning_jerk_reduction": float(np.median([trial.jerk_reduction for trial in trials])),
-        "planning_fingertip_jerk_reduction": _median(t.tip_jerk_planned for t in trials),
         "planning_query_ms_median": float(np.median(query_ms)),
         "planning_query_ms_p95": float(np.percentile(query_ms, 95)),
         "execution_num_pairs": len(trials),
-        **summarise([trial.executed for trial in trials], "execution"),
-        "execution_impossible_postures": sum(trial.impossible_executed for trial in trials),
-        "execution_tracking_rms_rad": _root_mean(tracking[turns]),
-        "execution_tracking_rms_m": _root_mean(tracking[~turns]),
+        **_summarised([trial.executed for trial in trials], "execution"),
         **{f"execution_prediction_within_{100 * s:.0f}": held for s, held in within.items()},
-        "execution_force_max_N": max(trial.force for trial in trials),
-        **{
-            f"execution_{kind}_of_limit": max(trial.limit_shares[kind] for trial in trials)
-            for kind in trials[0].limit_shares
-        },
-        "execution_time_off_skin_s": _sum(trial.off_skin_s for trial in trials),
-        "execution_fingertip_jerk_reduction": _median(t.tip_jerk_measured for t in trials),
+        **_truth_metrics([trial.truth for trial in trials if trial.truth is not None]),
         "rehearsal_first_try_contact_mean": float(np.mean([t.remembering.contact for t in trials])),
-        **summarise([trial.kept for trial in trials], "rehearsal"),
+        **_summarised([trial.kept for trial in trials], "rehearsal"),
         "rehearsal_tries_mean": float(np.mean([trial.num_tries for trial in trials])),
         "rehearsal_time_off_skin_s": _sum(trial.off_skin_kept_s for trial in trials),
     }
     return {key: value for key, value in metrics.items() if value is not None}
+
+
+def _summarised(scores: Sequence[MotionScore | None], prefix: str) -> dict[str, float]:
+    known = [score for score in scores if score is not None]
+    return summarise(known, prefix) if known else {}
+
+
+def _truth_metrics(truths: Sequence[ExecutedTruth]) -> dict[str, Any]:
+    """Metrics of executions that were held against the truth; nothing without any."""
+    if not truths:
+        return {}
+    tracking, turns = np.mean([truth.tracking for truth in truths], axis=0), truths[0].turns
+    return {
+        "planning_fingertip_jerk_reduction": _median(truth.tip_jerk_planned for truth in truths),
+        "execution_impossible_postures": sum(truth.impossible for truth in truths),
+        "execution_tracking_rms_rad": _root_mean(tracking[turns]),
+        "execution_tracking_rms_m": _root_mean(tracking[~turns]),
+        "execution_force_max_N": max(truth.force for truth in truths),
+        **{
+            f"execution_{kind}_of_limit": max(truth.limit_shares[kind] for truth in truths)
+            for kind in truths[0].limit_shares
+        },
+        "execution_time_off_skin_s": _sum(truth.off_skin_s for truth in truths),
+        "execution_fingertip_jerk_reduction": _median(t.tip_jerk_measured for t in truths),
+    }
 
 
 def trial_table(trials: Sequence[Trial]) -> dict[str, np.ndarray]:

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.agent.motions import Motion
+from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.files import write_text_whole
 from selftouch_drake.robot import World
-from selftouch_drake.run.acting import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import MissingError, RunDirectory
 from selftouch_drake.run.lifelong import live
 from selftouch_drake.run.stages import Progress, silent
-from selftouch_drake.run.worlds import require_robot
+from selftouch_drake.run.worlds import require_robot, run_bodies
 from selftouch_drake.show.meshcat.live import LiveShow
 from selftouch_drake.show.meshcat.pages import LifePage
 from selftouch_drake.show.meshcat.recording import recording_page
@@ -156,7 +156,7 @@ def play(
     require_robot(run.experiment)
     agent = load_agent(run)
     data = RunData(run)
-    pilot = Pilot(agent, data.world)
+    pilot = pilot_in(run_bodies(run), agent, run.experiment)
     pilot.get_ready()
 
     def motion_from(q_start: np.ndarray, felt: np.ndarray, goal: int) -> Motion:

@@ -232,11 +232,11 @@ def _once(stage: str, runs: list[RunDirectory]) -> None:
     if not done(donor):
         with donor.writing():
             if stage == "babble":
-                stages.babble(donor, stages.make_world(donor), InTurn())
+                stages.babble(donor, InTurn())
             elif stage == "learn":
                 stages.learn(donor)
             else:
-                stages.evaluate(donor, stages.make_world(donor))
+                stages.evaluate(donor)
     made = [donor.representation, donor.topology, donor.body_distances]
     if stage == "babble":
         shards = (p for folder in ("truth", "experience") for p in (donor.path / folder).iterdir())

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from selftouch_drake.agent.body import Felt, Followed
 from selftouch_drake.agent.sliding import Slider
 
 RADIUS, DEPTH = 0.5, 0.05
@@ -41,7 +42,11 @@ def touches(num, seed=0):
 
 
 class Finger:
-    """A world for practice, with joints in units of their own."""
+    """A body that jumps, with joints in units of their own."""
+
+    joint_names = ("yaw", "shoulder", "elbow", "none")
+    velocity, acceleration = np.ones(4), np.ones(4)
+    num_receptors, jumps = 2, True
 
     def __init__(self, unit=UNIT, *, lower=-LIMIT, upper=LIMIT, possible=possible):
         self.lower, self.upper, self._unit, self._possible = (
@@ -52,10 +57,11 @@ class Finger:
         )
 
     def feel(self, q):
-        return feel(q * self._unit)
+        x = q * self._unit
+        return Felt(q=q, sensation=feel(x), reached=self._possible(x))
 
-    def possible(self, q):
-        return self._possible(q * self._unit)
+    def follow(self, time_s, q):
+        return Followed(time_s=time_s, q=q, sensation=self.feel(q).sensation)
 
 
 SLIDER = Slider(Finger(), UNIT)

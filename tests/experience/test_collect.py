@@ -1,36 +1,31 @@
 import dataclasses
 import sys
 from concurrent.futures import Executor, Future
-from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 import yaml
 
+from selftouch_drake.agent.body import Felt
+from selftouch_drake.bodies.drake import DrakeBodies, DrakeBody
+from selftouch_drake.bodies.embodiment import body_of
 from selftouch_drake.experience import (
     ExperienceReader,
     NeverTouchesError,
-    RandomWalk,
     StoreError,
     collect,
     collect_walk,
     shard_name,
     walk_sizes,
 )
-from selftouch_drake.experience.walkers import (
-    DYNAMIC_BATCH,
-    SAMPLE_PERIOD,
-    DynamicWalker,
-    KinematicWalker,
-    Steps,
-)
+from selftouch_drake.experience.collect import random_walk, walker_of
 from selftouch_drake.experiment import (
     dump_experiment,
     experiment_from_fields,
     load_experiment,
 )
-from selftouch_drake.robot import Touches, World
+from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.threads import Threads
 
@@ -81,7 +76,7 @@ def probe(world):
 
 @pytest.fixture(scope="module")
 def source(world):
-    return KinematicWalker(world)
+    return DrakeBody(world)
 
 
 def _collected(path, experiment, executor):
@@ -94,7 +89,12 @@ def _collected(path, experiment, executor):
 def collect_into(run, executor, **options):
     """Number of steps so far."""
     counts = collect(
-        run.experiment, run.path, fingerprint=run.fingerprint(), executor=executor, **options
+        run.experiment,
+        run.path,
+        fingerprint=run.fingerprint(),
+        executor=executor,
+        body_of=body_of,
+        **options,
     )
     return counts.num_steps
 
@@ -214,31 +214,23 @@ def test_a_truncated_shard_is_refused(experiment, reference, tmp_path, size):
 
 
 def test_a_dynamic_walk_is_sampled_evenly_and_felt_where_it_is(experiment, probe):
-    source = DynamicWalker(World(experiment))
+    babbling = dataclasses.replace(experiment.babbling, mode="dynamic")
+    experiment = dataclasses.replace(experiment, babbling=babbling)
+    body = DrakeBodies(World(experiment)).babbling
 
     def walk(num_batches):
-        source.begin(
-            RandomWalk(
-                lower=probe.robot.lower,
-                upper=probe.robot.upper,
-                step_size=0.15,
-                persistence=0.9,
-                seed=np.random.SeedSequence(3),
-            )
-        )
-        batches = [source.next_steps() for _ in range(num_batches)]
-        q = np.concatenate([steps.q for steps in batches])
-        sensation = np.zeros((num_batches, DYNAMIC_BATCH, probe.sensations(q[:1]).shape[1]))
-        for of_batch, (_, touching, touches) in zip(sensation, batches, strict=True):
-            of_batch[touching] = touches.sensation
-        return q, np.concatenate(sensation)
+        walker, path = walker_of(experiment, body), random_walk(experiment, body, 3)
+        walker.begin_at(path.steps(1)[0])
+        felt = [walker.walk(path.steps(walker.batch)) for _ in range(num_batches)]
+        return (np.concatenate([getattr(one, name) for one in felt]) for name in ("q", "sensation"))
 
     q, sensation = walk(3)
-    assert q.shape == (3 * DYNAMIC_BATCH, 6)
+    # Ten seconds each, fifty samples a second, and one where it begins.
+    assert q.shape == (3 * 500 + 1, 6)
     # The arm never stands still nor jumps, within a batch or between two.
     moved = np.abs(np.diff(q, axis=0)).max(axis=1)
     assert moved.min() > 0
-    assert moved.max() < 20.0 * SAMPLE_PERIOD
+    assert moved.max() < 20.0 * 0.02
     expected = probe.sensations(q.astype(float))
     assert expected.any(axis=1).sum() > 10
     # The configuration is stored in float32, 1e-7 rad from where the sensation was felt.
@@ -262,69 +254,56 @@ def test_a_body_that_is_never_touched_is_reported(experiment, source, probe, mon
     )
 
 
+class Scripted:
+    """A body that feels what it is told to, wherever it is."""
+
+    joint_names = tuple("abcdef")
+    lower, upper = np.full(6, -1.0), np.full(6, 1.0)
+    velocity = acceleration = np.ones(6)
+    num_receptors, jumps = 3, True
+
+    def __init__(self, next_batch):
+        self._next_batch = next_batch
+
+    def feel(self, q):
+        return self._next_batch()
+
+    def follow(self, time_s, q):
+        raise NotImplementedError
+
+
 def test_a_walk_that_stops_touching_is_reported(experiment, monkeypatch):
-    class TouchesOnce:
-        """Touches in its first batch only."""
+    force = iter([1.0])
 
-        robot = SimpleNamespace(
-            babbled_range=(np.full(6, -1.0), np.full(6, 1.0)), turns=np.ones(6, bool)
-        )
-
-        def begin(self, walk):
-            self.felt = 1.0
-
-        def next_steps(self):
-            sensation = np.zeros((1000, 3))
-            sensation[-1], self.felt = self.felt, 0.0
-            none = np.zeros(0, int)
-            touches = Touches(
-                sensation=sensation, row=none, skin=none, toucher=none, p_LC=np.zeros((0, 3))
-            )
-            return Steps.of(np.zeros((1000, 6), np.float32), touches)
-
-        def possible(self, q):
-            return np.ones(len(q), bool)
+    def batch():
+        """Touches at the end of the first batch only."""
+        sensation = np.zeros((1000, 3))
+        sensation[-1] = next(force, 0.0)
+        return Felt(q=np.zeros((1000, 6)), sensation=sensation, reached=np.ones(1000, bool))
 
     monkeypatch.setattr(collect_module, "PATIENCE", 10_000)
     with pytest.raises(NeverTouchesError, match="touched nothing in 10001 steps"):
-        collect_walk(TouchesOnce(), experiment, 0, 2)
+        collect_walk(Scripted(batch), experiment, 0, 2)
 
 
-class Scripted:
-    """Touches in every step; every third posture is impossible."""
-
-    robot = SimpleNamespace(
-        babbled_range=(np.full(6, -1.0), np.full(6, 1.0)), turns=np.ones(6, bool)
-    )
-
-    def begin(self, walk):
-        self.walk = walk
-
-    def next_steps(self):
-        rows = np.arange(30)
-        touches = Touches(
-            sensation=np.ones((30, 3)),
-            row=rows,
-            skin=np.zeros(30, int),
-            toucher=np.zeros(30, int),
-            p_LC=np.repeat(rows[:, None], 3, axis=1).astype(float),
-        )
-        return Steps.of(np.repeat(rows[:, None], 6, axis=1).astype(np.float32), touches)
-
-    def possible(self, q):
-        return q[:, 0] % 3 != 0
+def every_third_is_impossible():
+    """Touches in every step."""
+    rows = np.arange(30.0)
+    q = np.repeat(rows[:, None], 6, axis=1)
+    return Felt(q=q, sensation=np.ones((30, 3)), reached=rows % 3 != 0)
 
 
 @pytest.mark.parametrize(("num_rows", "num_steps"), [(1, 2), (2, 3), (20, 30), (21, 32), (50, 75)])
 def test_postures_that_a_robot_cannot_take_are_counted_and_not_kept(
     experiment, num_rows, num_steps
 ):
-    shard = collect_walk(Scripted(), experiment, 0, num_rows)
+    shard = collect_walk(Scripted(every_third_is_impossible), experiment, 0, num_rows)
     kept = [step for step in range(num_steps) if step % 30 % 3 != 0]
     assert shard.step.tolist() == kept
     assert shard.num_steps == num_steps
     assert shard.num_impossible == num_steps - num_rows
-    assert shard.contacts.p_LC[:, 0].tolist() == [step % 30 for step in kept]
+    assert shard.q[:, 0].tolist() == [step % 30 for step in kept]
+    assert shard.contacts is None
 
 
 def _first(probe, experiment, walk):

@@ -6,8 +6,8 @@ import robots
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.experience import random_walk
-from selftouch_drake.experience.walkers import DynamicWalker
 from selftouch_drake.experiment import Imperfections, JointSettings, load_experiment
 from selftouch_drake.robot import ImperfectSkin, ImperfectSkins, Simulation, World
 from selftouch_drake.robot.imperfections import remembered, slip, standard_noise
@@ -209,13 +209,14 @@ def test_the_station_reads_what_the_probe_reads(name):
 def test_a_dynamic_walk_reads_what_the_probe_reads(name):
     world = robots.shipped(name)
     made = flawed(world, multiplicative_noise=0.05, additive_noise=0.02, dead=0.05)
-    source = DynamicWalker(made)
-    source.begin(random_walk(made.experiment, source.robot, 3))
-    q, touching, touches = source.next_steps()
+    babbling = dataclasses.replace(made.experiment.babbling, mode="dynamic")
+    made = World(dataclasses.replace(made.experiment, babbling=babbling))
+    body = DrakeBodies(made).babbling
+    path = random_walk(made.experiment, body, 3).steps(100)
+    followed = body.follow(made.experiment.babbling.step_duration * np.arange(100), path)
+    sensation, q = followed.sensation, followed.q.astype(np.float32)
     expected = made.probe.sensations(q)
     assert expected.any(axis=1).sum() > 5
-    sensation = np.zeros_like(expected)
-    sensation[touching] = touches.sensation
     # The configuration is stored in float32; a reading at the threshold may fall on either side.
     np.testing.assert_allclose(sensation, expected, atol=1e-3 * expected.max())
 

@@ -8,17 +8,19 @@ import shutil
 import numpy as np
 import pytest
 
+from selftouch_drake.agent import pilot as pilot_module
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import NO_KERNEL
+from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.agent.rehearsal import best, judge
+from selftouch_drake.bodies.drake import DrakeBodies
+from selftouch_drake.bodies.embodiment import bodies_of, pilot_in
 from selftouch_drake.cli import main
 from selftouch_drake.evaluation import random_pairs
-from selftouch_drake.experience.collect import world_of
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World
-from selftouch_drake.run import acting, stages
-from selftouch_drake.run.acting import NoWayError, Pilot
+from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import (
     load_agent,
     load_execution,
@@ -49,9 +51,9 @@ LIMITS = "q_start[1] is -1.5: give a position within the limits of the joint, -1
 def learned(tmp_path_factory):
     experiment = load_experiment("cube", SMALL)
     run = RunDirectory.create(tmp_path_factory.mktemp("runs") / "cube", experiment)
-    world = World(experiment)
+    world = stages.make_world(run)
     with Threads(1) as executor:
-        stages.babble(run, world, executor)
+        stages.babble(run, executor)
     stages.learn(run)
     return run, world
 
@@ -59,12 +61,18 @@ def learned(tmp_path_factory):
 @pytest.fixture
 def run(learned, tmp_path):
     shutil.copytree(learned[0].path, tmp_path / "run")
-    return RunDirectory.open(tmp_path / "run")
+    run = RunDirectory.open(tmp_path / "run")
+    stages.keep_bodies(run, DrakeBodies(learned[1]))
+    return run
 
 
 @pytest.fixture(scope="module")
 def world(learned):
     return learned[1]
+
+
+def pilot_of(agent, world):
+    return pilot_in(DrakeBodies(world), agent, world.experiment)
 
 
 def output_of(capsys, *arguments):
@@ -80,17 +88,17 @@ def representation_of(run):
 
 
 def test_a_tour_is_planned_and_executed_as_one_motion(run, world):
-    motion = stages.plan(run, world, 3, 20, 41)
+    motion = stages.plan(run, 3, 20, 41)
     assert motion.plan.nodes[0] == 3
     assert motion.goal == 41
     assert 20 in motion.plan.nodes
     assert not was_executed(run, 3, 20, 41)
-    done = stages.execute(run, world, 3, 20, 41)
+    done = stages.execute(run, 3, 20, 41)
     assert was_executed(run, 3, 20, 41)
     stored = load_execution(run, 3, 20, 41)
     np.testing.assert_array_equal(stored.felt, done.execution.felt)
     np.testing.assert_array_equal(stored.motion.q, motion.q)
-    again = stages.plan(run, world, 3, 20, 41)
+    again = stages.plan(run, 3, 20, 41)
     np.testing.assert_array_equal(again.q, motion.q)
 
 
@@ -98,7 +106,7 @@ def test_the_touch_servo_holds_a_touch_that_is_lost_without_it(run, world):
     execution = dataclasses.replace(run.experiment.execution, touch_servo=True)
     served = World(dataclasses.replace(run.experiment, execution=execution))
     vars(served).update(skins=world.skins, probe=world.probe)
-    pilot = Pilot(load_agent(run), served)
+    pilot = pilot_of(load_agent(run), served)
     motion = pilot.plan(3, 41).motion
     beside = pilot.beside(motion)
     # To the side on which the plan has less room.
@@ -106,8 +114,9 @@ def test_the_touch_servo_holds_a_touch_that_is_lost_without_it(run, world):
     off = sign * 0.055 * beside.across[len(beside.across) // 2] / beside.joint_scale
 
     def contact(beside):
-        log = served.simulation.execute(motion.time_s, motion.q + off, motion.v, beside)
-        return log.felt.any(axis=1)[motion.touching].mean()
+        body, how = pilot.body, (motion.time_s, motion.q + off)
+        followed = body.follow(*how) if beside is None else body.follow_beside(*how, beside)
+        return followed.sensation.any(axis=1)[motion.touching].mean()
 
     assert contact(beside) > contact(None) + 0.05
     assert pilot.execute(motion)[0].contact == 1.0
@@ -135,18 +144,19 @@ def test_plans_keep_the_limits_of_each_joint(run):
     world = World(run.experiment)
     slow = np.array([1.0, 0.2, 1.0, 1.0, 1.0, 1.0])
     vars(world)["limits"] = dataclasses.replace(world.limits, velocity=slow)
-    motion = stages.plan(run, world, 3, 41)
+    stages.keep_bodies(run, DrakeBodies(world))
+    motion = stages.plan(run, 3, 41)
     assert np.abs(motion.v).max(axis=0)[1] <= 0.2
     assert np.abs(motion.v).max() > 0.2
 
 
 def test_a_robot_in_the_air_goes_to_touch(run, world):
     q_start = np.array([0.1, -0.5, 0.3, 0.0, 0.0, 0.0])
-    motion = stages.plan_from(run, world, q_start, 20)
+    motion = stages.plan_from(run, q_start, 20)
     assert motion.plan.nodes[0] == NO_KERNEL
     assert motion.plan.in_air[0]
     np.testing.assert_allclose(motion.q[0], q_start)
-    done = stages.execute(run, world, free_start(q_start), 20)
+    done = stages.execute(run, free_start(q_start), 20)
     assert not done.execution.felt[0].any()
     assert done.execution.felt.any()
     # The way through the air is no contact that was lost.
@@ -160,16 +170,16 @@ def test_a_robot_in_the_air_goes_to_touch(run, world):
 def test_a_robot_that_touches_starts_from_what_it_feels(run, world):
     known = representation_of(run)
     q_start = known.kernel_q[known.members(7)][0].astype(float)
-    assert stages.plan_from(run, world, q_start, 20).plan.nodes[0] == 7
+    assert stages.plan_from(run, q_start, 20).plan.nodes[0] == 7
 
 
 def test_a_start_outside_the_limits_is_refused(run, world):
     with pytest.raises(ValueError, match=f"^{re.escape(LIMITS)}$"):
-        stages.plan_from(run, world, np.array([0.1, -1.5, 0.3, 0.0, 0.0, 0.0]), 20)
+        stages.plan_from(run, np.array([0.1, -1.5, 0.3, 0.0, 0.0, 0.0]), 20)
 
 
 def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):
-    tries = stages.rehearse(run, world, 3, 20, max_tries=3)
+    tries = stages.rehearse(run, 3, 20, max_tries=3)
     assert 1 <= len(tries) <= 3
     memory = load_memory(run, representation_of(run))
     assert memory.num_tries == len(tries)
@@ -179,13 +189,13 @@ def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):
 
 
 def test_tries_end_at_the_first_perfect_one_or_at_the_most(run, world, monkeypatch):
-    pilot, scripted = Pilot(load_agent(run), world), [0.9, 0.95, 1.0, 1.0]
+    pilot, scripted = pilot_of(load_agent(run), world), [0.9, 0.95, 1.0, 1.0]
 
     def judged(execution, representation):
         one = judge(execution, representation)
         return dataclasses.replace(one, contact=scripted.pop(0), reached=True)
 
-    monkeypatch.setattr(acting, "judge", judged)
+    monkeypatch.setattr(pilot_module, "judge", judged)
     assert [one.contact for one in pilot.rehearse(3, 20, max_tries=6)] == [0.9, 0.95, 1.0]
     assert pilot.agent.memory.num_tries == 3
     scripted[:] = [0.5, 0.5, 0.5]
@@ -195,9 +205,9 @@ def test_tries_end_at_the_first_perfect_one_or_at_the_most(run, world, monkeypat
 
 
 def test_later_plans_keep_off_what_rehearsals_lost(run, world):
-    before = stages.plan(run, world, 3, 20)
+    before = stages.plan(run, 3, 20)
     save_memory(run, RehearsalMemory.blank(representation_of(run)).after(before.plan.links))
-    after = stages.plan(run, world, 3, 20)
+    after = stages.plan(run, 3, 20)
     assert not np.array_equal(after.plan.nodes, before.plan.nodes)
 
 
@@ -245,26 +255,28 @@ def test_a_representation_without_the_stamp_of_its_experience_is_refused(run):
 
 
 def test_a_plan_to_the_current_sensation_stays_and_is_reached(run, world):
-    motion = stages.plan(run, world, 7, 7)
+    motion = stages.plan(run, 7, 7)
     assert motion.plan.nodes.tolist() == [7]
     assert np.allclose(motion.q, motion.q[0])
-    assert stages.execute(run, world, 7, 7).perfect
+    assert stages.execute(run, 7, 7).perfect
 
 
 def test_a_robot_that_does_not_follow_is_shown_as_it_is(run):
     limp = {"stiffness": 1.0, "damping": 1.0}
-    world = World(load_experiment("cube", SMALL | {"execution": limp}))
-    stages.plan(run, world, 3, 20)
-    kept = stages.execute(run, world, 3, 20)
+    stages.keep_bodies(
+        run, DrakeBodies(World(load_experiment("cube", SMALL | {"execution": limp})))
+    )
+    stages.plan(run, 3, 20)
+    kept = stages.execute(run, 3, 20)
     assert not kept.perfect
     error = kept.execution.q_measured - kept.execution.motion.q
     assert np.sqrt(np.square(error).mean()) > 0.05
 
 
 def test_stored_pairs_are_those_of_two_targets(run, world):
-    stages.plan(run, world, 12, 3)
-    stages.plan(run, world, 3, 20)
-    stages.plan(run, world, 3, 20, 41)
+    stages.plan(run, 12, 3)
+    stages.plan(run, 3, 20)
+    stages.plan(run, 3, 20, 41)
     assert stored_pairs(run) == [(3, 20), (12, 3)]
     np.testing.assert_array_equal(load_motion(run, 12, 3).plan.nodes[[0, -1]], [12, 3])
 
@@ -291,9 +303,9 @@ def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
 
 def test_evaluation_in_another_process_gives_the_same(run, world, tmp_path):
     other = RunDirectory.open(shutil.copytree(run.path, tmp_path / "other"))
-    stages.evaluate(run, world)
+    stages.evaluate(run)
     with local_executor(2) as process:
-        stages.evaluate(other, world, executor=process)
+        stages.evaluate(other, executor=process)
     pairs = stored_pairs(run)
     assert len(pairs) == 2
     for file in (run.trials, *(run.plan(*pair) for pair in pairs)):
@@ -307,14 +319,14 @@ def test_evaluation_in_another_process_gives_the_same(run, world, tmp_path):
 
 
 def test_a_plan_needs_nothing_that_is_kept(run, world):
-    expected = stages.plan(run, stages.make_world(run), 3, 20)
+    expected = stages.plan(run, 3, 20)
     kept = sorted(run.cache.iterdir())
     assert [file.name.split("-")[0] for file in kept] == ["skins"]
     for spoil in (lambda file: file.write_bytes(b"garbage"), lambda file: file.unlink()):
         for file in kept:
             spoil(file)
-        world_of.keep(world, run.experiment, "another run")  # as in a new process
-        motion = stages.plan(run, stages.make_world(run), 3, 20)
+        bodies_of.keep(None, run.experiment, "another run")  # as in a new process
+        motion = stages.plan(run, 3, 20)
         np.testing.assert_array_equal(motion.q, expected.q)
         np.testing.assert_array_equal(motion.predicted, expected.predicted)
     assert sorted(run.cache.iterdir()) == kept
@@ -324,8 +336,8 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
     agent = load_agent(run, predicts=True)
     # What was rehearsed before does not count: the figures are the same every time.
     agent = agent.recalling(agent.memory.after(np.arange(20)))
-    trials, _ = try_pairs(run, world, agent, stages.silent)
-    figures = trial_metrics(trials, world.robot.turns)
+    trials, _ = try_pairs(run, DrakeBodies(world), agent, stages.silent)
+    figures = trial_metrics(trials)
     assert set(figures) <= {metric.key for metric in METRICS}
     assert figures["execution_num_pairs"] == 2
     # Practice repairs what the agent plans.
@@ -355,8 +367,12 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
     shares = [load_execution(run, *pair).contact for pair in stored_pairs(run)]
     assert np.mean(shares) == pytest.approx(figures["execution_contact_mean"])
     # The sliding joints of another robot have a figure of their own.
-    sliding = np.array([True] * 4 + [False] * 2)
-    mixed = trial_metrics(trials, sliding)
+    turns = np.array([True] * 4 + [False] * 2)
+    sliding = [
+        dataclasses.replace(one, truth=dataclasses.replace(one.truth, turns=turns))
+        for one in trials
+    ]
+    mixed = trial_metrics(sliding)
     parts = (
         4 * mixed["execution_tracking_rms_rad"] ** 2 + 2 * mixed["execution_tracking_rms_m"] ** 2
     )
@@ -365,33 +381,33 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
 
 def test_before_practice_the_agent_has_followed_nothing(run, world, monkeypatch):
     agent = load_agent(run, predicts=True)
-    query = Pilot(agent, world).plan(3, 41)
-    blind = agent.tour([3, 41], q_start=Pilot(agent, world).start_of(3, 41))
+    query = pilot_of(agent, world).plan(3, 41)
+    blind = agent.tour([3, 41], q_start=pilot_of(agent, world).start_of(3, 41))
     np.testing.assert_array_equal(query.unpractised.waypoints_q, blind.waypoints_q)
     # Its prediction asks no world: it is what the agent knows from stored touches.
-    monkeypatch.setattr(world.probe, "sensations", None)
-    motion = Pilot(agent, world).motion(query.unpractised)
+    monkeypatch.setattr(world.probe, "touches", None)
+    motion = pilot_of(agent, world).motion(query.unpractised)
     expected = agent.predict(blind, motion.s)
     np.testing.assert_array_equal(motion.predicted, expected.sensation)
 
 
 def test_a_robot_that_does_not_move_costs_its_pair_alone(run, world, monkeypatch):
     """Its measured path has no jerk to compare; all else is scored."""
-    execute, number = world.simulation.execute, itertools.count()
+    take_log, number = world.simulation.take_log, itertools.count()
 
-    def stuck(*motion):
-        log = execute(*motion)
+    def stuck():
+        log = take_log()
         return dataclasses.replace(log, q=log.q[:1] + 0 * log.q) if next(number) < 2 else log
 
-    monkeypatch.setattr(world.simulation, "execute", stuck)
+    monkeypatch.setattr(world.simulation, "take_log", stuck)
     execution = dataclasses.replace(run.experiment.execution, max_tries=1)
     run = RunDirectory(run.path, dataclasses.replace(run.experiment, execution=execution))
-    trials, _ = try_pairs(run, world, load_agent(run), stages.silent)
-    assert [one.tip_jerk_measured is None for one in trials] == [True, False]
-    moved = trials[1].tip_jerk_measured
-    figures = trial_metrics(trials, world.robot.turns)
+    trials, _ = try_pairs(run, DrakeBodies(world), load_agent(run), stages.silent)
+    assert [one.truth.tip_jerk_measured is None for one in trials] == [True, False]
+    moved = trials[1].truth.tip_jerk_measured
+    figures = trial_metrics(trials)
     assert figures["execution_fingertip_jerk_reduction"] == moved
-    assert "execution_fingertip_jerk_reduction" not in trial_metrics(trials[:1], world.robot.turns)
+    assert "execution_fingertip_jerk_reduction" not in trial_metrics(trials[:1])
 
 
 def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, monkeypatch):
@@ -405,8 +421,8 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
 
     monkeypatch.setattr(world.probe, "collision_depth", depth)
     run = with_pairs(run, 1)
-    trials, _ = try_pairs(run, world, load_agent(run), stages.silent)
-    figures = trial_metrics(trials, world.robot.turns)
+    trials, _ = try_pairs(run, DrakeBodies(world), load_agent(run), stages.silent)
+    figures = trial_metrics(trials)
     assert figures["planning_impossible_postures"] == 5
     assert figures["execution_impossible_postures"] == 5
     # Plans are sampled at 100 Hz, the plant steps at 200 Hz.
@@ -417,9 +433,9 @@ def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, 
 def test_a_plan_on_which_rigid_parts_run_into_each_other_is_refused(run, world, monkeypatch):
     monkeypatch.setattr(world.probe, "collision_depth", lambda q, margin=0.0: np.ones(len(q)))
     with pytest.raises(NoWayError, match=r"^no way to target 20 was found"):
-        stages.plan(run, world, 3, 20)
+        stages.plan(run, 3, 20)
     assert not list(run.path.glob("plans/*"))
-    trials, without_way = try_pairs(run, world, load_agent(run), stages.silent)
+    trials, without_way = try_pairs(run, DrakeBodies(world), load_agent(run), stages.silent)
     assert trials == []
     assert without_way == random_pairs(run.experiment, load_representation(run))
 

@@ -7,8 +7,8 @@ from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.agent.lifelong import life as life_module
 from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience.exploration import Exploration
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.exploration import Exploration
 from selftouch_drake.files import load_arrays
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
@@ -43,7 +43,7 @@ def babbled(path, strategy):
     with pytest.raises(RunError, match="half-finished"):
         live(run)
     with Threads(1) as executor:
-        stages.babble(run, stages.make_world(run), executor)
+        stages.babble(run, executor)
     return run
 
 
@@ -98,7 +98,7 @@ def test_an_active_life_goes_on_in_a_changed_body(tmp_path, monkeypatch):
     assert (curves.noticed > 1000).all()
     assert np.isfinite(curves.surprise[-1])
     # It is the life of the agent that explored.
-    explorer = Exploration(run.experiment)
+    explorer = Exploration(run.experiment, stages.run_bodies(run).babbling)
     for sensation, q in ExperienceReader(run.experience).touches():
         explorer.remember(q, sensation)
     surprise = [block.mean() for block in explorer.mind.surprise]

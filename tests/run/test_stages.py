@@ -176,7 +176,7 @@ def test_evaluation_without_truth_or_in_part_names_what_is_missing(run):
     before = content(run)
     (run.truth / "part-00001.parquet").unlink()
     with pytest.raises(StoreError, match="is missing; collect it again with") as error:
-        stages.evaluate(run, World(run.experiment))
+        stages.evaluate(run)
     assert str(error.value).startswith(str(run.truth / "part-00001.parquet"))
     before.pop((run.truth / "part-00001.parquet").relative_to(run.path))
     assert content(run) == before

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from laid_out import motion_of
 
-from selftouch_drake.run.acting import Pilot
+from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.show.meshcat.live import BRAKING_S, SPEED, TARGET, LiveShow, braked

@@ -1,4 +1,7 @@
-"""How an agent moves its robot: the agent plans, the plan gets its times, the robot follows it."""
+"""How an agent moves its body: it plans, practises, gives the plan its times, and executes it.
+
+Everything it does in a world goes through its body (naive).
+"""
 
 from __future__ import annotations
 
@@ -10,33 +13,18 @@ from functools import cached_property
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body import Body, Followed, ServoedBody
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning import Limits, checked_configuration
 from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.agent.practice import DryRun, NoWayError, dry_run, learn_from, practise
 from selftouch_drake.agent.rehearsal import Try, judge
 from selftouch_drake.agent.sliding import Slider
-from selftouch_drake.agent.touch_profile import felt_across
-from selftouch_drake.evaluation import jerk_reduction
-from selftouch_drake.robot import LOG_PERIOD, Log, World
-from selftouch_drake.robot.servo import OFFSETS, Beside
+from selftouch_drake.agent.touch_profile import TouchProfile, felt_across
+from selftouch_drake.randomness import random_stream
 
-# m, less than the allowed depth of rigid parts in each other: executions are off by less.
-_MARGIN = 0.0005
-
-
-class _KinematicWorld:
-    """Where the agent practises: its robot without dynamics."""
-
-    def __init__(self, world: World):
-        self.lower, self.upper = world.robot.lower, world.robot.upper
-        self._probe = world.probe
-
-    def feel(self, q: np.ndarray) -> np.ndarray:
-        return self._probe.sensations(q)
-
-    def possible(self, q: np.ndarray) -> np.ndarray:
-        return self._probe.collision_depth(q, _MARGIN) == 0
+#: Hz, rate of the samples of a timed motion.
+RATE_HZ = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -58,23 +46,31 @@ class Query:
     motion: Motion
     seconds: float
 
-    @property
-    def jerk_reduction(self) -> float:
-        """How many times less jerk the plan has than straight steps between kernels."""
-        return jerk_reduction(self.plan, self.agent.representation.joint_scale)
-
 
 class Pilot:
-    """An agent in its world: plans become motions, and motions are executed.
+    """An agent in its body: plans become motions, and motions are executed.
 
     Args:
         agent: the agent that plans; a rehearsal replaces it by one that remembers more.
-        world: its world.
+        body: its body, which executes motions.
+        practice: the body in which it practises plans, slowly; by default the same one.
+        seed: decides where motions start.
+        touch_servo: whether motions are executed with the touch servo; the body must have one.
     """
 
-    def __init__(self, agent: Agent, world: World):
+    def __init__(
+        self,
+        agent: Agent,
+        body: Body,
+        practice: Body | None = None,
+        *,
+        seed: int = 0,
+        touch_servo: bool = False,
+    ):
         self.agent = agent
-        self.world = world
+        self.body = body
+        self.practice = body if practice is None else practice
+        self._seed, self._touch_servo = seed, touch_servo
 
     def get_ready(self) -> None:
         """Prepares everything that queries need, so that the first one takes no longer."""
@@ -105,8 +101,7 @@ class Pilot:
             ValueError: as `Agent.tour`, or `q_start` is outside the limits of the joints.
         """
         q_start = checked_configuration(q_start, self.agent.representation, self._range)
-        (felt,) = self.world.probe.sensations(q_start[None])
-        return self.plan_feeling(q_start, felt, goal)
+        return self.plan_feeling(q_start, self.practice.feel(q_start[None]).sensation[0], goal)
 
     def plan_feeling(self, q_start: np.ndarray, felt: np.ndarray, goal: int) -> Query:
         """Like `plan_from`, with the sensation at the start already known.
@@ -125,8 +120,8 @@ class Pilot:
         """`(J,)` the start of the motion: any configuration of the first kernel."""
         representation = self.agent.representation
         members = representation.kernel_q[representation.members(targets[0])]
-        stream = self.world.experiment.random_stream("start", *targets)
-        return members[np.random.default_rng(stream).integers(len(members))].astype(float)
+        rng = np.random.default_rng(random_stream(self._seed, "start", *targets))
+        return members[rng.integers(len(members))].astype(float)
 
     def motion(self, plan: Plan, felt: DryRun | None = None) -> Motion:
         """The timed plan, with what the agent expects to feel.
@@ -138,39 +133,40 @@ class Pilot:
         """
         timed = time_path(
             plan.path,
-            velocity_limit=self.world.limits.velocity,
-            acceleration_limit=self.world.limits.acceleration,
-            rate_hz=1 / LOG_PERIOD,
+            velocity_limit=self.body.velocity,
+            acceleration_limit=self.body.acceleration,
+            rate_hz=RATE_HZ,
         )
         return self.agent.motion(
             plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, dry_run=felt
         )
 
-    def execute(self, motion: Motion, *, practised: bool = True) -> tuple[Execution, Log]:
-        """Lets the robot follow a motion from its start; the log has every step of the plant.
+    def execute(self, motion: Motion, *, practised: bool = True) -> tuple[Execution, Followed]:
+        """Lets the body follow a motion from its start.
 
         Args:
             motion: the motion.
             practised: whether the agent may feel beside the motion first, which the touch servo
                 needs: without practice the servo rests.
-        """
-        serves = self.world.experiment.execution.touch_servo and practised
-        beside = self.beside(motion) if serves else None
-        log = self.world.simulation.execute(motion.time_s, motion.q, motion.v, beside)
-        execution = Execution(
-            motion=motion, felt=log.felt, q_measured=log.q, v_measured=log.v, torque=log.torque
-        )
-        return execution, log
 
-    def beside(self, motion: Motion) -> Beside:
-        """What the agent feels beside a motion, for the touch servo."""
-        felt = felt_across(motion, OFFSETS, self._slider)
-        return Beside(
-            time_s=felt.time_s,
-            across=felt.across,
-            joint_scale=self.agent.representation.joint_scale,
-            strength=felt.strength,
-        )
+        Returns:
+            What happened at the samples of the motion, and what the body measured.
+        """
+        if self._touch_servo and practised and isinstance(self.body, ServoedBody):
+            followed = self.body.follow_beside(motion.time_s, motion.q, self.beside(motion))
+        else:
+            followed = self.body.follow(motion.time_s, motion.q)
+        return executed(motion, followed), followed
+
+    def beside(self, motion: Motion) -> TouchProfile:
+        """What the agent feels beside a motion, for the touch servo.
+
+        Raises:
+            TypeError: the body has no touch servo.
+        """
+        if not isinstance(self.body, ServoedBody):
+            raise TypeError(f"{type(self.body).__name__} has no touch servo")
+        return felt_across(motion, self.body.offsets, self._slider)
 
     def rehearse(
         self, start: int, goal: int, *, max_tries: int, known: Try | None = None
@@ -214,12 +210,12 @@ class Pilot:
     @property
     def _range(self) -> Limits:
         """Limits of the joints."""
-        return self.world.robot.lower, self.world.robot.upper
+        return self.body.lower, self.body.upper
 
     @cached_property
     def _slider(self) -> Slider:
         """The slider of the agent: it feels, and knows which configurations are possible."""
-        return Slider(_KinematicWorld(self.world), self.agent.representation.joint_scale)
+        return Slider(self.practice, self.agent.representation.joint_scale)
 
     def _query(
         self, targets: Sequence[int | None], q_start: np.ndarray, limits: Limits | None = None
@@ -235,3 +231,23 @@ class Pilot:
             motion=motion,
             seconds=time.perf_counter() - began,
         )
+
+
+def executed(motion: Motion, followed: Followed) -> Execution:
+    """What happened when a body followed a motion, at the samples of the motion.
+
+    Args:
+        motion: the motion.
+        followed: what the body measured, at samples of its own; what was felt is taken from the
+            nearest one.
+    """
+    there = followed.time_s
+    place = np.interp(motion.time_s, there, np.arange(len(there)))
+    row, share = np.rint(place).astype(int), (place - place.astype(int))[:, None]
+    before = place.astype(int)
+    after = np.minimum(before + 1, len(there) - 1)
+    q = followed.q[before] + share * (followed.q[after] - followed.q[before])
+    v = np.gradient(q, motion.time_s, axis=0) if followed.v is None else followed.v[row]
+    torque = np.zeros((0, q.shape[1])) if followed.torque is None else followed.torque
+    felt = followed.sensation[row]
+    return Execution(motion=motion, felt=felt, q_measured=q, v_measured=v, torque=torque)

@@ -7,9 +7,11 @@ import pytest
 
 from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.agent.lifelong import life as life_module
+from selftouch_drake.bodies.embodiment import body_of, make_bodies
 from selftouch_drake.experience import ExperienceReader, shard_name, walk_sizes
+from selftouch_drake.experience.collect import walker_of
+from selftouch_drake.experience.exploration import Exploration, explore
 from selftouch_drake.experiment import Change, ExperimentError, load_experiment
-from selftouch_drake.exploration import Exploration, explore
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.fingerprint import experience_fingerprint
 
@@ -29,13 +31,22 @@ def active(num_samples, **babbling):
     )
 
 
+def living(experiment):
+    """An agent that explores, at birth."""
+    return Exploration(experiment, make_bodies(experiment).babbling)
+
+
+def explored_by(life, run):
+    return explore(life, run.path, fingerprint=run.fingerprint(), body_of=body_of)
+
+
 def explored(path, experiment):
     run = RunDirectory.create(path, experiment)
     return run, explored_into(run)
 
 
 def explored_into(run):
-    return explore(Exploration(run.experiment), run.path, fingerprint=run.fingerprint())
+    return explored_by(living(run.experiment), run)
 
 
 def shards(run):
@@ -62,7 +73,7 @@ def test_what_touches_is_kept_as_it_is_felt(reference):
     sensation = ExperienceReader(run.experience).read("sensation")
     assert q.shape == (750, 6)
     assert sensation.any(axis=1).all()
-    felt = Exploration(run.experiment).source.go(q)[1].sensation
+    felt = living(run.experiment).body.feel(q).sensation
     np.testing.assert_array_equal(felt.astype(np.float32), sensation)
 
 
@@ -87,12 +98,12 @@ def test_a_lost_round_is_lived_again_to_the_same_bytes(reference):
 
 def test_what_it_knows_does_not_depend_on_where_it_was_stopped():
     """The learner measures distances again only where enough is new since it was last asked."""
-    whole, rounds = Exploration(active(3000)), []
+    whole, rounds = living(active(3000)), []
     for _ in range(8):
         shard = whole.explore(300)
         whole.remember(shard.q, shard.sensation)
         rounds.append((shard.q, shard.sensation))
-    again = Exploration(active(3000))
+    again = living(active(3000))
     for q, sensation in rounds:
         again.remember(q, sensation)
     np.testing.assert_array_equal(again.explore(300).q, whole.explore(300).q)
@@ -113,18 +124,18 @@ def changing(num_samples, **change):
 @pytest.mark.slow
 def test_in_a_changed_body_it_explores_by_what_it_adapted(tmp_path, quick):
     experiment = changing(3250, after=2000, joints={"elbow_pitch": 0.6})
-    run, life = RunDirectory.create(tmp_path / "whole", experiment), Exploration(experiment)
-    counts = explore(life, run.path, fingerprint=run.fingerprint())
+    run, life = RunDirectory.create(tmp_path / "whole", experiment), living(experiment)
+    counts = explored_by(life, run)
     (noticed,) = life.mind.noticed
     assert 2000 <= noticed.row < 2500 < noticed.explained_at
     assert noticed.change.offset.any()
     known = life._agent.representation
     assert known is life.mind.learner.representation
-    assert life.world.experiment.changes
+    assert life.body.world.experiment.changes
     # What it remembers from before the change touches again.
     before = ExperienceReader(run.experience).read("q")[:2000]
     unadapted, adapted = (
-        life.world.probe.sensations(q).any(axis=1).mean() for q in (before, known.kernel_q)
+        life.body.feel(q).sensation.any(axis=1).mean() for q in (before, known.kernel_q)
     )
     assert unadapted < 0.6
     assert adapted > 0.8
@@ -143,7 +154,7 @@ def test_in_a_changed_body_it_explores_by_what_it_adapted(tmp_path, quick):
 
 def test_the_agent_is_naive(reference):
     """Without the truth of the rounds before it does the same."""
-    life = Exploration(active(750))
+    life = living(active(750))
     reader = ExperienceReader(reference[0].experience)
     q, sensation = reader.read("q"), reader.read("sensation")
     for number in range(2):
@@ -158,12 +169,12 @@ def test_it_explores_under_dynamics(tmp_path):
 
 
 def test_under_dynamics_it_feels_at_every_step():
-    source = Exploration(active(100, mode="dynamic")).source
-    q = np.zeros(6)
-    source.rest_at(q)
+    experiment = active(100, mode="dynamic")
+    walker = walker_of(experiment, make_bodies(experiment).babbling)
+    walker.begin_at(np.zeros(6))
+    # The first motion has a sample of its start.
     for step in range(1, 60):
-        felt_at, _ = source.go(q[None] + 0.01 * step)
-        assert felt_at.shape == (1, 6)
+        assert walker.choose(np.full((1, 6), 0.01 * step)).q.shape == (1 + (step == 1), 6)
 
 
 def test_a_strategy_has_a_name():

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body import Body, Felt
 from selftouch_drake.agent.lifelong import (
     Explorer,
     JointRanges,
@@ -26,16 +27,10 @@ from selftouch_drake.agent.lifelong import (
     Walker,
 )
 from selftouch_drake.agent.representation import DisconnectedWarning
-from selftouch_drake.experience import (
-    ExperienceReader,
-    Shard,
-    WalkCounts,
-    write_shard,
-)
-from selftouch_drake.experience.collect import keep_touches, step_sizes, stored_walks
-from selftouch_drake.experience.walkers import SAMPLE_PERIOD, DynamicWalker, KinematicWalker, Steps
+from selftouch_drake.experience.collect import keep_touches, stored_walks, walker_of
+from selftouch_drake.experience.store import ExperienceReader, Shard, WalkCounts, write_shard
+from selftouch_drake.experience.walkers import CHOICE_S, strides, walk_range
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.robot import World
 
 #: Number of target sensations, and most touches of each, that the agent uses while it explores a
 #: body that stays as it is. The learn stage and a life have their own numbers.
@@ -56,12 +51,12 @@ def new_life(experiment: Experiment) -> Life:
 
 
 class Exploration:
-    """An agent in its world, which explores in rounds and learns from each.
+    """An agent in its body, which explores in rounds and learns from each.
 
     Args:
         experiment: decides everything that happens.
-        explorer: decides where the agent goes; by default the one that suits the world.
-        world: the world of the experiment; built by default.
+        body: the body of the experiment.
+        explorer: decides where the agent goes; by default the one that suits the body.
 
     Attributes:
         mind: takes the touches; a life if the body changes in the course of the experiment.
@@ -69,16 +64,9 @@ class Exploration:
         num_touches: number of touches in the rounds before.
     """
 
-    def __init__(
-        self,
-        experiment: Experiment,
-        explorer: type[Explorer] | None = None,
-        world: World | None = None,
-    ):
-        self.experiment = experiment
-        dynamic = experiment.babbling.mode == "dynamic"
-        self._explorer = explorer or (Walker if dynamic else PostureSampler)
-        self.enter(world or World(experiment))
+    def __init__(self, experiment: Experiment, body: Body, explorer: type[Explorer] | None = None):
+        self.experiment, self._explorer = experiment, explorer
+        self.enter(body)
         (seed,) = experiment.random_stream("explorer").generate_state(1)
         self.mind: Life | OnlineLearner = (
             new_life(experiment)
@@ -89,18 +77,17 @@ class Exploration:
         self._q: np.ndarray | None = None
         self._agent: Agent | None = None
 
-    def enter(self, world: World) -> None:
-        """From now on, the agent has the body of this world."""
-        babbling, robot = self.experiment.babbling, world.robot
-        dynamic = babbling.mode == "dynamic"
-        self.world, self.source = world, DynamicWalker(world) if dynamic else KinematicWalker(world)
-        lower, upper = robot.babbled_range
+    def enter(self, body: Body) -> None:
+        """From now on, the agent has this body."""
+        babbling = self.experiment.babbling
+        self.body, self._walker = body, walker_of(self.experiment, body)
+        lower, upper = walk_range(body)
         self._joints = JointRanges(
             lower=lower,
             upper=upper,
-            stride=step_sizes(self.experiment, robot),
+            stride=strides(body, babbling.step_size),
             # Each sample decides on the next step; the agent moves as fast as random babbling.
-            pace=SAMPLE_PERIOD / babbling.step_duration if dynamic else 1.0,
+            pace=CHOICE_S / babbling.step_duration if self._walker.timed else 1.0,
         )
 
     @property
@@ -119,27 +106,28 @@ class Exploration:
         self._agent = self._knows()
 
     def explore(self, num_rows: int) -> Shard:
-        """The next round: explores until `num_rows` configurations that the robot can take touch.
+        """The next round: explores until `num_rows` configurations that the body can take touch.
 
         Raises:
             NeverTouchesError: there was no touch in very many steps.
         """
         rng = np.random.default_rng(self.experiment.random_stream("walk", self.round))
-        joints, source = self._joints, self.source
+        joints, walker = self._joints, self._walker
         start = rng.uniform(joints.lower, joints.upper) if self._q is None else self._q
-        source.rest_at(start)
-        nothing = np.zeros(self.experiment.num_receptors)
-        moves = self._explorer(self._agent, joints, start, nothing, rng).moves()
+        walker.begin_at(start)
+        nothing = np.zeros(self.body.num_receptors)
+        explorer = self._explorer or (Walker if walker.timed else PostureSampler)
+        moves = explorer(self._agent, joints, start, nothing, rng).moves()
         path = next(moves)
 
-        def next_steps() -> Steps:
+        def next_steps() -> Felt:
             nonlocal path
-            q, touches = source.go(path)
-            # In a posture that it cannot take, a robot feels nothing.
-            path = moves.send((q, np.where(source.possible(q)[:, None], touches.sensation, 0.0)))
-            return Steps.of(q, touches)
+            felt = walker.choose(path)
+            # In a posture that it cannot take, a body feels nothing.
+            path = moves.send((felt.q, np.where(felt.reached[:, None], felt.sensation, 0.0)))
+            return felt
 
-        return keep_touches(next_steps, source.possible, self.experiment, self.round, num_rows)
+        return keep_touches(next_steps, self.round, num_rows)
 
     def _knows(self) -> Agent | None:
         """What the agent knows; None before it has enough touches to go by."""
@@ -158,6 +146,7 @@ def explore(
     folder: Path,
     *,
     fingerprint: str,
+    body_of: Callable[[Experiment, str], Body],
     progress: Callable[[int], None] = lambda num_rows: None,
 ) -> WalkCounts:
     """Collects the missing experience of an active run, in this process: rounds follow each other.
@@ -166,6 +155,7 @@ def explore(
         exploration: at its beginning.
         folder: of the run.
         fingerprint: of the experience.
+        body_of: as of `collect`, for the bodies after changes.
         progress: called with the number of new rows each time a round is stored.
 
     Raises:
@@ -174,14 +164,14 @@ def explore(
     """
     experiment = exploration.experiment
     counts, missing = stored_walks(experiment, folder, fingerprint=fingerprint, progress=progress)
-    body = experiment.after(0)
-    for number, num_rows, body_then in missing:
+    now = experiment.after(0)
+    for number, num_rows, then in missing:
         stored = ExperienceReader(folder / "experience").touches() if number else iter(())
         for sensation, q in islice(stored, exploration.round, number):
             exploration.remember(q, sensation)
-        if body_then != body:
-            body = body_then
-            exploration.enter(World(body))
+        if then != now:
+            now = then
+            exploration.enter(body_of(now, fingerprint))
         shard = exploration.explore(num_rows)
         exploration.remember(shard.q, shard.sensation)
         write_shard(folder, shard, fingerprint=fingerprint)

@@ -1,0 +1,286 @@
+"""Robots in Drake as bodies: without dynamics, and under dynamics.
+
+What they return also holds what only the experimenter may know: contacts, and the log of the
+simulation. An agent has no use for it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from selftouch_drake.agent.body import Felt, Followed
+from selftouch_drake.agent.touch_profile import TouchProfile
+from selftouch_drake.experience import Contacts
+from selftouch_drake.robot import Log, Simulation, Touches, World
+from selftouch_drake.robot.imperfections import remembered
+from selftouch_drake.robot.servo import OFFSETS, Beside
+
+# s between two samples of a babbling robot, in which a fingertip moves by a few millimetres.
+_BABBLING_PERIOD = 0.02
+
+# Share of the velocity limits with which a body that cannot jump travels to where it feels; s that
+# it then waits; rad or m by which its joints may be off there.
+_SLOWLY, _SETTLED_S, _OFF = 0.5, 0.2, 0.01
+
+# Share of a period by which a time may miss its end.
+_ROUNDING = 1e-6
+
+# m, less than the allowed depth of rigid parts in each other: executions are off by less.
+_MARGIN = 0.0005
+
+
+class DrakeFelt(Felt):
+    """What a robot feels; each part is computed when it is asked for.
+
+    Args:
+        world: of the robot.
+        q: `(n, J)` rad or m, where it truly is.
+        margin: m, by which rigid parts must be less deep in each other than the robot allows.
+        touches: what is felt there, if it is known.
+    """
+
+    _world: World
+    _q: np.ndarray
+    _margin: float
+
+    def __init__(self, world: World, q: np.ndarray, margin: float, touches: Touches | None = None):
+        vars(self).update(_world=world, _q=q, _margin=margin)
+        if touches is not None:
+            vars(self).update(_touches=touches)
+
+    @cached_property
+    def q(self) -> np.ndarray:  # type: ignore[override]
+        """`(n, J)` where the joints read that they are."""
+        return remembered(self._world.experiment, self._q)
+
+    @property
+    def sensation(self) -> np.ndarray:  # type: ignore[override]
+        """`(n, S)` N."""
+        return self._touches.sensation
+
+    @cached_property
+    def reached(self) -> np.ndarray:  # type: ignore[override]
+        """`(n,)` whether the robot can be there: its rigid parts do not collide."""
+        return self._world.probe.collision_depth(self._q, self._margin) == 0
+
+    @property
+    def contacts(self) -> Contacts:
+        """The contacts behind what is felt: the truth."""
+        found, rows = self._touches, np.arange(len(self._q))
+        return Contacts.of_rows(found.row, found.skin, found.toucher, found.p_LC, rows)
+
+    def touches(self) -> tuple[np.ndarray, DrakeFelt]:
+        """The rows in which something is felt, and what was felt there."""
+        if "_touches" in vars(self):
+            rows = np.flatnonzero(self.sensation.any(axis=1))
+            return rows, self.of_rows(rows)
+        # Where touches are rare, this takes a fraction of the time of all readings.
+        rows, touches = self._world.probe.felt(self._q)
+        return rows, DrakeFelt(self._world, self._q[rows], self._margin, touches)
+
+    def of_rows(self, rows: np.ndarray) -> DrakeFelt:
+        """What was felt at some of the configurations, in ascending order."""
+        return DrakeFelt(self._world, self._q[rows], self._margin, self._touches.of_rows(rows))
+
+    @cached_property
+    def _touches(self) -> Touches:
+        return self._world.probe.touches(self._q)
+
+
+class _Joints:
+    """What every body of a robot in Drake has."""
+
+    def __init__(self, world: World):
+        robot, limits = world.robot, world.limits
+        self.world = world
+        self.joint_names: Sequence[str] = list(robot.joint_names)
+        self.lower, self.upper = robot.lower, robot.upper
+        self.velocity, self.acceleration = limits.velocity, limits.acceleration
+        self.num_receptors = world.experiment.num_receptors
+        lower, upper = robot.babbled_range
+        # A sliding joint crosses its range in the time in which a revolute joint turns once.
+        self.unit = np.where(robot.turns, 1.0, (upper - lower) / (2 * np.pi))
+
+
+class DrakeBody(_Joints):
+    """A robot without dynamics: it can be at any configuration at once.
+
+    Args:
+        world: of the robot.
+        margin: as of `DrakeFelt`.
+
+    Attributes:
+        unit: `(J,)` how far a joint moves where a revolute one turns by a radian.
+    """
+
+    jumps = True
+
+    def __init__(self, world: World, margin: float = 0.0):
+        super().__init__(world)
+        self._margin = margin
+
+    def feel(self, q: np.ndarray) -> DrakeFelt:
+        """What is felt at `(n, J)` configurations."""
+        return DrakeFelt(self.world, q, self._margin)
+
+    def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
+        """Is where it is told to be."""
+        return Followed(time_s=time_s, q=q, sensation=self.feel(q).sensation)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, eq=False)
+class DrakeFollowed(Followed):
+    """What a robot measured, with what only the experimenter may know.
+
+    Attributes:
+        log: of the simulation.
+        world: of the robot.
+    """
+
+    log: Log
+    world: World
+
+    def felt(self) -> DrakeFelt:
+        """What was felt at each sample; contacts are computed anew at the configurations."""
+        q = self.log.q.astype(np.float32)
+        touches = dataclasses.replace(self.world.probe.touches(q), sensation=self.sensation)
+        return DrakeFelt(self.world, q, 0.0, touches)
+
+
+class DrakeDynamicBody(_Joints):
+    """A robot under dynamics: joint controllers, gravity, limits of effort, contact forces.
+
+    Args:
+        world: of the robot.
+        simulation: of the robot; by default that of the world.
+        jumps: whether it may be put anywhere at rest, as a simulation may; otherwise it travels.
+
+    Attributes:
+        unit: as of `DrakeBody`.
+        offsets: `(G,)` rad, displacements that the touch servo distinguishes.
+        seconds: s, time of the robot so far.
+    """
+
+    offsets = OFFSETS
+
+    def __init__(self, world: World, simulation: Simulation | None = None, *, jumps: bool = True):
+        super().__init__(world)
+        self._simulation = world.simulation if simulation is None else simulation
+        self.jumps = jumps
+        self.seconds = 0.0
+        # Where the last motion ended; at birth the robot is put where it first goes.
+        self._at: np.ndarray | None = None
+
+    def feel(self, q: np.ndarray) -> DrakeFelt:
+        """What is felt at `(n, J)` configurations, after the robot came to rest at each."""
+        there, felt = [], []
+        for one in q:
+            self._go_to(one)
+            self._simulation.advance(_SETTLED_S)
+            there.append(self._simulation.q_read)
+            felt.append(self._simulation.felt)
+        self._simulation.take_log()
+        q_there = np.array(there).reshape(q.shape)
+        touches = dataclasses.replace(
+            self.world.probe.touches(q_there),
+            sensation=np.array(felt).reshape(len(q), self.num_receptors),
+        )
+        found = DrakeFelt(self.world, q_there, 0.0, touches)
+        near = (np.abs(q_there - q) <= _OFF * self.unit).all(axis=1)
+        vars(found)["reached"] = found.reached & near
+        return found
+
+    def follow(self, time_s: np.ndarray, q: np.ndarray) -> DrakeFollowed:
+        """Follows a motion with its joint controllers."""
+        if self._at is None or (self.jumps and not np.array_equal(q[0], self._at)):
+            return self._jump_and_follow(time_s, q)
+        self._go_to(q[0])
+        began = self._simulation.time_s
+        self._simulation.lead_through(q[1:], began + time_s[1:])
+        return self._followed(q, began)
+
+    def follow_beside(self, time_s: np.ndarray, q: np.ndarray, beside: TouchProfile) -> Followed:
+        """As `follow`, with the touch servo."""
+        fields = {field.name: getattr(beside, field.name) for field in dataclasses.fields(Beside)}
+        return self._jump_and_follow(time_s, q, Beside(**fields))
+
+    def _jump_and_follow(
+        self, time_s: np.ndarray, q: np.ndarray, beside: Beside | None = None
+    ) -> DrakeFollowed:
+        v = CubicSpline(time_s, q, bc_type="clamped")(time_s, 1)
+        self._simulation.follow(time_s, q, v, jump=True, beside=beside)
+        # Whole periods of the log, so that the last sample is not before the end.
+        period = self._simulation.log_period
+        self._simulation.advance_to(period * np.ceil(time_s[-1] / period - _ROUNDING))
+        return self._followed(q, 0.0)
+
+    def _go_to(self, q: np.ndarray) -> None:
+        """Goes to `(J,)` q, at rest: at once if it may jump, else in a straight line, slowly."""
+        if self._at is not None and np.array_equal(q, self._at):
+            return
+        if self.jumps or self._at is None:
+            self._simulation.rest_at(q)
+        else:
+            duration = float(np.max(np.abs(q - self._at) / self.velocity)) / _SLOWLY
+            self._simulation.lead_to(q, self._simulation.time_s + max(duration, _SETTLED_S))
+            self.seconds += duration
+        self._simulation.take_log()
+        self._at = np.array(q, dtype=float)
+
+    def _followed(self, q: np.ndarray, began: float) -> DrakeFollowed:
+        self._at = np.array(q[-1], dtype=float)
+        log = self._simulation.take_log()
+        self.seconds += self._simulation.time_s - began
+        return DrakeFollowed(
+            time_s=log.time_s - began,
+            q=log.q + self._simulation.slip,
+            sensation=log.felt,
+            v=log.v,
+            torque=log.torque,
+            log=log,
+            world=self.world,
+        )
+
+
+class DrakeBodies:
+    """The bodies of a robot in Drake: for babbling, for practice, and to act.
+
+    Args:
+        world: of the robot; its truth scores the agent.
+    """
+
+    def __init__(self, world: World):
+        self.world = world
+
+    @cached_property
+    def babbling(self) -> DrakeBody | DrakeDynamicBody:
+        """As the experiment says: without dynamics, or under dynamics."""
+        experiment = self.world.experiment
+        if experiment.babbling.mode == "kinematic":
+            return self.still
+        # While babbling no joint has slipped.
+        joints = dataclasses.replace(experiment.joints, offset=0.0)
+        execution = dataclasses.replace(experiment.execution, touch_servo=False)
+        experiment = dataclasses.replace(experiment, joints=joints, execution=execution)
+        simulation = Simulation(experiment, self.world.skins, log_period=_BABBLING_PERIOD)
+        return DrakeDynamicBody(self.world, simulation)
+
+    @cached_property
+    def still(self) -> DrakeBody:
+        """Without dynamics."""
+        return DrakeBody(self.world)
+
+    @cached_property
+    def practice(self) -> DrakeBody:
+        """Without dynamics; a little more careful than the robot must be."""
+        return DrakeBody(self.world, _MARGIN)
+
+    @cached_property
+    def acting(self) -> DrakeDynamicBody:
+        """Under dynamics."""
+        return DrakeDynamicBody(self.world)

@@ -1,0 +1,169 @@
+"""Makes the bodies of an experiment; each thread keeps those that it asked for last."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body import Body
+from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.bodies.drake import DrakeBodies
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.files import content_digest, kept_arrays
+from selftouch_drake.robot import World
+from selftouch_drake.robot.skins import ARRAYS, SkinModel, make_skins
+from selftouch_drake.robot.world import MakeSkins, drakes_refusals
+from selftouch_drake.threads import OncePerThread
+
+__all__ = [
+    "Bodies",
+    "World",
+    "bodies_of",
+    "body_of",
+    "build_world",
+    "get_ready",
+    "kept_skins",
+    "make_bodies",
+    "pilot_in",
+]
+
+
+class Bodies(Protocol):
+    """The bodies of one agent: mostly one robot, and what stands for it.
+
+    Attributes:
+        world: what the experimenter knows of it; None if nobody knows.
+    """
+
+    @property
+    def babbling(self) -> Body:
+        """The body that collects experience."""
+
+    @property
+    def practice(self) -> Body:
+        """The body in which plans are practised, slowly."""
+
+    @property
+    def acting(self) -> Body:
+        """The body that executes plans."""
+
+    @property
+    def still(self) -> Body | None:
+        """The body in which motions are scored without dynamics; None if there is none."""
+
+    @property
+    def world(self) -> World | None:
+        """As above."""
+
+
+def build_world(experiment: Experiment, make_skins: MakeSkins = make_skins) -> World:
+    """The world of an experiment, with its robot built.
+
+    Args:
+        experiment: the experiment.
+        make_skins: as of `World`.
+
+    Raises:
+        ExperimentError: Drake refuses it; the text is Drake's own.
+        ValueError: the experiment names what the robot does not have, or a skin cannot be made.
+    """
+    world = World(experiment, make_skins)
+    with drakes_refusals():
+        _ = world.robot
+    return world
+
+
+def make_bodies(experiment: Experiment, cache: Path | None = None, fingerprint: str = "") -> Bodies:
+    """The bodies of an experiment.
+
+    Args:
+        experiment: the experiment.
+        cache: folder in which skins are kept for other processes and later commands.
+        fingerprint: of its experience, which depends on the content of its models.
+
+    Raises:
+        ValueError: as `build_world`.
+    """
+    if cache is None:
+        return DrakeBodies(build_world(experiment))
+    return DrakeBodies(build_world(experiment, partial(kept_skins, cache, fingerprint)))
+
+
+@OncePerThread
+def bodies_of(experiment: Experiment, fingerprint: str) -> Bodies:
+    """As `make_bodies`, for jobs: Drake's diagrams cannot be pickled."""
+    return make_bodies(experiment)
+
+
+def pilot_in(bodies: Bodies, agent: Agent, experiment: Experiment) -> Pilot:
+    """An agent in its bodies, as its experiment says."""
+    return Pilot(
+        agent,
+        bodies.acting,
+        bodies.practice,
+        seed=experiment.seed,
+        touch_servo=experiment.execution.touch_servo,
+    )
+
+
+def body_of(experiment: Experiment, fingerprint: str) -> Body:
+    """The body that babbles, for jobs."""
+    return bodies_of(experiment, fingerprint).babbling
+
+
+def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
+    """Has a worker build its body, and compile what walks need.
+
+    Two workers compile different functions first, and find the others compiled.
+
+    Args:
+        experiment: as of `bodies_of`.
+        fingerprint: as of `bodies_of`.
+        number: 0 or 1, of the worker.
+    """
+    world = bodies_of(experiment, fingerprint).world
+    assert world is not None
+    q = np.zeros((1, len(world.robot.lower)), dtype=np.float32)
+    for look in (world.probe.touches, world.probe.collision_depth)[:: 1 - 2 * number]:
+        look(q)
+
+
+def kept_skins(
+    cache: Path, fingerprint: str, experiment: Experiment, make: MakeSkins = make_skins
+) -> tuple[SkinModel, ...]:
+    """As `make_skins`, whose results are kept for the same experience and program.
+
+    Args:
+        cache: folder in which they are kept.
+        fingerprint: of the experience.
+        experiment: the experiment.
+        make: makes them.
+    """
+
+    def as_arrays() -> dict[str, np.ndarray]:
+        return {
+            f"{skin.name}_{key}": array
+            for skin in make(experiment)
+            for key, array in skin.to_arrays().items()
+        }
+
+    made_from = hashlib.sha256(f"{fingerprint} {_program()}".encode()).hexdigest()[:16]
+    names = [f"{name}_{key}" for name in experiment.skins for key in ARRAYS]
+    arrays = kept_arrays(cache / f"skins-{made_from}.npz", names, as_arrays)
+    return tuple(
+        SkinModel.from_arrays(name, skin.link, {key: arrays[f"{name}_{key}"] for key in ARRAYS})
+        for name, skin in experiment.skins.items()
+    )
+
+
+@lru_cache
+def _program() -> str:
+    """Identifies the program that makes skins."""
+    package = Path(__file__).parents[1]
+    files = sorted(f for room in ("geometry", "robot") for f in (package / room).glob("*.py"))
+    return " ".join(content_digest(file) for file in files)
