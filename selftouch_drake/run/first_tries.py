@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from selftouch_drake.agent.body import Followed
+from selftouch_drake.agent.body import Felt, Followed
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.pilot import Pilot
@@ -86,11 +86,11 @@ class FirstTries:
         execution, followed = self._pilot.execute(motion)
         predicted = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
         predicted &= motion.predicted_spread > 0
-        planned, impossible = self._without_dynamics(motion)
+        planned, felt = self._slowly(motion)
         first = FirstTry(
             start=start,
             goal=goal,
-            unpractised=self._without_dynamics(unpractised)[0],
+            unpractised=self._slowly(unpractised)[0],
             unpractised_executed=self.score(blind),
             planned=planned,
             executed=self.score(execution),
@@ -99,7 +99,7 @@ class FirstTries:
             num_slides=len(query.agent.memory.slides.ends),
             error=cosine_distance(execution.felt[predicted], motion.predicted[predicted]),
             spread=motion.predicted_spread[predicted],
-            impossible_planned=impossible,
+            impossible_planned=0 if felt is None else int(np.sum(~felt.reached)),
             truth=self._truth(execution, followed),
         )
         return first, judge(execution, self.agent.representation)
@@ -117,10 +117,9 @@ class FirstTries:
             return None
         return self._judge.truth(execution, followed.log)
 
-    def _without_dynamics(self, motion: Motion) -> tuple[MotionScore | None, int]:
-        """A motion, scored as it is felt slowly, and its samples at which the body cannot be."""
+    def _slowly(self, motion: Motion) -> tuple[MotionScore | None, Felt | None]:
+        """A motion, scored as it is felt slowly, and what is felt; None if the body cannot."""
         if self._still is None:
-            return None, 0
+            return None, None
         felt = self._still.feel(motion.q)
-        score = score_motion(motion, felt.sensation, self.agent.representation)
-        return score, int(np.sum(~felt.reached))
+        return score_motion(motion, felt.sensation, self.agent.representation), felt
