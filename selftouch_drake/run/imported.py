@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -78,37 +78,27 @@ class Data:
 def read_data(
     source: Path,
     *,
-    q: str | None = None,
-    sensation: str | None = None,
-    time: str | None = None,
-    rows: Sequence[str] = (),
-    delimiter: str | None = None,
     offset: float | None = None,
     threshold: float | None = None,
     rising: bool | None = None,
     filtering: str | None = None,
+    **how: Any,
 ) -> Data:
     """Reads a recording and finds the touches in it.
 
     Args:
         source: as of `read_recording`.
-        q: as of `read_recording`.
-        sensation: as of `read_recording`.
-        time: as of `read_recording`.
-        rows: as of `read_recording`.
-        delimiter: as of `read_recording`.
-        offset: as of `felt_touches`.
-        threshold: as of `felt_touches`.
-        rising: as of `felt_touches`.
-        filtering: as of `felt_touches`.
+        offset: as of `felt_touches`, as are `threshold`, `rising` and `filtering`.
+        threshold: see `offset`.
+        rising: see `offset`.
+        filtering: see `offset`.
+        how: further arguments of `read_recording`.
 
     Raises:
         FileNotFoundError: there is no recording.
         ValueError: it cannot be used; the text says why.
     """
-    recording = read_recording(
-        source, q=q, sensation=sensation, time=time, rows=rows, delimiter=delimiter
-    )
+    recording = read_recording(source, **how)
     felt = felt_touches(
         recording.q,
         recording.readings,
