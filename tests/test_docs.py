@@ -17,7 +17,6 @@ from selftouch_drake.experiment import (
     experiment_from_fields,
     load_experiment,
     load_skins,
-    parse_overrides,
     shipped_experiments,
 )
 from selftouch_drake.run.directory import RunDirectory
@@ -107,7 +106,7 @@ def test_commands_are_understood():
             try:
                 given = cli.commands[name].make_context(name, arguments).params
                 if given.get("experiment") in shipped_experiments():
-                    load_experiment(given["experiment"], parse_overrides(given["overrides"]))
+                    load_experiment(given["experiment"], given["overrides"])
             except click.MissingParameter:
                 continue  # the name of a command alone, in a sentence
             except (KeyError, ValueError, click.ClickException) as error:
@@ -128,7 +127,7 @@ def test_commands_that_make_a_run_work_one_after_another(tmp_path, monkeypatch):
                 continue
             given = cli.commands[words[1]].make_context(words[1], words[2:]).params
             if given["experiment"] in shipped_experiments():
-                changes = parse_overrides(given["overrides"])
+                changes = given["overrides"]
                 experiment = load_experiment(given["experiment"], changes)
                 path = given["out"] or default_path(experiment.name, changes)
                 RunDirectory.create(Path(page.stem if page else "help") / path, experiment)
