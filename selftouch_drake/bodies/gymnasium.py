@@ -232,10 +232,14 @@ class GymnasiumBody:
             try:
                 self._step(action)
             except _EpisodeEndedError:
+                if not where or (actions == actions[0]).all():
+                    raise BodyError(
+                        f"the episode ends after {len(where) * self._step_s:.2g} s without "
+                        "actions; make the environment with longer episodes, which do not end "
+                        "where it falls"
+                    ) from None
                 break
             where.append(self._q)
-        if not where:
-            raise BodyError("each episode ends at its first step; make the environment differently")
         return np.array(where + where[-1:] * (len(actions) - len(where)))
 
     def _reset(self) -> None:

@@ -168,6 +168,10 @@ def test_an_environment_that_can_be_put_into_a_posture_jumps(given):
             "no action moves joint_",
         ),
         (
+            lambda: body_of(length=50),
+            "the episode ends after 0.98 s without actions; make the environment with longer",
+        ),
+        (
             lambda: body_of(given={"action": "none"}),
             "action is none; then give set_posture or reset_option",
         ),
