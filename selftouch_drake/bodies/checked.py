@@ -152,16 +152,16 @@ class CheckedBody:
                     f"{self.name} has no method {method}; write one, as "
                     "selftouch_drake.agent.body.Body describes it"
                 )
-        self.joint_names = self._names(self._attribute("joint_names"))
+        self.joint_names: Sequence[str] = self._names(self._attribute("joint_names"))
         self.lower, self.upper = self._limits("lower"), self._limits("upper")
-        for joint in np.flatnonzero(~(self.lower < self.upper)):
+        for joint in np.flatnonzero(~(self.lower < self.upper)).tolist():
             raise self._wrong(
                 f"lower of {self.joint_names[joint]} is {self.lower[joint]:g}, and upper "
                 f"{self.upper[joint]:g}; give the smaller one as lower"
             )
         self.velocity, self.acceleration = self._limits("velocity"), self._limits("acceleration")
         for limit in ("velocity", "acceleration"):
-            for joint in np.flatnonzero(~(getattr(self, limit) > 0)):
+            for joint in np.flatnonzero(~(getattr(self, limit) > 0)).tolist():
                 raise self._wrong(
                     f"{limit} of {self.joint_names[joint]} is {getattr(self, limit)[joint]:g}; "
                     "give a number above 0"
@@ -258,7 +258,7 @@ class CheckedBody:
             reached=self._array("feel", found, "reached", (len(asked),)).astype(bool),
         )
         away = np.abs(felt.q - asked) * felt.reached[:, None]
-        for row, joint in np.argwhere(away > _ELSEWHERE * (self.upper - self.lower)):
+        for row, joint in np.argwhere(away > _ELSEWHERE * (self.upper - self.lower)).tolist():
             raise self._wrong(
                 f"feel says that {self.joint_names[joint]} reached {asked[row, joint]:.4g}, and "
                 f"that it is at {felt.q[row, joint]:.4g}; give q in the unit of lower and upper, "
@@ -312,7 +312,7 @@ class CheckedBody:
                 f"{name} is {shown(self._attribute(name))}; give one number for each of "
                 f"{len(self.joint_names)} joints"
             )
-        for joint in np.flatnonzero(~np.isfinite(found)):
+        for joint in np.flatnonzero(~np.isfinite(found)).tolist():
             raise self._wrong(
                 f"{name} of {self.joint_names[joint]} is {found[joint]}; give a finite number"
             )

@@ -13,6 +13,7 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.bodies.drake import DrakeBodies
+from selftouch_drake.bodies.making import OneBody, open_body
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
@@ -87,8 +88,11 @@ def make_bodies(experiment: Experiment, cache: Path | None = None, fingerprint: 
         fingerprint: of its experience, which depends on the content of its models.
 
     Raises:
+        BodyError: a body that does not come from Drake cannot be made.
         ValueError: as `build_world`.
     """
+    if experiment.body_from in ("python", "gymnasium"):
+        return OneBody(open_body(experiment))
     if cache is None:
         return DrakeBodies(build_world(experiment))
     return DrakeBodies(build_world(experiment, partial(kept_skins, cache, fingerprint)))
@@ -127,7 +131,8 @@ def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
         number: 0 or 1, of the worker.
     """
     world = bodies_of(experiment, fingerprint).world
-    assert world is not None
+    if world is None:
+        return
     q = np.zeros((1, len(world.robot.lower)), dtype=np.float32)
     for look in (world.probe.touches, world.probe.collision_depth)[:: 1 - 2 * number]:
         look(q)

@@ -227,7 +227,7 @@ class GymnasiumBody:
     def _trial(self, actions: np.ndarray) -> np.ndarray:
         """`(n, J)` where it was after each of `(n, A)` actions of a new episode."""
         self._reset()
-        where = []
+        where: list[np.ndarray] = []
         for action in actions:
             try:
                 self._step(action)

@@ -77,7 +77,7 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     with _read_as("a representation", file, remedy):
         representation = QuotientRepresentation.from_arrays(arrays)
     found = representation.target_sensations.shape
-    wanted = (run.experiment.representation.num_targets, run.experiment.num_receptors)
+    wanted = (run.experiment.representation.num_targets, run.num_receptors)
     if found != wanted:
         raise RunError(
             f"{file} has {found[0]} targets over {found[1]} receptors, the experiment {wanted[0]} "
@@ -228,7 +228,7 @@ def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
     with _read_as("a plan", file, f"make it again {remedy}"):
         plan = kind.from_arrays(arrays)
     motion = plan.motion if kind is Execution else plan
-    if motion.predicted.shape[1] != run.experiment.num_receptors:
+    if motion.predicted.shape[1] != run.num_receptors:
         raise RunError(
             f"{file} belongs to a skin with another number of receptors; make it again {remedy}"
         )

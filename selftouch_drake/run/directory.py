@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
 from selftouch_drake.files import (
     content_digest,
@@ -143,6 +144,17 @@ class RunDirectory:
             if Path(model).is_file() and content_digest(Path(model)) != digest:
                 raise run.changed(model)
         return run
+
+    @property
+    def num_receptors(self) -> int:
+        """S, number of receptors; of a body that alone knows, as in its experience.
+
+        Raises:
+            StoreError: it has no experience yet.
+        """
+        if self.experiment.body_from in ("robot", "imported"):
+            return self.experiment.num_receptors
+        return next(ExperienceReader(self.experience).batches("sensation")).shape[1]
 
     def digests(self) -> Digests:
         """The content of the robot's models and meshes at the start of the run.

@@ -81,7 +81,7 @@ class _Biography:
         self.life = new_life(run.experiment)
         self._changes = [c.after for c in run.experiment.changes if c.after > 0]
         self._due, self._taken = float(_FIRST), 0
-        self._felt = np.zeros(run.experiment.num_receptors, dtype=bool)
+        self._felt = np.zeros(run.num_receptors, dtype=bool)
         self._scores: list[tuple[int, float, float, float]] = []
         self._world = self._enter(0)
 

@@ -1,0 +1,40 @@
+"""A run whose body is of the user's own: everything from babbling to the report."""
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from commands import selftouch
+
+TOYS = Path(__file__).with_name("toys.py")
+SMALL = {
+    "babbling": {"num_samples": 2000, "walk_size": 1000},
+    "representation": {"num_targets": 60},
+    "evaluation": {"num_pairs": 1},
+}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("own")
+    python = {"file": str(TOYS), "class": "Flat"}
+    (folder / "flat.yaml").write_text(yaml.safe_dump({"python": python, **SMALL}))
+    done = selftouch("run", folder / "flat.yaml", "--out", folder / "run", "--workers", 1)
+    assert done.status == 0, done.stderr
+    return folder / "run"
+
+
+def test_everything_is_done_but_what_needs_a_truth(finished):
+    metrics = json.loads((finished / "metrics.json").read_text())
+    assert metrics["parts_found"] == 1
+    assert not any(name.startswith("shape_rms") for name in metrics)
+    assert not (finished / "truth").exists()
+    assert "The body comes from python." in (finished / "report.html").read_text()
+
+
+def test_a_plan_is_executed_on_it(finished):
+    for verb in ("plan", "execute"):
+        done = selftouch(verb, finished, "--from", 3, "--to", 40)
+        assert done.status == 0, done.stderr
+    assert "in contact: " in done.stdout
