@@ -86,7 +86,11 @@ class Body(Protocol):
         jumps: whether any posture may be asked for next; if not, it must be travelled to.
     """
 
-    joint_names: Sequence[str]
+    @property
+    def joint_names(self) -> Sequence[str]:
+        """As above."""
+        ...
+
     lower: np.ndarray
     upper: np.ndarray
     velocity: np.ndarray

@@ -163,7 +163,7 @@ class DrakeDynamicBody(_Joints):
     Attributes:
         unit: as of `DrakeBody`.
         offsets: `(G,)` rad, displacements that the touch servo distinguishes.
-        seconds: s, time of the robot so far.
+        robot_s: s, time of the robot so far.
     """
 
     offsets = OFFSETS
@@ -172,7 +172,7 @@ class DrakeDynamicBody(_Joints):
         super().__init__(world)
         self._simulation = world.simulation if simulation is None else simulation
         self.jumps = jumps
-        self.seconds = 0.0
+        self.robot_s = 0.0
         # Where the last motion ended; at birth the robot is put where it first goes.
         self._at: np.ndarray | None = None
 
@@ -234,14 +234,14 @@ class DrakeDynamicBody(_Joints):
         else:
             duration = float(np.max(np.abs(q - self._at) / self.velocity)) / _SLOWLY
             self._simulation.lead_to(q, self._simulation.time_s + max(duration, _SETTLED_S))
-            self.seconds += duration
+            self.robot_s += duration
         self._simulation.take_log()
         self._at = np.array(q, dtype=float)
 
     def _followed(self, q: np.ndarray, began: float) -> DrakeFollowed:
         self._at = np.array(q[-1], dtype=float)
         log = self._simulation.take_log()
-        self.seconds += self._simulation.time_s - began
+        self.robot_s += self._simulation.time_s - began
         return DrakeFollowed(
             time_s=log.time_s - began,
             q=log.q + self._simulation.slip,

@@ -11,9 +11,9 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body
+from selftouch_drake.agent.calibration import Calibration
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.bodies.drake import DrakeBodies
-from selftouch_drake.bodies.making import OneBody, open_body
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
@@ -79,20 +79,30 @@ def build_world(experiment: Experiment, make_skins: MakeSkins = make_skins) -> W
     return world
 
 
-def make_bodies(experiment: Experiment, cache: Path | None = None, fingerprint: str = "") -> Bodies:
+def make_bodies(
+    experiment: Experiment,
+    cache: Path | None = None,
+    fingerprint: str = "",
+    calibration: Calibration | None = None,
+) -> Bodies:
     """The bodies of an experiment.
 
     Args:
         experiment: the experiment.
         cache: folder in which skins are kept for other processes and later commands.
         fingerprint: of its experience, which depends on the content of its models.
+        calibration: of the receptors of a body of others, if it is known.
 
     Raises:
-        BodyError: a body that does not come from Drake cannot be made.
+        BodyError: a body of others cannot be made, or does not do what a body must.
         ValueError: as `build_world`.
     """
-    if experiment.body_from in ("python", "gymnasium"):
-        return OneBody(open_body(experiment))
+    if not experiment.has_truth:
+        # What Drake's robots do not need.
+        from selftouch_drake.bodies.living import LivingBody
+        from selftouch_drake.bodies.making import open_body
+
+        return LivingBody(open_body(experiment), calibration)
     if cache is None:
         return DrakeBodies(build_world(experiment))
     return DrakeBodies(build_world(experiment, partial(kept_skins, cache, fingerprint)))

@@ -6,38 +6,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from selftouch_drake.agent.body import Body, BodyError
+from selftouch_drake.agent.body import BodyError
 from selftouch_drake.bodies.checked import CheckedBody, Worker
 from selftouch_drake.bodies.own import load_class, make_instance, require_file, split_reference
 from selftouch_drake.experiment import Experiment, shown
 
 #: Seconds in which a body must be made: models load, and a robot may have to be homed.
 _MADE_IN_S = 300.0
-
-
-class OneBody:
-    """A body that babbles, practises and acts, of which nobody knows the truth.
-
-    Attributes:
-        babbling: the body.
-        practice: the same.
-        acting: the same.
-        still: the same if it jumps; else None.
-        world: None.
-    """
-
-    world = None
-
-    def __init__(self, body: CheckedBody):
-        self._body = body
-        self.babbling: Body = body
-        self.practice: Body = body
-        self.acting: Body = body
-        self.still: Body | None = body if body.jumps else None
-
-    def close(self) -> None:
-        """Leaves the body at rest."""
-        self._body.close()
 
 
 def open_body(experiment: Experiment) -> CheckedBody:

@@ -72,8 +72,17 @@ def walker_of(experiment: Experiment, body: Body) -> Walker:
     return Walker(body, timed=babbling.mode == "dynamic", step_duration=babbling.step_duration)
 
 
-def collect_walk(body: Body, experiment: Experiment, walk: int, num_rows: int) -> Shard:
+def collect_walk(
+    body: Body, experiment: Experiment, walk: int, num_rows: int, most_s: float = np.inf
+) -> Shard:
     """Walks until `num_rows` touching configurations that the body can take are found.
+
+    Args:
+        body: the body.
+        experiment: the experiment.
+        walk: number of the walk.
+        num_rows: number of touches to keep.
+        most_s: s of the body's own time, after which it ends with what it has.
 
     Raises:
         NeverTouchesError: there was no touch in `PATIENCE` steps.
@@ -81,23 +90,28 @@ def collect_walk(body: Body, experiment: Experiment, walk: int, num_rows: int) -
     walker, path = walker_of(experiment, body), random_walk(experiment, body, walk)
     if walker.timed:
         walker.begin_at(path.steps(1)[0])
-    return keep_touches(lambda: walker.walk(path.steps(walker.batch)), walk, num_rows)
+    return keep_touches(lambda: walker.walk(path.steps(walker.batch)), body, walk, num_rows, most_s)
 
 
-def keep_touches(next_steps: Callable[[], Felt], walk: int, num_rows: int) -> Shard:
+def keep_touches(
+    next_steps: Callable[[], Felt], body: Body, walk: int, num_rows: int, most_s: float = np.inf
+) -> Shard:
     """Keeps touching configurations that the body can take, until there are `num_rows`.
 
     Args:
         next_steps: moves the body by some steps.
+        body: the body.
         walk: number of the walk.
         num_rows: number of touches to keep.
+        most_s: as of `collect_walk`.
 
     Raises:
         NeverTouchesError: there was no touch in `PATIENCE` steps.
     """
     kept_step, kept_felt = [], list[Felt]()
     num_kept = num_steps = last_touch = num_impossible = 0
-    while num_kept < num_rows:
+    began = robot_s(body)
+    while num_kept < num_rows and robot_s(body) - began < most_s:
         felt = next_steps()
         touching, touches = felt.touches()
         possible = touches.reached
@@ -116,6 +130,11 @@ def keep_touches(next_steps: Callable[[], Felt], walk: int, num_rows: int) -> Sh
                 f"babbling touched nothing in {num_steps - last_touch} steps; see what can touch "
                 "what with `selftouch robot EXPERIMENT --show`, or make babbling.step_size larger"
             )
+    if not num_kept:
+        raise NeverTouchesError(
+            f"babbling touched nothing in {robot_s(body) - began:.0f} s of the robot's time; give "
+            "more babbling.robot_hours, or bring what touches nearer to the skin"
+        )
     step = np.concatenate(kept_step)
     # Where a body has a truth, it comes with what was felt.
     contacts = [part.contacts for part in kept_felt if hasattr(part, "contacts")]
@@ -127,7 +146,13 @@ def keep_touches(next_steps: Callable[[], Felt], walk: int, num_rows: int) -> Sh
         q=np.concatenate([part.q for part in kept_felt]).astype(np.float32),
         sensation=np.concatenate([part.sensation for part in kept_felt]).astype(np.float32),
         contacts=Contacts.joined(contacts) if contacts else None,
+        robot_s=robot_s(body) - began,
     )
+
+
+def robot_s(body: Body) -> float:
+    """s, time that a body has lived; 0 if it keeps no time of its own."""
+    return float(getattr(body, "robot_s", 0.0))
 
 
 def collect(
@@ -159,9 +184,16 @@ def collect(
     counts, missing = stored_walks(experiment, folder, fingerprint=fingerprint, progress=progress)
     store = partial(_collect_and_store, folder.resolve(), fingerprint, body_of)
     try:
-        for walk, found in zip(missing, executor.map(store, missing), strict=True):
-            counts += found
-            progress(walk.num_rows)
+        if experiment.babbling.robot_hours is None:
+            for found in executor.map(store, missing):
+                counts += found
+                progress(found.num_rows)
+        else:
+            for walk in missing:
+                if (left := time_left(experiment, counts)) <= 0:
+                    break
+                counts += (found := store(walk, left))
+                progress(found.num_rows)
     except BrokenExecutor:
         raise ChildProcessError(
             "a babbling process was killed, perhaps because memory ran out; repeat the command "
@@ -170,6 +202,12 @@ def collect(
     for part in ("experience", "truth"):
         remove_unfinished(folder / part)
     return counts
+
+
+def time_left(experiment: Experiment, counts: WalkCounts) -> float:
+    """S of the robot's own time that are left to babble, after walks that took `counts`."""
+    hours = experiment.babbling.robot_hours
+    return np.inf if hours is None else 3600.0 * hours - counts.robot_s
 
 
 class Walk(NamedTuple):
@@ -203,15 +241,20 @@ def stored_walks(
     bodies = [experiment.after(moment) for moment in moments]
     first_rows = np.cumsum([0, *sizes[:-1]])
     body = np.searchsorted(moments, first_rows, side="right") - 1
-    counts, missing = WalkCounts(0, 0), list[Walk]()
+    counts, missing = WalkCounts(), list[Walk]()
+    timed = experiment.babbling.robot_hours is not None
     for number, num_rows in enumerate(sizes):
-        known = read_counts(folder, number, num_rows=num_rows, fingerprint=fingerprint)
+        if time_left(experiment, counts) <= 0:
+            break
+        known = read_counts(
+            folder, number, num_rows=num_rows, fingerprint=fingerprint, or_fewer=timed
+        )
         truth = folder / "truth" / shard_name(number)
         if known is None or (experiment.has_truth and not truth.exists()):
             missing.append(Walk(number, num_rows, bodies[body[number]]))
         else:
             counts += known
-            progress(num_rows)
+            progress(known.num_rows)
     return counts, missing
 
 
@@ -232,15 +275,25 @@ def require_complete(
     """
     sizes = walk_sizes(experiment)
     shards = folder / ("truth" if truth else "experience")
+    counts, timed = WalkCounts(), experiment.babbling.robot_hours is not None
     for walk, num_rows in enumerate(sizes):
+        if time_left(experiment, counts) <= 0:
+            sizes = sizes[:walk]
+            break
         known = read_counts(
-            folder, walk, num_rows=num_rows, fingerprint=fingerprint, folder=shards.name
+            folder,
+            walk,
+            num_rows=num_rows,
+            fingerprint=fingerprint,
+            folder=shards.name,
+            or_fewer=timed,
         )
         if known is None:
             raise StoreError(
                 f"{shards / shard_name(walk)} is missing; collect it again with "
                 f"`{how_to_collect(experiment, folder)}`"
             )
+        counts += known
     if len(list(shards.glob("part-*.parquet"))) > len(sizes):
         raise StoreError(
             f"{shards} holds more shards than the {len(sizes)} of this run; remove "
@@ -249,9 +302,13 @@ def require_complete(
 
 
 def _collect_and_store(
-    folder: Path, fingerprint: str, body_of: Callable[[Experiment, str], Body], walk: Walk
+    folder: Path,
+    fingerprint: str,
+    body_of: Callable[[Experiment, str], Body],
+    walk: Walk,
+    most_s: float = np.inf,
 ) -> WalkCounts:
     body = body_of(walk.experiment, fingerprint)
-    shard = collect_walk(body, walk.experiment, walk.number, walk.num_rows)
+    shard = collect_walk(body, walk.experiment, walk.number, walk.num_rows, most_s)
     write_shard(folder, shard, fingerprint=fingerprint)
     return shard.counts

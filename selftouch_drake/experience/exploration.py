@@ -27,7 +27,7 @@ from selftouch_drake.agent.lifelong import (
     Walker,
 )
 from selftouch_drake.agent.representation import DisconnectedWarning
-from selftouch_drake.experience.collect import keep_touches, stored_walks, walker_of
+from selftouch_drake.experience.collect import keep_touches, stored_walks, time_left, walker_of
 from selftouch_drake.experience.store import ExperienceReader, Shard, WalkCounts, write_shard
 from selftouch_drake.experience.walkers import CHOICE_S, strides, walk_range
 from selftouch_drake.experiment import Experiment
@@ -105,8 +105,12 @@ class Exploration:
         # measures again depends on when it was last asked.
         self._agent = self._knows()
 
-    def explore(self, num_rows: int) -> Shard:
+    def explore(self, num_rows: int, most_s: float = np.inf) -> Shard:
         """The next round: explores until `num_rows` configurations that the body can take touch.
+
+        Args:
+            num_rows: number of touches to keep.
+            most_s: s of the body's own time, after which the round ends with what it has.
 
         Raises:
             NeverTouchesError: there was no touch in very many steps.
@@ -127,7 +131,7 @@ class Exploration:
             path = moves.send((felt.q, np.where(felt.reached[:, None], felt.sensation, 0.0)))
             return felt
 
-        return keep_touches(next_steps, self.round, num_rows)
+        return keep_touches(next_steps, self.body, self.round, num_rows, most_s)
 
     def _knows(self) -> Agent | None:
         """What the agent knows; None before it has enough touches to go by."""
@@ -166,15 +170,17 @@ def explore(
     counts, missing = stored_walks(experiment, folder, fingerprint=fingerprint, progress=progress)
     now = experiment.after(0)
     for number, num_rows, then in missing:
+        if (left := time_left(experiment, counts)) <= 0:
+            break
         stored = ExperienceReader(folder / "experience").touches() if number else iter(())
         for sensation, q in islice(stored, exploration.round, number):
             exploration.remember(q, sensation)
         if then != now:
             now = then
             exploration.enter(body_of(now, fingerprint))
-        shard = exploration.explore(num_rows)
+        shard = exploration.explore(num_rows, left)
         exploration.remember(shard.q, shard.sensation)
         write_shard(folder, shard, fingerprint=fingerprint)
         counts += shard.counts
-        progress(num_rows)
+        progress(shard.counts.num_rows)
     return counts

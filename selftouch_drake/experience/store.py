@@ -39,10 +39,19 @@ class StoreError(ValueError):
 
 
 class WalkCounts(NamedTuple):
-    """Steps of walks, and how many of them touched in a posture that the robot cannot take."""
+    """What walks took.
 
-    num_steps: int
-    num_impossible: int
+    Attributes:
+        num_steps: steps.
+        num_impossible: of these, touching ones in a posture that the robot cannot take.
+        num_rows: touches that were kept.
+        robot_s: s, time of a body that has a time of its own.
+    """
+
+    num_steps: int = 0
+    num_impossible: int = 0
+    num_rows: int = 0
+    robot_s: float = 0.0
 
     def __add__(self, other):
         return WalkCounts(*(a + b for a, b in zip(self, other, strict=True)))
@@ -116,6 +125,7 @@ class Shard:
         q: `(N, J)` rad or m, motor configurations.
         sensation: `(N, S)` N, the skins' readings one after another.
         contacts: of each touch: the truth; None if it is unknown.
+        robot_s: s, time of a body that has a time of its own.
     """
 
     walk: int
@@ -125,11 +135,12 @@ class Shard:
     q: np.ndarray
     sensation: np.ndarray
     contacts: Contacts | None
+    robot_s: float = 0.0
 
     @property
     def counts(self) -> WalkCounts:
-        """Steps of this walk."""
-        return WalkCounts(self.num_steps, self.num_impossible)
+        """What this walk took."""
+        return WalkCounts(self.num_steps, self.num_impossible, len(self.step), self.robot_s)
 
 
 def shard_name(walk: int) -> str:
@@ -144,6 +155,8 @@ def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
         b"selftouch.num_steps": str(shard.num_steps).encode(),
         b"selftouch.num_impossible": str(shard.num_impossible).encode(),
     }
+    if shard.robot_s:
+        metadata[b"selftouch.robot_s"] = repr(shard.robot_s).encode()
     walk = pa.array(np.full(len(shard.step), shard.walk, dtype=np.int32))
     key = {"walk": walk, "step": pa.array(shard.step.astype(np.int64))}
     felt = {**key, "q": _vectors(shard.q), "sensation": _vectors(shard.sensation)}
@@ -167,9 +180,23 @@ def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
 
 
 def read_counts(
-    run: Path, walk: int, *, num_rows: int, fingerprint: str, folder: str = "experience"
+    run: Path,
+    walk: int,
+    *,
+    num_rows: int,
+    fingerprint: str,
+    folder: str = "experience",
+    or_fewer: bool = False,
 ) -> WalkCounts | None:
-    """The steps of a walk that is already stored in `folder`, or None if it is not.
+    """What a walk took that is already stored in `folder`, or None if it is not.
+
+    Args:
+        run: the run directory.
+        walk: number of the walk.
+        num_rows: its number of touches.
+        fingerprint: of the experience.
+        folder: `experience` or `truth`.
+        or_fewer: whether it may have ended with fewer touches, because time was up.
 
     Raises:
         StoreError: the shard is damaged, or of another experiment.
@@ -181,11 +208,15 @@ def read_counts(
     metadata = parquet.schema_arrow.metadata or {}
     if metadata.get(b"selftouch.fingerprint") != fingerprint.encode():
         raise StoreError(f"{path} belongs to another experiment; choose another --out")
-    if parquet.metadata.num_rows != num_rows:
+    found = parquet.metadata.num_rows
+    if found != num_rows and not (or_fewer and found < num_rows):
         raise StoreError(f"{path} has {parquet.metadata.num_rows} rows, not {num_rows}; delete it")
     try:
         return WalkCounts(
-            int(metadata[b"selftouch.num_steps"]), int(metadata[b"selftouch.num_impossible"])
+            int(metadata[b"selftouch.num_steps"]),
+            int(metadata[b"selftouch.num_impossible"]),
+            found,
+            float(metadata.get(b"selftouch.robot_s", 0.0)),
         )
     except (KeyError, ValueError):
         raise StoreError(f"{path} lacks its number of steps; delete it and babble again") from None

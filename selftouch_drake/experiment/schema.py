@@ -277,6 +277,9 @@ class Babbling(Settings):
     persistence: Annotated[Number, Field(ge=0, lt=1)] = 0.9
     # Seconds per step, in dynamic mode.
     step_duration: Positive = 0.1
+    # Hours of the robot's own time after which babbling ends, with the touches that it has by then;
+    # for bodies that have a time of their own. Null for no limit.
+    robot_hours: Positive | None = None
     # Number of touches of one walk, which is one shard of the store; with `active`, the most.
     walk_size: Annotated[Whole, Field(ge=1, le=100_000)] = 10_000
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from selftouch_drake.agent.calibration import Calibration
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
 from selftouch_drake.files import (
@@ -18,6 +19,7 @@ from selftouch_drake.files import (
     load_arrays,
     locked,
     remove_unfinished,
+    save_arrays,
     write_text_whole,
 )
 from selftouch_drake.run.fingerprint import (
@@ -71,6 +73,8 @@ class RunDirectory:
     truth = _Inside("truth")
     #: Receptors and outer surfaces of the skins; part of the truth.
     skin = _Inside("skin.npz")
+    #: How raw readings become sensations, of a run whose robot is not Drake's.
+    calibration = _Inside("calibration.npz")
     #: Where nothing was felt, of an imported run.
     free = _Inside("free.npz")
     #: What the agent learned.
@@ -155,6 +159,16 @@ class RunDirectory:
         if self.experiment.body_from in ("robot", "imported"):
             return self.experiment.num_receptors
         return next(ExperienceReader(self.experience).batches("sensation")).shape[1]
+
+    def known_calibration(self) -> Calibration | None:
+        """How raw readings become sensations, if the run knows."""
+        if not self.calibration.exists():
+            return None
+        return Calibration.from_arrays(load_arrays(self.calibration))
+
+    def keep_calibration(self, calibration: Calibration) -> None:
+        """Stores how raw readings become sensations."""
+        save_arrays(self.calibration, calibration.to_arrays() | self.body_stamp())
 
     def digests(self) -> Digests:
         """The content of the robot's models and meshes at the start of the run.

@@ -156,7 +156,7 @@ def imported_experiment(
 def store(run: RunDirectory, data: Data) -> None:
     """Writes touches, calibration of the receptors, and where nothing was felt into the run."""
     felt, last = data.felt, 0
-    save_arrays(run.path / "calibration.npz", felt.calibration.to_arrays() | run.body_stamp())
+    run.keep_calibration(felt.calibration)
     save_arrays(run.free, free_rows(data, run.experiment.seed) | run.body_stamp())
     ends = np.cumsum(walk_sizes(run.experiment)).tolist()
     for walk, (first, end) in enumerate(zip([0, *ends], ends, strict=False)):

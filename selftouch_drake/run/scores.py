@@ -82,7 +82,7 @@ def found_metrics(run: RunDirectory, body: Body) -> Metrics:
     if any(part.doubt for part in body.parts):
         metrics["shape_doubt_by_part"] = [part.doubt for part in body.parts]
     # Of other runs, the truth will say whether there is a shape to be sure of.
-    if run.experiment.imported is not None:
+    if not run.experiment.has_truth:
         metrics |= confidence_metrics(body)
     if margins:
         metrics["topology_margin"] = min(margins)

@@ -13,15 +13,18 @@ import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.bodies.embodiment import World, body_of, build_world, pilot_in
+from selftouch_drake.bodies.embodiment import World, build_world, pilot_in
+from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.evaluation.touches import touch_counts
 from selftouch_drake.experience import (
     ExperienceReader,
@@ -29,6 +32,7 @@ from selftouch_drake.experience import (
     how_to_collect,
     require_complete,
 )
+from selftouch_drake.experience.collect import robot_s
 from selftouch_drake.files import save_arrays
 from selftouch_drake.run.artifacts import (
     load_agent,
@@ -50,7 +54,7 @@ from selftouch_drake.run.touches import (
     warn_of_untouched,
 )
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
-from selftouch_drake.run.worlds import keep_bodies, make_world, run_bodies
+from selftouch_drake.run.worlds import babbling_body, keep_bodies, make_world, run_bodies
 
 __all__ = [
     "Progress",
@@ -101,39 +105,65 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
     bodies = run_bodies(run)
     if bodies.world is not None:
         _save_skins(run, bodies.world)
+    elif isinstance(bodies, LivingBody) and run.known_calibration() is None:
+        progress(0.0, "readings at rest")
+        run.keep_calibration(bodies.calibrate(run.experiment))
     keep_bodies(run, bodies)
-    wanted, stored = run.experiment.babbling.num_samples, 0
+    body, wanted, stored = bodies.babbling, run.experiment.babbling.num_samples, 0
+    _require_time(run, body)
 
     def count(num_rows: int) -> None:
         nonlocal stored
         stored += num_rows
-        progress(stored / wanted, f"{stored:,} of {wanted:,} touches")
+        lived = robot_s(body)
+        of_robot = f", {lived / 3600:.2f} h of the robot" if lived else ""
+        progress(stored / wanted, f"{stored:,} of {wanted:,} touches{of_robot}")
 
-    how: dict[str, Any] = {"fingerprint": run.fingerprint(), "body_of": body_of, "progress": count}
+    how: dict[str, Any] = {
+        "fingerprint": run.fingerprint(),
+        "body_of": partial(babbling_body, run),
+        "progress": count,
+    }
     if run.experiment.babbling.strategy == "active":
         # Other stages need not wait for its imports.
         from selftouch_drake.experience.exploration import Exploration, explore
 
-        counts = explore(Exploration(run.experiment, bodies.babbling), run.path, **how)
+        counts = explore(Exploration(run.experiment, body), run.path, **how)
     else:
+        executor = executor if body.jumps else InTurn()
         counts = collect(run.experiment, run.path, executor=executor, **how)
-    wall = time.perf_counter() - began
-    median, largest = force_metrics(run)
     found = {
-        "babbling_num_samples": wanted,
+        "babbling_num_samples": counts.num_rows,
         "babbling_num_steps": counts.num_steps,
-        "babbling_touch_rate": wanted / counts.num_steps,
+        "babbling_touch_rate": counts.num_rows / counts.num_steps,
         "babbling_num_impossible": counts.num_impossible,
-        "babbling_force_median_N": median,
-        "babbling_force_max_N": largest,
-        "babbling_wall_s": wall_before + wall,
+        **({"babbling_robot_s": counts.robot_s} if counts.robot_s else {}),
+        "babbling_wall_s": wall_before + time.perf_counter() - began,
     }
     if bodies.world is None:
         run.add_metrics(found)
         return
+    median, largest = force_metrics(run)
     by_skin, by_toucher = touch_counts(ExperienceReader(run.truth), bodies.world.robot)
-    run.add_metrics(found | {"babbling_touches_by_skin": by_skin})
+    run.add_metrics(
+        found
+        | {
+            "babbling_touches_by_skin": by_skin,
+            "babbling_force_median_N": median,
+            "babbling_force_max_N": largest,
+        }
+    )
     warn_of_untouched(run, by_skin, by_toucher)
+
+
+def _require_time(run: RunDirectory, body: Body) -> None:
+    """Refuses a limit of time for a body that has no time of its own."""
+    hours = run.experiment.babbling.robot_hours
+    if hours is not None and not hasattr(body, "robot_s"):
+        raise RunError(
+            f"babbling.robot_hours is {hours:g}, but the body is set to its postures and keeps no "
+            "time: leave it out, or give babbling.mode: dynamic"
+        )
 
 
 def _save_skins(run: RunDirectory, world: World) -> None:
@@ -321,13 +351,12 @@ def evaluate(
     """
     # Damaged files are refused before the long work.
     load_body(run, load_representation(run))
-    bodies = run_bodies(run)
-    if bodies.world is not None:
+    if run.experiment.has_truth:
         require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
     run.metrics()
-    agent = load_agent(run, predicts=True)
+    agent, bodies = load_agent(run, predicts=True), run_bodies(run)
     keep_bodies(run, bodies)
-    executor = executor or InTurn()
+    executor = executor if executor and bodies.acting.jumps else InTurn()
     scores = None if bodies.world is None else executor.submit(_score_body, run)
     trials, without_way = try_pairs(
         run, bodies, agent, lambda fraction, doing: progress(0.9 * fraction, doing), executor
@@ -350,10 +379,10 @@ def _score_body(run: RunDirectory) -> dict[str, Any]:
 
 def has_babbled(run: RunDirectory) -> bool:
     """Whether all of the run's experience is there."""
-    return (
-        run.metrics().get("babbling_num_samples") == run.experiment.babbling.num_samples
-        and run.experience.is_dir()
-    )
+    found, babbling = run.metrics(), run.experiment.babbling
+    hours, lived = babbling.robot_hours, found.get("babbling_robot_s", 0.0)
+    done = found.get("babbling_num_samples") == babbling.num_samples
+    return (done or (hours is not None and lived >= 3600.0 * hours)) and run.experience.is_dir()
 
 
 def has_learned(run: RunDirectory) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from selftouch_drake.agent.body import Body
 from selftouch_drake.bodies.embodiment import (
     Bodies,
     World,
@@ -47,8 +48,16 @@ def run_bodies(run: RunDirectory) -> Bodies:
     run.require_models()
     known = run.experiment.after(0), run.fingerprint()
     if not bodies_of.knows(*known):
-        bodies_of.keep(make_bodies(known[0], run.cache, known[1]), *known)
+        bodies_of.keep(make_bodies(known[0], run.cache, known[1], run.known_calibration()), *known)
     return bodies_of(*known)
+
+
+def babbling_body(run: RunDirectory, experiment: Experiment, fingerprint: str) -> Body:
+    """The body that babbles, for jobs: of the run's experiment, or as it is after a change."""
+    known = experiment, fingerprint
+    if not bodies_of.knows(*known):
+        bodies_of.keep(make_bodies(experiment, calibration=run.known_calibration()), *known)
+    return bodies_of(*known).babbling
 
 
 def make_world(run: RunDirectory) -> World:
