@@ -16,7 +16,6 @@ from selftouch_drake.evaluation.motion import (
     progress_along,
     spatial_jerk_reduction,
 )
-from selftouch_drake.geometry import wall_points
 from selftouch_drake.robot import Log, World
 
 
@@ -98,8 +97,8 @@ class _Balls:
         known = [radius for radius in radii if radius is not None]
         if len(known) < len(radii):
             return None
-        spacing = min(known) / 2
-        walls = [cKDTree(wall_points(skin.wall, spacing)) for skin in world.skins]
+        spacing = min(known) / 4
+        walls = [cKDTree(skin.wall.samples(spacing)) for skin in world.skins]
         return _Balls(np.array(known), walls)
 
     def off_skin_s(self, world: World, motion: Motion, q: np.ndarray) -> float:

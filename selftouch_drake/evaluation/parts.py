@@ -14,7 +14,8 @@ from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
 from selftouch_drake.evaluation.coverage import vertex_areas
 from selftouch_drake.evaluation.kernels import KernelTruth
 from selftouch_drake.experience import Contacts
-from selftouch_drake.geometry import ReceptiveFields, betti_of_patch, submesh, touched_patch
+from selftouch_drake.geometry import ReceptiveFields, betti_of_patch, touched_patch
+from selftouch_drake.geometry.patches import parts_by_vertex
 
 #: Two patches on different skins are one part if a receptor on one and a receptor on the other feel
 #: at the same time in at least this share of the touches of the rarer one, like neighbours on one
@@ -122,7 +123,7 @@ def true_parts(
         radius = max(np.sqrt(area / num_kernels), 1.5 * _edge(field))
         mask = touched_patch(field.vertices, field.faces, counts.counts[skin], radius=radius)
         inside = field.faces[mask[field.faces].all(axis=1)]
-        label = _components(inside, len(field.vertices))
+        label, _ = parts_by_vertex(inside, len(field.vertices))
         used = np.unique(inside)
         number, of_vertex = np.unique(label[used], return_inverse=True)
         patch_of[counts.ends[skin] + used] = num_patches + of_vertex
@@ -144,8 +145,8 @@ def true_parts(
             skin = int(skins[0])
             mask = np.zeros(len(fields[skin].vertices), dtype=bool)
             mask[vertices - counts.ends[skin]] = True
-            _, faces = submesh(fields[skin].vertices, fields[skin].faces, mask)
-            betti = betti_of_patch(faces)
+            faces = fields[skin].faces
+            betti = betti_of_patch(faces[mask[faces].all(axis=1)])
         parts.append(TruePart(skins=tuple(skins.tolist()), kernels=kernels, betti=betti))
     return sorted(parts, key=lambda part: -len(part.kernels))
 
@@ -193,12 +194,6 @@ def _nearest_patch(
             nearest = tree.query(field.vertices[at[lost] - counts.ends[number]])[1]
             found[lost] = patch_of[known[nearest]]
     return found
-
-
-def _components(faces: np.ndarray, num_vertices: int) -> np.ndarray:
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]]).T
-    graph = coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=(num_vertices,) * 2)
-    return connected_components(graph, directed=False)[1]
 
 
 def _edge(field: ReceptiveFields) -> float:

@@ -9,7 +9,7 @@ from selftouch_drake.geometry.hollow import (
     tet_volumes,
     vtk_text,
 )
-from selftouch_drake.geometry.patches import betti_of_patch, submesh, touched_patch
+from selftouch_drake.geometry.patches import betti_of_patch, touched_patch
 from selftouch_drake.geometry.receptors import ReceptiveFields, place_receptors, receptive_fields
 from selftouch_drake.geometry.surfaces import (
     capsule,
@@ -20,7 +20,6 @@ from selftouch_drake.geometry.surfaces import (
     sphere,
     torus,
 )
-from selftouch_drake.geometry.wall import wall_points
 
 __all__ = [
     "HollowSkin",
@@ -38,12 +37,10 @@ __all__ = [
     "place_receptors",
     "receptive_fields",
     "sphere",
-    "submesh",
     "surface_distances",
     "surface_paths",
     "tet_volumes",
     "torus",
     "touched_patch",
     "vtk_text",
-    "wall_points",
 ]

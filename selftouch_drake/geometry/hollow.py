@@ -55,6 +55,15 @@ class HollowSkin:
     tet_vertices: np.ndarray
     tetrahedra: np.ndarray
 
+    def samples(self, spacing: float) -> np.ndarray:
+        """`(N, 3)` m, points on the outer, middle and inner layer of the wall.
+
+        Every point of a layer is within `spacing` m of one of them.
+        """
+        layers = len(self.vertices) * np.arange(3)[:, None, None]
+        triangles = self.tet_vertices[(self.faces + layers).reshape(-1, 3)]
+        return sample_triangles(triangles, spacing)[0]
+
 
 def hollow_skin(
     surface: trimesh.Trimesh, thickness: float, entering_radius: float | None

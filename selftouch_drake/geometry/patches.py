@@ -31,7 +31,6 @@ def touched_patch(
     touch_counts: np.ndarray,
     *,
     radius: float,
-    fewest: int = 1,
 ) -> np.ndarray:
     """Finds the vertices of a surface that belong to the touched patch.
 
@@ -47,7 +46,6 @@ def touched_patch(
         faces: `(F, 3)` its triangles.
         touch_counts: `(V,)` touches nearest to each vertex.
         radius: m, along the surface.
-        fewest: Touches that a vertex needs to count as touched.
 
     Returns:
         `(V,)` whether a vertex is in the patch.
@@ -69,35 +67,16 @@ def touched_patch(
         found = dijkstra(paths, indices=np.flatnonzero(marked), limit=radius, min_only=True)
         return np.isfinite(found)
 
-    grown = within(np.asarray(touch_counts) >= fewest)
+    grown = within(np.asarray(touch_counts) > 0)
     touched = ~within(~grown)
     if not touched[faces].all(axis=1).any():
         touched = grown
     inside = touched[faces].all(axis=1)
-    part, num_parts = _parts_by_vertex(faces[inside], len(vertices))
+    part, num_parts = parts_by_vertex(faces[inside], len(vertices))
     area = np.bincount(
         part[faces[inside][:, 0]], weights=surface.area_faces[inside], minlength=num_parts
     )
     return touched & (area >= math.pi * radius**2)[part]
-
-
-def submesh(
-    vertices: np.ndarray, faces: np.ndarray, touched: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the triangles of a surface with all three corners touched.
-
-    Args:
-        vertices: `(V, 3)` m.
-        faces: `(F, 3)` indices into `vertices`.
-        touched: `(V,)` whether a vertex was touched, as by `touched_patch`.
-
-    Returns:
-        `(V', 3)` m, the vertices of these triangles, and `(F', 3)` indices into them; both in the
-        original order.
-    """
-    kept = faces[np.asarray(touched, dtype=bool)[faces].all(axis=1)]
-    used, new = np.unique(kept, return_inverse=True)
-    return vertices[used], new.reshape(-1, 3)
 
 
 def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
@@ -131,17 +110,17 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
             "belongs to one or two"
         )
     corners = np.unique(faces)
-    part, _ = _parts_by_vertex(faces, corners[-1] + 1)
+    part, _ = parts_by_vertex(faces, corners[-1] + 1)
     num_parts = len(np.unique(part[corners]))
     # A part is closed if it has no rim. Here parts are connected by edges: a sphere that touches a
     # disc in one vertex still has its cavity.
-    sheet, num_sheets = _parts_by_vertex(edge_of.reshape(-1, 3), len(edges))
+    sheet, num_sheets = parts_by_vertex(edge_of.reshape(-1, 3), len(edges))
     num_cavities = num_sheets - len(np.unique(sheet[count == 1]))
     euler_number = len(corners) - len(edges) + len(faces)
     return num_parts, num_parts + num_cavities - euler_number, num_cavities
 
 
-def _parts_by_vertex(faces: np.ndarray, num_vertices: int) -> tuple[np.ndarray, int]:
+def parts_by_vertex(faces: np.ndarray, num_vertices: int) -> tuple[np.ndarray, int]:
     """`(V,)` the connected part of each vertex; number of parts, isolated vertices included."""
     ends = np.stack([faces[:, [0, 1]], faces[:, [1, 2]]]).reshape(-1, 2).T
     graph = coo_array((np.ones(len(ends[0])), tuple(ends)), shape=(num_vertices, num_vertices))

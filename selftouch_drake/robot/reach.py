@@ -8,7 +8,7 @@ import numpy as np
 from pydrake.geometry import Sphere
 from scipy.spatial import cKDTree
 
-from selftouch_drake.geometry import HollowSkin, farthest_points, wall_points
+from selftouch_drake.geometry import HollowSkin, farthest_points
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.pairs import Toucher
 from selftouch_drake.robot.robot import Robot
@@ -21,6 +21,8 @@ _CELL = 0.01
 _MOST_CELLS = 160
 # Number of balls that cover a toucher of another shape: more fit closer, fewer are faster.
 _NUM_BALLS = 12
+# m, between the samples of a touching skin.
+_SPACING = 0.006
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,9 +31,8 @@ class WallGrid:
 
     Points on its outer, middle and inner layer represent the wall. A ball that touches the
     wall from outside is within its radius of a layer, and a point inside the wall is within half
-    the longest step from layer to layer; a triangle whose edges are no longer than e is nowhere
-    farther than e / sqrt(3) from its corners; and a point of a cell is within half the cell's
-    diagonal of its centre.
+    the longest step from layer to layer; and a point of a cell is within half the cell's diagonal
+    of its centre.
 
     Attributes:
         origin: `(3,)` m, the corner of the first cell.
@@ -58,7 +59,7 @@ class WallGrid:
         corners = moved(X_JL, wall.tet_vertices)
         extent = float(np.ptp(corners, axis=0).max()) + 2 * largest_radius
         cell = max(_CELL, extent / _MOST_CELLS)
-        points = moved(X_JL, wall_points(wall, cell))
+        points = moved(X_JL, wall.samples(cell / np.sqrt(3)))
         inside = np.linalg.norm(wall.vertices - wall.inner_vertices, axis=1).max() / 4
         slack = cell / np.sqrt(3) + cell * np.sqrt(3) / 2
         margin = max(largest_radius, inside) + slack
@@ -97,9 +98,9 @@ def covering_balls(toucher: Toucher, robot: Robot) -> tuple[np.ndarray, np.ndarr
         X_FG = X_FL.multiply(inspector.GetPoseInFrame(geometry_id))
         if geometry_id in worn:
             wall = worn[geometry_id]
-            clouds.append(X_FL.multiply(wall_points(wall, 0.01).T).T)
+            clouds.append(X_FL.multiply(wall.samples(_SPACING).T).T)
             half_step = np.linalg.norm(wall.vertices - wall.inner_vertices, axis=1).max() / 4
-            slacks.append(half_step + 0.01 / np.sqrt(3))
+            slacks.append(half_step + _SPACING)
         elif isinstance(shape, Sphere):
             balls.append((X_FG.translation(), shape.radius()))
         else:

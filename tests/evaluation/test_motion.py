@@ -19,7 +19,7 @@ from selftouch_drake.evaluation import (
     spatial_jerk_reduction,
     summarise,
 )
-from selftouch_drake.geometry import hollow_skin, sphere, wall_points
+from selftouch_drake.geometry import hollow_skin, sphere
 
 KNOWN = SimpleNamespace(target_sensations=np.eye(3), num_set_aside=0)
 
@@ -127,7 +127,7 @@ def test_cosine_distance_has_no_scale():
 
 @pytest.fixture(scope="module")
 def wall():
-    return cKDTree(wall_points(hollow_skin(sphere(0.25), 0.03, 0.01), 0.005))
+    return cKDTree(hollow_skin(sphere(0.25), 0.03, 0.01).samples(0.003))
 
 
 RADIUS = np.array([0.01])
