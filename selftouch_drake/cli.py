@@ -95,6 +95,13 @@ FROM_Q = click.option(
 )
 
 
+BODY = click.option(
+    "--body",
+    metavar="FILE:CLASS",
+    help="Body of your own in which to live, as in my_robot.py:MyRobot; for imported runs.",
+)
+
+
 def of_an_experiment(command: Callable[..., None]) -> Callable[..., None]:
     """Adds the experiment of a run that begins, and the options that decide on it."""
     return EXPERIMENT(OUT(SET(command)))
@@ -138,6 +145,26 @@ def of_a_plan(command: Callable[..., None]) -> Callable[..., None]:
         command(directory, targets, **options)
 
     return of_a_run(FROM(FROM_Q(TO(THROUGH(named)))))
+
+
+def in_a_body(command: Callable[..., None]) -> Callable[..., None]:
+    """Adds the body in which a run lives that has none of Drake's, and keeps what it meets."""
+
+    @functools.wraps(command)
+    def living(directory: RunDirectory, *given: Any, body: str | None, **options: Any) -> None:
+        from selftouch_drake.run.worlds import keep_met, live_in
+
+        if body is not None:
+            live_in(directory, body)
+        try:
+            command(directory, *given, **options)
+        finally:
+            if body is not None or not (
+                directory.experiment.has_truth or directory.experiment.imported
+            ):
+                keep_met(directory)
+
+    return BODY(living)
 
 
 class InOrderOfUse(click.Group):
@@ -199,7 +226,8 @@ def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
                 if isinstance(picture, Path):
                     click.echo(f"first picture: {picture}")
         if not stages.has_learned(directory):
-            meanwhile(executor, stages.get_ready, directory)
+            if directory.experiment.has_truth:
+                meanwhile(executor, stages.get_ready, directory)
             with _progress("learn") as progress:
                 stages.learn(directory, progress)
         if not stages.has_evaluated(directory):
@@ -305,13 +333,21 @@ def import_data(
 
 @cli.command()
 @of_a_run
-def learn(directory: RunDirectory) -> None:
+@click.option(
+    "--add",
+    is_flag=True,
+    help="Learn from the touches, too, that a body of your own met in practice and execution.",
+)
+def learn(directory: RunDirectory, add: bool) -> None:
     """Learn the quotient graph and recover the body.
 
     Reads the touches of the run directory RUN, never the truth (where the robot was touched).
     """
     from selftouch_drake.run import stages
+    from selftouch_drake.run.worlds import add_met
 
+    if add:
+        click.echo(f"added: {add_met(directory):,} touches so far")
     with _progress("learn") as progress:
         stages.learn(directory, progress)
     click.echo(f"representation: {directory.representation}")
@@ -319,6 +355,7 @@ def learn(directory: RunDirectory) -> None:
 
 @cli.command()
 @of_a_plan
+@in_a_body
 def plan(directory: RunDirectory, targets: list) -> None:
     """Plan a smooth motion from one sensation to another.
 
@@ -328,12 +365,13 @@ def plan(directory: RunDirectory, targets: list) -> None:
 
     from selftouch_drake.run import stages
 
-    q_start = click.get_current_context().params["q_start"]
-    without_world = directory.experiment.imported is not None
-    if without_world:
+    given = click.get_current_context().params
+    q_start = given["q_start"]
+    blind = directory.experiment.imported is not None and given["body"] is None
+    if blind:
         if q_start is not None:
             raise click.UsageError(
-                f"--from-q needs a simulated robot, and {directory.path} was imported: give "
+                f"--from-q needs a body, and {directory.path} was imported: give --body, or "
                 "--from, the target sensation felt at the start"
             )
         motion = stages.plan_imported(directory, *targets)
@@ -343,7 +381,7 @@ def plan(directory: RunDirectory, targets: list) -> None:
         motion = stages.plan_from(directory, np.array(q_start), targets[-1])
     click.echo(f"route: {_route(motion)}\nduration: {motion.time_s[-1]:.2f} s")
     click.echo(f"plan: {directory.plan(*targets)}")
-    if without_world:
+    if directory.experiment.imported is not None:
         click.echo(f"joint trajectory: {directory.plan(*targets).with_suffix('.csv')}")
 
 
@@ -356,6 +394,7 @@ def plan(directory: RunDirectory, targets: list) -> None:
     metavar="N",
     help="Plan and execute up to N times until contact is never lost; remember what failed.",
 )
+@in_a_body
 def execute(directory: RunDirectory, targets: list, max_tries: int | None) -> None:
     """Execute a plan under full dynamics and store the sensations.
 
@@ -397,6 +436,7 @@ def record(directory: RunDirectory, targets: list) -> None:
 
 @cli.command()
 @of_a_run
+@in_a_body
 @WORKERS
 def evaluate(directory: RunDirectory, workers: int | None) -> None:
     """Score the recovered shape and random plans.
@@ -405,6 +445,8 @@ def evaluate(directory: RunDirectory, workers: int | None) -> None:
     """
     from selftouch_drake.run import stages
 
+    if click.get_current_context().params["body"] is not None:
+        workers = 1  # a body that is given is in one process
     with _progress("evaluate") as progress, local_executor(workers) as executor:
         stages.evaluate(directory, progress, executor)
     _print_headline(directory)

@@ -274,7 +274,7 @@ class DrakeBodies:
         execution = dataclasses.replace(experiment.execution, touch_servo=False)
         experiment = dataclasses.replace(experiment, joints=joints, execution=execution)
         simulation = Simulation(experiment, self.world.skins, log_period=_BABBLING_PERIOD)
-        return DrakeDynamicBody(self.world, simulation)
+        return DrakeDynamicBody(self.world, simulation, jumps=experiment.babbling.jumps)
 
     @cached_property
     def still(self) -> DrakeBody:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,6 +20,8 @@ _ROWS, _LONG_ENOUGH_S = 2000, 60.0
 class CalibratedBody:
     """A body whose raw readings become sensations; the import uses the same calibration.
 
+    It notes the touches that it meets: they are experience too.
+
     Args:
         body: the body.
         calibration: of its receptors.
@@ -30,6 +33,7 @@ class CalibratedBody:
         self.lower, self.upper = body.lower, body.upper
         self.velocity, self.acceleration = body.velocity, body.acceleration
         self.num_receptors = body.num_receptors
+        self._met = list[Felt]()
 
     @property
     def robot_s(self) -> float:
@@ -40,7 +44,19 @@ class CalibratedBody:
         """As of `Body`, with sensations."""
         felt = self._body.feel(q)
         sensation = self._calibration.sensation(felt.sensation)
-        return Felt(q=felt.q, sensation=sensation, reached=felt.reached)
+        return self._noted(Felt(q=felt.q, sensation=sensation, reached=felt.reached))
+
+    def take_met(self) -> tuple[np.ndarray, np.ndarray]:
+        """`(n, J)` and `(n, S)`: touches since the last call."""
+        q = [np.empty((0, len(self.joint_names))), *(felt.q for felt in self._met)]
+        sensation = [np.empty((0, self.num_receptors)), *(felt.sensation for felt in self._met)]
+        self._met.clear()
+        return np.concatenate(q), np.concatenate(sensation)
+
+    def _noted(self, felt: Felt) -> Felt:
+        _, touches = felt.touches()
+        self._met.append(touches.of_rows(np.flatnonzero(touches.reached)))
+        return felt
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
         """As of `Body`, with sensations; a body that travels goes to the first one before."""
@@ -48,13 +64,9 @@ class CalibratedBody:
             self._body.feel(q[:1])
         followed = self._body.follow(time_s, q)
         sensation = self._calibration.sensation(followed.sensation)
-        return Followed(
-            time_s=followed.time_s,
-            q=followed.q,
-            sensation=sensation,
-            v=followed.v,
-            torque=followed.torque,
-        )
+        measured = replace(followed, sensation=sensation)
+        self._noted(measured.felt())
+        return measured
 
 
 class LivingBody:
@@ -75,7 +87,7 @@ class LivingBody:
         atexit.register(body.close)
 
     @property
-    def babbling(self) -> Body:
+    def babbling(self) -> CalibratedBody:
         """The body, with sensations.
 
         Raises:

@@ -148,8 +148,15 @@ def shard_name(walk: int) -> str:
     return f"part-{walk:05d}.parquet"
 
 
-def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
-    """Writes the experience of one walk, and the truth if it is known, into the run directory."""
+def write_shard(run: Path, shard: Shard, *, fingerprint: str, folder: str = "experience") -> None:
+    """Writes the experience of one walk, and the truth if it is known, into the run directory.
+
+    Args:
+        run: the run directory.
+        shard: the touches.
+        fingerprint: of the experience.
+        folder: for the experience.
+    """
     metadata = {
         b"selftouch.fingerprint": fingerprint.encode(),
         b"selftouch.num_steps": str(shard.num_steps).encode(),
@@ -160,7 +167,7 @@ def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
     walk = pa.array(np.full(len(shard.step), shard.walk, dtype=np.int32))
     key = {"walk": walk, "step": pa.array(shard.step.astype(np.int64))}
     felt = {**key, "q": _vectors(shard.q), "sensation": _vectors(shard.sensation)}
-    folders = {"experience": felt}
+    folders = {folder: felt}
     if (contacts := shard.contacts) is not None:
         truth = {
             **key,
@@ -170,10 +177,10 @@ def write_shard(run: Path, shard: Shard, *, fingerprint: str) -> None:
         }
         # Truth first: experience without it would look complete.
         folders = {"truth": truth} | folders
-    for folder, columns in folders.items():
+    for into, columns in folders.items():
         table = pa.table(columns).replace_schema_metadata(metadata)
-        (run / folder).mkdir(exist_ok=True)
-        with written_whole(run / folder / shard_name(shard.walk)) as aside:
+        (run / into).mkdir(exist_ok=True)
+        with written_whole(run / into / shard_name(shard.walk)) as aside:
             pq.write_table(
                 table, aside, compression="zstd", use_dictionary=False, write_page_checksum=True
             )
@@ -222,19 +229,27 @@ def read_counts(
         raise StoreError(f"{path} lacks its number of steps; delete it and babble again") from None
 
 
+def shards_of(folder: Path) -> list[Path]:
+    """The shards of a folder, in order of their walks; none if there is no such folder."""
+    # By number: beyond 99999 the names are longer.
+    return sorted(folder.glob("part-*.parquet"), key=lambda p: (len(p.name), p.name))
+
+
 class ExperienceReader:
     """Reads the shards of one folder, `experience` or `truth`, in walk order.
 
     Args:
         folder: the folder of the shards.
+        added: of shards that were added later; they come after the others.
 
     Raises:
         StoreError: there is no shard, or one is damaged or misses a column.
     """
 
-    def __init__(self, folder: Path):
-        # By number: beyond 99999 the names are longer.
-        self._paths = sorted(folder.glob("part-*.parquet"), key=lambda p: (len(p.name), p.name))
+    def __init__(self, folder: Path, added: Path | None = None):
+        self._paths = shards_of(folder)
+        if added is not None:
+            self._paths += shards_of(added)
         if not self._paths:
             raise StoreError(f"{folder} holds no shard; run `selftouch babble` first")
 

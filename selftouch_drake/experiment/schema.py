@@ -277,6 +277,9 @@ class Babbling(Settings):
     persistence: Annotated[Number, Field(ge=0, lt=1)] = 0.9
     # Seconds per step, in dynamic mode.
     step_duration: Positive = 0.1
+    # Whether a robot in dynamic mode may be put at rest where a walk or a round begins, as only a
+    # simulation can; if not, it travels there.
+    jumps: Flag = True
     # Hours of the robot's own time after which babbling ends, with the touches that it has by then;
     # for bodies that have a time of their own. Null for no limit.
     robot_hours: Positive | None = None

@@ -23,7 +23,6 @@ from selftouch_drake.agent.representation import (
     to_networkx,
     without_vectors,
 )
-from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.files import (
     load_arrays,
     save_arrays,
@@ -52,7 +51,7 @@ def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
     representation = load_representation(run)
     felt = None
     if predicts:
-        batches = ExperienceReader(run.experience).batches("sensation")
+        batches = run.touches().batches("sensation")
         felt = kernel_sensations(representation.kernel_row, batches)
     return Agent.of(
         representation,

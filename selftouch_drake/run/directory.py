@@ -69,6 +69,10 @@ class RunDirectory:
 
     #: Folder of the agent's experience, in shards.
     experience = _Inside("experience")
+    #: Folder of touches that were met in practice and execution, and of those that `learn --add`
+    #: has added to the experience.
+    met = _Inside("met")
+    added = _Inside("added")
     #: Folder of the truth, in shards; only the experimenter may read it.
     truth = _Inside("truth")
     #: Receptors and outer surfaces of the skins; part of the truth.
@@ -159,6 +163,10 @@ class RunDirectory:
         if self.experiment.body_from in ("robot", "imported"):
             return self.experiment.num_receptors
         return next(ExperienceReader(self.experience).batches("sensation")).shape[1]
+
+    def touches(self) -> ExperienceReader:
+        """The experience, with what was added to it later."""
+        return ExperienceReader(self.experience, self.added)
 
     def known_calibration(self) -> Calibration | None:
         """How raw readings become sensations, if the run knows."""

@@ -74,6 +74,9 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     kept: dict[str, Any] = {key: fields[key] for key in ("seed", "babbling")}
     if experiment.babbling.strategy == "random":
         del kept["babbling"]["strategy"]  # older runs know no other
+    for name, usual in (("jumps", True), ("robot_hours", None)):
+        if kept["babbling"][name] == usual:
+            del kept["babbling"][name]  # likewise
     kept["models"] = list(digests.values())
     kept["robot"] = {key: fields["robot"][key] for key in ("joints", "collision_depth")}
     # Their order counts: that of the readings in a sensation, and of the numbers in the truth.

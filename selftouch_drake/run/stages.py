@@ -195,7 +195,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     warn_of_changes(run)
     settings, seed = run.experiment.representation, run.experiment.seed
     learned = learn_quotient(
-        ExperienceReader(run.experience).touches,
+        run.touches().touches,
         num_targets=settings.num_targets,
         max_kernel_size=settings.max_kernel_size,
         seed=seed,
@@ -235,7 +235,7 @@ def get_ready(run: RunDirectory) -> None:
     Then numba has compiled it, while this worker has nothing else to do.
     """
     bodies = run_bodies(run)
-    sensation, q = next(ExperienceReader(run.experience).touches())
+    sensation, q = next(run.touches().touches())
     num_touches = min(len(q), _READY_TOUCHES)
     with suppress(ValueError), warnings.catch_warnings():  # there may be no way
         warnings.simplefilter("ignore")
@@ -263,6 +263,8 @@ def plan(run: RunDirectory, *targets: int) -> Motion:
     _require_targets(run, targets)
     motion = pilot.plan(*targets).motion
     save_plan(run, motion, *targets)
+    if run.experiment.imported is not None:
+        _write_trajectory(run, motion, *targets)
     return motion
 
 
@@ -282,8 +284,14 @@ def plan_imported(run: RunDirectory, *targets: int) -> Motion:
     _require_targets(run, targets)
     motion = timed(agent, agent.tour(targets), imported)
     save_plan(run, motion, *targets)
-    write_trajectory(run.plan(*targets).with_suffix(".csv"), motion, imported.joints)
+    _write_trajectory(run, motion, *targets)
     return motion
+
+
+def _write_trajectory(run: RunDirectory, motion: Motion, *targets: int) -> None:
+    assert run.experiment.imported is not None
+    file = run.plan(*targets).with_suffix(".csv")
+    write_trajectory(file, motion, run.experiment.imported.joints)
 
 
 def plan_from(run: RunDirectory, q_start: np.ndarray, goal: int) -> Motion:

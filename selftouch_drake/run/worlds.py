@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from selftouch_drake.agent.body import Body
 from selftouch_drake.bodies.embodiment import (
     Bodies,
@@ -10,8 +12,10 @@ from selftouch_drake.bodies.embodiment import (
     kept_skins,
     make_bodies,
 )
+from selftouch_drake.bodies.living import LivingBody
+from selftouch_drake.experience.store import ExperienceReader, Shard, shards_of, write_shard
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.run.directory import MissingError, RunDirectory
+from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 
 
 class NoWorldError(MissingError):
@@ -58,6 +62,69 @@ def babbling_body(run: RunDirectory, experiment: Experiment, fingerprint: str) -
     if not bodies_of.knows(*known):
         bodies_of.keep(make_bodies(experiment, calibration=run.known_calibration()), *known)
     return bodies_of(*known).babbling
+
+
+def live_in(run: RunDirectory, reference: str) -> None:
+    """From now on, the agent of a run without a robot of Drake's lives in another body.
+
+    Args:
+        run: an imported run, or one with a body of its own.
+        reference: the body, as `my_body.py:MyBody`.
+
+    Raises:
+        BodyError: as `open_reference`.
+        RunError: it is not the body of this run.
+    """
+    from selftouch_drake.bodies.making import open_reference
+
+    if run.experiment.has_truth:
+        raise RunError(
+            f"--body is {reference}, but {run.path} has a robot of Drake's: leave it out"
+        )
+    body, imported = open_reference(reference), run.experiment.imported
+    joints, num_receptors = list(body.joint_names), run.num_receptors
+    if imported is not None and joints != imported.joints:
+        raise RunError(
+            f"--body has the joints {', '.join(joints)}, and the run {', '.join(imported.joints)}; "
+            "give the body that was recorded, with the names of its columns"
+        )
+    if body.num_receptors != num_receptors:
+        raise RunError(
+            f"--body has {body.num_receptors} receptors, and the run {num_receptors}; give the "
+            "body that was recorded"
+        )
+    keep_bodies(run, LivingBody(body, run.known_calibration()))
+
+
+def keep_met(run: RunDirectory) -> int:
+    """Stores the touches that the body met since the last call; returns how many.
+
+    `selftouch learn --add` learns from them.
+    """
+    bodies = run_bodies(run)
+    if not isinstance(bodies, LivingBody):
+        return 0
+    q, sensation = bodies.babbling.take_met()
+    if len(q):
+        shard = Shard(
+            walk=len(shards_of(run.met)) + len(shards_of(run.added)),
+            num_steps=len(q),
+            num_impossible=0,
+            step=np.arange(len(q)),
+            q=q.astype(np.float32),
+            sensation=sensation.astype(np.float32),
+            contacts=None,
+        )
+        write_shard(run.path, shard, fingerprint=run.fingerprint(), folder=run.met.name)
+    return len(q)
+
+
+def add_met(run: RunDirectory) -> int:
+    """Adds the touches that were met to the experience; returns how many are added by now."""
+    run.added.mkdir(exist_ok=True)
+    for shard in shards_of(run.met):
+        shard.rename(run.added / shard.name)
+    return ExperienceReader(run.added).num_rows if shards_of(run.added) else 0
 
 
 def make_world(run: RunDirectory) -> World:
