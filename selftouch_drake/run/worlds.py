@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from selftouch_drake.agent.body import Body
@@ -18,8 +20,16 @@ from selftouch_drake.experiment import Experiment
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 
 
+#: Touches of a run that a body is to feel again.
+_FELT_AGAIN = 20
+
+
 class NoWorldError(MissingError):
     """The experience was imported: there is no robot, so no world can be built."""
+
+
+class OtherBodyWarning(UserWarning):
+    """A body that was given does not feel what the run has felt."""
 
 
 def require_robot(experiment: Experiment) -> None:
@@ -74,6 +84,9 @@ def live_in(run: RunDirectory, reference: str) -> None:
     Raises:
         BodyError: as `open_reference`.
         RunError: it is not the body of this run.
+
+    Warns:
+        OtherBodyWarning: it feels nothing where the run did.
     """
     from selftouch_drake.bodies.making import open_reference
 
@@ -93,7 +106,19 @@ def live_in(run: RunDirectory, reference: str) -> None:
             f"--body has {body.num_receptors} receptors, and the run {num_receptors}; give the "
             "body that was recorded"
         )
-    keep_bodies(run, LivingBody(body, run.known_calibration()))
+    living = LivingBody(body, run.known_calibration())
+    if (still := living.still) is not None:
+        _, q = next(run.touches().touches())
+        some = q[:: max(len(q) // _FELT_AGAIN, 1)]
+        again = int(still.feel(some.astype(float)).sensation.any(axis=1).sum())
+        if again < len(some) / 2:
+            warnings.warn(
+                f"--body feels something at {again} of {len(some)} touches of the run: are its "
+                "readings and joints those of the recording, in the same units?",
+                OtherBodyWarning,
+                stacklevel=2,
+            )
+    keep_bodies(run, living)
 
 
 def keep_met(run: RunDirectory) -> int:
