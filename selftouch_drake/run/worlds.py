@@ -19,7 +19,6 @@ from selftouch_drake.experience.store import ExperienceReader, Shard, shards_of,
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 
-
 #: Touches of a run that a body is to feel again.
 _FELT_AGAIN = 20
 
