@@ -56,12 +56,25 @@ def open_reference(text: str) -> CheckedBody:
     return open_class(*reference)
 
 
-def body_files(experiment: Experiment) -> list[Path]:
-    """The Python files that an experiment names.
+def body_files(experiment: Experiment, announce: Callable[[str], None] | None = None) -> list[Path]:
+    """The files that decide the body: those of a robot's model, or the Python file that is named.
+
+    Imported experience is complete: no file decides anything.
+
+    Args:
+        experiment: which names them.
+        announce: called with one line if meshes were converted for Drake.
 
     Raises:
-        BodyError: one does not exist.
+        BodyError: a Python file does not exist.
+        ModelError: a file of a model is not found, or cannot be read.
     """
+    if experiment.has_truth:
+        # Others need not wait for Drake.
+        from selftouch_drake.robot.models import load_model
+
+        robot = experiment.robot
+        return list(load_model(robot.directives, robot.packages, announce).files)
     if experiment.python is not None:
         return [require_file(Path(experiment.python.file))]
     if experiment.gymnasium is not None:

@@ -38,16 +38,7 @@ def model_digests(
         ExperimentError: the mesh file of a skin is not there.
         ModelError: a file is not found, or cannot be read.
     """
-    # Imported experience is complete: no file outside the run decides anything.
-    if experiment.imported is not None:
-        return {}
-    if experiment.body_from != "robot":
-        return {str(file): content_digest(file) for file in body_files(experiment)}
-
-    from selftouch_drake.robot.models import load_model
-
-    robot = experiment.robot
-    model = load_model(robot.directives, robot.packages, announce)
+    files = body_files(experiment, announce)
     meshes = _skin_meshes(experiment)
     for name, file in meshes.items():
         if not file.is_file():
@@ -55,7 +46,7 @@ def model_digests(
                 f"skins.{name}.surface.mesh is {shown(str(file))}; there is no such file: correct "
                 "the path"
             )
-    return {str(file): content_digest(file) for file in [*model.files, *meshes.values()]}
+    return {str(file): content_digest(file) for file in [*files, *meshes.values()]}
 
 
 def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
