@@ -29,6 +29,8 @@ from pathlib import Path
 import numpy as np
 from pydrake.geometry import HydroelasticContactRepresentation
 
+from selftouch_drake.bodies.drake import DrakeBody
+from selftouch_drake.bodies.embodiment import body_of
 from selftouch_drake.experience import (
     RandomWalk,
     collect,
@@ -36,11 +38,13 @@ from selftouch_drake.experience import (
     random_walk,
     write_shard,
 )
-from selftouch_drake.experience.walkers import BATCH
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import MakeDynamicStation, World
 from selftouch_drake.robot.broadphase import BroadPhase
 from selftouch_drake.run.executors import local_executor
+
+# Steps of a walk made at once.
+_BATCH = 4096
 
 
 class Loop:
@@ -68,10 +72,10 @@ class Selftouch:
 
     def __init__(self, world: World, folder: Path):
         self.experiment, self.folder = world.experiment, folder
-        self.source = DrakeBody(world)
+        self.body = DrakeBody(world)
 
     def run(self, walk_number: int, num_touches: int) -> None:
-        shard = collect_walk(self.source, self.experiment, walk_number, num_touches)
+        shard = collect_walk(self.body, self.experiment, walk_number, num_touches)
         write_shard(self.folder, shard, fingerprint="benchmark")
 
 
@@ -106,7 +110,7 @@ class Mujoco:
         stored = 0
         while stored < num_touches:
             q, points, depths = [], [], []
-            for step in walk.steps(BATCH):
+            for step in walk.steps(_BATCH):
                 data.qpos[:] = step
                 mujoco.mj_kinematics(model, data)
                 mujoco.mj_collision(model, data)
@@ -145,7 +149,7 @@ def measure(num_touches: int, turns: int) -> dict[str, float]:
         selftouch, loop = Selftouch(world, Path(folder)), Loop(world)
 
         def walk(turn: int) -> RandomWalk:
-            return random_walk(world.experiment, world.robot, turn)
+            return random_walk(world.experiment, selftouch.body, turn)
 
         ways = {
             "loop": lambda turn: loop.run(walk(turn), num_touches),
@@ -167,7 +171,8 @@ def measure_processes(num_touches: int, turns: int) -> dict[int, float]:
 
     def collected(workers: int) -> None:
         with tempfile.TemporaryDirectory() as folder:
-            collect(experiment, Path(folder), fingerprint="benchmark", executor=executors[workers])
+            how = {"executor": executors[workers], "body_of": body_of}
+            collect(experiment, Path(folder), fingerprint="benchmark", **how)
 
     # The first turn builds the world in the workers.
     ways = {str(workers): lambda _, w=workers: collected(w) for workers in executors}
@@ -180,32 +185,32 @@ def measure_processes(num_touches: int, turns: int) -> dict[int, float]:
 def measure_steps(turns: int) -> dict[str, float]:
     """Rejected steps per second: share of the walk and of the screen."""
     ways: dict[str, Callable[[int], object]] = {}
-    num_steps = 10 * BATCH
+    num_steps = 10 * _BATCH
     for name in ("sphere", "infant"):
         world = World(load_experiment(name))
-        walk = random_walk(world.experiment, world.robot, 0)
+        walk = random_walk(world.experiment, DrakeBody(world), 0)
         q = walk.steps(2 * num_steps).astype(np.float32)
         away = q[~BroadPhase(world.robot).near(q).any(axis=1)]
         away = np.resize(away, (num_steps, q.shape[1]))
         # A probe builds its screen when it has been asked for many configurations.
         world.probe.felt(np.resize(away, (250_000, q.shape[1])))
-        ways[f"{name}, walk"] = lambda _, w=walk: [w.steps(BATCH) for _ in range(10)]
+        ways[f"{name}, walk"] = lambda _, w=walk: [w.steps(_BATCH) for _ in range(10)]
         ways[f"{name}, screen"] = lambda _, p=world.probe, a=away: [
-            p.felt(a[k * BATCH : (k + 1) * BATCH]) for k in range(10)
+            p.felt(a[k * _BATCH : (k + 1) * _BATCH]) for k in range(10)
         ]
     return {name: num_steps / seconds for name, seconds in in_turn(ways, turns).items()}
 
 
 _FIRST_TOUCHES = """
 import time
-from selftouch_drake.experience import collect_walk
 from selftouch_drake.bodies.drake import DrakeBody
+from selftouch_drake.experience import collect_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 experiment = load_experiment("sphere")
-source = DrakeBody(World(experiment))
+body = DrakeBody(World(experiment))
 began = time.perf_counter()
-collect_walk(source, experiment, 0, 100)
+collect_walk(body, experiment, 0, 100)
 print(time.perf_counter() - began)
 """
 

@@ -54,10 +54,11 @@ from selftouch_drake.agent.lifelong import OnlineLearner, Walker
 from selftouch_drake.agent.lifelong.explorer import Moves
 from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
 from selftouch_drake.agent.shape import recover
+from selftouch_drake.bodies.drake import DrakeBodies
+from selftouch_drake.bodies.embodiment import make_bodies, pilot_in
 from selftouch_drake.evaluation import kernel_truth, random_pairs, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader, Shard, collect_walk
 from selftouch_drake.experience.exploration import Exploration
-from selftouch_drake.experience.walkers import SAMPLE_PERIOD, DynamicWalker, KinematicWalker
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
@@ -69,6 +70,8 @@ TOUCHES = (5000, 10_000, 20_000, 100_000)
 INFANT = (1000, 2000, 3000, 5000, 10_000, 20_000, 30_000, 50_000, 100_000, 300_000)
 MINUTES = (5, 10, 20, 30, 45, 60, 120, 180, 300)
 MOMENTS = (1000, 2000, 3000, 5000, 8000, 12_000, 20_000, 35_000, 60_000, 100_000)
+#: s between two samples of a robot that babbles under dynamics.
+SAMPLE_S = 0.02
 
 #: Noise of goal babbling, in strides; number of last tries over which competence is measured; and
 #: chance that a goal is drawn at random all the same.
@@ -120,10 +123,8 @@ WAYS = {"active": None, "goals": Goals, "progress": Progress}
 
 def babbled(experiment: Experiment, way: str, ends: Sequence[int] = ()) -> Iterator[Shard]:
     """Rounds without end; one ends at each number of touches in `ends`."""
-    world = World(experiment)
-    dynamic = experiment.babbling.mode == "dynamic"
-    life = None if way == "random" else Exploration(experiment, WAYS[way])
-    source = None if life else (DynamicWalker if dynamic else KinematicWalker)(world)
+    body = make_bodies(experiment).babbling
+    life = None if way == "random" else Exploration(experiment, body, WAYS[way])
     done, number = 0, 0
     while True:
         size = max(250, min(done // 10, 2000))
@@ -132,8 +133,7 @@ def babbled(experiment: Experiment, way: str, ends: Sequence[int] = ()) -> Itera
             shard = life.explore(size)
             life.remember(shard.q, shard.sensation)
         else:
-            assert source is not None
-            shard = collect_walk(source, experiment, number, size)
+            shard = collect_walk(body, experiment, number, size)
         done, number = done + size, number + 1
         yield shard
 
@@ -177,7 +177,9 @@ def executed(
     pairs = random_pairs(world.experiment, representation)[:num_pairs]
     if not pairs:
         return {}
-    tries = FirstTries(world, Agent.of(representation))
+    bodies = DrakeBodies(world)
+    pilot = pilot_in(bodies, Agent.of(representation), world.experiment)
+    tries = FirstTries(pilot, bodies)
     made = (tries.first(*pair) for pair in pairs)
     kept = [0.0 if one is None else one[0].executed.contact for one in made]
     return {"executed": round(float(np.mean(kept)), 4), "executed_worst": round(min(kept), 4)}
@@ -219,7 +221,7 @@ def lives(what: str, body: str, seed: int, way: str, arguments: argparse.Namespa
     for shard in babbled(experiment, way, ends):
         shards.append(shard)
         touches = sum(len(one.q) for one in shards)
-        minutes = sum(one.num_steps for one in shards) * SAMPLE_PERIOD / 60
+        minutes = sum(one.num_steps for one in shards) * SAMPLE_S / 60
         at = minutes if what == "clock" else touches
         if at < marks[0]:
             continue

@@ -23,11 +23,11 @@ def measure(name: str, overrides: dict, num_touches: int) -> str:
     experiment = load_experiment(name, overrides)
     began = time.process_time()
     world = World(experiment)
-    source = DrakeBody(world)
+    body = DrakeBody(world)
     built = time.process_time() - began
-    collect_walk(source, experiment, 0, 50)
+    collect_walk(body, experiment, 0, 50)
     began = time.process_time()
-    shard = collect_walk(source, experiment, 1, num_touches)
+    shard = collect_walk(body, experiment, 1, num_touches)
     spent = time.process_time() - began
     return (
         f"| {name} | {world.robot.num_joints} | {len(world.skins)} | {experiment.num_receptors} "

@@ -16,7 +16,8 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.bodies.drake import DrakeBodies
+from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show.meshcat.live import FRAME_S, SPEED, LiveShow
@@ -35,7 +36,7 @@ def main() -> None:
     given = parser.parse_args()
     run = RunDirectory.open(given.run)
     data, meshcat = RunData(run), open_meshcat()
-    pilot = Pilot(load_agent(run), data.world)
+    pilot = pilot_in(DrakeBodies(data.world), load_agent(run), run.experiment)
     pilot.get_ready()
     show = LiveShow(meshcat, data, lambda *query: pilot.plan_feeling(*query).motion)
     with sync_playwright() as driver:

@@ -124,7 +124,7 @@ class Explores:
         """The same agent in another world; this one stays as it is."""
         other = copy.copy(self._exploration)
         other.mind = copy.deepcopy(self._exploration.mind)
-        other.enter(world)
+        other.enter(DrakeBody(world))
         return Explores(other)
 
 
@@ -182,7 +182,8 @@ class Bench:
         mind = Life(learner, seed=self.seed) if lives else learner()
         if self.args.lives != "active":
             return Walks(mind, world, first_walk)
-        exploration = Exploration(load_experiment(self.body, {"seed": self.seed}), world=world)
+        experiment = load_experiment(self.body, {"seed": self.seed})
+        exploration = Exploration(experiment, DrakeBody(world))
         exploration.mind = mind
         return Explores(exploration)
 

@@ -28,7 +28,8 @@ from drawings import DRAWINGS, ROOT
 from matplotlib.figure import Figure
 from PIL import Image
 
-from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.bodies.drake import DrakeBodies
+from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
@@ -151,7 +152,7 @@ def live(runs: Path) -> None:
     from playwright.sync_api import sync_playwright
 
     data, meshcat = torus(runs), open_meshcat()
-    pilot = Pilot(load_agent(data.run), data.world)
+    pilot = pilot_in(DrakeBodies(data.world), load_agent(data.run), data.experiment)
     show = LiveShow(meshcat, data, lambda *query: pilot.plan_feeling(*query).motion)
     show.simulation.set_rate(0.0)
     meshcat.SetSliderValue(TARGET, TOUR[1])

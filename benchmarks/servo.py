@@ -21,9 +21,11 @@ import trimesh
 from babbled import babbled
 from results import add_update_option, results
 
-from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.agent.pilot import executed
 from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.agent.rehearsal import reached
+from selftouch_drake.bodies.drake import DrakeDynamicBody
+from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.evaluation import random_pairs
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.geometry import hollow_skin
@@ -69,25 +71,25 @@ def rows(run: RunDirectory, num_pairs: int) -> Iterator[dict[str, str | float]]:
     serves = dataclasses.replace(run.experiment.execution, touch_servo=True)
     experiment = dataclasses.replace(run.experiment, execution=serves)
     agent, world = load_agent(run), stages.make_world(run)
-    pilot, motions = Pilot(agent, world), []
+    pilot, motions = pilot_in(stages.run_bodies(run), agent, experiment), []
     for pair in random_pairs(experiment, agent.representation, num_pairs):
         with contextlib.suppress(NoWayError):
             motions.append(pilot.plan(*pair).motion)
     felt_beside = [pilot.beside(motion) for motion in motions]
     cases = bodies(experiment, world.skins, world.robot.num_joints, len(motions))
     for body, (skins, slips) in cases.items():
-        simulation = Simulation(experiment, skins)
+        robot = DrakeDynamicBody(world, Simulation(experiment, skins))
         for servo in (False, True):
             contact, later, arrived, force = [], [], [], []
             for motion, beside, slip in zip(motions, felt_beside, slips, strict=True):
-                log = simulation.execute(
-                    motion.time_s, motion.q - slip, motion.v, beside if servo else None
-                )
-                contact.append(motion.contact(log.felt))
+                how = motion.time_s, motion.q - slip
+                followed = robot.follow_beside(*how, beside) if servo else robot.follow(*how)
+                felt = executed(motion, followed).felt
+                contact.append(motion.contact(felt))
                 expected = motion.touching & (motion.time_s >= _START)
-                later.append(log.felt.any(axis=1)[expected].mean())
-                arrived.append(reached(motion, log.felt, agent.representation))
-                force.append(log.felt.sum(axis=1))
+                later.append(felt.any(axis=1)[expected].mean())
+                arrived.append(reached(motion, felt, agent.representation))
+                force.append(felt.sum(axis=1))
             yield {
                 "run": run.experiment.name,
                 "body": body,

@@ -25,7 +25,7 @@ import numpy as np
 from babbling import measure, measure_steps
 from peers import measure_peers
 
-from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_agent, load_representation
 from selftouch_drake.run.directory import RunDirectory
@@ -139,7 +139,7 @@ def query_row(run: RunDirectory, num_pairs: int) -> Iterator[Row]:
     ou.setLogLevel(ou.LogLevel.LOG_ERROR)
     ou.RNG.setSeed(1)
     world, agent = stages.make_world(run), load_agent(run)
-    pilot = Pilot(agent, world)
+    pilot = pilot_in(stages.run_bodies(run), agent, run.experiment)
     pilot.get_ready()
     asked = questions(run, agent.representation, num_pairs)
     ours = [measure_cpu(lambda q=q: pilot.plan(q.start, q.goal)) for q in asked]

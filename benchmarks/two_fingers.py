@@ -37,6 +37,7 @@ from selftouch_drake.agent.representation.touches import (
 )
 from selftouch_drake.agent.shape import intrinsic_dimension
 from selftouch_drake.agent.shape.metrics import motor
+from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience import Contacts, ExperienceReader, random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
@@ -91,6 +92,7 @@ def collect(seed: int, num_rows: int) -> dict[str, np.ndarray]:
     """
     experiment = load_experiment("sphere_two_wide_fingers", {"seed": seed})
     world = World(experiment)
+    body = DrakeBody(world)
     screens = [
         BroadPhase(World(dataclasses.replace(experiment, touching={name: finger})).robot)
         for name, finger in experiment.touching.items()
@@ -98,13 +100,13 @@ def collect(seed: int, num_rows: int) -> dict[str, np.ndarray]:
     kept: dict[bool, list] = {False: [], True: []}
     num_kept = num_steps = number = 0
     while num_kept < num_rows:
-        walk = random_walk(experiment, world.robot, number)
+        walk = random_walk(experiment, body, number)
         number += 1
         for _ in range(50):
             q = walk.steps(8192).astype(np.float32)
             num_steps += len(q)
             p_WF = world.robot.toucher_positions(q)
-            near = np.stack([screen.may_touch(q) for screen in screens])
+            near = np.stack([screen.near(q).any(axis=1) for screen in screens])
             both = len(kept[False]) >= 20
             maybe = near.all(axis=0) if both else near.any(axis=0)
             sensation = world.probe.sensations(q[maybe])

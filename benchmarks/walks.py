@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from selftouch_drake.bodies.embodiment import body_of
 from selftouch_drake.evaluation import count_touches, coverage, touch_density
 from selftouch_drake.experience import ExperienceReader, collect
 from selftouch_drake.experiment import load_experiment
@@ -35,7 +36,8 @@ def measure(name: str, walk: dict, num_samples: int, executor) -> str:
     with tempfile.TemporaryDirectory() as folder:
         run = RunDirectory.create(Path(folder) / "run", experiment)
         began = time.perf_counter()
-        counts = collect(experiment, run.path, fingerprint=run.fingerprint(), executor=executor)
+        how = {"fingerprint": run.fingerprint(), "executor": executor, "body_of": body_of}
+        counts = collect(experiment, run.path, **how)
         wall = time.perf_counter() - began
         touched = count_touches(fields, ExperienceReader(run.truth).contacts())
         force = ExperienceReader(run.experience).read("sensation").sum(axis=1)

@@ -19,6 +19,7 @@ from commands import SMALL, refused, selftouch
 from filelock import FileLock
 
 from selftouch_drake.agent.memory import RehearsalMemory
+from selftouch_drake.bodies.embodiment import body_of
 from selftouch_drake.experience import ExperienceReader, StoreError, collect, require_complete
 from selftouch_drake.experiment import load_experiment, parse_overrides
 from selftouch_drake.files import load_arrays, save_arrays
@@ -47,8 +48,8 @@ def shards(run: Path) -> dict[str, bytes]:
 
 
 def collect_into(run, executor, **options):
-    fingerprint = run.fingerprint()
-    collect(run.experiment, run.path, fingerprint=fingerprint, executor=executor, **options)
+    how = {"fingerprint": run.fingerprint(), "executor": executor, "body_of": body_of}
+    collect(run.experiment, run.path, **how, **options)
 
 
 @pytest.fixture(scope="session")

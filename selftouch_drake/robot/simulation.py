@@ -215,25 +215,6 @@ class Simulation:
             each.Clear()
         return log
 
-    def execute(
-        self, time_s: np.ndarray, q: np.ndarray, v: np.ndarray, beside: Beside | None = None
-    ) -> Log:
-        """Puts the robot at rest where a motion starts, and lets it follow to its end.
-
-        Args:
-            time_s: `(T,)` s, from 0, every `LOG_PERIOD` but for the last, which may be earlier.
-            q: `(T, J)` rad or m.
-            v: `(T, J)` rad/s or m/s.
-            beside: as of `follow`.
-
-        Returns:
-            The log up to the end of the period in which the motion ends: T entries, if the world
-            logs every `LOG_PERIOD`.
-        """
-        self.follow(time_s, q, v, jump=True, beside=beside)
-        self.advance_to(LOG_PERIOD * (len(time_s) - 1))
-        return self.take_log()
-
     def _give_path(self, path: PiecewisePolynomial) -> None:
         self._source.SetPath(self._source.GetMyMutableContextFromRoot(self._context), path)
 

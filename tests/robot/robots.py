@@ -5,6 +5,7 @@ import functools
 import numpy as np
 import yaml
 
+from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience import random_walk
 from selftouch_drake.experiment import experiment_from_fields, load_experiment
 from selftouch_drake.robot import MakeKinematicStation, World
@@ -63,7 +64,7 @@ def free(world, q):
 @functools.cache
 def configurations(world):
     """Some uniform configurations, and some of a walk, in which touches last for several steps."""
-    walk = random_walk(world.experiment, world.robot, 1)
+    walk = random_walk(world.experiment, DrakeBody(world), 1)
     return np.concatenate([anywhere(world.robot, 2000, seed=1), walk.steps(4000)])
 
 

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from pydrake.geometry import HydroelasticContactRepresentation
 from scipy.spatial import Delaunay, cKDTree
 
+from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.geometry import hollow_skin, place_receptors, receptive_fields, surfaces
 from selftouch_drake.robot.hydroelastic import cut
@@ -72,7 +73,7 @@ def assert_same_touches(touches, expected):
 )
 def test_touches_are_those_of_drake(name):
     world = robots.shipped(name)
-    walk = random_walk(world.experiment, world.robot, 0)
+    walk = random_walk(world.experiment, DrakeBody(world), 0)
     found = 0
     while found < NUM_TOUCHES:
         q = walk.steps(1000)

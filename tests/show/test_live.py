@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from laid_out import motion_of
 
-from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.bodies.drake import DrakeBodies
+from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.show.meshcat.live import BRAKING_S, SPEED, TARGET, LiveShow, braked
@@ -24,7 +25,7 @@ def live(run, motion_from=None):
     """A live agent at full speed, and the lines that it prints."""
     data, said = data_of(run.path), []
     if motion_from is None:
-        pilot = Pilot(load_agent(run), data.world)
+        pilot = pilot_in(DrakeBodies(data.world), load_agent(run), run.experiment)
 
         def motion_from(q_start, felt, goal):
             return pilot.plan_feeling(q_start, felt, goal).motion
