@@ -227,9 +227,9 @@ MUTANTS = (
     ),
     Mutant(
         name="servo: its switch does nothing",
-        file="run/acting.py",
-        old="serves = self.world.experiment.execution.touch_servo and practised",
-        new="serves = False",
+        file="agent/pilot.py",
+        old="if self._touch_servo and practised and isinstance(self.body, ServoedBody):",
+        new="if False:",
         first=("tests/run/test_acting.py",),
     ),
     Mutant(

@@ -30,11 +30,9 @@ from selftouch_drake.experience import (
     ExperienceReader,
     Shard,
     StoreError,
-    WalkCounts,
-    read_counts,
-    shard_name,
     write_shard,
 )
+from selftouch_drake.experience.store import WalkCounts, read_counts, shard_name
 from selftouch_drake.experiment import (
     ExperimentError,
     dump_experiment,

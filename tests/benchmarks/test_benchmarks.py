@@ -56,6 +56,19 @@ def test_every_benchmark_has_small_arguments():
     assert {path.stem for path in FOLDER.glob("*.py")} - SHARED - MEASURE_NOTHING == set(SMALL)
 
 
+def test_every_mutant_breaks_a_line_that_is_there_once(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    import mutants
+
+    def text(mutant):
+        file = ROOT / "selftouch_drake" / mutant.file
+        return file.read_text(encoding="utf-8") if file.exists() else ""
+
+    assert [one.name for one in mutants.MUTANTS if text(one).count(one.old) != 1] == []
+    first = [test for one in mutants.MUTANTS for test in one.first]
+    assert [test for test in first if not (ROOT / test.partition("::")[0]).exists()] == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SMALL)
 def test_a_benchmark_runs(name, small_run, tmp_path):

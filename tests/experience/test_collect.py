@@ -12,14 +12,13 @@ from selftouch_drake.bodies.drake import DrakeBodies, DrakeBody
 from selftouch_drake.bodies.embodiment import body_of
 from selftouch_drake.experience import (
     ExperienceReader,
-    NeverTouchesError,
     StoreError,
     collect,
     collect_walk,
-    shard_name,
     walk_sizes,
 )
-from selftouch_drake.experience.collect import random_walk, walker_of
+from selftouch_drake.experience.collect import NeverTouchesError, random_walk, walker_of
+from selftouch_drake.experience.store import shard_name
 from selftouch_drake.experiment import (
     dump_experiment,
     experiment_from_fields,

@@ -8,9 +8,10 @@ import pytest
 from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.agent.lifelong import life as life_module
 from selftouch_drake.bodies.embodiment import body_of, make_bodies
-from selftouch_drake.experience import ExperienceReader, shard_name, walk_sizes
+from selftouch_drake.experience import ExperienceReader, walk_sizes
 from selftouch_drake.experience.collect import walker_of
 from selftouch_drake.experience.exploration import Exploration, explore
+from selftouch_drake.experience.store import shard_name
 from selftouch_drake.experiment import Change, ExperimentError, load_experiment
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.fingerprint import experience_fingerprint

@@ -8,7 +8,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 
-from selftouch_drake.experience import RecordingError, read_recording
+from selftouch_drake.experience.recording import RecordingError, read_recording
 
 Q = np.arange(12.0).reshape(4, 3)
 READINGS = (np.arange(48).reshape(4, 12) * 5).astype(np.uint8)

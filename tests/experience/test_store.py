@@ -10,11 +10,9 @@ from selftouch_drake.experience import (
     ExperienceReader,
     Shard,
     StoreError,
-    WalkCounts,
-    read_counts,
-    shard_name,
     write_shard,
 )
+from selftouch_drake.experience.store import WalkCounts, read_counts, shard_name
 
 PRINT = "0123456789abcdef"
 
