@@ -309,7 +309,7 @@ def test_a_damaged_shard(edits, folder, run, tmp_path_factory):
 
     found = loaded_or_refused(load, StoreError, path)
     if found is not None:
-        assert found[0] == WalkCounts(1000, 7)
+        assert found[0] == WalkCounts(1000, 7, 60)
         expected = {"q": run.shard.q, "sensation": run.shard.sensation}
         for name, array in found[1].items():
             there = expected[name] if folder == "experience" else vars_of(run.shard.contacts)[name]

@@ -162,14 +162,14 @@ def test_experience_reads_without_the_truth(tmp_path):
     (tmp_path / "truth" / shard_name(0)).unlink()
     (tmp_path / "truth").rmdir()
     np.testing.assert_array_equal(ExperienceReader(tmp_path / "experience").read("q"), _shard().q)
-    assert read_counts(tmp_path, 0, num_rows=7, fingerprint=PRINT) == WalkCounts(1000, 0)
+    assert read_counts(tmp_path, 0, num_rows=7, fingerprint=PRINT) == WalkCounts(1000, 0, 7)
 
 
 def test_a_stored_walk_is_known_by_its_fingerprint_and_its_rows(tmp_path):
     assert read_counts(tmp_path, 4, num_rows=7, fingerprint=PRINT) is None
     write_shard(tmp_path, _shard(walk=4), fingerprint=PRINT)
     path = tmp_path / "experience" / shard_name(4)
-    assert read_counts(tmp_path, 4, num_rows=7, fingerprint=PRINT) == WalkCounts(1004, 4)
+    assert read_counts(tmp_path, 4, num_rows=7, fingerprint=PRINT) == WalkCounts(1004, 4, 7)
     with pytest.raises(StoreError) as error:
         read_counts(tmp_path, 4, num_rows=7, fingerprint="another")
     assert str(error.value) == f"{path} belongs to another experiment; choose another --out"
