@@ -7,7 +7,9 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from pydrake.geometry import HydroelasticContactRepresentation, QueryObject
+from pydrake.geometry import HydroelasticContactRepresentation, QueryObject, SceneGraph
+from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.broadphase import BroadPhase
@@ -15,8 +17,9 @@ from selftouch_drake.robot.collisions import CollisionCheck
 from selftouch_drake.robot.contact import SensorModel, Touches
 from selftouch_drake.robot.hydroelastic import RigidTouchers
 from selftouch_drake.robot.imperfections import ImperfectSkins
+from selftouch_drake.robot.robot import MakeRobot
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.station import MakeKinematicStation, sensor_model
+from selftouch_drake.robot.station import sensor_model
 
 # For fewer configurations, contact takes less time than it takes to build the screen.
 _WITHOUT_SCREEN = 200_000
@@ -28,22 +31,31 @@ class Postures:
     Args:
         experiment: of the robot.
         skins: its skins.
-        feels: as of `MakeKinematicStation`.
+        soft: as of `MakeRobot`.
     """
 
-    def __init__(self, experiment: Experiment, skins: Sequence[SkinModel], *, feels: bool):
-        self._station = MakeKinematicStation(experiment, skins, feels=feels)
-        self.robot = self._station.robot
-        diagram = self._station.diagram
-        self._context = diagram.CreateDefaultContext()
-        self._q = diagram.GetInputPort("q").FixValue(self._context, np.zeros(self.robot.num_joints))
-        self._query_port = diagram.GetOutputPort("query_object")
+    def __init__(self, experiment: Experiment, skins: Sequence[SkinModel], *, soft: bool):
+        builder = DiagramBuilder()
+        scene_graph = builder.AddSystem(SceneGraph())
+        self.robot = MakeRobot(experiment, skins, scene_graph, soft=soft)
+        plant = self.robot.plant
+        to_pose = builder.AddSystem(MultibodyPositionToGeometryPose(plant))
+        builder.Connect(
+            to_pose.get_output_port(), scene_graph.get_source_pose_port(plant.get_source_id())
+        )
+        builder.ExportInput(to_pose.get_input_port(), "q")
+        builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
+        self._diagram = builder.Build()
+        self._context = self._diagram.CreateDefaultContext()
+        self._q = self._diagram.get_input_port().FixValue(
+            self._context, np.zeros(self.robot.num_joints)
+        )
 
     def query(self, q: np.ndarray) -> QueryObject:
         """Drake's query object at `(J,)` q; good until the next call."""
         # Reading mutable data marks the context as changed.
         self._q.GetMutableData().get_mutable_value().SetFromVector(q)
-        return self._query_port.Eval(self._context)
+        return self._diagram.get_output_port().Eval(self._context)
 
 
 class ContactProbe:
@@ -58,7 +70,7 @@ class ContactProbe:
     """
 
     def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
-        self._postures = Postures(experiment, skins, feels=False)
+        self._postures = Postures(experiment, skins, soft=False)
         self.robot = self._postures.robot
         self._described, self._num_asked = (experiment, skins), 0
         self._collisions = CollisionCheck(self.robot)
@@ -132,7 +144,7 @@ class ContactProbe:
 
     @cached_property
     def _soft_postures(self) -> tuple[Postures, SensorModel]:
-        postures = Postures(*self._described, feels=True)
+        postures = Postures(*self._described, soft=True)
         return postures, sensor_model(postures.robot)
 
     def collision_depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:

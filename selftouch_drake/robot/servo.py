@@ -13,7 +13,6 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-from selftouch_drake.robot.sources import value_of
 
 #: rad, offsets across the skin that the servo distinguishes: 4 mm at an arm's length.
 OFFSETS = 0.005 * np.arange(-12, 13)
@@ -152,8 +151,10 @@ class TouchServo(LeafSystem):
 
         Where the robot is put at rest, the offset is 0, else as it was.
         """
-        # Newer bindings take no None.
-        self._beside.FixValue(context, value_of(beside or ()))
+        # Any Python object but None, for old and new bindings.
+        value = Value[object]()
+        value.set_value(beside or ())
+        self._beside.FixValue(context, value)
         offset = np.zeros(self._num_joints) if at_rest else self._moved(context)[0]
         held = np.zeros(self._num_joints + 1)
         context.SetDiscreteState(self._offset, np.concatenate([offset, held]))

@@ -9,14 +9,13 @@ import numpy as np
 from pydrake.geometry import Meshcat
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput
+from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.imperfections import slip
 from selftouch_drake.robot.servo import Beside, TouchServo
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.sources import PathSource
 from selftouch_drake.robot.station import MakeDynamicStation
 
 # s between two entries of the log.
@@ -45,7 +44,7 @@ class Log:
 
 
 class Simulation:
-    """A robot under dynamics that follows paths; all its state is in its context.
+    """A robot under dynamics that follows paths.
 
     Attributes:
         robot: the robot.
@@ -74,8 +73,11 @@ class Simulation:
         self.log_period = log_period
         self.slip = slip(experiment, num_joints)
         builder.AddNamedSystem("station", station.diagram)
-        self._source = builder.AddNamedSystem("path_source", PathSource(num_joints))
-        desired_state = self._source.GetOutputPort("desired_state")
+        self._source = builder.AddNamedSystem(
+            "path_source",
+            TrajectorySource(PiecewisePolynomial(np.zeros((num_joints, 1))), 1),
+        )
+        desired_state = self._source.get_output_port()
         self._servo: TouchServo | None = None
         if experiment.execution.touch_servo:
             self._servo = builder.AddNamedSystem(
@@ -124,9 +126,8 @@ class Simulation:
 
         Where something presses on a skin, the joints stay behind their command.
         """
-        desired = self._source.GetOutputPort("desired_state")
         source_context = self._source.GetMyContextFromRoot(self._context)
-        return desired.Eval(source_context)[: self.robot.num_joints] + self.slip
+        return self._source.get_output_port().Eval(source_context)[: self.robot.num_joints] + self.slip
 
     @property
     def q_read(self) -> np.ndarray:
@@ -180,10 +181,11 @@ class Simulation:
         They are led from where they are commanded to be, and pass each q at its time `(n,)` s. Time
         and the log go on, as they do not where a motion begins.
         """
-        nodes = np.concatenate([self.q_commanded[None], q]) - self.slip
-        times = np.append(self.time_s, time_s)
+        # Then the command rests: the last node holds for a while.
+        nodes = np.concatenate([self.q_commanded[None], q, q[-1:]]) - self.slip
+        times = np.concatenate([[self.time_s], time_s, time_s[-1:] + LOG_PERIOD])
         self._give_path(PiecewisePolynomial.FirstOrderHold(times, nodes.T))
-        self.advance_to(times[-1])
+        self.advance_to(time_s[-1])
 
     def advance(self, duration: float) -> None:
         """Advances the world by `duration` s, in step with the clock if a rate is set."""
@@ -216,7 +218,9 @@ class Simulation:
         return log
 
     def _give_path(self, path: PiecewisePolynomial) -> None:
-        self._source.SetPath(self._source.GetMyMutableContextFromRoot(self._context), path)
+        self._source.UpdateTrajectory(path)
+        # What was computed from the path before is void.
+        self._context.SetTime(self.time_s)
 
     def _begin(
         self, path: PiecewisePolynomial, q: np.ndarray | None, beside: Beside | None = None

@@ -1,4 +1,4 @@
-"""Diagrams with named ports that hold a robot: at given configurations, or under dynamics."""
+"""A diagram with named ports that holds a robot under dynamics."""
 
 from __future__ import annotations
 
@@ -15,33 +15,22 @@ from pydrake.geometry import (
 )
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.controllers import InverseDynamics
-from pydrake.systems.framework import Diagram, DiagramBuilder, OutputPort, System
+from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Demultiplexer, MatrixGain
-from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.contact import SensorModel
 from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.robot import MakeRobot, Robot
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.tactile_skin import (
-    KinematicTactileSkin,
-    SkinReadout,
-    TactileSkin,
-    connected,
-)
+from selftouch_drake.robot.tactile_skin import SkinReadout, TactileSkin, connected
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Station:
     """A diagram and the robot in it.
 
-    The diagram of `MakeKinematicStation` has the ports
-
-    - input `q` `(J,)` rad or m,
-    - outputs `sensation` `(S,)` N and `query_object`.
-
-    That of `MakeDynamicStation` has the ports
+    The diagram has the ports
 
     - input `desired_state` `(2J,)` rad or m and their rates, which joint controllers follow,
     - outputs `state` `(2J,)`, `sensation` `(S,)` N, `torque` `(J,)` N·m or N, `contact_results` and
@@ -59,51 +48,6 @@ def sensor_model(robot: Robot) -> SensorModel:
         [skin.geometry_id for skin in robot.skins],
         [toucher.geometry_ids for toucher in robot.touchers],
     )
-
-
-def MakeKinematicStation(
-    experiment: Experiment,
-    skins: Sequence[SkinModel],
-    meshcat: Meshcat | None = None,
-    *,
-    feels: bool = True,
-) -> Station:
-    """A world without dynamics: a robot at `q` and its sensation.
-
-    If it does not feel, it has no port `sensation`, and is built in less time.
-    """
-    builder = DiagramBuilder()
-    scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
-    robot = MakeRobot(experiment, skins, scene_graph, soft=feels)
-    to_pose = builder.AddNamedSystem("pose", MultibodyPositionToGeometryPose(robot.plant))
-    builder.Connect(
-        to_pose.get_output_port(),
-        scene_graph.get_source_pose_port(robot.plant.get_source_id()),
-    )
-    builder.ExportInput(to_pose.get_input_port(), "q")
-    if feels:
-        _add_kinematic_skin(builder, experiment, skins, scene_graph, robot)
-    return _built(builder, scene_graph, robot, meshcat)
-
-
-def _add_kinematic_skin(
-    builder: DiagramBuilder,
-    experiment: Experiment,
-    skins: Sequence[SkinModel],
-    scene_graph: SceneGraph,
-    robot: Robot,
-) -> None:
-    skin_ids = [skin.geometry_id for skin in robot.skins]
-    touch = builder.AddNamedSystem(
-        "tactile_skin", KinematicTactileSkin(sensor=sensor_model(robot), skin_ids=skin_ids)
-    )
-    builder.Connect(scene_graph.get_query_output_port(), touch.get_input_port())
-    sensation = touch.get_output_port()
-    if imperfections := ImperfectSkins.of(experiment, skins):
-        readout = _add_readout(builder, imperfections, sensation, robot)
-        builder.ConnectInput("q", readout.GetInputPort("q"))
-        sensation = readout.get_output_port()
-    builder.ExportOutput(sensation, "sensation")
 
 
 def MakeDynamicStation(
@@ -140,7 +84,16 @@ def MakeDynamicStation(
     builder.ExportOutput(plant.get_state_output_port(), "state")
     sensation = touch.get_output_port()
     if imperfections := ImperfectSkins.of(experiment, skins):
-        readout = _add_readout(builder, imperfections, sensation, robot, period_s=plant.time_step())
+        readout = builder.AddNamedSystem(
+            "readout",
+            SkinReadout(
+                imperfections,
+                num_receptors=sensation.size(),
+                num_joints=robot.num_joints,
+                period_s=plant.time_step(),
+            ),
+        )
+        builder.Connect(sensation, readout.GetInputPort("sensation"))
         configuration = builder.AddSystem(Demultiplexer([robot.num_joints] * 2))
         builder.Connect(plant.get_state_output_port(), configuration.get_input_port())
         builder.Connect(configuration.get_output_port(0), readout.GetInputPort("q"))
@@ -150,36 +103,10 @@ def MakeDynamicStation(
     builder.Connect(plant.get_net_actuation_output_port(), to_joints.get_input_port())
     builder.ExportOutput(to_joints.get_output_port(), "torque")
     builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
-    return _built(builder, scene_graph, robot, meshcat)
-
-
-def _built(
-    builder: DiagramBuilder, scene_graph: SceneGraph, robot: Robot, meshcat: Meshcat | None
-) -> Station:
     builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
     if meshcat is not None:
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
     return Station(diagram=builder.Build(), robot=robot)
-
-
-def _add_readout(
-    builder: DiagramBuilder,
-    imperfections: ImperfectSkins,
-    sensation: OutputPort,
-    robot: Robot,
-    period_s: float = 0.0,
-) -> System:
-    readout = builder.AddNamedSystem(
-        "readout",
-        SkinReadout(
-            imperfections,
-            num_receptors=sensation.size(),
-            num_joints=robot.num_joints,
-            period_s=period_s,
-        ),
-    )
-    builder.Connect(sensation, readout.GetInputPort("sensation"))
-    return readout
 
 
 def _let_rigid_parts_meet(robot: Robot, scene_graph: SceneGraph) -> None:

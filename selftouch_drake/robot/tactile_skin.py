@@ -12,11 +12,9 @@ from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
     GeometryId,
-    HydroelasticContactRepresentation,
     InMemoryMesh,
     Mesh,
     ProximityProperties,
-    QueryObject,
     Rgba,
     SceneGraphConfig,
 )
@@ -253,7 +251,7 @@ def _free_name(builder: DiagramBuilder, name: str) -> str:
 class SkinReadout(LeafSystem):
     """Turns sensations into readings of imperfect skins: noisy, partly dead, delayed.
 
-    Goes behind a `TactileSkin` or a `KinematicTactileSkin`.
+    Goes behind a `TactileSkin`.
 
     .. pydrake_system::
 
@@ -320,38 +318,3 @@ class SkinReadout(LeafSystem):
             late = self._delay > 0
             now[late] = past[self._num_late - self._delay[late], np.flatnonzero(late)]
         output.SetFromVector(now)
-
-
-class KinematicTactileSkin(LeafSystem):
-    """Feels contact at given poses, without dynamics: the paper's S = phi(f(M)).
-
-    .. pydrake_system::
-
-        name: KinematicTactileSkin
-        input_ports:
-        - query_object
-        output_ports:
-        - sensation
-
-    - query_object: `QueryObject` of the scene graph.
-    - sensation: `(S,)` N, one reading per receptor, skin after skin.
-
-    Args:
-        sensor: what the skins feel where contact surfaces press.
-        skin_ids: each skin's geometry.
-    """
-
-    def __init__(self, *, sensor: SensorModel, skin_ids: Sequence[GeometryId]):
-        super().__init__()
-        self._sensor = sensor
-        self._skin_ids = tuple(skin_ids)
-        self._query = self.DeclareAbstractInputPort("query_object", Value[QueryObject]())
-        self.DeclareVectorOutputPort("sensation", sensor.num_receptors, self._calc_sensation)
-
-    def _calc_sensation(self, context, output):
-        query = self._query.Eval(context)
-        found = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
-        surfaces = [(0, surface) for surface in found]
-        # A skin of an experiment is registered in the frame of its link.
-        X_WL = [query.GetPoseInWorld(s).GetAsMatrix34() for s in self._skin_ids]
-        output.SetFromVector(self._sensor.touches(surfaces, np.array([X_WL])).sensation[0])

@@ -4,11 +4,14 @@ import functools
 
 import numpy as np
 import yaml
+from pydrake.geometry import HydroelasticContactRepresentation
 
 from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience import random_walk
 from selftouch_drake.experiment import experiment_from_fields, load_experiment
-from selftouch_drake.robot import MakeKinematicStation, World
+from selftouch_drake.robot import ImperfectSkins, World
+from selftouch_drake.robot.probe import Postures
+from selftouch_drake.robot.station import sensor_model
 
 SHIPPED = ("cube", "torus_two_fingers", "turning_body", "gantry", "two_arms", "infant")
 
@@ -19,34 +22,32 @@ def shipped(name):
     return World(load_experiment(name))
 
 
-class KinematicStation:
-    """Evaluates every configuration in Drake's diagram: slow, without screen and batches."""
+class DrakesPostures:
+    """Evaluates every configuration by Drake's contact: slow, without screen and batches."""
 
     def __init__(self, world):
-        made = MakeKinematicStation(world.experiment, world.skins)
-        self.diagram, self.robot = made.diagram, made.robot
-        self._context = self.diagram.CreateDefaultContext()
-        self._q = self.diagram.GetInputPort("q").FixValue(
-            self._context, np.zeros(self.robot.num_joints)
-        )
+        self._postures = Postures(world.experiment, world.skins, soft=True)
+        self.query, self.robot = self._postures.query, self._postures.robot
+        self._sensor = sensor_model(self.robot)
+        self._imperfections = ImperfectSkins.of(world.experiment, world.skins)
 
     def sensations(self, q):
         """`(N, S)` N, at `(N, J)` configurations."""
-        return np.array([self._at(row, "sensation") for row in q])
-
-    def query(self, q):
-        """Drake's query object at one configuration."""
-        return self._at(q, "query_object")
-
-    def _at(self, q, port):
-        self._q.GetMutableData().get_mutable_value().SetFromVector(q)
-        return self.diagram.GetOutputPort(port).Eval(self._context)
+        surfaces = [
+            (row, surface)
+            for row in range(len(q))
+            for surface in self.query(q[row]).ComputeContactSurfaces(
+                HydroelasticContactRepresentation.kPolygon
+            )
+        ]
+        felt = self._sensor.touches(surfaces, self.robot.skin_positions(q)).sensation
+        return felt if self._imperfections is None else self._imperfections(felt, q)
 
 
 @functools.cache
-def kinematic_station(world):
-    """The kinematic station of a world."""
-    return KinematicStation(world)
+def drakes_postures(world):
+    """A world's robot in Drake."""
+    return DrakesPostures(world)
 
 
 def anywhere(robot, number, seed):

@@ -89,7 +89,7 @@ class Hand:
     """One of the touchers; the others are out of the way."""
 
     def __init__(self, world, name):
-        self.world, self.station = world, robots.kinematic_station(world)
+        self.world, self.station = world, robots.drakes_postures(world)
         joints = world.robot.joint_names
         self.rails = [joints.index(f"{name}_{axis}_joint") for axis in "xyz"]
         self._lined_up = {
@@ -121,7 +121,7 @@ def test_it_changes_no_sensation(world):
     q = robots.configurations(world)
     screened = world.probe.sensations(q)
     np.testing.assert_allclose(
-        screened, robots.kinematic_station(world).sensations(q), rtol=0, atol=1e-12
+        screened, robots.drakes_postures(world).sensations(q), rtol=0, atol=1e-12
     )
     assert screened.any(axis=1).sum() > 100
 

@@ -66,7 +66,7 @@ def dummy(tmp_path_factory):
 
 def brute_force(world, q):
     """`(N, P)` m, depth of each two links beyond the allowed one, computed by Drake."""
-    station = robots.kinematic_station(world)
+    station = robots.drakes_postures(world)
     depth = np.zeros((len(q), len(station.robot.rigid_pairs)))
     for row, at in enumerate(q):
         query = station.query(at)
@@ -98,7 +98,7 @@ def test_links_next_to_each_other_are_no_pair(dummy):
     found = {frozenset(link.name() for link in pair.links) for pair in dummy.robot.rigid_pairs}
     assert found == PAIRS
     # Though they overlap: the upper arms hang beside the torso by less than they are thick.
-    station = robots.kinematic_station(dummy)
+    station = robots.drakes_postures(dummy)
     own = {
         link.name(): ids
         for pair in station.robot.rigid_pairs

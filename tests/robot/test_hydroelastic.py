@@ -40,7 +40,7 @@ EXPERIMENTS = (
 
 def drake_touches(world, q):
     """Drake's result: all contact surfaces at every configuration."""
-    postures = Postures(world.experiment, world.skins, feels=True)
+    postures = Postures(world.experiment, world.skins, soft=True)
     surfaces = (
         (row, surface)
         for row, at in enumerate(q)

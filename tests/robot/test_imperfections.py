@@ -197,7 +197,7 @@ def test_the_station_reads_what_the_probe_reads(name):
     q, felt = touches(world, 20)
     expected = made.probe.sensations(q)
     assert np.abs(expected - felt).max() > 0.05
-    station = robots.KinematicStation(made)
+    station = robots.DrakesPostures(made)
     for row in [*q, np.zeros(world.robot.num_joints)]:
         np.testing.assert_allclose(
             station.sensations(row[None]), made.probe.sensations(row[None]), rtol=0, atol=1e-9

@@ -26,12 +26,11 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake import geometry
 from selftouch_drake.robot import (
-    KinematicTactileSkin,
-    PathSource,
     RegisterSkin,
     SensorModel,
     TactileSkin,
@@ -89,10 +88,8 @@ class TouchRig:
         self._touch = TactileSkin.AddToBuilder(
             builder, plant, fields=self.fields, body=covered, skin_id=skin_id, X_LS=X_LS
         )
-        self._kinematic = builder.AddSystem(
-            KinematicTactileSkin(sensor=SensorModel([self.fields], [skin_id]), skin_ids=[skin_id])
-        )
-        builder.Connect(scene_graph.get_query_output_port(), self._kinematic.get_input_port())
+        self._sensor = SensorModel([self.fields], [skin_id])
+        self._skin_id, self._scene_graph = skin_id, scene_graph
         self._plant, self._bodies = plant, (covered, *tips)
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
@@ -107,8 +104,12 @@ class TouchRig:
         return self._read(self._touch)
 
     def feel_kinematically(self):
-        """Readings of the system without a plant, at the poses of the last `feel`."""
-        return self._read(self._kinematic)
+        """Readings without the plant's contact results, at the poses of the last `feel`."""
+        context = self._scene_graph.GetMyContextFromRoot(self._context)
+        query = self._scene_graph.get_query_output_port().Eval(context)
+        found = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
+        X_WL = query.GetPoseInWorld(self._skin_id).GetAsMatrix34()[None, None]
+        return self._sensor.touches([(0, surface) for surface in found], X_WL).sensation[0]
 
     def contacts(self):
         """The hydroelastic contacts of the last `feel`."""
@@ -293,7 +294,9 @@ class Scale:
         )
         self._source = None
         if plant.num_actuators():
-            self._source = builder.AddSystem(PathSource(1))
+            self._source = builder.AddSystem(
+                TrajectorySource(PiecewisePolynomial(np.zeros((1, 1))), 1)
+            )
             builder.Connect(
                 self._source.get_output_port(),
                 plant.get_desired_state_input_port(covered.model_instance()),
@@ -306,7 +309,8 @@ class Scale:
 
     def follow(self, path):
         """The link follows a path of its joint."""
-        self._source.SetPath(self._source.GetMyMutableContextFromRoot(self.context), path)
+        self._source.UpdateTrajectory(path)
+        self.context.SetTime(self.context.get_time())
 
     def advance_to(self, time_s):
         """Simulates on and returns the sensation."""

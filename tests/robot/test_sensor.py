@@ -1,4 +1,4 @@
-"""One sensor model: probe, kinematic station and dynamic simulation feel the same."""
+"""One sensor model: the probe, Drake's contact and the dynamic simulation feel the same."""
 
 import numpy as np
 import robots
@@ -43,10 +43,10 @@ def test_every_skin_of_two_arms_is_felt(two_arms):
         assert felt[:, two_arms.receptor_skin == skin].any(axis=1).sum() >= 5
 
 
-def test_the_kinematic_station_feels_what_the_probe_feels(world):
+def test_drake_s_contact_is_felt_as_the_probe_feels(world):
     q, felt = robots.touches(world)
     rows = slice(0, 40)
-    station = robots.kinematic_station(world)
+    station = robots.drakes_postures(world)
     np.testing.assert_allclose(station.sensations(q[rows]), felt[rows], rtol=0, atol=1e-12)
     assert not station.sensations(_free(world)[None]).any()
 

@@ -17,16 +17,6 @@ def _ports(num_ports, get_port):
     return {p.get_name(): p.size() if p.get_data_type() == vector else None for p in ports}
 
 
-def test_kinematic_ports(world):
-    diagram = robots.kinematic_station(world).diagram
-    num_joints = world.robot.num_joints
-    assert _ports(diagram.num_input_ports(), diagram.get_input_port) == {"q": num_joints}
-    assert _ports(diagram.num_output_ports(), diagram.get_output_port) == {
-        "sensation": world.experiment.num_receptors,
-        "query_object": None,
-    }
-
-
 def test_dynamic_ports(world, dynamic):
     diagram, num_joints = dynamic.diagram, world.robot.num_joints
     assert _ports(diagram.num_input_ports(), diagram.get_input_port) == {
@@ -42,7 +32,7 @@ def test_dynamic_ports(world, dynamic):
 
 
 def test_only_touchers_and_skins_meet_in_the_kinematic_world(world):
-    station = robots.kinematic_station(world)
+    station = robots.drakes_postures(world)
     robot = station.robot
     inspector = station.query(np.zeros(robot.num_joints)).inspector()
     found = {
