@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.bodies.embodiment import body_of
-from selftouch_drake.evaluation import count_touches, coverage, touch_density
+from selftouch_drake.evaluation import TouchCounts, coverage, touch_density
 from selftouch_drake.experience import ExperienceReader, collect
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
@@ -39,7 +39,7 @@ def measure(name: str, walk: dict, num_samples: int, executor) -> str:
         how = {"fingerprint": run.fingerprint(), "executor": executor, "body_of": body_of}
         counts = collect(experiment, run.path, **how)
         wall = time.perf_counter() - began
-        touched = count_touches(fields, ExperienceReader(run.truth).contacts())
+        touched = TouchCounts(fields, ExperienceReader(run.truth).contacts())
         force = ExperienceReader(run.experience).read("sensation").sum(axis=1)
     covered = coverage(
         [

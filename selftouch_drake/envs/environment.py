@@ -17,7 +17,7 @@ from selftouch_drake.envs.postures import possible_posture
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import Simulation, Touches, World
 from selftouch_drake.robot.imperfections import remembered
-from selftouch_drake.robot.limits import JointLimits
+from selftouch_drake.robot.robot import JointLimits
 from selftouch_drake.robot.world import drakes_refusals
 from selftouch_drake.show.meshcat.stage import FeelingRobot, open_meshcat
 from selftouch_drake.show.page.robot_pictures import PostureCamera

@@ -55,7 +55,11 @@ class ExecutionJudge:
 
     def __init__(self, world: World, representation: QuotientRepresentation):
         self._world, self._representation = world, representation
-        self._balls = _Balls.of(world)
+        radii = [toucher.radius for toucher in world.experiment.touching.values()]
+        self._radii = [radius for radius in radii if radius is not None]
+        self._walls: list[cKDTree] | None = None  # of the skins, if nothing but balls touches them
+        if len(self._radii) == len(radii):
+            self._walls = [cKDTree(s.wall.samples(min(self._radii) / 4)) for s in world.skins]
 
     def truth(self, execution: Execution, log: Log) -> ExecutedTruth:
         """One executed motion, held against the log of its simulation."""
@@ -77,35 +81,12 @@ class ExecutionJudge:
 
     def off_skin_s(self, execution: Execution) -> float | None:
         """s, off every skin by more than a ball's radius; None if not only balls touch."""
-        if self._balls is None:
+        if self._walls is None:
             return None
+        robot, motion = self._world.robot, execution.motion
         q = execution.q_measured - self._world.simulation.slip
-        return self._balls.off_skin_s(self._world, execution.motion, q)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Balls:
-    """Touching balls, and the walls on which they should stay."""
-
-    radius: np.ndarray
-    walls: list[cKDTree]
-
-    @staticmethod
-    def of(world: World) -> _Balls | None:
-        """The balls of a world; None if something else touches as well."""
-        radii = [toucher.radius for toucher in world.experiment.touching.values()]
-        known = [radius for radius in radii if radius is not None]
-        if len(known) < len(radii):
-            return None
-        spacing = min(known) / 4
-        walls = [cKDTree(skin.wall.samples(spacing)) for skin in world.skins]
-        return _Balls(np.array(known), walls)
-
-    def off_skin_s(self, world: World, motion: Motion, q: np.ndarray) -> float:
-        """s, time that a robot at `q` `(T, J)` was off all skins where contact was expected."""
-        robot = world.robot
         p_LT = in_link_frames(robot.toucher_positions(q), robot.skin_positions(q))
-        off = off_skin(p_LT, self.radius, self.walls) & motion.touching
+        off = off_skin(p_LT, np.array(self._radii), self._walls) & motion.touching
         return float(np.sum(off[:-1] * np.diff(motion.time_s)))
 
 

@@ -16,7 +16,7 @@ from selftouch_drake.agent.rehearsal import reached
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot import World
-from selftouch_drake.robot.limits import JointLimits
+from selftouch_drake.robot.robot import JointLimits
 
 # Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline grows
 # without bound as samples get denser, so the ratio has a meaning only for a stated spacing.

@@ -48,19 +48,26 @@ class TouchCounts:
 
     Args:
         fields: of each skin.
+        contacts: of all touches, in batches of any size.
+
+    Attributes:
+        ends: `(skins + 1,)` where the vertices of each skin begin, numbered through all skins.
+        counts: `(V,)` touches of the vertices of each skin.
+        together: `(n, 2)` vertices of two skins that one toucher pressed at once.
     """
 
-    def __init__(self, fields: Sequence[ReceptiveFields]):
+    def __init__(self, fields: Sequence[ReceptiveFields], contacts: Iterable[Contacts]):
         self._trees = [cKDTree(f.vertices) for f in fields]
-        self._ends = np.cumsum([0, *(len(f.vertices) for f in fields)])
+        self.ends = np.cumsum([0, *(len(f.vertices) for f in fields)])
         self.counts = [np.zeros(len(f.vertices), dtype=int) for f in fields]
-        self._together: list[np.ndarray] = []
+        together = [np.zeros((0, 2), dtype=int), *map(self._count, contacts)]
+        self.together = np.concatenate(together)
 
-    def add(self, contacts: Contacts) -> None:
-        """Counts the contacts of more touches."""
+    def _count(self, contacts: Contacts) -> np.ndarray:
+        """Counts the contacts of some touches; returns the vertices that were pressed at once."""
         vertex = self.vertices(contacts.skin, contacts.p_LC)
         for skin, counts in enumerate(self.counts):
-            first, last = self._ends[skin : skin + 2]
+            first, last = self.ends[skin : skin + 2]
             mine = vertex[(vertex >= first) & (vertex < last)] - first
             counts += np.bincount(mine, minlength=len(counts))
         # One toucher on two skins at once: contacts are sorted by row, skin and toucher.
@@ -68,12 +75,7 @@ class TouchCounts:
         order = np.lexsort((contacts.skin, toucher, row))
         a, b = order[:-1], order[1:]
         same = (row[a] == row[b]) & (toucher[a] == toucher[b])
-        self._together.append(np.stack([vertex[a[same]], vertex[b[same]]], axis=1))
-
-    @property
-    def together(self) -> np.ndarray:
-        """`(n, 2)` vertices of two skins, numbered through, that one toucher pressed at once."""
-        return np.concatenate([np.zeros((0, 2), dtype=int), *self._together])
+        return np.stack([vertex[a[same]], vertex[b[same]]], axis=1)
 
     def vertices(self, skin: np.ndarray, p_LC: np.ndarray) -> np.ndarray:
         """`(C,)` the vertex nearest to each point, numbered through all skins."""
@@ -81,21 +83,8 @@ class TouchCounts:
         for number, tree in enumerate(self._trees):
             here = skin == number
             if here.any():
-                found[here] = self._ends[number] + tree.query(p_LC[here])[1]
+                found[here] = self.ends[number] + tree.query(p_LC[here])[1]
         return found
-
-    @property
-    def ends(self) -> np.ndarray:
-        """`(skins + 1,)` where the vertices of each skin begin."""
-        return self._ends
-
-
-def count_touches(fields: Sequence[ReceptiveFields], contacts: Iterable[Contacts]) -> TouchCounts:
-    """How often each place of each skin was touched, of contacts in batches of any size."""
-    counts = TouchCounts(fields)
-    for batch in contacts:
-        counts.add(batch)
-    return counts
 
 
 def true_parts(

@@ -1,6 +1,6 @@
 """Finds pairs of toucher and skin that cannot touch, so that their contact need not be computed.
 
-Conservative: a rejected pair cannot touch, as the covering balls and the grids of `reach` prove.
+Conservative: a toucher whose ball is out of a skin's box cannot touch it.
 
 Most configurations of a random walk touch nothing. Those cost what it takes to place the touchers
 and to see that they are outside the skins' boxes, many configurations at a time: the innermost
@@ -12,8 +12,9 @@ from __future__ import annotations
 import numpy as np
 
 from selftouch_drake.compiled import compiled, inner
-from selftouch_drake.robot.reach import WallGrid, covering_balls, moved
+from selftouch_drake.robot.pairs import Toucher
 from selftouch_drake.robot.robot import Robot
+from selftouch_drake.robot.touchers import triangles_in_frame
 
 # Configurations at a time.
 _LANES = 32
@@ -27,26 +28,17 @@ class BroadPhase:
     def __init__(self, robot: Robot):
         self._tree = tree = robot.kinematics
         self._pairs = np.array(robot.touching_pairs, dtype=np.int64).reshape(-1, 2)
-        balls = [
-            _with_bound(moved(X_JT, centre), radius)
-            for X_JT, (centre, radius) in zip(
-                tree.X_JL[len(robot.skins) :],
-                (covering_balls(toucher, robot) for toucher in robot.touchers),
-                strict=True,
-            )
-        ]
-        self._ball_ends = np.cumsum([0, *(len(b) for b in balls)])
-        self._balls = np.concatenate(balls)
-        largest = float(self._balls[:, 3].max())
-        grids = [
-            WallGrid.of(skin.model.wall, X_JL, largest)
-            for skin, X_JL in zip(robot.skins, tree.X_JL, strict=False)
-        ]
-        self._boxes = np.array([grid.box for grid in grids])
-        self._grids = np.array([[*grid.origin, grid.cell] for grid in grids])
-        self._shapes = np.array([grid.reach.shape for grid in grids])
-        self._grid_ends = np.cumsum([0, *(grid.reach.size for grid in grids)])
-        self._reach = np.concatenate([grid.reach.ravel() for grid in grids])
+        num_skins = len(robot.skins)
+        self._boxes = np.empty((num_skins, 6))
+        for box, skin, X_JL in zip(self._boxes, robot.skins, tree.X_JL[:num_skins], strict=True):
+            corners = _moved(X_JL, skin.model.wall.tet_vertices)
+            box[:] = *corners.min(axis=0), *corners.max(axis=0)
+        self._balls = np.array(
+            [
+                _ball(_moved(X_JF, _corners(toucher, robot)))
+                for X_JF, toucher in zip(tree.X_JL[num_skins:], robot.touchers, strict=True)
+            ]
+        )
 
     def near(self, q: np.ndarray) -> np.ndarray:
         """`(N, P)` bool, which of the touching pairs might touch at `q` `(N, J)`."""
@@ -55,28 +47,32 @@ class BroadPhase:
         found = np.zeros((lanes.shape[1], len(self._pairs)), dtype=np.bool_)
         _near(
             lanes, self._tree.parent, self._tree.X_PF, self._tree.turns, self._tree.owner,
-            self._pairs, self._ball_ends, self._balls, self._boxes, self._grids, self._shapes,
-            self._grid_ends, self._reach, found,
+            self._pairs, self._balls, self._boxes, found,
         )  # fmt: skip
         return found[: len(q)]
 
 
-def _with_bound(centre: np.ndarray, radius: np.ndarray) -> np.ndarray:
-    """`(B, 4)` balls, before them one that holds all of them if they are several."""
-    radius = radius + _ROUNDING
-    balls = np.column_stack([centre, radius])
-    if len(balls) == 1:
-        return balls
-    middle = (centre.min(axis=0) + centre.max(axis=0)) / 2
-    reach = (np.linalg.norm(centre - middle, axis=1) + radius).max()
-    return np.concatenate([[[*middle, reach]], balls])
+def _moved(X_AB: np.ndarray, p_BQ: np.ndarray) -> np.ndarray:
+    """`(N, 3)` points in frame A, given in frame B, by its pose `(3, 4)`."""
+    return p_BQ @ X_AB[:, :3].T + X_AB[:, 3]
+
+
+def _corners(toucher: Toucher, robot: Robot) -> np.ndarray:
+    """`(N, 3)` m, the corners of what a toucher presses, in its frame."""
+    worn = [s.model.wall.tet_vertices for s in robot.skins if s.geometry_id in toucher.geometry_ids]
+    if worn:
+        return np.concatenate(worn)
+    return triangles_in_frame(toucher, robot.scene_graph.model_inspector())[0]
+
+
+def _ball(points: np.ndarray) -> np.ndarray:
+    """`(4,)` m, centre and radius of a ball that holds all points `(N, 3)`."""
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    return np.append(middle, np.linalg.norm(points - middle, axis=1).max() + _ROUNDING)
 
 
 @compiled
-def _near(
-    lanes, parent, X_PF, turns, owner, pairs, ball_ends, balls, boxes, grids, shapes, grid_ends,
-    reach, found,
-):  # fmt: skip
+def _near(lanes, parent, X_PF, turns, owner, pairs, balls, boxes, found):
     # The world, then what each joint carries: 12 numbers of `_LANES` configurations each.
     X = np.zeros((len(parent) + 1) * 12 * _LANES)
     for i in range(3):
@@ -91,14 +87,9 @@ def _near(
         for pair in range(len(pairs)):
             toucher, skin = pairs[pair, 0], pairs[pair, 1]
             carrier, pressed = owner[num_skins + toucher], owner[skin]
-            first, last = ball_ends[toucher], ball_ends[toucher + 1]
-            _apart(X, carrier, pressed, balls, first, boxes, skin, apart)
+            _apart(X, carrier, pressed, balls, toucher, boxes, skin, apart)
             for lane in range(_LANES):
-                if apart[lane] <= balls[first, 3] ** 2:
-                    found[start + lane, pair] = _may_meet(
-                        X, carrier, pressed, lane, balls, first, last, grids[skin], shapes[skin],
-                        reach[grid_ends[skin] : grid_ends[skin + 1]],
-                    )  # fmt: skip
+                found[start + lane, pair] = apart[lane] <= balls[toucher, 3] ** 2
 
 
 @inner
@@ -160,29 +151,3 @@ def _apart(X, carrier, pressed, balls, ball, boxes, skin, apart):
                 along += X[s + np.uint64(i) * lanes] * away
             beyond = max(max(low - along, along - high), 0.0)
             apart[lane] = beyond * beyond + (apart[lane] if i else 0.0)
-
-
-@inner
-def _may_meet(X, carrier, pressed, lane, balls, first, last, grid, shape, reach):
-    """Whether one of the balls `first` to `last` is within reach of a skin in one configuration."""
-    t, s = (carrier + 1) * 12 * _LANES + lane, (pressed + 1) * 12 * _LANES + lane
-    for ball in range(first, last):
-        inside, place = True, 0
-        for i in range(3):
-            along = -grid[i]
-            for k in range(3):
-                away = X[t + (4 * k + 3) * _LANES] - X[s + (4 * k + 3) * _LANES]
-                for j in range(3):
-                    away += X[t + (4 * k + j) * _LANES] * balls[ball, j]
-                along += X[s + (4 * k + i) * _LANES] * away
-            step = int(np.floor(along / grid[3]))
-            inside &= 0 <= step < shape[i]
-            place = place * shape[i] + step
-        touching = inside and reach[place] <= balls[ball, 3]
-        # The first of several balls holds the others.
-        if ball == first and last - first > 1:
-            if not touching:
-                return False
-        elif touching:
-            return True
-    return False

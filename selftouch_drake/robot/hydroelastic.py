@@ -18,7 +18,7 @@ from selftouch_drake.robot.contact import Touches
 from selftouch_drake.robot.receptor_shares import Shares, add_load, feel_loads, receptor_shares
 from selftouch_drake.robot.robot import Robot
 from selftouch_drake.robot.soft_skin import SoftSkin, soft_skin, tets_near
-from selftouch_drake.robot.touchers import PATCH, RigidMesh, rigid_mesh, touching_triangles
+from selftouch_drake.robot.touchers import PATCH, rigid_mesh, triangles_in_frame
 
 _LEAST_COSINE = np.cos(5 * np.pi / 8)
 
@@ -39,7 +39,10 @@ class RigidTouchers:
         self.is_rigid = np.array([_is_rigid(robot, t) for t in self._pairs[:, 0]])
         ends = np.cumsum([0, *(skin.model.fields.num_receptors for skin in robot.skins)])
         touchers, pressed = (set(column.tolist()) for column in self._pairs[self.is_rigid].T)
-        self._meshes = {t: _mesh(robot, t) for t in touchers}
+        inspector = robot.scene_graph.model_inspector()
+        self._meshes = {
+            t: rigid_mesh(*triangles_in_frame(robot.touchers[t], inspector)) for t in touchers
+        }
         self._skins: dict[int, tuple[SoftSkin, Shares]] = {}
         for s in pressed:
             skin = robot.skins[s].model
@@ -75,20 +78,6 @@ class RigidTouchers:
 def _is_rigid(robot: Robot, toucher: int) -> bool:
     worn = {skin.geometry_id for skin in robot.skins}
     return not worn.intersection(robot.touchers[toucher].geometry_ids)
-
-
-def _mesh(robot: Robot, number: int) -> RigidMesh:
-    """The triangles of a toucher, in its frame."""
-    toucher, inspector = robot.touchers[number], robot.scene_graph.model_inspector()
-    X_FL = toucher.frame.GetFixedPoseInBodyFrame().inverse()
-    vertices, faces, count = [], [], 0
-    for geometry in toucher.geometry_ids:
-        own, own_faces = touching_triangles(inspector.GetShape(geometry))
-        X_FG = X_FL.multiply(inspector.GetPoseInFrame(geometry))
-        vertices.append(X_FG.multiply(own.T).T)
-        faces.append(own_faces + count)
-        count += len(own)
-    return rigid_mesh(np.concatenate(vertices), np.concatenate(faces))
 
 
 @compiled

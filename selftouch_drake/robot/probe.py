@@ -21,9 +21,6 @@ from selftouch_drake.robot.robot import MakeRobot
 from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.station import sensor_model
 
-# For fewer configurations, contact takes less time than it takes to build the screen.
-_WITHOUT_SCREEN = 200_000
-
 
 class Postures:
     """Drake's view of a robot at one configuration after another, without dynamics.
@@ -72,7 +69,7 @@ class ContactProbe:
     def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
         self._postures = Postures(experiment, skins, soft=False)
         self.robot = self._postures.robot
-        self._described, self._num_asked = (experiment, skins), 0
+        self._described = experiment, skins
         self._collisions = CollisionCheck(self.robot)
         self._imperfections = ImperfectSkins.of(experiment, skins)
 
@@ -104,7 +101,7 @@ class ContactProbe:
 
     def _of_perfect_skins(self, q: np.ndarray) -> tuple[np.ndarray, Touches]:
         """The rows of `q` with something near a skin, and the touches of perfect skins there."""
-        near = self._near(q)
+        near = self._screen.near(q)
         rows = np.flatnonzero(near.any(axis=1))
         near, q = near[rows], q[rows]
         X_WL = self.robot.kinematics.poses(q)
@@ -112,13 +109,6 @@ class ContactProbe:
         if not self._rigid_touchers.is_rigid.all():
             touches = touches.and_also(self._of_soft_touchers(q, X_WL, near))
         return rows, touches
-
-    def _near(self, q: np.ndarray) -> np.ndarray:
-        """`(N, P)` bool, touching pairs that might touch; all pairs until a screen pays."""
-        self._num_asked += len(q)
-        if self._num_asked < _WITHOUT_SCREEN and self._rigid_touchers.is_rigid.all():
-            return np.ones((len(q), len(self.robot.touching_pairs)), dtype=bool)
-        return self._screen.near(q)
 
     def _of_soft_touchers(self, q: np.ndarray, X_WL: np.ndarray, near: np.ndarray) -> Touches:
         """Touches of skins by skins, computed by Drake for near pairs."""

@@ -13,7 +13,6 @@ import numpy as np
 from pydrake.common.value import Value
 from pydrake.systems.framework import BasicVector, Context, LeafSystem
 
-
 #: rad, offsets across the skin that the servo distinguishes: 4 mm at an arm's length.
 OFFSETS = 0.005 * np.arange(-12, 13)
 

@@ -127,7 +127,9 @@ class Simulation:
         Where something presses on a skin, the joints stay behind their command.
         """
         source_context = self._source.GetMyContextFromRoot(self._context)
-        return self._source.get_output_port().Eval(source_context)[: self.robot.num_joints] + self.slip
+        return (
+            self._source.get_output_port().Eval(source_context)[: self.robot.num_joints] + self.slip
+        )
 
     @property
     def q_read(self) -> np.ndarray:

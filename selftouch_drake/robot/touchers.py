@@ -29,6 +29,7 @@ from pydrake.multibody.tree import Frame, RigidBody
 from selftouch_drake.geometry import closed_surface
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.links import as_mesh
+from selftouch_drake.robot.pairs import Toucher
 
 # Prefix of the name of every toucher's geometry.
 _PREFIX = "touching_"
@@ -112,12 +113,26 @@ def register_shapes(
     return tuple(ids)
 
 
-def touching_triangles(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """The triangles that Drake gives a toucher's shape.
+def triangles_in_frame(
+    toucher: Toucher, inspector: SceneGraphInspector
+) -> tuple[np.ndarray, np.ndarray]:
+    """The triangles that Drake gives a rigid toucher, in its frame.
 
     Returns:
-        `(V, 3)` m, in the shape's frame, and `(F, 3)` corners, outward by the right hand.
+        `(V, 3)` m, and `(F, 3)` corners, outward by the right hand.
     """
+    X_FL = toucher.frame.GetFixedPoseInBodyFrame().inverse()
+    vertices, faces, count = [], [], 0
+    for geometry in toucher.geometry_ids:
+        own, own_faces = _triangles(inspector.GetShape(geometry))
+        X_FG = X_FL.multiply(inspector.GetPoseInFrame(geometry))
+        vertices.append(X_FG.multiply(own.T).T)
+        faces.append(own_faces + count)
+        count += len(own)
+    return np.concatenate(vertices), np.concatenate(faces)
+
+
+def _triangles(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
     if isinstance(shape, Sphere):
         return shape.radius() * _CORNERS, _FACES
     lines = shape.source().in_memory().mesh_file.contents().decode().splitlines()

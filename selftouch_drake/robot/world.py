@@ -9,9 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from selftouch_drake.experiment import Experiment, ExperimentError
-from selftouch_drake.robot.limits import JointLimits
 from selftouch_drake.robot.probe import ContactProbe
-from selftouch_drake.robot.robot import Robot
+from selftouch_drake.robot.robot import JointLimits, Robot
 from selftouch_drake.robot.simulation import Simulation
 from selftouch_drake.robot.skins import SkinModel, make_skins, receptor_skin
 

@@ -13,8 +13,8 @@ from selftouch_drake.agent.shape import SHAPE_METRICS, Body, recover
 from selftouch_drake.bodies.embodiment import World
 from selftouch_drake.evaluation import (
     KernelTruth,
+    TouchCounts,
     TruePart,
-    count_touches,
     coverage,
     distance_distortion,
     kernel_truth,
@@ -49,7 +49,7 @@ def score_body(
         body: as `learn` recovered it.
     """
     fields = [skin.fields for skin in world.skins]
-    counts = count_touches(fields, ExperienceReader(run.truth).contacts())
+    counts = TouchCounts(fields, ExperienceReader(run.truth).contacts())
     metrics: Metrics = coverage(
         [
             (skin.vertices, skin.faces, touch_density(skin.vertices, skin.faces, touches))

@@ -25,7 +25,7 @@ from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.bodies.embodiment import World, build_world, pilot_in
 from selftouch_drake.bodies.living import LivingBody
-from selftouch_drake.evaluation.touches import touch_counts
+from selftouch_drake.evaluation.coverage import touch_counts
 from selftouch_drake.experience import (
     ExperienceReader,
     collect,

@@ -14,7 +14,6 @@ from selftouch_drake.agent.shape import Body
 from selftouch_drake.evaluation import (
     KernelTruth,
     TouchCounts,
-    count_touches,
     kernel_truth,
     touch_density,
 )
@@ -229,4 +228,4 @@ class RunData:
     @cached_property
     def _touch_counts(self) -> TouchCounts:
         fields = [skin.fields for skin in self.world.skins]
-        return count_touches(fields, self._truth.contacts())
+        return TouchCounts(fields, self._truth.contacts())

@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from selftouch_drake.evaluation import limit_shares
-from selftouch_drake.robot.limits import JointLimits
+from selftouch_drake.evaluation.motion import limit_shares
+from selftouch_drake.robot.robot import JointLimits
 
 LIMITS = JointLimits(
     lower=np.array([-1.0, 0.0]),

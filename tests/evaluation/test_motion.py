@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.planning import polyline, smooth_path
-from selftouch_drake.evaluation import (
+from selftouch_drake.evaluation.motion import (
     calibration,
     contact_along,
     cosine_distance,

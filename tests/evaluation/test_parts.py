@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from laying import kernels_on, places
 
-from selftouch_drake.evaluation import count_touches, true_parts
+from selftouch_drake.evaluation import TouchCounts, true_parts
 
 
 def parts_of(fields, hand, truth):
-    return true_parts(fields, count_touches(fields, [hand.contacts()]), truth)
+    return true_parts(fields, TouchCounts(fields, [hand.contacts()]), truth)
 
 
 @pytest.mark.parametrize(
@@ -137,8 +137,8 @@ def test_touches_are_counted_where_they_are_however_they_are_cut_up(sphere, tube
     hand.touch_all(on_sphere[200:])
     contacts = hand.contacts()
     fields = [sphere, tube]
-    whole = count_touches(fields, [contacts])
-    cut = count_touches(fields, [contacts[np.arange(130)], contacts[np.arange(130, 300)]])
+    whole = TouchCounts(fields, [contacts])
+    cut = TouchCounts(fields, [contacts[np.arange(130)], contacts[np.arange(130, 300)]])
     for a, b in zip(whole.counts, cut.counts, strict=True):
         np.testing.assert_array_equal(a, b)
     np.testing.assert_array_equal(whole.together, cut.together)
@@ -147,4 +147,4 @@ def test_touches_are_counted_where_they_are_however_they_are_cut_up(sphere, tube
     first, second = whole.together[0]
     assert np.linalg.norm(sphere.vertices[first] - on_sphere[0]) < 0.02
     assert np.linalg.norm(tube.vertices[second - whole.ends[1]] - on_tube[0]) < 0.02
-    assert count_touches(fields, []).together.shape == (0, 2)
+    assert TouchCounts(fields, []).together.shape == (0, 2)

@@ -3,8 +3,8 @@ import robots
 from pydrake.multibody.plant import MultibodyPlant
 
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.robot.limits import JointLimits
 from selftouch_drake.robot.models import load_model, parse
+from selftouch_drake.robot.robot import JointLimits
 
 
 def test_limits_are_those_of_the_robot_and_the_experiment(cube_world):
