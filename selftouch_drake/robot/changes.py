@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
 from pydrake.math import RigidTransform, RollPitchYaw
@@ -49,7 +47,7 @@ def change_joints(plant: MultibodyPlant, experiment: Experiment) -> None:
                 )
             index = int(joint.index())
             zeros[index] = zeros.get(index, 0.0) + moved
-    for joint in [plant.get_joint(index) for index in plant.GetJointIndices()]:
+    for joint in _joints(plant):
         on_parent = frame_after(plant, experiment, joint.frame_on_parent())
         zero = zeros.get(int(joint.index()), 0.0)
         if zero or on_parent is not joint.frame_on_parent():
@@ -107,8 +105,8 @@ def _carried_at(plant: MultibodyPlant, link: RigidBody) -> np.ndarray:
     return np.zeros(3)
 
 
-def _joints(plant: MultibodyPlant) -> Iterator[Joint]:
-    return (plant.get_joint(index) for index in plant.GetJointIndices())
+def _joints(plant: MultibodyPlant) -> list[Joint]:
+    return [plant.get_joint(index) for index in plant.GetJointIndices()]
 
 
 def _replace(plant: MultibodyPlant, joint: Joint, on_parent: Frame, zero: float) -> None:

@@ -111,7 +111,8 @@ class Neighbours:
         starts: list[set[int]] = []
         for joint, (parent, _) in enumerate(ends):
             starts.append({parent})
-            massless = not _welded_mass(plant, frames[joint][0].body())
+            carried = plant.GetBodiesWeldedTo(frames[joint][0].body())
+            massless = not sum(body.default_mass() for body in carried)
             for before in range(joint):
                 at_one_place = (
                     turns[before]
@@ -149,11 +150,6 @@ def _are_at_one_place(a: Frame, b: Frame, context: Context) -> bool:
     return float(np.linalg.norm(b.CalcPose(context, a).translation())) < _ONE_PLACE
 
 
-def _welded_mass(plant: MultibodyPlant, link: RigidBody) -> float:
-    """kg, of a link and those that are welded to it."""
-    return sum(body.default_mass() for body in plant.GetBodiesWeldedTo(link))
-
-
 def touching_pairs(
     neighbours: Neighbours, touchers: Sequence[Toucher], worn: Sequence[WornSkin]
 ) -> tuple[tuple[int, int], ...]:
@@ -168,13 +164,6 @@ def touching_pairs(
         for s, skin in enumerate(worn)
         if not neighbours.are_neighbours(toucher.link, skin.link)
     )
-    _require_partners(pairs, touchers, worn)
-    return pairs
-
-
-def _require_partners(
-    pairs: Sequence[tuple[int, int]], touchers: Sequence[Toucher], worn: Sequence[WornSkin]
-) -> None:
     # A skin that presses another one feels it, too.
     feeling = {s for _, s in pairs} | {
         s
@@ -195,6 +184,7 @@ def _require_partners(
                 f"touching.{toucher.name} can never touch: all skins are on its own link or next "
                 "to it; leave it out, or add a skin"
             )
+    return pairs
 
 
 def own_geometries(

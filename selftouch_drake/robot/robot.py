@@ -20,7 +20,7 @@ from selftouch_drake.robot.changes import change_joints, frame_after
 from selftouch_drake.robot.fixed_joints import fix_joints
 from selftouch_drake.robot.kinematics import Kinematics, moving_joints
 from selftouch_drake.robot.links import find_frame, find_link, scoped_name
-from selftouch_drake.robot.models import RobotModel, load_model, parse
+from selftouch_drake.robot.models import load_model, parse
 from selftouch_drake.robot.pairs import (
     Neighbours,
     RigidPair,
@@ -179,7 +179,7 @@ def MakeRobot(
     # Contact results and state of one instant, so that (q, sensation) is a pair.
     plant.SetUseSampledOutputPorts(False)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
-    model = robot_model(experiment)
+    model = load_model(experiment.robot.directives, experiment.robot.packages)
     parse(plant, model)
     change_joints(plant, experiment)
     fix_joints(plant, experiment, model)
@@ -190,7 +190,9 @@ def MakeRobot(
         _add_toucher(plant, scene_graph, name, toucher, worn, own, experiment)
         for name, toucher in experiment.touching.items()
     ]
-    _give_gains(plant, experiment)
+    gains = PdControllerGains(p=experiment.execution.stiffness, d=experiment.execution.damping)
+    for actuator in plant.GetJointActuatorIndices():
+        plant.get_mutable_joint_actuator(actuator).set_controller_gains(gains)
     plant.Finalize()
 
     neighbours = Neighbours(plant, scene_graph, own)
@@ -208,17 +210,6 @@ def MakeRobot(
         rigid_pairs=rigid,
         kinematics=Kinematics.of(plant, frames),
     )
-
-
-def robot_model(experiment: Experiment) -> RobotModel:
-    """The models of an experiment's robot, found and made fit for Drake."""
-    return load_model(experiment.robot.directives, experiment.robot.packages)
-
-
-def _give_gains(plant: MultibodyPlant, experiment: Experiment) -> None:
-    gains = PdControllerGains(p=experiment.execution.stiffness, d=experiment.execution.damping)
-    for actuator in plant.GetJointActuatorIndices():
-        plant.get_mutable_joint_actuator(actuator).set_controller_gains(gains)
 
 
 def _add_toucher(

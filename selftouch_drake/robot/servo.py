@@ -112,19 +112,11 @@ class TouchServo(LeafSystem):
         num_receptors: S.
         lower: `(J,)` rad or m, of the joints.
         upper: `(J,)` rad or m, of the joints.
-        bandwidth: rad/s.
     """
 
-    def __init__(
-        self,
-        *,
-        num_receptors: int,
-        lower: np.ndarray,
-        upper: np.ndarray,
-        bandwidth: float = BANDWIDTH,
-    ):
+    def __init__(self, *, num_receptors: int, lower: np.ndarray, upper: np.ndarray):
         super().__init__()
-        self._lower, self._upper, self._bandwidth = lower, upper, bandwidth
+        self._lower, self._upper = lower, upper
         self._num_joints = num_joints = len(lower)
         planned = self.DeclareVectorInputPort("desired_state", 2 * num_joints)
         self._sensation = self.DeclareVectorInputPort("sensation", num_receptors)
@@ -176,7 +168,7 @@ class TouchServo(LeafSystem):
             # Out of touch, the mean of two sides is neither.
             off = OFFSETS @ belief if felt > 0 else OFFSETS[belief.argmax()]
             x = offset * beside.joint_scale
-            aim = x - self._bandwidth * PERIOD * off * across
+            aim = x - BANDWIDTH * PERIOD * off * across
             aim *= min(1.0, MAX_OFFSET / max(float(np.linalg.norm(aim)), MAX_OFFSET))
             belief = shifted(belief, float(across @ (aim - x)))
             rate = (aim - x) / beside.joint_scale / PERIOD

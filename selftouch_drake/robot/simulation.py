@@ -233,20 +233,11 @@ class Simulation:
         self._context.SetTime(0.0)
         self._give_path(path)
         if q is not None:
-            self._put(q)
-        self._restart()
-
-    def _put(self, q: np.ndarray) -> None:
-        plant = self.robot.plant
-        context = plant.GetMyMutableContextFromRoot(self._context)
-        plant.SetPositions(context, q)
-        plant.SetVelocities(context, np.zeros(self.robot.num_joints))
-
-    def _restart(self) -> None:
-        """Restarts time: delayed readings start with the present sensation."""
-        self._clear_logs()
-        self._simulator.Initialize()
-
-    def _clear_logs(self) -> None:
+            plant = self.robot.plant
+            plant_context = plant.GetMyMutableContextFromRoot(self._context)
+            plant.SetPositions(plant_context, q)
+            plant.SetVelocities(plant_context, np.zeros(self.robot.num_joints))
         for log in self._logs.values():
             log.FindMutableLog(self._context).Clear()
+        # Delayed readings start with the present sensation.
+        self._simulator.Initialize()
