@@ -52,7 +52,8 @@ from results import results
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.lifelong import OnlineLearner, Walker
 from selftouch_drake.agent.lifelong.explorer import Moves
-from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape import recover
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import make_bodies, pilot_in

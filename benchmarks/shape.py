@@ -37,7 +37,8 @@ from babbled import run_at
 from results import add_update_option, results
 from revolute import revolute_reference
 
-from selftouch_drake.agent.representation import QuotientLearner, QuotientRepresentation
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 from selftouch_drake.agent.shape import (
     SHAPE_METRICS,
@@ -47,7 +48,7 @@ from selftouch_drake.agent.shape import (
     recover,
     topology,
 )
-from selftouch_drake.agent.shape.confidence import trusted
+from selftouch_drake.agent.shape.body import trusted
 from selftouch_drake.agent.shape.metrics import ShapeMetric
 from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader

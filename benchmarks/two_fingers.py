@@ -22,7 +22,8 @@ from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 from unrolling import Turns, landmarks, turns
 
-from selftouch_drake.agent.representation import QuotientLearner, geodesics, target_sensations
+from selftouch_drake.agent.representation import geodesics, target_sensations
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSets
 from selftouch_drake.agent.representation.neighbours import (
     connected_edges,

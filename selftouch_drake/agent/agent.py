@@ -125,18 +125,9 @@ class Agent:
     ) -> Plan:
         """Plans one continuous motion through several target sensations, in order.
 
-        The plan comes from what the agent has learned and remembers; nobody has followed it.
-
-        Args:
-            targets: two or more; the first is felt at the start, None if nothing is.
-            q_start: `(J,)` positions of the joints; by default the configuration of the first
-                target whose sensation is nearest to it.
-            aside: as for `Planner.plan`.
-            lift_off: as for `Planner.plan`.
-            limits: of the joints; by default the range of experience.
-
-        Raises:
-            ValueError: as `Planner.plan`.
+        The plan comes from what the agent has learned and remembers; nobody has followed it. By
+        default it starts at the configuration of the first target whose sensation is nearest to it.
+        Arguments and errors are as of `Planner.plan`.
         """
         return self.planner.plan(
             self._typical(targets) if q_start is None else q_start,

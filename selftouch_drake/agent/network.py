@@ -52,13 +52,10 @@ class Network:
     def random(
         cls, sizes: Sequence[int], rng: np.random.Generator, *, gain: float = _GAIN
     ) -> Network:
-        """An untrained network.
+        """An untrained network; its layers have these sizes, inputs first.
 
-        Args:
-            sizes: of the layers, inputs first.
-            rng: draws the weights.
-            gain: standard deviation of hidden weights, relative to the one that preserves the
-                variance.
+        The gain is the standard deviation of hidden weights, relative to the one that preserves the
+        variance.
         """
         spread = [1.0] + [gain * np.sqrt(2.0 / size) for size in sizes[1:-1]]
         weights = [
@@ -189,9 +186,7 @@ def _gradients(
 def toward(wanted: np.ndarray, of_row: np.ndarray) -> Callable[..., np.ndarray]:
     """The gradient of the mean squared error, for `train`.
 
-    Args:
-        wanted: `(K, outputs)` float32.
-        of_row: `(R,)` which of these each row wants.
+    Row r of `(R,)` `of_row` says which of `(K, outputs)` float32 `wanted` that row wants.
     """
     return lambda found, rows: 2.0 * (found - wanted[of_row[rows]]) / len(found)
 

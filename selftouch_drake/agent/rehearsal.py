@@ -35,21 +35,13 @@ class Try:
 def reached(motion: Motion, felt: np.ndarray, representation: QuotientRepresentation) -> bool:
     """Whether a motion ends in its goal: one of the target sensations nearest to the last.
 
-    Args:
-        motion: what was planned, T instants.
-        felt: `(T, S)` N, sensations along it.
-        representation: the one used to make the plan.
+    `(T, S)` N was felt along it; the representation is the one used to make the plan.
     """
     return motion.goal in felt_kernels(representation, felt[-1])
 
 
 def judge(execution: Execution, representation: QuotientRepresentation) -> Try:
-    """Judges an executed plan by the sensations along it.
-
-    Args:
-        execution: what was executed and felt.
-        representation: the one used to make the plan.
-    """
+    """Judges an executed plan by the sensations along it; it was made with this representation."""
     motion = execution.motion
     lost = motion.touching & ~execution.felt.any(axis=1)
     if not len(motion.plan.links):  # a plan to stay

@@ -44,12 +44,9 @@ class TouchProfile:
 
 
 def felt_across(motion: Motion, offsets: np.ndarray, slider: Slider) -> TouchProfile:
-    """Measures the sensations of a motion that is displaced towards the skin or away from it.
+    """Measures the sensations of a motion that is displaced by `(G,)` rad, to either side.
 
-    Args:
-        motion: the motion.
-        offsets: `(G,)` rad, displacements, to either side.
-        slider: feels in the agent's world.
+    The slider feels in the agent's world.
     """
     x = motion.q * slider.joint_scale
     _, rows = np.unique((motion.s / _SAMPLED).astype(int), return_index=True)

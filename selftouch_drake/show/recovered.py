@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_line, fitted_surface
+from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_surface
 from selftouch_drake.evaluation import KernelTruth, align
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.skins import SkinSurface, all_moved, as_one
@@ -106,7 +106,7 @@ def _faces(part: RecoveredPart) -> np.ndarray:
     """`(F, 3)` triangles of a surface, or `(E, 2)` steps of a line."""
     if part.topology is None:
         return np.zeros((0, 3), dtype=int)
-    return (fitted_line if part.skin == 1 else fitted_surface)(part.places, part.topology)
+    return fitted_surface(part.places, part.topology, part.skin)
 
 
 def _tube(places: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

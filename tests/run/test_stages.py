@@ -9,7 +9,8 @@ import pytest
 from scipy.spatial import procrustes
 from scipy.spatial.distance import pdist
 
-from selftouch_drake.agent.representation import DisconnectedWarning, QuotientLearner
+from selftouch_drake.agent.representation import DisconnectedWarning
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape import recover
 from selftouch_drake.evaluation import kernel_truth
 from selftouch_drake.experience import Contacts, ExperienceReader, Shard, StoreError, write_shard

@@ -33,11 +33,11 @@ agent goes on: nothing is forgotten that still holds. Nothing in this knows what
 unit.
 """
 
+from selftouch_drake.agent.lifelong.expectation import TouchSet
 from selftouch_drake.agent.lifelong.explorer import Explorer, JointRanges, Walker
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.agent.lifelong.posture_sampler import PostureSampler
-from selftouch_drake.agent.lifelong.touch_set import TouchSet
 
 __all__ = [
     "Explorer",

@@ -39,8 +39,11 @@ _MISSED = 1 / 32
 #: Share of the touches in which a receptor that began to feel is met for the first time or again.
 _BEGINS = 1 / 20
 
+#: Chance of a false alarm of each sum in a lifetime, and number of touches of that.
+_FALSE_ALARMS, _LIFETIME = 0.01, 100_000
 
-def threshold(false_alarms: float, lifetime: int) -> float:
+
+def threshold(false_alarms: float = _FALSE_ALARMS, lifetime: int = _LIFETIME) -> float:
     """What a sum passes by chance in a lifetime of so many touches with at most this chance."""
     return math.log(lifetime / false_alarms)
 
@@ -81,21 +84,10 @@ class SurpriseTest:
     doubt: tuple[float, ...] = (0.0,)
 
     @classmethod
-    def calibrated(
-        cls,
-        usual: np.ndarray,
-        novelty: np.ndarray,
-        *,
-        false_alarms: float = 0.01,
-        lifetime: int = 100_000,
-    ) -> Self:
-        """Learns what is usual.
+    def calibrated(cls, usual: np.ndarray, novelty: np.ndarray) -> Self:
+        """Learns what is usual, from the surprise and novelty `(n,)` of touches in order.
 
-        Args:
-            usual: `(n,)` surprise of touches in order, from which the network did not learn.
-            novelty: `(n,)` of these touches.
-            false_alarms: chance of a false alarm in a lifetime.
-            lifetime: number of touches.
+        The network has not learned from these touches.
         """
         bands = np.quantile(novelty, np.arange(1, _BANDS) / _BANDS)
         band = np.searchsorted(bands, novelty)
@@ -104,7 +96,7 @@ class SurpriseTest:
             bands=bands,
             correlation=1.0,
             error=0.0,
-            threshold=threshold(false_alarms, lifetime),
+            threshold=threshold(),
         )
         z = test._normal(usual, novelty)
         together = sum(float(np.mean(z[:-lag] * z[lag:])) for lag in range(1, 11))
@@ -176,9 +168,6 @@ class ReceptorTest:
         sensation: np.ndarray,
         never_felt: np.ndarray,
         num_touches: int,
-        *,
-        false_alarms: float = 0.01,
-        lifetime: int = 100_000,
     ) -> Self:
         """Learns how often receptors miss an encounter.
 
@@ -188,13 +177,11 @@ class ReceptorTest:
             sensation: `(n, S)` what was felt.
             never_felt: `(S,)` bool, receptors that felt nothing in the whole life.
             num_touches: number of touches of the whole life.
-            false_alarms: chance of a false alarm in a lifetime.
-            lifetime: number of touches.
         """
         shape = 2, len(never_felt)
         test = cls(
             weight=np.zeros(shape),
-            threshold=np.full(2, threshold(false_alarms, lifetime)),
+            threshold=np.full(2, threshold()),
             level=np.zeros(shape),
             age=np.zeros(shape, dtype=int),
             apart=np.full(shape, _TOGETHER),
@@ -206,7 +193,7 @@ class ReceptorTest:
         begins = max(math.log(_BEGINS * num_touches), 0.0)
         test.weight[1] = np.where(never_felt, begins, 0.0)
         # The first encounter proves nothing; every further one is another occasion.
-        test.threshold[1] = math.log(10 / false_alarms) + begins
+        test.threshold[1] = math.log(10 / _FALSE_ALARMS) + begins
         return test
 
     @property

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.lifelong.expectation import Expectation, with_unit_norm
-from selftouch_drake.agent.lifelong.touch_set import TouchSet
+from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet, with_unit_norm
 from selftouch_drake.agent.network import Network
 
 #: A receptor counts as felt if its reading is at least this share of a sensation; felt in this many

@@ -1,4 +1,4 @@
-"""What the agent expects to feel, and how much a touch surprises it (naive)."""
+"""What the agent felt, what it expects to feel, and how much a touch surprises it (naive)."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.lifelong.touch_set import TouchSet
 from selftouch_drake.agent.network import Network, toward, train
-from selftouch_drake.agent.representation.quantise import strength
+from selftouch_drake.agent.representation.quantise import strength, unit
 
 #: Units of the hidden layers, touches per training step, and steps. Steps count more than touches:
 #: mean surprise at the next touches of two active agents is 0.11 and 0.27 with 10,000 steps of 128
@@ -29,6 +28,43 @@ _MOST_FAMILIAR = 10_000
 
 #: Least expected firmness, and 1 less the greatest.
 _LEAST_FIRM = 0.02
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TouchSet:
+    """Touches in order; those of no touches have no joints and no receptors.
+
+    Attributes:
+        q: `(n, J)` motor configurations, in the robot's units.
+        sensation: `(n, S)` N, what was felt there.
+    """
+
+    q: np.ndarray
+    sensation: np.ndarray
+
+    @classmethod
+    def none(cls) -> TouchSet:
+        """No touches."""
+        return cls(np.empty((0, 0)), np.empty((0, 0)))
+
+    def __len__(self) -> int:
+        return len(self.q)
+
+    def __getitem__(self, rows: slice | np.ndarray) -> TouchSet:
+        return TouchSet(self.q[rows], self.sensation[rows])
+
+    def and_then(self, others: TouchSet) -> TouchSet:
+        """These touches and others after them."""
+        if not len(self) or not len(others):
+            return self if len(self) else others
+        return TouchSet(
+            np.concatenate([self.q, others.q]), np.concatenate([self.sensation, others.sensation])
+        )
+
+    @property
+    def direction(self) -> np.ndarray:
+        """`(n, S)` sensations of unit L2 norm."""
+        return unit(self.sensation)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

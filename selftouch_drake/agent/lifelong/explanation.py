@@ -14,8 +14,12 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
 
 from selftouch_drake.agent.lifelong.body_change import FELT, SURELY, BodyChange, NewReceptors
-from selftouch_drake.agent.lifelong.expectation import NUM_STEPS, Expectation, with_unit_norm
-from selftouch_drake.agent.lifelong.touch_set import TouchSet
+from selftouch_drake.agent.lifelong.expectation import (
+    NUM_STEPS,
+    Expectation,
+    TouchSet,
+    with_unit_norm,
+)
 from selftouch_drake.agent.network import Network, train
 
 #: A more complicated explanation is taken if it leaves less than this share of the ratio of
@@ -114,10 +118,7 @@ def explain_change(
 def refined(change: BodyChange, since: TouchSet, *, seed: int = 0) -> BodyChange:
     """Makes a guess more exact, with more touches since the change; see `BodyChange.is_a_guess`.
 
-    Args:
-        change: what changed, as far as the agent knows.
-        since: touches since the change; no sensation is null.
-        seed: for the training.
+    No sensation of `since` is null; `seed` is for the training.
     """
     new = NewReceptors.learned(change.new.silent_before, since.direction)
     change = replace(change, new=new, reach=_reach(change.reach, since.q))

@@ -175,7 +175,8 @@ class Walker(Explorer):
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a pace at a time."""
-        count = max(int(np.ceil(self._paces(q - self._q))), 1)
+        strides = (q - self._q) / self._joints.stride
+        count = max(int(np.ceil(np.sqrt(np.mean(strides**2)) / self._pace)), 1)
         share = np.linspace(0.0, 1.0, count + 1)[1:, None]
         yield from self._go(self._q + share * (q - self._q))
 
@@ -235,8 +236,3 @@ class Walker(Explorer):
         self._arrive(q, felt)
         if self._agent is None and strength.any():
             self._wanted = max(self._wanted, 0.5 * float(strength.max()))
-
-    def _paces(self, step: np.ndarray) -> float:
-        """Number of steps of one pace in `step` `(J,)`."""
-        strides = step / self._joints.stride
-        return float(np.sqrt(np.mean(strides**2))) / self._pace

@@ -57,8 +57,6 @@ _UNLIKE = 0.1
 #: Distances of a kernel are recomputed when this share of it is new.
 _CHANGED = 0.1
 
-_SET_DISTANCE = "quantile"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Layout:
@@ -129,12 +127,7 @@ class OnlineLearner:
 
     @threadpool_limits.wrap(limits=1, user_api="blas")
     def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
-        """Learns from the next touches.
-
-        Args:
-            q: `(n, J)` motor configurations, in the robot's units.
-            sensation: `(n, S)` N, sensations at these configurations; no row null.
-        """
+        """Learns from `(n, J)` q in the robot's units, and `(n, S)` N felt there; no row null."""
         if not len(q):
             return
         self._known = None
@@ -283,7 +276,7 @@ class OnlineLearner:
         sets = KernelSets(x, sample.offsets(num))
         changed = self._changed[:num] >= _CHANGED * self._size[:num]
         if changed.any():
-            again = set_distances(sets, _SET_DISTANCE, changed=changed)
+            again = set_distances(sets, "quantile", changed=changed)
             self._distance = np.where(changed[:, None] | changed, again, self._distance)
         self._changed[:num][changed] = 0
         learned = with_graph(

@@ -9,10 +9,14 @@ import numpy as np
 
 from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest
 from selftouch_drake.agent.lifelong.body_change import BodyChange
-from selftouch_drake.agent.lifelong.expectation import NUM_STEPS, Expectation, with_unit_norm
+from selftouch_drake.agent.lifelong.expectation import (
+    NUM_STEPS,
+    Expectation,
+    TouchSet,
+    with_unit_norm,
+)
 from selftouch_drake.agent.lifelong.explanation import explain_change, refined
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
-from selftouch_drake.agent.lifelong.touch_set import TouchSet
 
 #: Touches of a body after which the agent learns what to expect, and the factor by which they have
 #: grown when it learns that again. With a factor of 2, an agent that explores actively expects as
@@ -55,8 +59,6 @@ class Life:
         make_learner: makes a learner that knows nothing; after a change, the agent gives a new one
             the adapted touches.
         seed: from which all randomness comes.
-        false_alarms: chance of a false alarm by surprise, silent and new receptors in 100,000
-            touches, each.
         num_steps: training steps of the expectation; with fewer, the agent notices less.
 
     Attributes:
@@ -73,11 +75,9 @@ class Life:
         make_learner: Callable[[], OnlineLearner] = OnlineLearner,
         *,
         seed: int = 0,
-        false_alarms: float = 0.01,
         num_steps: int = NUM_STEPS,
     ) -> None:
-        self._make_learner, self._seed, self._false_alarms = make_learner, seed, false_alarms
-        self._num_steps = num_steps
+        self._make_learner, self._seed, self._num_steps = make_learner, seed, num_steps
         self.learner = make_learner()
         self.noticed: list[Noticed] = []
         self.surprise: list[np.ndarray] = []
@@ -103,12 +103,7 @@ class Life:
         return self._raised is not None
 
     def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
-        """Takes the next touches.
-
-        Args:
-            q: `(n, J)` motor configurations, in the robot's units.
-            sensation: `(n, S)` N, what was felt there; no row null.
-        """
+        """Takes `(n, J)` q in the robot's units, and `(n, S)` N that was felt; no row is null."""
         touches = self._waiting.and_then(TouchSet(np.asarray(q), np.asarray(sensation)))
         while len(touches) >= _BLOCK:
             self._live(touches[:_BLOCK])
@@ -231,15 +226,12 @@ class Life:
             else self._tests[1].never_felt
         )
         self._tests = (
-            SurpriseTest.calibrated(
-                usual, self._expectation.novelty(self._last.q), false_alarms=self._false_alarms
-            ),
+            SurpriseTest.calibrated(usual, self._expectation.novelty(self._last.q)),
             ReceptorTest.calibrated(
                 with_unit_norm(expected),
                 self._last.sensation,
                 never_felt,
                 self.learner.num_touches,
-                false_alarms=self._false_alarms,
             ),
         )
         self._expects_again_at = max(_FIRST, _AGAIN * (self.num_touches - self._born))

@@ -26,19 +26,16 @@ def fastest_progress(
     velocity_limit: np.ndarray,
     acceleration_limit: np.ndarray,
 ) -> PPoly | None:
-    """The fastest motion along a path from rest to rest.
+    """The fastest motion along a path from rest to rest: length over time.
 
     The limits of the acceleration hold on both sides of each point of the grid, those of the
-    velocity at the points.
+    velocity at the points. None if there is no progress, for instance on a constant path.
 
     Args:
         path: of `(J,)` rad or m over its length.
         grid: `(N,)` rising lengths, from the first to the last of the path.
         velocity_limit: `(J,)` rad/s or m/s.
         acceleration_limit: `(J,)` rad/s^2 or m/s^2.
-
-    Returns:
-        Length over time; None if the solver finds no progress, for instance on a constant path.
     """
     slope, bend = path(grid, 1), path(grid, 2)
     with np.errstate(divide="ignore"):

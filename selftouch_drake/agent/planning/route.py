@@ -145,19 +145,12 @@ class RouteGraph:
 
 
 def leap_penalty(representation: QuotientRepresentation, links: np.ndarray) -> np.ndarray:
-    """Factors on the cost of links that join very different sensations.
+    """`(L,)` factors, 1 or more, on the cost of `(L, 2)` links that join unlike sensations.
 
     Configurations of two kernels can be close although the places that they touch are not: the
     finger would leap through the inside of the body. The distance of the target sensations
     separates these links from the others (area under the ROC curve, on edges of the graph, 0.94 to
     0.98; the motor step alone 0.60 to 0.63).
-
-    Args:
-        representation: what the agent has learned.
-        links: `(L, 2)` pairs of kernels.
-
-    Returns:
-        `(L,)` factors, 1 or more.
     """
     distance, spacing = target_distances(representation)
     i, j = links.T

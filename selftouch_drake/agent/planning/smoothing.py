@@ -24,11 +24,9 @@ def path_length(waypoints_x: np.ndarray) -> np.ndarray:
 
 
 def polyline(waypoints: np.ndarray, waypoint_s: np.ndarray) -> BSpline:
-    """The straight path through the waypoints.
+    """The straight path through `(W, J)` waypoints, scaled or not, that are not all the same.
 
-    Args:
-        waypoints: `(W, J)` scaled or not, not all the same.
-        waypoint_s: `(W,)` rad, where on the path each is.
+    Each is at one of `(W,)` `waypoint_s`, rad.
     """
     moved = np.concatenate([[True], np.diff(waypoint_s) > 0.0])
     return BSpline(_repeated(waypoint_s[moved], 1), waypoints[moved], 1)

@@ -85,8 +85,9 @@ def time_path(
     s_of_t = _quintic(path) if fastest is None else _eased(fastest)
     along_path = _largest_load(*_path_shares(pieces, s_of_t, *limits))
     while True:
-        _require_bearable(s_of_t.x[-1])
-        time_s = _times(s_of_t, rate_hz)
+        end_s = s_of_t.x[-1]
+        _require_bearable(end_s)
+        time_s = np.append(np.arange(0.0, end_s, 1.0 / rate_hz), end_s)
         s, q, v, _ = _followed(pieces, s_of_t, time_s)
         load = max(along_path, _largest_load(*speed_shares(time_s, q, v, *limits)))
         if load <= 1.0:
@@ -108,13 +109,7 @@ def _largest_load(velocity: float, acceleration: float) -> float:
 
 
 def commanded(time_s: np.ndarray, q: np.ndarray, v: np.ndarray) -> CubicHermiteSpline:
-    """What the joints are commanded between the samples of a motion.
-
-    Args:
-        time_s: `(T,)` s.
-        q: `(T, J)` rad or m.
-        v: `(T, J)` rad/s or m/s.
-    """
+    """What the joints are commanded between `(T,)` s, by `(T, J)` q and v (rad or m, and per s)."""
     return CubicHermiteSpline(time_s, q, v)
 
 
@@ -127,12 +122,7 @@ def speed_shares(
 ) -> tuple[float, float]:
     """Shares of the limits that a commanded motion uses, exactly; 1 is the limit.
 
-    Args:
-        time_s: `(T,)` s.
-        q: `(T, J)` rad or m.
-        v: `(T, J)` rad/s or m/s.
-        velocity_limit: `(J,)` rad/s or m/s.
-        acceleration_limit: `(J,)` rad/s^2 or m/s^2.
+    The motion is as of `commanded`, the limits are `(J,)` rad/s or m/s, and rad/s^2 or m/s^2.
 
     Returns:
         The largest share of the velocity and of the acceleration that is allowed, of any joint.
@@ -253,12 +243,6 @@ def _follow(path_ends, path, progress_ends, progress, time_s, s, q, v, a):
                 place = place * away + path[power, piece, joint]
             q[i, joint], v[i, joint] = place, slope * speed
             a[i, joint] = bend * speed**2 + slope * rise
-
-
-def _times(s_of_t: PPoly, rate_hz: float) -> np.ndarray:
-    """`(T,)` s, evenly spaced from 0 except for the last interval."""
-    end_s = s_of_t.x[-1]
-    return np.append(np.arange(0.0, end_s, 1.0 / rate_hz), end_s)
 
 
 def _checked_limit(name: str, limit: np.ndarray, path: BSpline) -> np.ndarray:

@@ -1,9 +1,7 @@
 """Learns the quotient representation from experience (paper, sections II, III).
 
-The estimator, which needs scikit-learn, is imported on first use.
+Its scikit-learn estimator is in `representation.estimator`, and not needed to use it.
 """
-
-from typing import TYPE_CHECKING, Any
 
 from selftouch_drake.agent.representation.graphs import to_networkx, without_vectors
 from selftouch_drake.agent.representation.kernels import kernel_sensations
@@ -13,12 +11,8 @@ from selftouch_drake.agent.representation.quantise import target_sensations
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.touches import felt_kernels
 
-if TYPE_CHECKING:
-    from selftouch_drake.agent.representation.estimator import QuotientLearner
-
 __all__ = [
     "DisconnectedWarning",
-    "QuotientLearner",
     "QuotientRepresentation",
     "felt_kernels",
     "geodesics",
@@ -28,11 +22,3 @@ __all__ = [
     "to_networkx",
     "without_vectors",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    if name != "QuotientLearner":
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from selftouch_drake.agent.representation.estimator import QuotientLearner
-
-    return QuotientLearner

@@ -18,7 +18,6 @@ from selftouch_drake.agent.representation.learning import (
     check_sensation,
     learn,
 )
-from selftouch_drake.agent.representation.neighbours import NUM_MUTUAL
 from selftouch_drake.agent.representation.quantise import assign
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 
@@ -31,8 +30,6 @@ class QuotientLearner(BaseEstimator):
     Args:
         num_targets: K, number of target sensations.
         max_kernel_size: most motor configurations kept per kernel.
-        set_distance: the set distance used for shape, a name in `SET_DISTANCES`.
-        num_neighbours: number of mutual nearest kernels that the quotient graph joins.
         max_queries: most configurations per set whose nearest neighbours are searched.
         random_state: seed, or a generator to draw one from; the same seed and experience give the
             same bytes.
@@ -52,15 +49,11 @@ class QuotientLearner(BaseEstimator):
         num_targets: int = 1000,
         max_kernel_size: int = 1000,
         *,
-        set_distance: str = "quantile",
-        num_neighbours: int = NUM_MUTUAL,
         max_queries: int = MAX_QUERIES,
         random_state: int = 0,
     ) -> None:
         self.num_targets = num_targets
         self.max_kernel_size = max_kernel_size
-        self.set_distance = set_distance
-        self.num_neighbours = num_neighbours
         self.max_queries = max_queries
         self.random_state = random_state
 
@@ -70,15 +63,9 @@ class QuotientLearner(BaseEstimator):
         q: np.ndarray,
         progress: Progress = lambda fraction, stage: None,
     ) -> QuotientLearner:
-        """Quantises the sensations, collects the kernel sets and measures their distances.
+        """Learns from `(n, S)` N, no row null, felt at `(n, J)` q in the robot's units.
 
-        Args:
-            sensation: `(n, S)` N, no row null.
-            q: `(n, J)` the motor configurations at which they were felt, in the robot's units.
-            progress: called with the fraction done and the stage.
-
-        Returns:
-            self.
+        `progress` is called with the fraction done and the stage.
 
         Raises:
             ValueError: a parameter is invalid, or the experience cannot be learned from.
@@ -88,13 +75,7 @@ class QuotientLearner(BaseEstimator):
     def fit_batches(
         self, batches: Batches, progress: Progress = lambda fraction, stage: None
     ) -> QuotientLearner:
-        """As `fit`, from experience of any size in bounded memory; see `learning.learn`.
-
-        Args:
-            batches: called twice, returns the same experience each time, as
-                `ExperienceReader.touches` does.
-            progress: called with the fraction done and the stage.
-        """
+        """As `fit`, from experience of any size in bounded memory; see `learning.learn`."""
         seed = self.random_state
         if isinstance(seed, np.random.RandomState):
             seed = seed.randint(2**31)
@@ -106,8 +87,6 @@ class QuotientLearner(BaseEstimator):
             lambda: self._noted(batches()),
             num_targets=self.num_targets,
             max_kernel_size=self.max_kernel_size,
-            set_distance=self.set_distance,
-            num_neighbours=self.num_neighbours,
             max_queries=self.max_queries,
             seed=seed,
             progress=progress,
@@ -118,13 +97,7 @@ class QuotientLearner(BaseEstimator):
         return self
 
     def predict(self, sensation: np.ndarray) -> np.ndarray:
-        """The kernel of each sensation.
-
-        Args:
-            sensation: `(n, S)` N, no row null.
-
-        Returns:
-            `(n,)` index of the nearest target sensation.
+        """`(n,)` the kernel of each of `(n, S)` N sensations: the nearest target; no row null.
 
         Raises:
             ValueError: a sensation has another number of receptors, is null, or is not finite.

@@ -17,17 +17,12 @@ No edge and no link joins two parts of the body: between them, a plan lifts off.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from selftouch_drake.agent.representation.neighbours import (
-    NUM_MUTUAL,
-    complete_edges,
-    neighbour_edges,
-)
+from selftouch_drake.agent.representation.neighbours import complete_edges, neighbour_edges
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 if TYPE_CHECKING:
@@ -47,10 +42,7 @@ _SPACING_NEIGHBOUR = 6
 
 
 def surface_neighbours(
-    set_distance: np.ndarray,
-    target_sensations: np.ndarray,
-    part: np.ndarray,
-    num_mutual: int = NUM_MUTUAL,
+    set_distance: np.ndarray, target_sensations: np.ndarray, part: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Finds the kernels that are neighbours on the body, and a combined distance between kernels.
 
@@ -64,7 +56,6 @@ def surface_neighbours(
         set_distance: `(K, K)` rad, between kernel sets.
         target_sensations: `(K, S)` unit L2 norm.
         part: `(K,)` the part of the body of each kernel.
-        num_mutual: number of mutual nearest kernels that are neighbours.
 
     Returns:
         `(E, 2)` pairs i < j of one part, sorted, and `(K, K)` the combined distance, infinite
@@ -74,7 +65,7 @@ def surface_neighbours(
     # Ranked behind all others, in order: they connect the graph only if nothing else does.
     near += np.where(unlike(target_sensations), near.max(), 0.0)
     near[part[:, None] != part] = np.inf
-    return neighbour_edges(near, num_mutual), near
+    return neighbour_edges(near), near
 
 
 def unlike(target_sensations: np.ndarray) -> np.ndarray:
@@ -132,9 +123,8 @@ def to_networkx(representation: QuotientRepresentation, *, complete: bool = Fals
     distance = representation.set_distance[edges[:, 0], edges[:, 1]]
     for (i, j), apart in zip(edges.tolist(), distance.tolist(), strict=True):
         graph.add_edge(i, j, set_distance=apart)
-    costs = representation.edge_cost.tolist()
-    for (i, j), cost in zip(representation.edges.tolist(), costs, strict=True):
-        graph.edges[i, j]["cost"] = cost
+    for edge, cost in zip(representation.edges, representation.edge_cost.tolist(), strict=True):
+        graph.edges[*edge.tolist()]["cost"] = cost
     return graph
 
 
@@ -144,18 +134,9 @@ def without_vectors(graph: nx.Graph) -> nx.Graph:
     A node's `position` becomes `position_0` to `position_2`, its `target_sensation` becomes
     `target_sensation_0` and so on.
     """
-    plain = type(graph)()
-    for node, attributes in graph.nodes(data=True):
-        plain.add_node(node, **dict(_numbered(attributes)))
-    plain.add_edges_from(graph.edges(data=True))
+    plain = graph.copy()
+    for _, attributes in plain.nodes(data=True):
+        for name in [name for name, value in attributes.items() if np.ndim(value)]:
+            for i, entry in enumerate(np.asarray(attributes.pop(name)).tolist()):
+                attributes[f"{name}_{i}"] = entry
     return plain
-
-
-def _numbered(attributes: Mapping[str, Any]) -> Iterator[tuple[str, float]]:
-    for name, value in attributes.items():
-        if np.ndim(value) == 0:
-            yield name, value
-        else:
-            yield from (
-                (f"{name}_{i}", entry) for i, entry in enumerate(np.asarray(value).tolist())
-            )

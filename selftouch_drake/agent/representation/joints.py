@@ -22,18 +22,12 @@ _LEAST_INFLUENCE = 0.02
 
 
 def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
-    """Finds a factor for each joint, so that equal scaled steps change the sensation equally.
+    """`(J,)` positive factors, so that equal scaled steps change the sensation equally.
 
     Near configurations are paired. The squared change of the sensation is fitted as a weighted sum
     of the squared changes of the joints. Changing the unit of a joint changes its factor inversely,
-    and nothing else.
-
-    Args:
-        q: `(n, J)` motor configurations, a sample of the experience.
-        sensation: `(n, S)` N, sensations at these configurations; no row null.
-
-    Returns:
-        `(J,)` positive; 1 for a joint that did not move.
+    and nothing else. A joint that did not move has 1. From `(n, J)` q, a sample of the experience,
+    and `(n, S)` N that was felt there; no row null.
     """
     deviation = q.std(axis=0, dtype=float)
     moved = deviation > 0

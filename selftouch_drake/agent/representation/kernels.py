@@ -12,7 +12,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
 #: Rows are sorted in once so many wait: sorting a few of them at a time is slow.
 _LEAST_WAITING = 32_768
@@ -91,13 +91,7 @@ class KernelSample:
 
 
 class KernelReservoir:
-    """Samples kernels without bias from streamed experience.
-
-    Args:
-        num_kernels: K.
-        max_size: most rows that a kernel keeps.
-        seed: of the priorities.
-    """
+    """Samples at most `max_size` rows of each of K kernels, without bias, as experience comes."""
 
     def __init__(self, num_kernels: int, max_size: int, *, seed: int):
         self._max_size = max_size
@@ -141,11 +135,9 @@ class KernelReservoir:
         return taken
 
     def relabel(self, kernel: np.ndarray, **columns: np.ndarray) -> None:
-        """Gives the kept rows to other kernels.
+        """Gives the rows, in the order of `sample`, to kernels `(R,)`, or forgets them if -1.
 
-        Args:
-            kernel: `(R,)` kernel of each row, in the order of `sample`; -1 forgets a row.
-            columns: `(R, ...)` what takes the place of columns.
+        Some `(R, ...)` columns may be replaced.
         """
         self._settle()
         rows = self._settled
@@ -229,12 +221,4 @@ def kernel_sensations(kernel_row: np.ndarray, sensations: Iterable[np.ndarray]) 
             f"sensations have {first} rows, the representation was learned from more: give all "
             "of its experience"
         )
-    return _stacked(parts)[np.argsort(order)]
-
-
-def _stacked(parts: list[csr_array]) -> csr_array:
-    data = np.concatenate([part.data for part in parts])
-    indices = np.concatenate([part.indices for part in parts])
-    counts = np.concatenate([np.diff(part.indptr) for part in parts])
-    shape = (len(counts), parts[0].shape[1])
-    return csr_array((data, indices, np.concatenate([[0], np.cumsum(counts)])), shape=shape)
+    return vstack(parts, format="csr")[np.argsort(order)]

@@ -17,11 +17,7 @@ from selftouch_drake.agent.representation.kernels import (
     KernelSample,
     KernelSets,
 )
-from selftouch_drake.agent.representation.neighbours import (
-    NUM_MUTUAL,
-    component_labels,
-    connected_edges,
-)
+from selftouch_drake.agent.representation.neighbours import component_labels, connected_edges
 from selftouch_drake.agent.representation.quantise import (
     assign,
     rare_cells,
@@ -32,7 +28,6 @@ from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.relevance import touch_modes
 from selftouch_drake.agent.representation.set_distances import (
     MAX_QUERIES,
-    SET_DISTANCES,
     linked_nearest,
     set_distances,
 )
@@ -85,8 +80,6 @@ def learn(
     *,
     num_targets: int,
     max_kernel_size: int,
-    set_distance: str = "quantile",
-    num_neighbours: int = NUM_MUTUAL,
     max_queries: int = MAX_QUERIES,
     seed: int = 0,
     progress: Progress = lambda fraction, stage: None,
@@ -100,8 +93,6 @@ def learn(
             `ExperienceReader.touches` does.
         num_targets: K, number of target sensations.
         max_kernel_size: most motor configurations kept per kernel.
-        set_distance: the set distance used for shape, a name in `SET_DISTANCES`.
-        num_neighbours: number of mutual nearest kernels that the quotient graph joins.
         max_queries: most configurations per set whose nearest neighbours are searched.
         seed: the same seed and experience give the same bytes.
         progress: called with the fraction done and the stage.
@@ -111,11 +102,7 @@ def learn(
             reading has a different number of rows.
     """
     _check_parameters(
-        set_distance,
-        num_targets=num_targets,
-        max_kernel_size=max_kernel_size,
-        num_neighbours=num_neighbours,
-        max_queries=max_queries,
+        num_targets=num_targets, max_kernel_size=max_kernel_size, max_queries=max_queries
     )
     quantise_seed, sample_seed, mode_seed = np.random.SeedSequence(seed).generate_state(3)
 
@@ -134,7 +121,7 @@ def learn(
     sets = sets.at(mattering(x, mode, mode_joints))
     distance = set_distances(
         sets,
-        set_distance,
+        "quantile",
         max_queries=max_queries,
         rough=unlike(known.targets),
         progress=lambda fraction: progress(0.6 + 0.4 * fraction, "set distances"),
@@ -143,7 +130,6 @@ def learn(
         sample,
         sets,
         distance,
-        num_neighbours,
         target_sensations=known.targets,
         kernel_mode=mode,
         mode_joints=mode_joints,
@@ -234,7 +220,6 @@ def with_graph(
     sample: KernelSample,
     sets: KernelSets,
     distance: np.ndarray,
-    num_neighbours: int = NUM_MUTUAL,
     **known: Any,
 ) -> Learned:
     """Joins kernels that are neighbours on the body.
@@ -243,11 +228,10 @@ def with_graph(
         sample: the rows of K kernels: columns q, strength and error.
         sets: their scaled configurations, rad.
         distance: `(K, K)` rad, between these sets.
-        num_neighbours: number of mutual nearest kernels that the quotient graph joins.
         known: all other fields of the representation.
     """
     targets, part = known["target_sensations"], known["part"]
-    neighbours, near = surface_neighbours(distance, targets, part, num_neighbours)
+    neighbours, near = surface_neighbours(distance, targets, part)
     edges = connected_edges(neighbours, near)
     component = component_labels(neighbours, len(targets))
     i, j = edges.T
@@ -304,15 +288,11 @@ def common_targets(
 NO_ROWS = "sensation has 0 rows: babble until the finger touches the body"
 
 
-def _check_parameters(set_distance: str, **numbers: Any) -> None:
+def _check_parameters(**numbers: Any) -> None:
     for name, value in numbers.items():
         lowest = 2 if name == "num_targets" else 1
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lowest:
             raise ValueError(f"{name} is {value!r}: give a whole number, {lowest} or more")
-    if set_distance not in SET_DISTANCES:
-        raise ValueError(
-            f"set_distance is {set_distance!r}: choose one of {', '.join(SET_DISTANCES)}"
-        )
 
 
 def _checked(batches: Iterable[Batch]) -> Iterator[Batch]:

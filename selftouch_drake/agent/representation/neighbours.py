@@ -92,19 +92,13 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
     num_components = int(label.max()) + 1
     if num_components == 1:
         return edges
-    bridge = np.array(
-        [
-            [_closest_pair(distance, label == a, label == b) for b in range(num_components)]
-            for a in range(num_components)
-        ]
-    )
-    # A length of zero would be no edge to csgraph; a constant added to all leaves the tree as is.
-    length = 1.0 + distance[bridge[..., 0], bridge[..., 1]]
-    length[~np.isfinite(length)] = 0.0
-    tree = minimum_spanning_tree(np.triu(length, 1)).tocoo()
-    if not tree.nnz:
+    # To csgraph a length of zero is no edge. All edges are shorter than any bridge.
+    length = np.where(np.isfinite(distance), 2.0 + distance, 0.0)
+    length[tuple(edges.T)] = 1.0
+    tree = np.argwhere(minimum_spanning_tree(np.triu(length, 1)).toarray())
+    bridges = tree[label[tree[:, 0]] != label[tree[:, 1]]]
+    if not len(bridges):
         return edges
-    bridges = np.sort(bridge[tree.row, tree.col], axis=1)
     warnings.warn(
         f"the quotient graph fell into {num_components} components ({_describe(label)}), joined by "
         f"{'a bridge' if len(bridges) == 1 else f'{len(bridges)} bridges'} ({_pairs(bridges)}): "
@@ -116,31 +110,19 @@ def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
 
 
 def geodesics(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> np.ndarray:
-    """Geodesic distances: lengths of the shortest paths between all pairs of kernels.
+    """`(K, K)` lengths of the shortest paths between all kernels; infinite without a path.
 
-    Args:
-        edges: `(E, 2)` pairs of kernels.
-        length: `(E,)` positive.
-        num_kernels: K.
-
-    Returns:
-        `(K, K)` symmetric; infinite between kernels without a path.
+    The `(E, 2)` edges have positive lengths `(E,)`.
     """
     return dijkstra(_sparse(edges, length, num_kernels), directed=False)
 
 
 def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """Edge lengths in units of the spacing around their ends, `d / sqrt(s_i s_j)`.
+    """`(E,)` lengths of `(E, 2)` edges in units of the spacing around their ends, about 1.
 
-    The spacing `s_i` is the mean length of the edges at kernel i. Cells are evenly spaced in
-    sensation, so neighbours should be equally far apart, however redundant the arm is there.
-
-    Args:
-        length: `(E,)` positive.
-        edges: `(E, 2)` pairs of kernels.
-
-    Returns:
-        `(E,)` lengths, about 1.
+    They are `d / sqrt(s_i s_j)`; the spacing `s_i` is the mean length of the edges at kernel i.
+    Cells are evenly spaced in sensation, so neighbours should be equally far apart, however
+    redundant the arm is there.
     """
     i, j = edges.T
     total = np.bincount(edges.ravel(), np.repeat(length, 2))
@@ -152,12 +134,6 @@ def _sparse(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> csr_arra
     # To csgraph a stored zero is an edge of length zero, and an absent entry no edge.
     i, j = np.asarray(edges).reshape(-1, 2).T
     return csr_array((np.asarray(length, dtype=float), (i, j)), shape=(num_kernels, num_kernels))
-
-
-def _closest_pair(distance: np.ndarray, inside_a: np.ndarray, inside_b: np.ndarray) -> list[int]:
-    a, b = np.flatnonzero(inside_a), np.flatnonzero(inside_b)
-    i, j = np.unravel_index(distance[np.ix_(a, b)].argmin(), (len(a), len(b)))
-    return [int(a[i]), int(b[j])]
 
 
 def _pairs(edges: np.ndarray) -> str:

@@ -32,26 +32,15 @@ def strength(sensation: np.ndarray) -> np.ndarray:
 
 
 def unit(sensation: np.ndarray) -> np.ndarray:
-    """Divides each sensation by its L2 norm.
-
-    Args:
-        sensation: `(n, S)` N, no row null.
-
-    Returns:
-        `(n, S)` float32, unit L2 norm.
-    """
+    """`(n, S)` float32, each of `(n, S)` sensations, none null, divided by its L2 norm."""
     return np.divide(sensation, strength(sensation)[:, None], dtype=np.float32, casting="same_kind")
 
 
 def assign(sensation: np.ndarray, target_sensations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Finds the target sensation nearest in angle to each sensation.
+    """Finds the target nearest in angle to each sensation: its index `(n,)`, and cosine distance.
 
-    Args:
-        sensation: `(n, S)` N, no row null.
-        target_sensations: `(K, S)` unit L2 norm.
-
-    Returns:
-        `(n,)` index of the nearest target, and `(n,)` float32 cosine distance to it.
+    The `(n, S)` N sensations are not null; the `(K, S)` targets have unit L2 norm. Distances are
+    float32.
     """
     label = np.empty(len(sensation), dtype=np.int32)
     error = np.empty(len(sensation), dtype=np.float32)
@@ -71,13 +60,8 @@ def _most_alike(
     """Compares each point with all targets, over the few receptors that feel it.
 
     A touch is felt by a tenth of the receptors: this takes a fifth of the time of a matrix
-    product, and 1.4 times as long where all of them feel it.
-
-    Args:
-        points: `(n, S)` unit L2 norm, none negative.
-        targets: `(S, K)` unit L2 norm.
-        label: `(n,)` written.
-        error: `(n,)` written: cosine distance.
+    product, and 1.4 times as long where all of them feel it. From `(n, S)` points, none negative,
+    and `(S, K)` targets, of unit L2 norm, it writes `(n,)` labels and errors, as of `assign`.
     """
     num_receptors, num_targets = targets.shape
     likeness = np.empty(num_targets, np.float32)
@@ -166,11 +150,9 @@ def target_sensations(
 
 
 def rare_cells(label: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """`(K,)` bool, targets with far fewer touches than others of their part.
+    """`(K,)` bool, targets with far fewer touches than others of their part `(K,)`.
 
-    Args:
-        label: `(n,)` the target of each touch of a sample.
-        part: `(K,)` the part of the body that each target is on.
+    `label` is `(n,)` the target of each touch of a sample.
     """
     size = np.bincount(label, minlength=len(part))
     typical = np.array([np.median(size[part == number]) for number in range(part.max() + 1)])

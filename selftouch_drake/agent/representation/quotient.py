@@ -157,11 +157,7 @@ class QuotientRepresentation:
         return slice(int(self.kernel_offsets[kernel]), int(self.kernel_offsets[kernel + 1]))
 
     def restricted(self, kernels: np.ndarray) -> QuotientRepresentation:
-        """The representation of some of the kernels.
-
-        Args:
-            kernels: `(n,)` ascending.
-        """
+        """The representation of some of the kernels, `(n,)` ascending."""
         if len(kernels) == self.num_targets:
             return self
         rows = np.concatenate([np.arange(self.num_rows)[self.members(k)] for k in kernels])
@@ -214,14 +210,10 @@ class QuotientRepresentation:
 
 
 def mattering(x: np.ndarray, mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:
-    """`(R, J)` float32, configurations with joints that do not matter set to their mean.
+    """`(R, J)` float32, scaled configurations with joints that do not matter set to their mean.
 
-    Otherwise these joints would be noise in every distance between configurations.
-
-    Args:
-        x: `(R, J)` scaled configurations.
-        mode: `(R,)` as `kernel_mode`.
-        mode_joints: `(M, J)` bool.
+    Otherwise these joints would be noise in every distance between configurations. Mode and
+    `mode_joints` are as of `QuotientRepresentation`.
     """
     matter = row_joints(mode, mode_joints)
     return np.where(matter, x, x.mean(axis=0)).astype(np.float32)

@@ -1,8 +1,7 @@
 """Distances between motor kernel sets (paper, section III, "Motor planning").
 
-Every set distance here uses one table: the distances from each configuration of one set to the
-nearest configuration of the other. They differ in how they reduce it to a number, so a new one is a
-line in `SET_DISTANCES`.
+Every set distance uses one table: the distances from each configuration of one set to the nearest
+configuration of the other. They differ in how they reduce it to a number.
 """
 
 from __future__ import annotations
@@ -27,19 +26,6 @@ _LINKS = 32
 _NOT_TOLD = np.empty((0, 0), dtype=np.int32)
 
 
-@dataclass(frozen=True, slots=True)
-class SetDistance:
-    """A distance between finite sets.
-
-    Attributes:
-        reduce: maps `(N, K)` nearest distances, of N configurations to K sets, to `(K,)`.
-        symmetrise: combines the distances in both directions, elementwise.
-    """
-
-    reduce: Callable[[np.ndarray], np.ndarray]
-    symmetrise: Callable[[np.ndarray, np.ndarray], np.ndarray]
-
-
 def quantile(near: np.ndarray, share: float) -> np.ndarray:
     """The same as `np.quantile(near, share, axis=0)` of `(N, K)`, in a fifth of the time."""
     at = share * (len(near) - 1)
@@ -54,18 +40,12 @@ def quantile(near: np.ndarray, share: float) -> np.ndarray:
     return below + between * done if done < 0.5 else above - between * (1.0 - done)
 
 
-def _mean(there: np.ndarray, back: np.ndarray) -> np.ndarray:
-    return (there + back) / 2
-
-
-#: The set distances by name. Measured on bodies of known shape, `quantile` keeps neighbours best,
-#: `mean_nearest` (chamfer) plans best, `minimum` is the paper's quotient metric, `hausdorff` sees
-#: mostly the redundancy of the arm.
-SET_DISTANCES: dict[str, SetDistance] = {
-    "minimum": SetDistance(lambda near: near.min(axis=0), np.minimum),
-    "quantile": SetDistance(lambda near: quantile(near, 0.1), _mean),
-    "mean_nearest": SetDistance(lambda near: near.mean(axis=0), _mean),
-    "hausdorff": SetDistance(lambda near: near.max(axis=0), np.maximum),
+#: The set distances by name: what maps `(N, K)` nearest distances, of N configurations to K sets,
+#: to `(K,)`, and what combines both directions. `minimum` is the paper's quotient metric; measured
+#: on bodies of known shape, `quantile` keeps neighbours best.
+SET_DISTANCES: dict[str, tuple[Callable[..., np.ndarray], Callable[..., np.ndarray]]] = {
+    "minimum": (lambda near: near.min(axis=0), np.minimum),
+    "quantile": (lambda near: quantile(near, 0.1), lambda there, back: (there + back) / 2),
 }
 
 
@@ -96,16 +76,12 @@ def set_distances(
         `(K, K)` rad, float32, symmetric with a zero diagonal; 0 between sets that did not change.
 
     Raises:
-        ValueError: the name is unknown, or a kernel is empty.
+        ValueError: a kernel is empty.
     """
-    if name not in SET_DISTANCES:
-        raise ValueError(
-            f"set distance {name!r} is unknown: choose one of {', '.join(SET_DISTANCES)}"
-        )
     offsets = np.asarray(sets.offsets, dtype=np.int64)
     if (empty := np.flatnonzero(sets.sizes <= 0)).size:
         raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from its offsets")
-    kind = SET_DISTANCES[name]
+    reduce, symmetrise = SET_DISTANCES[name]
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
     kernels = np.arange(len(sets))
     search = _nearest_squared(members.shape[1], False)
@@ -123,12 +99,11 @@ def set_distances(
         few = [queries(kernel, min(_FEW_QUERIES, max_queries)) for kernel in some]
         near = np.split(nearest(np.concatenate(few), kernels), np.cumsum([len(x) for x in few]))
         for kernel, table in zip(some, near, strict=False):  # nothing is left after the last
-            there[kernel] = kind.reduce(table)
+            there[kernel] = reduce(table)
 
     def exactly(kernel: int) -> None:
         asked = np.flatnonzero(exact[kernel])
-        near = nearest(queries(kernel, max_queries), asked)
-        there[kernel, asked] = kind.reduce(near)
+        there[kernel, asked] = reduce(nearest(queries(kernel, max_queries), asked))
 
     exact = np.ones((len(kernels), len(kernels)), dtype=bool) if rough is None else ~rough
     if changed is not None:
@@ -138,7 +113,7 @@ def set_distances(
         in_slices(roughly, len(kernels), _TOGETHER)
     for done, _ in enumerate(mapped(exactly, range(len(kernels))), 1):
         progress(done / len(kernels))
-    distance = kind.symmetrise(there, there.T)
+    distance = symmetrise(there, there.T)
     np.fill_diagonal(distance, 0.0)
     return distance
 
@@ -162,9 +137,7 @@ class LinkedNearest:
 def linked_nearest(sets: KernelSets, links: np.ndarray) -> LinkedNearest:
     """Finds, for every configuration of a kernel, the nearest one in each linked kernel.
 
-    Args:
-        sets: K sets of scaled configurations, rad.
-        links: `(L, 2)` first and second kernel of each link.
+    The sets are scaled, rad; `(L, 2)` links are first and second kernel of each.
     """
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
     set_offsets = np.asarray(sets.offsets, dtype=np.int64)

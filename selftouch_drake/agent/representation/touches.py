@@ -32,19 +32,14 @@ _LEAST_FELT = 20
 _MOST_BY_CHANCE = 0.05
 
 
-def overlapping(sensation: np.ndarray, least_shared: float = _LEAST_SHARED) -> np.ndarray:
-    """Finds the receptors that overlap, from the touches that they share.
+def overlapping(sensation: np.ndarray) -> np.ndarray:
+    """`(S, S)` bool, symmetric, true on the diagonal: receptors that overlap.
 
-    Args:
-        sensation: `(n, S)` N, of unselected touches, most of them at one place.
-        least_shared: share of the touches of the rarer receptor that the other feels too.
-
-    Returns:
-        `(S, S)` bool, symmetric, true on the diagonal.
+    Touches that they share show it: `(n, S)` N sensations, unselected, most of them at one place.
     """
     shared, rarer, felt = _shared(sensation)
     known = felt >= _LEAST_FELT
-    overlap = (shared >= least_shared) & np.logical_and.outer(known, known)
+    overlap = (shared >= _LEAST_SHARED) & np.logical_and.outer(known, known)
     # A receptor that overlaps with none, or felt too few touches, joins its best partner: alone it
     # would be a part of the body.
     best = np.where(known, shared, 0.0)
@@ -57,19 +52,14 @@ def overlapping(sensation: np.ndarray, least_shared: float = _LEAST_SHARED) -> n
     overlap |= overlap.T | np.eye(len(overlap), dtype=bool)
     # Within a part the upper error bound of the share counts: a touch must not be split because
     # there were few touches.
-    maybe = shared + 1.0 / np.sqrt(np.maximum(rarer, 1.0)) >= least_shared
+    maybe = shared + 1.0 / np.sqrt(np.maximum(rarer, 1.0)) >= _LEAST_SHARED
     return overlap | (maybe & (shared > 0) & _of_one_part(overlap))
 
 
 def nearby(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """Finds the receptors of one part that may feel the same touch, overlapping or nearly.
+    """`(S, S)` bool, receptors of one part that may feel the same touch, overlapping or nearly.
 
-    Args:
-        sensation: `(n, S)` N, as in `overlapping`.
-        overlap: `(S, S)` bool, from `overlapping`.
-
-    Returns:
-        `(S, S)` bool; true where `overlap` is.
+    The sensations are as of `overlapping`, `overlap` is its result.
     """
     return overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & _of_one_part(overlap))
 
@@ -77,8 +67,7 @@ def nearby(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
 def receptors_together(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
     """`(S, S)` bool, as `nearby`, and whether touches of two places are coincidence.
 
-    Args:
-        sensation: `(n, S)` N, as in `overlapping`.
+    The sensations are as of `overlapping`.
     """
     overlap = overlapping(sensation)
     return nearby(sensation, overlap), by_chance(sensation, overlap)
@@ -100,20 +89,15 @@ def _of_one_part(overlap: np.ndarray) -> np.ndarray:
 
 
 def receptor_parts(overlap: np.ndarray) -> np.ndarray:
-    """`(S,)` the part of the body that each receptor is on: receptors connected by overlaps.
-
-    Args:
-        overlap: `(S, S)` bool, from `overlapping` or `nearby`.
-    """
+    """`(S,)` the part of the body of each receptor: those connected by `(S, S)` overlaps."""
     return connected_components(overlap, directed=False)[1]
 
 
 def kernel_parts(target_sensations: np.ndarray, overlap: np.ndarray) -> np.ndarray:
     """`(K,)` the part of the body that each kernel is on; 0 has the most kernels.
 
-    Args:
-        target_sensations: `(K, S)`; the strongest receptor of each decides.
-        overlap: `(S, S)` bool, from `overlapping` or `nearby`.
+    The strongest receptor of each of `(K, S)` targets decides; `(S, S)` overlaps are as of
+    `overlapping` or `nearby`.
     """
     of_receptor = receptor_parts(overlap)[target_sensations.argmax(axis=1)]
     _, first, part, size = np.unique(
@@ -124,12 +108,7 @@ def kernel_parts(target_sensations: np.ndarray, overlap: np.ndarray) -> np.ndarr
 
 
 def apart(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """`(n,)` bool, sensations of several places at once.
-
-    Args:
-        sensation: `(n, S)` N.
-        overlap: `(S, S)` bool, from `overlapping`.
-    """
+    """`(n,)` bool, `(n, S)` N sensations of several places at once, by `(S, S)` bool overlaps."""
     sensation = np.asarray(sensation)
     beyond = (sensation > 0) & ~overlap[sensation.argmax(axis=1)]
     # Receptors that overlap the strongest one feel the same touch, which settles most rows.
@@ -168,15 +147,11 @@ def by_chance(sensation: np.ndarray, overlap: np.ndarray) -> bool:
 
 
 def ambiguous_touches(sensation: np.ndarray, near: np.ndarray, chance: bool) -> np.ndarray:
-    """`(n,)` bool, sensations that are excluded from learning.
+    """`(n,)` bool, `(n, S)` N sensations that are excluded from learning.
 
     Sensations on several parts of the body always are: they belong to no single part. Sensations
-    at several places of one part are if they are coincidence.
-
-    Args:
-        sensation: `(n, S)` N.
-        near: `(S, S)` bool, from `nearby`, so that touches where receptors are sparse are kept.
-        chance: result of `by_chance` on a sample.
+    at several places of one part are if they are coincidence (`chance`, of `by_chance`); `near` is
+    of `nearby`, so that touches where receptors are sparse are kept.
     """
     return apart(sensation, near) if chance else of_several_parts(sensation, near)
 

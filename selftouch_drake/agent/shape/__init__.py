@@ -5,7 +5,7 @@ from selftouch_drake.agent.shape.dimension import intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import Embedding, curvature_corrected_mds
 from selftouch_drake.agent.shape.homology import Topology, topology
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
-from selftouch_drake.agent.shape.surface import fitted_line, fitted_surface
+from selftouch_drake.agent.shape.surface import fitted_surface
 
 __all__ = [
     "SHAPE_METRICS",
@@ -14,7 +14,6 @@ __all__ = [
     "RecoveredPart",
     "Topology",
     "curvature_corrected_mds",
-    "fitted_line",
     "fitted_surface",
     "intrinsic_dimension",
     "recover",

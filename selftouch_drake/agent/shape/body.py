@@ -12,7 +12,6 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.representation.neighbours import geodesics
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.shape.confidence import expected_error, trusted
 from selftouch_drake.agent.shape.dimension import (
     LEAST_KERNELS,
     MISFIT,
@@ -21,8 +20,19 @@ from selftouch_drake.agent.shape.dimension import (
     space_dimension,
 )
 from selftouch_drake.agent.shape.embedding import Embedding
-from selftouch_drake.agent.shape.homology import Topology, flat, topology
+from selftouch_drake.agent.shape.homology import Topology, flat, spacings, topology
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, sensorimotor
+
+#: Logarithm of the expected error: constant, and slopes in the logarithms of stress and unevenness.
+#: Calibrated by least squares on bodies recovered from few and many touches and targets, with good
+#: and bad skins, with 6 to 16 joints (`benchmarks/trust.py confidence`).
+_CONSTANT, _OF_STRESS, _OF_UNEVENNESS = -0.30, 0.22, 0.60
+
+#: A shape is trusted below this expected error and from this margin of its holes on.
+MOST_ERROR, LEAST_MARGIN = 0.04, 4.0
+
+#: Neighbours from which the spacing around a kernel is measured, as on a surface.
+_NEIGHBOURS = 6
 
 
 class DistrustWarning(UserWarning):
@@ -119,7 +129,7 @@ class Body:
 
     @property
     def trusted(self) -> bool:
-        """Whether shape and holes of all parts can be trusted: see `confidence`."""
+        """Whether shape and holes of all parts can be trusted."""
         margins = [0.0 if part.topology is None else part.topology.margin for part in self.parts]
         return trusted(self.expected_error, min(margins))
 
@@ -151,6 +161,31 @@ class Body:
                     MisfitWarning,
                     stacklevel=2,
                 )
+
+
+def expected_error(layout: Embedding) -> float:
+    """Expected root mean square error of an unbent layout, as a fraction of its extent (naive).
+
+    Inconsistent distances along the body leave stress. And target sensations are evenly spaced in
+    sensation, so kernels are unevenly spaced where lengths are wrong, or where the skin is bad.
+    Both are dimensionless, and so comparable between bodies, skins and numbers of kernels.
+
+    Args:
+        layout: from `curvature_corrected_mds`; other layouts have higher stress.
+    """
+    # The floor is needed for layouts of few kernels, without any stress.
+    stress, uneven = np.log(np.maximum([layout.stress, unevenness(layout.positions)], 1e-6))
+    return float(np.exp(_CONSTANT + _OF_STRESS * stress + _OF_UNEVENNESS * uneven))
+
+
+def trusted(error: float | None, margin: float) -> bool:
+    """Whether a shape with this expected error, and holes of this smallest margin, is trusted."""
+    return bool(error is not None and error < MOST_ERROR and margin >= LEAST_MARGIN)
+
+
+def unevenness(positions: np.ndarray) -> float:
+    """Standard deviation of the logarithm of the spacing around each of the `(n, d)` positions."""
+    return float(np.log(spacings(positions, _NEIGHBOURS)).std())
 
 
 def recover(
@@ -186,8 +221,9 @@ def recover(
             progress((number + fraction) / num_parts)
 
         kernels = np.flatnonzero(representation.part == number)
-        found = _recovered(representation.restricted(kernels), kernels, metric, seed, of_part)
-        parts.append(_with_holes(found) if holes else found)
+        part = representation.restricted(kernels)
+        found = _recovered(part, kernels, metric, seed, holes, of_part)
+        parts.append(found)
         of_part(1.0)
     return Body(metric=metric, parts=tuple(parts), num_kernels=representation.num_targets)
 
@@ -197,6 +233,7 @@ def _recovered(
     kernels: np.ndarray,
     metric: str,
     seed: int,
+    holes: bool,
     progress: Callable[[float], None],
 ) -> RecoveredPart:
     """Recovers one part from the representation restricted to its `kernels`."""
@@ -216,34 +253,28 @@ def _recovered(
     kernel = np.arange(num_kernels) if graph.kernel is None else graph.kernel
     distances = geodesics(graph.edges, graph.length, len(kernel))
     lay_out = SHAPE_METRICS[metric].layout
-    layout = lay_out(graph, distances, skin + 1)
+    layout = lay_out(graph.edges, distances, skin + 1)
     space = space_dimension(graph.edges, distances, layout, skin)
     if skin + 1 != min(space, 3):
-        layout = lay_out(graph, distances, space)
+        layout = lay_out(graph.edges, distances, space)
     # The position and the distances of a kernel are the means over its pieces.
     number = np.bincount(kernel, minlength=num_kernels)
     mean = csr_array(
         (1.0 / number[kernel], (kernel, np.arange(len(kernel)))), shape=(num_kernels, len(kernel))
     )
+    positions, pieces = mean @ layout.positions, layout.positions[number[kernel] > 1]
+    places = np.concatenate([positions, pieces])
     between = mean @ (mean @ distances).T
     np.fill_diagonal(between, 0.0)
+    enough = num_kernels >= LEAST_KERNELS
     return RecoveredPart(
         doubt=graph.doubt,
         kernels=kernels,
         distances=between,
         skin=skin,
         space=space,
-        embedding=dataclasses.replace(layout, positions=mean @ layout.positions),
-        pieces=layout.positions[number[kernel] > 1],
-        topology=None,
-        dimension=None,
-    )
-
-
-def _with_holes(part: RecoveredPart) -> RecoveredPart:
-    enough = len(part.kernels) >= LEAST_KERNELS
-    return dataclasses.replace(
-        part,
-        topology=None if flat(part.places) else topology(part.places),
-        dimension=intrinsic_dimension(part.distances, part.skin) if enough else None,
+        embedding=dataclasses.replace(layout, positions=positions),
+        pieces=pieces,
+        topology=topology(places) if holes and not flat(places) else None,
+        dimension=intrinsic_dimension(between, skin) if holes and enough else None,
     )

@@ -66,9 +66,8 @@ LEAST_KERNELS = 50
 def skin_dimension(distances: np.ndarray) -> int:
     """Whether the skin is a line (1) or a surface (2).
 
-    Args:
-        distances: `(K, K)` geodesic distances by sensation, symmetric, finite. Of three kernels or
-            fewer nothing is known: 2.
+    The `(K, K)` geodesic distances by sensation are symmetric and finite. Of three kernels or fewer
+    nothing is known: 2.
     """
     ranked = np.sort(distances, axis=1)
     far = min(_FAR, len(distances) - 1)

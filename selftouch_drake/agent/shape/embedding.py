@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -22,6 +22,9 @@ _one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 #: A pass is kept if it leaves at most this share of the stress; the first that leaves more is
 #: discarded and ends the search. A body whose second pass is kept has rims, and needs more passes.
 _LEAST_LOWERED, _LEAST_LOWERED_WITH_RIMS = 2 / 3, 0.95
+
+#: Iterations of majorisation in each pass.
+_UNBENDING = 40
 
 #: Stands for the square of a distance of zero.
 _TINY = 1e-300
@@ -78,26 +81,21 @@ class Majoriser:
     ) -> np.ndarray:
         """Moves `(K, d)` positions, step by step, toward `(K, K)` distances (Guttman transform)."""
         pull, dimension = self.weights * distances, positions.shape[1]
-        add_pulls = _add_pulls_in_four if dimension > 3 else _add_pulls
-        laid = np.zeros((max(dimension, 3), len(pull)))
+        most = max(dimension, 3)  # the fourth is seldom needed
+        laid = np.zeros((4, len(pull)))
         laid[:dimension] = positions.T
         total = np.empty_like(laid)
         with Threads() as pool:
             for left in reversed(range(num_iterations)):
-                list(pool.map(partial(add_pulls, laid, pull, total), range(0, len(pull), _ROWS)))
-                moved = total @ self.inverse
-                laid = 2.0 * moved - laid if left else moved
+                list(pool.map(partial(_add_pulls, laid, pull, total), range(0, len(pull), _ROWS)))
+                moved = total[:most] @ self.inverse
+                laid[:most] = 2.0 * moved - laid[:most] if left else moved
         return laid[:dimension].T
 
 
 @_one_thread
 def classical_embedding(distances: np.ndarray, dimension: int = 3) -> Embedding:
-    """Lays out points by classical multidimensional scaling.
-
-    Args:
-        distances: `(K, K)` symmetric, finite.
-        dimension: of the layout.
-    """
+    """Lays out points from `(K, K)` symmetric, finite distances by classical scaling."""
     axes, spectrum = _classical_axes(distances, dimension)
     return Embedding(
         positions=axes, stress=_stress(axes, distances, _weights(distances)), spectrum=spectrum
@@ -107,8 +105,8 @@ def classical_embedding(distances: np.ndarray, dimension: int = 3) -> Embedding:
 @_one_thread
 def stress_embedding(
     distances: np.ndarray,
-    *,
     dimension: int = 3,
+    *,
     last_axes: Sequence[int] = (0, 1, 2, 3),
     num_trial_iterations: int = 30,
     num_iterations: int = 100,
@@ -159,10 +157,9 @@ def stress_embedding(
 def curvature_corrected_mds(
     edges: np.ndarray,
     distances: np.ndarray,
-    *,
     dimension: int = 3,
+    *,
     most_passes: int = 5,
-    num_iterations: int = 40,
 ) -> Embedding:
     """Lays out points by stress, then corrects for the curvature of the body.
 
@@ -176,13 +173,11 @@ def curvature_corrected_mds(
         distances: `(K, K)` shortest paths over these edges, whatever the edge lengths.
         dimension: of the layout, 2, 3 or 4.
         most_passes: 0 keeps the layout of `stress_embedding`.
-        num_iterations: of majorisation, in each pass.
     """
     majoriser = Majoriser.of(distances)
     found = stress_embedding(distances, dimension=dimension, majoriser=majoriser)
-    unbend = unbending(edges, distances, majoriser, num_iterations=num_iterations)
     for number in range(most_passes):
-        positions, stress = unbend(found.positions)
+        positions, stress = unbent(found.positions, edges, distances, majoriser, _UNBENDING)
         least_lowered = _LEAST_LOWERED if number < 2 else _LEAST_LOWERED_WITH_RIMS
         if stress > least_lowered * found.stress:
             break
@@ -190,26 +185,22 @@ def curvature_corrected_mds(
     return found
 
 
-def unbending(
-    edges: np.ndarray, distances: np.ndarray, majoriser: Majoriser, *, num_iterations: int
-) -> Callable[[np.ndarray], tuple[np.ndarray, float]]:
-    """Builds one pass: from `(K, d)` positions to better ones and a stress.
+def unbent(
+    positions: np.ndarray,
+    edges: np.ndarray,
+    distances: np.ndarray,
+    majoriser: Majoriser,
+    num_iterations: int,
+) -> tuple[np.ndarray, float]:
+    """One pass: from `(K, d)` positions to better ones and a stress; as `curvature_corrected_mds`.
 
-    Args:
-        edges: `(E, 2)` pairs of neighbours that connect all points.
-        distances: `(K, K)` shortest paths over these edges, whatever the edge lengths.
-        majoriser: of these distances.
-        num_iterations: of majorisation.
+    The majoriser is of these distances; `num_iterations` is that of its steps.
     """
-
-    def unbend(positions: np.ndarray) -> tuple[np.ndarray, float]:
-        laid = cdist(positions, positions)
-        along = geodesics(edges, laid[edges[:, 0], edges[:, 1]], len(laid))
-        straight = distances * np.divide(laid, along, out=np.ones_like(laid), where=along > 0)
-        positions = majoriser(positions, straight, num_iterations)
-        return positions, _stress(positions, straight, majoriser.weights)
-
-    return unbend
+    laid = cdist(positions, positions)
+    along = geodesics(edges, laid[edges[:, 0], edges[:, 1]], len(laid))
+    straight = distances * np.divide(laid, along, out=np.ones_like(laid), where=along > 0)
+    positions = majoriser(positions, straight, num_iterations)
+    return positions, _stress(positions, straight, majoriser.weights)
 
 
 def _classical_axes(distances: np.ndarray, num_axes: int) -> tuple[np.ndarray, np.ndarray]:
@@ -244,30 +235,18 @@ def _stress(positions: np.ndarray, distances: np.ndarray, weights: np.ndarray) -
 def _add_pulls(positions: np.ndarray, pull: np.ndarray, total: np.ndarray, start: int) -> None:
     """Sums the unit vectors from all other points, times `pull`, at `_ROWS` points from `start`.
 
-    Args:
-        positions: `(3, K)`.
-        pull: `(K, K)`, zero on the diagonal.
-        total: `(3, K)`, written.
-        start: the first point.
+    Positions are `(4, K)`; coordinates that a layout lacks are 0. The `(K, K)` pull is 0 on the
+    diagonal; `(4, K)` total is written.
     """
-    x, y, z = positions
+    x, y, z, w = positions
     for i in range(start, min(start + _ROWS, len(x))):
-        sum_x = sum_y = sum_z = 0.0
+        sum_x = sum_y = sum_z = sum_w = 0.0
         for j in range(len(x)):
-            dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+            dx, dy, dz, dw = x[i] - x[j], y[i] - y[j], z[i] - z[j], w[i] - w[j]
             # Of equal points, the vector is zero.
-            ratio = pull[i, j] / np.sqrt(max(dx * dx + dy * dy + dz * dz, _TINY))
+            ratio = pull[i, j] / np.sqrt(max(dx * dx + dy * dy + dz * dz + dw * dw, _TINY))
             sum_x += ratio * dx
             sum_y += ratio * dy
             sum_z += ratio * dz
-        total[0, i], total[1, i], total[2, i] = sum_x, sum_y, sum_z
-
-
-def _add_pulls_in_four(
-    positions: np.ndarray, pull: np.ndarray, total: np.ndarray, start: int
-) -> None:
-    """The same in four dimensions, of `(4, K)` positions: needed so seldom that NumPy is enough."""
-    rows = slice(start, start + _ROWS)
-    apart = positions[:, rows, None] - positions[:, None]
-    ratio = pull[rows] / np.sqrt(np.maximum(np.square(apart).sum(axis=0), _TINY))
-    total[:, rows] = (ratio * apart).sum(axis=2)
+            sum_w += ratio * dw
+        total[0, i], total[1, i], total[2, i], total[3, i] = sum_x, sum_y, sum_z, sum_w

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from selftouch_drake.agent.representation.neighbours import geodesics
-from selftouch_drake.agent.shape.embedding import Majoriser, stress_embedding, unbending
+from selftouch_drake.agent.shape.embedding import Majoriser, stress_embedding, unbent
 
 #: Rounds of layout and model. More change lengths by less than 2 %.
 _ROUNDS = 2
@@ -84,7 +84,7 @@ def corrected_lengths(
                 along, dimension=skin + 1, **_FIRST_LAYOUT, majoriser=majoriser
             )
             positions = first.positions
-        positions, _ = unbending(edges, along, majoriser, num_iterations=_NUM_ITERATIONS)(positions)
+        positions, _ = unbent(positions, edges, along, majoriser, _NUM_ITERATIONS)
         model = _model(readings, whole, positions, edges, skin)
         if model is None:
             return None
@@ -131,12 +131,8 @@ def _model(
 ) -> np.ndarray | None:
     """`(N, S)` what receptors that are all alike would feel at nodes, unit L2 norm.
 
-    Args:
-        readings: `(N, S)` what they felt.
-        whole: `(N,)` nodes at whose place that was felt.
-        positions: `(N, skin + 1)` of the nodes in the layout.
-        edges: `(E, 2)` pairs of neighbours.
-        skin: dimension of the skin.
+    They felt `(N, S)` readings; `whole` is `(N,)` nodes at whose place that was felt. The nodes are
+    at `(N, skin + 1)` positions, with `(E, 2)` edges. None if that explains too little.
     """
     at_place = np.where(whole[:, None], readings, 0.0)
     node, receptor = np.nonzero(at_place > _LEAST_READING)

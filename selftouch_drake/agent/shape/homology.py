@@ -27,6 +27,9 @@ _LATE = 4.0
 #: Neighbours from which the spacing around a point is measured.
 _NEIGHBOURS = 8
 
+#: A component, loop or void: squared radii of its birth and death, and what fills it.
+Bar = tuple[float, float, tuple[int, ...]]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Topology:
@@ -79,7 +82,9 @@ def topology(points: np.ndarray) -> Topology:
         ValueError: the points are too few, not finite, or do not spread.
     """
     found = _bars(points)
-    h0, h1, h2 = diagram = _diagram(found)
+    h0, h1, h2 = (
+        np.sqrt(np.array([bar[:2] for bar in some], dtype=float).reshape(-1, 2)) for some in found
+    )
     spacing = float(np.median(h0[:, 1]))
     bars = np.concatenate([h1, h2])
     length = (bars[:, 1] - bars[:, 0]) / spacing / _sparsity(points, found[1] + found[2])
@@ -97,7 +102,7 @@ def topology(points: np.ndarray) -> Topology:
         margin=margin,
         scale=1.01 * last_birth,
         spacing=spacing,
-        diagram=diagram,
+        diagram=(h0, h1, h2),
     )
 
 
@@ -105,7 +110,7 @@ def _sparsity(points: np.ndarray, bars: Sequence[Bar]) -> np.ndarray:
     """How much wider than the median, at least 1, points lie around the places where bars die."""
     around = spacings(points, _NEIGHBOURS)
     around = np.maximum(around / np.median(around), 1.0)
-    return np.array([around[list(bar.filled_by)].max() for bar in bars])
+    return np.array([around[list(filled_by)].max() for _, _, filled_by in bars])
 
 
 def spacings(points: np.ndarray, num_neighbours: int) -> np.ndarray:
@@ -118,11 +123,8 @@ def spacings(points: np.ndarray, num_neighbours: int) -> np.ndarray:
 def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
     """Splits bar lengths, in spacings; returns the shortest true one and the margin.
 
-    If no bar is true, the first is infinite, and the margin is that of a bar just long enough.
-
-    Args:
-        length: of the bars that may be true.
-        longest_gap: length of the longest bar that is surely false; the margin counts it.
+    If no bar is true, the first is infinite, and the margin is that of a bar just long enough. The
+    margin counts the longest bar that is surely false.
     """
     surely_false, surely_true = _UNSURE
     falling = np.sort(length)[::-1]
@@ -137,37 +139,20 @@ def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
     return float(above[cut]), min(margin, _MOST_MARGIN)
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Bar:
-    """A component, loop or void: squared radii of its birth and death, and what fills it."""
-
-    birth: float
-    death: float
-    filled_by: tuple[int, ...]
-
-
-def _diagram(bars: tuple[list[Bar], ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    h0, h1, h2 = (
-        np.sqrt(np.array([(bar.birth, bar.death) for bar in some], dtype=float).reshape(-1, 2))
-        for some in bars
-    )
-    return h0, h1, h2
-
-
-def _bars(points: np.ndarray) -> tuple[list[Bar], list[Bar], list[Bar]]:
+def _bars(points: np.ndarray) -> tuple[list[Bar], ...]:
     """The bars of H0, H1 and H2, ascending, without those of zero length."""
     appearing = zip(*alpha_filtration(points), strict=True)
     # A face comes before the simplices that it bounds if they appear at the same radius.
     in_order = sorted(appearing, key=lambda pair: (pair[1], len(pair[0])))
     simplices = [simplex for simplex, _ in in_order]
     radius2 = [value for _, value in in_order]
-    bars: tuple[list[Bar], list[Bar], list[Bar]] = ([], [], [])
+    bars: tuple[list[Bar], ...] = ([], [], [])
     for birth, death in _persistence_pairs(simplices):
         of_dimension = bars[len(simplices[birth]) - 1]
         if death is None:
-            of_dimension.append(Bar(radius2[birth], np.inf, ()))
+            of_dimension.append((radius2[birth], np.inf, ()))
         elif radius2[death] > radius2[birth]:
-            of_dimension.append(Bar(radius2[birth], radius2[death], simplices[death]))
+            of_dimension.append((radius2[birth], radius2[death], simplices[death]))
     for some in bars:
         some.sort()
     return bars
@@ -182,7 +167,8 @@ def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[fl
     Returns:
         Simplices as sorted tuples of point indices, corners first; squared radii.
     """
-    points, largest = delaunay(points)
+    found = delaunay(points)
+    points, largest = found.points, np.sort(found.simplices, axis=1)
     radius2 = circumspheres(points, largest)[1]
     levels = [dict(zip(map(tuple, largest.tolist()), radius2.tolist(), strict=True))]
     for _ in range(points.shape[1] - 1):
@@ -205,14 +191,10 @@ def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[fl
     return simplices, [value for level in reversed(levels) for value in level.values()]
 
 
-def delaunay(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Triangulates points, jittered into general position by 1e-6 of their extent.
+def delaunay(points: np.ndarray) -> Delaunay:
+    """Triangulates `(K, d)` points, d = 2 or 3, jittered by 1e-6 of their extent.
 
-    Args:
-        points: `(K, d)`, d = 2 or 3.
-
-    Returns:
-        `(K, d)` the moved points and `(T, d + 1)` their simplices, corners sorted.
+    So they are in general position; its `points` are the moved ones.
 
     Raises:
         ValueError: the points are too few, not finite, or do not spread.
@@ -230,8 +212,7 @@ def delaunay(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             f"spread in {points.shape[1]} dimensions"
         )
     jitter = np.random.default_rng(0).uniform(-1e-6, 1e-6, points.shape) * np.ptp(points)
-    moved = points + jitter
-    return moved, np.sort(Delaunay(moved).simplices, axis=1)
+    return Delaunay(points + jitter)
 
 
 def flat(points: np.ndarray) -> bool:
@@ -241,14 +222,9 @@ def flat(points: np.ndarray) -> bool:
 
 
 def circumspheres(points: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The smallest sphere through all corners of each simplex.
+    """Centres `(N, d)` and squared radii `(N,)` of the smallest spheres through the corners.
 
-    Args:
-        points: `(K, d)`.
-        simplices: `(N, 2)` to `(N, d + 1)` corners.
-
-    Returns:
-        `(N, d)` centres and `(N,)` squared radii.
+    Simplices have 2 to d + 1 of the `(K, d)` points as corners.
     """
     first = points[simplices[:, 0]]
     sides = points[simplices[:, 1:]] - first[:, None]
@@ -265,11 +241,8 @@ def circumspheres(points: np.ndarray, simplices: np.ndarray) -> tuple[np.ndarray
 def _persistence_pairs(simplices: Sequence[tuple[int, ...]]) -> list[tuple[int, int | None]]:
     """Pairs the simplex that creates each homology class with the one that kills it, or None.
 
-    This is the standard reduction over Z/2, from tetrahedra down: a simplex that is known to create
-    a class is not reduced (Chen and Kerber).
-
-    Args:
-        simplices: in order of appearance, faces first.
+    Simplices come in order of appearance, faces first. This is the standard reduction over Z/2,
+    from tetrahedra down: a simplex known to create a class is not reduced (Chen and Kerber).
     """
     place = {simplex: p for p, simplex in enumerate(simplices)}
     killer: dict[int, int] = {}

@@ -101,13 +101,13 @@ class ShapeMetric:
     Attributes:
         graph: builds the graph from a representation, the dimension of the skin, a seed, and a
             function that is called with the fraction done.
-        layout: lays out N nodes from the graph, `(N, N)` shortest paths on it, and the dimension of
-            the space.
-        calibrated: whether `confidence` is calibrated for its layouts.
+        layout: lays out N nodes from the edges of the graph, `(N, N)` shortest paths on it, and the
+            dimension of the space.
+        calibrated: whether `body.expected_error` is calibrated for its layouts.
     """
 
     graph: Callable[[QuotientRepresentation, int, int, Progress], BodyGraph]
-    layout: Callable[[BodyGraph, np.ndarray, int], Embedding]
+    layout: Callable[[np.ndarray, np.ndarray, int], Embedding]
     calibrated: bool = True
 
 
@@ -296,22 +296,10 @@ def between_cells(coordinates: KernelSets, skin: int) -> BodyGraph:
     return BodyGraph(edges=edges, length=length, kernel=kernel)
 
 
-def _classical(graph: BodyGraph, distances: np.ndarray, dimension: int) -> Embedding:
-    return classical_embedding(distances, dimension)
-
-
-def _stress(graph: BodyGraph, distances: np.ndarray, dimension: int) -> Embedding:
-    return stress_embedding(distances, dimension=dimension)
-
-
-def _unbent(graph: BodyGraph, distances: np.ndarray, dimension: int) -> Embedding:
-    return curvature_corrected_mds(graph.edges, distances, dimension=dimension)
-
-
 #: The metrics by name.
 SHAPE_METRICS: dict[str, ShapeMetric] = {
-    "literal": ShapeMetric(literal, _classical, calibrated=False),
-    "motor": ShapeMetric(motor, _stress, calibrated=False),
-    "learned": ShapeMetric(learned, _unbent),
-    "sensorimotor": ShapeMetric(sensorimotor, _unbent),
+    "literal": ShapeMetric(literal, lambda edges, *given: classical_embedding(*given), False),
+    "motor": ShapeMetric(motor, lambda edges, *given: stress_embedding(*given), False),
+    "learned": ShapeMetric(learned, curvature_corrected_mds),
+    "sensorimotor": ShapeMetric(sensorimotor, curvature_corrected_mds),
 }

@@ -124,13 +124,7 @@ def _expect(
 ) -> None:
     """Trains the hidden layers of a network so that sensations are a linear function of them.
 
-    Args:
-        network: its hidden layers are changed.
-        sets: K sets of standardised configurations, float32.
-        target_sensations: `(K, S)` to be predicted.
-        rng: draws the configurations.
-        num_steps: of training.
-        progress: called with the fraction done.
+    The sets are K standardised ones, float32; `(K, S)` target sensations are predicted.
     """
     wanted = target_sensations - np.average(target_sensations, axis=0, weights=sets.sizes)
     spread = np.sqrt(np.average(np.square(wanted).sum(axis=1), weights=sets.sizes))
@@ -182,14 +176,9 @@ def _scatters(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def discriminants(sets: KernelSets, *, max_directions: int = _NUM_OUTPUTS) -> KernelSets:
-    """Linear discriminants: rotates and scales the outputs, and drops the noisy directions.
+    """Linear discriminants: rotates and scales K sets of outputs, and drops the noisy directions.
 
-    Args:
-        sets: K sets of outputs.
-        max_directions: most coordinates.
-
-    Returns:
-        The same sets, of unit variance, all kernels weighted alike.
+    The sets have unit variance then, all kernels weighted alike.
     """
     outputs, sizes, kernel = sets.x, sets.sizes, sets.kernel
     mean = np.add.reduceat(outputs, sets.offsets[:-1], dtype=float) / sizes[:, None]

@@ -14,54 +14,31 @@ from selftouch_drake.agent.shape.homology import (
 )
 
 
-def fitted_surface(points: np.ndarray, found: Topology) -> np.ndarray:
-    """Finds the surface through the points: closed if they enclose a void, else with a rim.
+def fitted_surface(points: np.ndarray, found: Topology, skin: int = 2) -> np.ndarray:
+    """`(F, skin + 1)` corners of the triangles, or steps, through `(K, d)` points of a skin.
+
+    If they enclose a void, it is closed, and corners are counterclockwise seen from outside; else
+    it is of the alpha complex and may have a rim.
 
     Args:
-        points: `(K, d)`, of a surface.
+        points: of a line (`skin` 1) or of a surface (2).
         found: the topology of these points.
-
-    Returns:
-        `(F, 3)` corners of each triangle; counterclockwise seen from outside if it is closed.
-
-    Raises:
-        ValueError: the points are too few or lie in a plane.
-    """
-    if found.betti[2]:
-        return rolled_surface(points, found.scale)
-    return alpha_simplices(points, covering_scale(found), 3)
-
-
-def fitted_line(points: np.ndarray, found: Topology) -> np.ndarray:
-    """`(E, 2)` steps of the line through `(K, 2)` points with this topology.
-
-    Raises:
-        ValueError: the points are too few or lie in a line.
-    """
-    return alpha_simplices(points, covering_scale(found), 2)
-
-
-def covering_scale(found: Topology) -> float:
-    """The radius at which balls around the points cover the part.
-
-    At the scale of a loop's birth some simplices are still missing; two spacings cover the part, as
-    when components are counted.
-    """
-    return max(found.scale, 2.0 * found.spacing)
-
-
-def alpha_simplices(points: np.ndarray, scale: float, size: int) -> np.ndarray:
-    """`(N, size)` simplices of the alpha complex of `(K, d)` points at a scale; may have a rim.
+        skin: dimension of the skin.
 
     Raises:
         ValueError: the points are too few or do not spread.
     """
+    if found.betti[2]:
+        return rolled_surface(points, found.scale)
+    # At the scale of a loop's birth some simplices are still missing; two spacings cover the part,
+    # as when components are counted.
+    scale = max(found.scale, 2.0 * found.spacing)
     simplices = [
         simplex
         for simplex, radius2 in zip(*alpha_filtration(points), strict=True)
-        if len(simplex) == size and radius2 <= scale**2
+        if len(simplex) == skin + 1 and radius2 <= scale**2
     ]
-    return np.array(simplices, dtype=int).reshape(-1, size)
+    return np.array(simplices, dtype=int).reshape(-1, skin + 1)
 
 
 def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
@@ -69,11 +46,8 @@ def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
 
     The ball comes from far away and moves from one Delaunay tetrahedron to the next through every
     triangle that is wider than itself. Triangles that stop it are the surface. It is closed, and
-    has the loops of the body if the radius is the scale of its topology.
-
-    Args:
-        points: `(K, 3)`.
-        scale: radius of the ball, in the unit of the points: `Topology.scale`.
+    has the loops of the body if the radius is the scale of its topology, in the unit of the
+    `(K, 3)` points.
 
     Returns:
         `(F, 3)` corners of each triangle, counterclockwise seen from outside.
@@ -83,39 +57,23 @@ def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
     """
     if not scale > 0:
         raise ValueError(f"scale is {scale}: give a positive radius, such as Topology.scale")
-    points, tetrahedra = delaunay(points)
-    num_tetrahedra = len(tetrahedra)
+    found = delaunay(points)
+    points, tetrahedra = found.points, found.simplices
     # Face f of tetrahedron t is opposite its corner f.
-    corner = np.array([[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]])
-    faces = tetrahedra[:, corner].reshape(-1, 3)
-    owner = np.repeat(np.arange(num_tetrahedra), 4)
-    inner = tetrahedra.ravel()
-
-    order = np.lexsort(faces.T)
-    same = (faces[order][1:] == faces[order][:-1]).all(axis=1)
-    first, second = order[:-1][same], order[1:][same]
-    hull = np.setdiff1d(order, np.concatenate([first, second]))
-
+    faces = tetrahedra[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3)
+    inner, here = tetrahedra.ravel(), np.repeat(np.arange(len(tetrahedra)), 4)
     # The outside, beyond the hull, is one more cell.
-    beyond = np.full(len(hull), num_tetrahedra)
-    face = np.concatenate([first, second, hull])
-    here = owner[face]
-    there = np.concatenate([owner[second], owner[first], beyond])
-    _, radius2 = circumspheres(points, faces[face])
-    passed = radius2 > scale**2
+    there = np.where(found.neighbors < 0, len(tetrahedra), found.neighbors).ravel()
+    passed = circumspheres(points, faces)[1] > scale**2
     links = csr_array(
-        (np.ones(passed.sum()), (here[passed], there[passed])), shape=(num_tetrahedra + 1,) * 2
+        (np.ones(passed.sum()), (here[passed], there[passed])), shape=(len(tetrahedra) + 1,) * 2
     )
     _, cell = connected_components(links, directed=False)
     outside = cell == cell[-1]
-    shown = face[~outside[here] & outside[there]]
-    return _outward(points, faces[shown], points[inner[shown]])
-
-
-def _outward(points: np.ndarray, faces: np.ndarray, inside: np.ndarray) -> np.ndarray:
-    """Orders corners so that normals point away from the `(F, 3)` points inside."""
+    shown = ~outside[here] & outside[there]
+    faces = faces[shown]
+    # Normals point away from the corner inside.
     a, b, c = points[faces].transpose(1, 0, 2)
-    inward = np.einsum("fx,fx->f", np.cross(b - a, c - a), inside - a) > 0
-    faces = faces.copy()
+    inward = np.einsum("fx,fx->f", np.cross(b - a, c - a), points[inner[shown]] - a) > 0
     faces[inward] = faces[inward][:, [0, 2, 1]]
     return faces

@@ -6,7 +6,7 @@ from skins import touch
 
 from selftouch_drake.agent.lifelong import OnlineLearner
 from selftouch_drake.agent.lifelong import learner as module
-from selftouch_drake.agent.representation import QuotientLearner
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.representation import QuotientLearner
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 
 
 def touch_sphere(num_rows: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

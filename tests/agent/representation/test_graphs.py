@@ -53,7 +53,7 @@ def test_kernels_that_feel_different_are_far_apart():
     angle = np.array([0.0, 0.5, 1.0, 1.5, 0.1])
     targets = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     part = np.array([0, 0, 0, 0, 1])
-    edges, near = surface_neighbours(set_distance, targets, part, num_mutual=1)
+    edges, near = surface_neighbours(set_distance, targets, part)
     assert edges.max() == 3
     assert near[0, 1] < near[0, 3]
     assert np.isinf(near[4, :4]).all()

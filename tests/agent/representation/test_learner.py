@@ -8,7 +8,8 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from selftouch_drake.agent.representation import DisconnectedWarning, QuotientLearner
+from selftouch_drake.agent.representation import DisconnectedWarning
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.neighbours import component_labels
 
 
@@ -277,13 +278,8 @@ def changed(array, index, value):
         ({"num_targets": 1}, {}, "num_targets is 1: give a whole number, 2 or more"),
         ({"num_targets": 2.5}, {}, "num_targets is 2.5: give a whole number, 2 or more"),
         ({"max_kernel_size": 0}, {}, "max_kernel_size is 0: give a whole number, 1 or more"),
-        ({"num_neighbours": True}, {}, "num_neighbours is True: give a whole number, 1 or more"),
+        ({"max_queries": True}, {}, "max_queries is True: give a whole number, 1 or more"),
         ({"random_state": -1}, {}, "random_state is -1: give a whole number, 0 or more"),
-        (
-            {"set_distance": "cosine"},
-            {},
-            "set_distance is 'cosine': choose one of minimum, quantile, mean_nearest, hausdorff",
-        ),
         (
             {},
             {"sensation": lambda s: s[:0], "q": lambda q: q[:0]},

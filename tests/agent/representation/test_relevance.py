@@ -7,7 +7,7 @@ import pytest
 from skins import on_sphere, readings, receptors
 
 from selftouch_drake.agent.planning import Planner
-from selftouch_drake.agent.representation import QuotientLearner
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.quotient import NO_MODE, mattering
 
 LEFT, RIGHT = slice(0, 3), slice(3, 6)

@@ -8,14 +8,13 @@ from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.set_distances import (
     SET_DISTANCES,
     linked_nearest,
+    quantile,
     set_distances,
 )
 
 REFERENCE = {
     "minimum": (lambda near: near.min(axis=1), np.minimum),
     "quantile": (lambda near: np.quantile(near, 0.1, axis=1), lambda a, b: (a + b) / 2),
-    "mean_nearest": (lambda near: near.mean(axis=1), lambda a, b: (a + b) / 2),
-    "hausdorff": (lambda near: near.max(axis=1), np.maximum),
 }
 
 
@@ -46,23 +45,23 @@ def test_compiled_equals_reference(sizes, num_joints, seed):
 def test_by_hand():
     q = np.array([[0.0], [10.0], [1.0], [13.0]])
     sets = KernelSets(q, np.array([0, 2, 4]))
-    found = [set_distances(sets, name) for name in ("minimum", "mean_nearest", "hausdorff")]
-    assert [distance[0, 1] for distance in found] == [1.0, 2.0, 3.0]
+    found = [set_distances(sets, name) for name in ("minimum", "quantile")]
+    np.testing.assert_allclose([distance[0, 1] for distance in found], [1.0, 1.2])
 
 
 @settings(deadline=None)
 @given(st.integers(1, 130), st.integers(0, 99))
 def test_quantile_is_that_of_numpy_to_the_bit(num_queries, seed):
     near = np.random.default_rng(seed).random((num_queries, 5), dtype=np.float32)
-    found = SET_DISTANCES["quantile"].reduce(near)
+    found = quantile(near, 0.1)
     assert found.dtype == np.float32
     assert np.array_equal(found, np.quantile(near, 0.1, axis=0))
 
 
 def test_few_queries_stand_for_many():
     _, sets = random_sets([700, 900, 800], 3, 0)
-    all_ask = set_distances(sets, "mean_nearest", max_queries=1000)
-    few_ask = set_distances(sets, "mean_nearest", max_queries=200)
+    all_ask = set_distances(sets, "quantile", max_queries=1000)
+    few_ask = set_distances(sets, "quantile", max_queries=200)
     np.testing.assert_allclose(few_ask, all_ask, rtol=0.1)
 
 
@@ -70,10 +69,10 @@ def test_rough_distances_are_near_and_the_others_exact():
     _, sets = random_sets([700, 900, 800, 600], 3, 0)
     rough = np.zeros((4, 4), dtype=bool)
     rough[0, 1:] = rough[1:, 0] = True
-    exact = set_distances(sets, "mean_nearest")
-    mixed = set_distances(sets, "mean_nearest", rough=rough)
+    exact = set_distances(sets, "quantile")
+    mixed = set_distances(sets, "quantile", rough=rough)
     np.testing.assert_array_equal(mixed[~rough], exact[~rough])
-    np.testing.assert_allclose(mixed[rough], exact[rough], rtol=0.3)
+    np.testing.assert_allclose(mixed[rough], exact[rough], rtol=0.5)
     assert (mixed[rough] != exact[rough]).all()
 
 
@@ -96,26 +95,10 @@ def test_progress_rises_to_one():
     assert fractions == [0.5, 1.0]
 
 
-@pytest.mark.parametrize(
-    ("offsets", "name", "message"),
-    [
-        (
-            [0, 2, 4],
-            "median",
-            "set distance 'median' is unknown: choose one of minimum, quantile, mean_nearest, "
-            "hausdorff",
-        ),
-        (
-            [0, 4, 4],
-            "minimum",
-            "kernel 1 holds no configuration: drop it from its offsets",
-        ),
-    ],
-)
-def test_errors(offsets, name, message):
-    with pytest.raises(ValueError, match=r"kernel|unknown") as error:
-        set_distances(KernelSets(np.zeros((4, 2)), np.array(offsets)), name)
-    assert str(error.value) == message
+def test_an_empty_kernel_is_refused():
+    sets = KernelSets(np.zeros((4, 2)), np.array([0, 4, 4]))
+    with pytest.raises(ValueError, match=r"^kernel 1 holds no configuration: drop it from its"):
+        set_distances(sets, "minimum")
 
 
 @pytest.mark.parametrize("num_joints", [1, 6])

@@ -3,8 +3,8 @@ import pytest
 from bodies import flat_torus, shape_error
 from skins import touch
 
-from selftouch_drake.agent.representation import QuotientLearner
-from selftouch_drake.agent.shape import fitted_line, fitted_surface, recover
+from selftouch_drake.agent.representation.estimator import QuotientLearner
+from selftouch_drake.agent.shape import fitted_surface, recover
 from selftouch_drake.agent.shape.body import MisfitWarning
 
 
@@ -95,7 +95,7 @@ def test_a_line_of_skin_is_laid_out_in_a_plane():
     assert part.topology.betti == (1, 1, 0)
     assert part.dimension == pytest.approx(1, abs=0.15)
     assert shape_error(body.positions, true) < 0.04
-    assert len(np.unique(fitted_line(part.places, part.topology))) == len(part.places)
+    assert len(np.unique(fitted_surface(part.places, part.topology, skin=1))) == len(part.places)
     assert body.expected_error is None
 
 

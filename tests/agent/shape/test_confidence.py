@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from bodies import sphere
 
-from selftouch_drake.agent.representation import QuotientLearner
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape import recover
-from selftouch_drake.agent.shape.confidence import LEAST_MARGIN, MOST_ERROR, unevenness
+from selftouch_drake.agent.shape.body import LEAST_MARGIN, MOST_ERROR, unevenness
 
 
 def touched(num_touches, noise):

@@ -4,7 +4,7 @@ from bodies import shape_error, sphere
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake import experiment
-from selftouch_drake.agent.representation import QuotientLearner
+from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.graphs import surface_neighbours
 from selftouch_drake.agent.representation.neighbours import neighbour_edges
 from selftouch_drake.agent.shape import (
