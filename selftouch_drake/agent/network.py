@@ -70,17 +70,15 @@ class Network:
         outputs = np.empty((len(x), len(self.biases[-1])), np.result_type(x, np.float32))
 
         def fill(rows: slice) -> None:
-            outputs[rows] = self._outputs(x[rows])
+            inner = x[rows]
+            for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
+                inner = inner @ weight
+                inner += bias
+                np.sin(inner, out=inner)
+            outputs[rows] = inner @ self.weights[-1] + self.biases[-1]
 
         in_slices(fill, len(x), _CHUNK)
         return outputs
-
-    def _outputs(self, x: np.ndarray) -> np.ndarray:
-        for weight, bias in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            x = x @ weight
-            x += bias
-            np.sin(x, out=x)
-        return x @ self.weights[-1] + self.biases[-1]
 
     def forward(self, x: np.ndarray) -> tuple[np.ndarray, list[np.ndarray], list[np.ndarray]]:
         """Returns the outputs, and the inputs and slopes of the layers for `gradients`."""
@@ -123,20 +121,12 @@ def train(
     num_steps: int,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> None:
-    """Trains a network in place, with two optimisers.
+    """Trains a network in place on `(R, inputs)` float32, with two optimisers.
 
     The weights of hidden layers move along the orthogonal matrix nearest to their momentum (Muon,
     Jordan et al. 2024), which reached the loss of Adam in two thirds of the steps. All other
-    weights use Adam.
-
-    Args:
-        network: changed in place.
-        x: `(R, inputs)` float32.
-        draw: draws the `(n,)` rows of a training step.
-        loss_slope: from the outputs `(n, outputs)` and these rows to the gradient of the loss in
-            the outputs.
-        num_steps: of training.
-        progress: called with the fraction done.
+    weights use Adam. Each step draws `(n,)` rows; `loss_slope` takes their `(n, outputs)` and these
+    rows to the gradient of the loss in the outputs.
     """
     parameters = [*network.weights, *network.biases]
     hidden = range(1, len(network.weights) - 1)

@@ -62,15 +62,12 @@ _CHANGED = 0.1
 class _Layout:
     """Results that are recomputed now and then from all remembered touches.
 
+    Targets, overlap, part, joint scale and modes are as of `QuotientRepresentation`.
+
     Attributes:
-        targets: `(K, S)` unit L2 norm.
-        overlap: `(S, S)` bool, from `touches.nearby`.
         chance: whether touches of two places of a part come together by chance.
-        part: `(K,)` the part of the body of each kernel.
-        joint_scale: `(J,)` factors.
         reach: greatest cosine distance between a touch of one place and its target.
         unlike: share of touches farther than that at the time: touches of several places at once.
-        mode_joints: `(M, J)` bool, joints that matter in each mode.
         num_touches: rows of the experience at that time.
         num_held_for_modes: number of remembered touches when modes were last found.
     """

@@ -77,13 +77,9 @@ def predict_sensation(
 
 
 def recall_sensation(plan: Plan, s: np.ndarray, places: np.ndarray, felt: np.ndarray) -> Prediction:
-    """The sensation expected along a plan that the agent followed before.
+    """The sensation expected along a plan that the agent followed before, at `s` `(T,)` rad.
 
-    Args:
-        plan: the plan.
-        s: `(T,)` rad, path lengths in `[0, plan.waypoint_s[-1]]`.
-        places: `(n,)` rad, ascending path lengths at which it felt, from the start to the end.
-        felt: `(n, S)` N, the sensations there.
+    It felt `(n, S)` N at `(n,)` places, rad, that rise from the start to the end of the plan.
     """
     at_places = _unit(felt)
     expected = _mixed(at_places, *_share(places, s))

@@ -78,13 +78,8 @@ def smooth_curve(
 ) -> BSpline:
     """The quintic spline nearest a curve: squared distance plus l^6 x squared jerk.
 
-    The length l is the interval between knots.
-
-    Args:
-        curve: from `(N,)` rad in `[0, length]` to `(N, D)`.
-        ends: `(2, D)` where the spline starts and ends, its outer control points.
-        length: rad, positive.
-        num_intervals: number of intervals between knots.
+    The length l is the interval between knots. The curve maps `(N,)` rad in `[0, length]` to
+    `(N, D)`; the `(2, D)` ends are where the spline starts and ends, its outer control points.
     """
     knots, value, bands = _normal_equations(num_intervals)
     interval = length / num_intervals

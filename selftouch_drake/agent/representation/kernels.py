@@ -96,16 +96,12 @@ class KernelReservoir:
     def __init__(self, num_kernels: int, max_size: int, *, seed: int):
         self._max_size = max_size
         self._random = np.random.Generator(np.random.PCG64(seed))
-        self._num_rows = 0
+        #: Number of rows of the experience so far.
+        self.num_rows = 0
         # A full kernel takes no row of higher priority than it has.
         self._highest = np.full(num_kernels, np.inf)
         self._settled: dict[str, np.ndarray] = {}
         self._waiting: list[dict[str, np.ndarray]] = []
-
-    @property
-    def num_rows(self) -> int:
-        """Number of rows of the experience so far."""
-        return self._num_rows
 
     def add(self, kernel: np.ndarray, **columns: np.ndarray) -> np.ndarray:
         """Adds the next rows of the experience.
@@ -123,12 +119,12 @@ class KernelReservoir:
         self._waiting.append(
             {
                 "kernel": np.asarray(kernel, dtype=np.int64)[taken],
-                "row": self._num_rows + taken,
+                "row": self.num_rows + taken,
                 "priority": priority[taken],
                 **{name: column[taken] for name, column in columns.items()},
             }
         )
-        self._num_rows += len(kernel)
+        self.num_rows += len(kernel)
         num_waiting = sum(len(part["row"]) for part in self._waiting)
         if num_waiting > max(len(self._settled.get("row", ())), _LEAST_WAITING):
             self._settle()

@@ -224,11 +224,8 @@ def with_graph(
 ) -> Learned:
     """Joins kernels that are neighbours on the body.
 
-    Args:
-        sample: the rows of K kernels: columns q, strength and error.
-        sets: their scaled configurations, rad.
-        distance: `(K, K)` rad, between these sets.
-        known: all other fields of the representation.
+    The sets are those of the rows of the sample (columns q, strength, error), scaled, rad, and
+    `(K, K)` rad their distance; `known` are all other fields of the representation.
     """
     targets, part = known["target_sensations"], known["part"]
     neighbours, near = surface_neighbours(distance, targets, part)
@@ -263,14 +260,8 @@ def common_targets(
 
     If two places are touched at once by chance, some of these places are so close that the touches
     cannot be recognised. They are rare and unlike all others, so farthest points would choose them.
-    So targets with hardly any touches are dropped, together with their touches.
-
-    Args:
-        sensation: `(n, S)` N, no row null.
-        num_targets: K.
-        overlap: `(S, S)` bool, of `touches.nearby`; None if no touches come together by chance.
-        or_fewer: as of `target_sensations`.
-        progress: called with the fraction done.
+    So targets with hardly any touches are dropped, together with their touches. If no touches come
+    together by chance, `overlap` `(S, S)` is None; the rest is as of `target_sensations`.
     """
     for _ in range(_MOST_ROUNDS):
         targets = target_sensations(sensation, num_targets, or_fewer=or_fewer, progress=progress)

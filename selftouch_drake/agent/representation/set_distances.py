@@ -187,14 +187,9 @@ def _nearest_squared(num_joints: int, tell_which: bool) -> Callable[..., None]:
         reduction across lanes, and each load of a query serves four pairs. With AVX2 this is
         limited by arithmetic alone: 0.14 ns per pair on one core, for 6 joints.
 
-        Args:
-            queries: `(J, N)` float32.
-            members: `(R, J)` float32.
-            starts: `(K,)` int64, the first row of each set.
-            stops: `(K,)` int64, the row after the last one.
-            out: `(K, N)` float32, written.
-            which: `(K, N)` int32, written if `tell_which`: the nearest member. It costs 6 % of the
-                time.
+        The `(J, N)` queries and `(R, J)` members are float32; set k is rows `starts[k]` to
+        `stops[k]`, int64. It writes `(K, N)` float32 `out` and, if `tell_which`, int32 `which`,
+        the nearest member; that costs 6 % of the time.
         """
         for k in range(len(starts)):
             best = out[k]

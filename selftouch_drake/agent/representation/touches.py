@@ -138,9 +138,7 @@ def by_chance(sensation: np.ndarray, overlap: np.ndarray) -> bool:
     most targets. If they are the rule, as with two fingers of one hand, the quotient space is that
     of poses of the hand (paper, section II), and they are kept.
 
-    Args:
-        sensation: `(n, S)` N, a sample of the experience.
-        overlap: `(S, S)` bool, from `overlapping`.
+    Sensations, `(n, S)` N, are a sample of the experience; `overlap` is of `overlapping`.
     """
     share = np.mean(apart(sensation, overlap) & ~of_several_parts(sensation, overlap))
     return bool(0.0 < share < _MOST_BY_CHANCE)
@@ -157,17 +155,11 @@ def ambiguous_touches(sensation: np.ndarray, near: np.ndarray, chance: bool) -> 
 
 
 def felt_kernels(representation: QuotientRepresentation, sensation: np.ndarray) -> np.ndarray:
-    """The target sensations nearest to a sensation, one for each place touched.
+    """`(n,)` the target sensations nearest to a sensation `(S,)` N, one for each place touched.
 
-    If the representation set touches of several places aside, the sensation is split into separate
+    That of the strongest receptor is first; there are none if nothing is felt. If the
+    representation set touches of several places aside, the sensation is split into separate
     touches. Otherwise it is compared as a whole.
-
-    Args:
-        representation: what the agent has learned.
-        sensation: `(S,)` N.
-
-    Returns:
-        `(n,)` kernels, that of the strongest receptor first; empty if nothing is felt.
     """
     sensation = np.asarray(sensation)
     if not sensation.any():
@@ -182,12 +174,7 @@ def felt_kernels(representation: QuotientRepresentation, sensation: np.ndarray) 
 def separate_touches(
     sensation: np.ndarray, overlap: np.ndarray, max_touches: int = 2
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Splits each sensation into touches that no overlap connects.
-
-    Args:
-        sensation: `(n, S)` N.
-        overlap: `(S, S)` bool, receptors that may feel the same touch.
-        max_touches: most touches returned.
+    """Splits each of `(n, S)` N sensations into touches that no `(S, S)` bool overlap connects.
 
     Returns:
         `(n,)` number of touches, counted up to `max_touches + 1`, and `(n, max_touches, S)` N the

@@ -63,12 +63,7 @@ class Cells:
 
     @classmethod
     def of(cls, sets: KernelSets, skin: int = 2) -> Cells:
-        """Measures the cells of kernel sets in quotient coordinates, without outliers.
-
-        Args:
-            sets: K sets in quotient coordinates.
-            skin: dimension of the skin, 1 or 2.
-        """
+        """Measures the cells of K sets in quotient coordinates, without outliers."""
         groups = np.split(np.asarray(sets.x, dtype=float), sets.offsets[1:-1])
         scatters = [_scatter(group, group.mean(axis=0)) / len(group) for group in groups]
         pooled = np.mean(scatters, axis=0)
@@ -147,10 +142,6 @@ def cut_wide_cells(sets: KernelSets, cells: Cells) -> tuple[KernelSets, np.ndarr
     """Cuts each cell at least 1.5 times as large as those around it into pieces.
 
     k-means in the cell's own tangent plane finds the pieces.
-
-    Args:
-        sets: K sets in coordinates of a quotient map.
-        cells: of these.
 
     Returns:
         The same coordinates as P sets, one for each piece, and `(P,)` the kernel of each piece,

@@ -81,11 +81,8 @@ def skin_dimension(distances: np.ndarray) -> int:
 def space_dimension(edges: np.ndarray, distances: np.ndarray, layout: Embedding, skin: int) -> int:
     """The number of dimensions of the space that a part of the body needs: 2, 3 or 4.
 
-    Args:
-        edges: `(E, 2)` pairs of neighbours that connect all points.
-        distances: `(K, K)` shortest paths over these edges.
-        layout: of these distances in `skin + 1` dimensions.
-        skin: dimension of the skin, 1 or 2.
+    The `(K, K)` distances are shortest paths over `(E, 2)` edges that connect all points; the
+    layout is of them, in `skin + 1` dimensions.
     """
     if skin == 1:
         return 2

@@ -13,8 +13,6 @@ rounds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import isotonic_regression
 
@@ -100,26 +98,16 @@ def angles(sensations: np.ndarray, pairs: np.ndarray) -> np.ndarray:
     return 2.0 * np.arcsin(np.minimum(_steps(sensations, pairs) / 2.0, 1.0))
 
 
-@dataclass(frozen=True, slots=True)
-class _Curve:
-    """How readings fall with distance along the body: `(n,)` readings, ascending, and distances."""
+def _falling_curve(reading: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How readings fall with distance along the body: fits readings, ascending, and distances."""
+    order = np.argsort(reading)
+    bins = np.array_split(order, min(_NUM_BINS, len(order)))
+    mean = np.array([[reading[rows].mean(), distance[rows].mean()] for rows in bins])
+    return mean[:, 0], isotonic_regression(mean[:, 1], increasing=False).x
 
-    reading: np.ndarray
-    distance: np.ndarray
 
-    @classmethod
-    def fitted(cls, reading: np.ndarray, distance: np.ndarray) -> _Curve:
-        """Fits a falling curve to `(n,)` pairs."""
-        order = np.argsort(reading)
-        bins = np.array_split(order, min(_NUM_BINS, len(order)))
-        mean = np.array([[reading[rows].mean(), distance[rows].mean()] for rows in bins])
-        return cls(mean[:, 0], isotonic_regression(mean[:, 1], increasing=False).x)
-
-    def distance_at(self, reading: np.ndarray) -> np.ndarray:
-        return np.interp(reading, self.reading, self.distance)
-
-    def reading_at(self, distance: np.ndarray) -> np.ndarray:
-        return np.interp(distance, self.distance[::-1], self.reading[::-1], right=0.0)
+def _reading_at(distance: np.ndarray, curve: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+    return np.interp(distance, curve[1][::-1], curve[0][::-1], right=0.0)
 
 
 def _model(
@@ -159,12 +147,12 @@ def _model(
         offset = positions[node] - place[receptor]
         distance = np.linalg.norm(offset, axis=1) * bent[node, receptor]
         for _ in range(3):
-            curve = _Curve.fitted(reading / strength[node], distance)
-            strength = _strengths(reading, curve.reading_at(distance), node, whole)
+            curve = _falling_curve(reading / strength[node], distance)
+            strength = _strengths(reading, _reading_at(distance, curve), node, whole)
         # Moves each receptor in its plane until distances fit its readings (Gauss-Newton).
         toward = np.einsum("rdt,rd->rt", plane[receptor], -offset)
         toward /= np.maximum(np.linalg.norm(toward, axis=1), 1e-9)[:, None]
-        missing = curve.distance_at(reading / strength[node]) - distance
+        missing = np.interp(reading / strength[node], *curve) - distance
         normal = np.zeros((len(place), skin, skin))
         pull = np.zeros((len(place), skin))
         np.add.at(normal, receptor[steep], toward[steep, :, None] * toward[steep, None])
@@ -172,7 +160,7 @@ def _model(
         step = np.linalg.solve(normal + 1e-6 * np.eye(skin), pull[..., None])[..., 0]
         place += np.einsum("sdt,st->sd", plane, step)
     apart = np.linalg.norm(positions[:, None] - place, axis=2) * bent
-    model = curve.reading_at(apart)
+    model = _reading_at(apart, curve)
     model /= np.maximum(np.linalg.norm(model, axis=1), 1e-12)[:, None]
     wrong = np.square(at_place - model)[whole].sum() / np.square(at_place).sum()
     return model if wrong < 1.0 - _LEAST_EXPLAINED else None

@@ -142,17 +142,12 @@ def _expect(
 
 
 def scatter_loss(outputs: np.ndarray) -> tuple[float, np.ndarray]:
-    """Scatter within kernels against total scatter: `log det S_w - log det S_t`.
+    """Scatter within kernels against total scatter: `log det S_w - log det S_t`, and its gradient.
 
     All directions count alike, so the network gains as much from a finer wave on the body as from
     a coarser one. A small share of the mean variance is added to both as a floor: without it, one
-    direction that is constant everywhere would win.
-
-    Args:
-        outputs: `(2 n, D)`; rows i and n + i are a pair, of one kernel.
-
-    Returns:
-        The loss, and its gradient in the outputs (`(2 n, D)`; the floor held fixed).
+    direction that is constant everywhere would win. Outputs and gradient are `(2 n, D)`; rows i and
+    n + i are a pair, of one kernel. For the gradient, the floor is held fixed.
     """
     half = len(outputs) // 2
     y = outputs.astype(float)
