@@ -47,7 +47,7 @@ class Agent:
 
     representation: QuotientRepresentation
     memory: RehearsalMemory
-    kernel_sensation: csr_array | np.ndarray | None = None
+    kernel_sensation: csr_array | None = None
     knot_spacing: float = KNOT_SPACING
 
     @classmethod

@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
+from selftouch_drake.agent.motions import check_arrays
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.representation.graphs import step_links
 
@@ -57,20 +58,8 @@ class Slides:
             ValueError: an array does not fit; the text names it.
         """
         num, num_x = max(self.offsets.size - 1, 0), len(np.atleast_1d(self.x))
-        for name, shape, kinds, words in (
-            ("offsets", (num + 1,), "iu", "whole"),
-            ("ends", (num, 2, num_joints), "f", "real"),
-            ("x", (num_x, num_joints), "f", "real"),
-            ("node", (num_x,), "iu", "whole"),
-        ):
-            array = getattr(self, name)
-            if array.shape != shape or array.dtype.kind not in kinds:
-                raise ValueError(
-                    f"slide_{name} is {array.dtype} of shape {array.shape}, expected {words} "
-                    f"numbers of shape {shape}"
-                )
-            if not np.isfinite(array).all():
-                raise ValueError(f"slide_{name} must hold finite numbers")
+        shapes = {"offsets": (num + 1,), "ends": (num, 2, num_joints)}
+        check_arrays(self, shapes | {"x": (num_x, num_joints), "node": (num_x,)}, "slide_")
         ends = self.offsets[[0, -1]].tolist()
         if ends != [0, num_x] or (self.offsets[1:] < self.offsets[:-1]).any():
             raise ValueError(f"slide_offsets must rise from 0 to {num_x}")

@@ -96,7 +96,7 @@ class Plan(_Record):
         num = self.nodes.size
         steps = dict.fromkeys(("links", "in_air"), (num - 1,))
         q = (num, _width(self.waypoints_q))
-        _check(self, {"nodes": (num,), **steps, "waypoints_q": q, "waypoint_s": (num,)})
+        check_arrays(self, {"nodes": (num,), **steps, "waypoints_q": q, "waypoint_s": (num,)})
 
     @property
     def goal(self) -> int:
@@ -141,7 +141,7 @@ class Motion(_Record):
         num = self.time_s.size
         rows = dict.fromkeys(("time_s", "s", "predicted_spread"), (num,))
         moves = dict.fromkeys(("q", "v"), (num, _width(self.plan.waypoints_q)))
-        _check(self, {**rows, **moves, "predicted": (num, _width(self.predicted))})
+        check_arrays(self, {**rows, **moves, "predicted": (num, _width(self.predicted))})
 
     @property
     def goal(self) -> int:
@@ -194,7 +194,7 @@ class Execution(_Record):
         moves = dict.fromkeys(("q_measured", "v_measured"), self.motion.q.shape)
         num_torques = self.torque.shape[0] if self.torque.ndim else 0
         torque = (num_torques, _width(self.motion.q))
-        _check(self, {"felt": self.motion.predicted.shape, **moves, "torque": torque})
+        check_arrays(self, {"felt": self.motion.predicted.shape, **moves, "torque": torque})
 
     @property
     def contact(self) -> float:
@@ -213,14 +213,19 @@ def _width(array: np.ndarray) -> int:
 
 _WHOLE, _BOOLEANS = ("iu", "whole numbers"), ("b", "booleans")
 #: Kinds of numbers of the arrays that do not hold real numbers, and their names in errors.
-_KINDS = {"nodes": _WHOLE, "links": _WHOLE, "in_air": _BOOLEANS}
+_KINDS = dict.fromkeys(("nodes", "links", "node", "offsets"), _WHOLE) | {"in_air": _BOOLEANS}
 
 
-def _check(record: _Record, expected: Mapping[str, tuple[int, ...]]) -> None:
+def check_arrays(record: Any, expected: Mapping[str, tuple[int, ...]], prefix: str = "") -> None:
+    """Checks shapes and kinds of arrays of a record; the prefix is of their names in a file.
+
+    Raises:
+        ValueError: an array does not fit; the text names it.
+    """
     for name, shape in expected.items():
         array = getattr(record, name)
         if array.shape != shape:
-            raise ValueError(f"{name} has shape {array.shape}, expected {shape}")
+            raise ValueError(f"{prefix}{name} has shape {array.shape}, expected {shape}")
         kinds, words = _KINDS.get(name, ("iuf", "finite numbers"))
         if array.dtype.kind not in kinds or not np.isfinite(array).all():
-            raise ValueError(f"{name} must hold {words}")
+            raise ValueError(f"{prefix}{name} must hold {words}")

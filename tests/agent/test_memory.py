@@ -61,7 +61,7 @@ def test_a_slide_is_known_by_its_ends():
         (
             "ends",
             np.zeros((1, 2, 2)),
-            "slide_ends is float64 of shape (1, 2, 2), expected real numbers of shape (1, 2, 3)",
+            "slide_ends has shape (1, 2, 2), expected (1, 2, 3)",
         ),
         ("node", np.array([-1]), "slide_node must name kernels 0 to 8"),
         ("node", np.array([9]), "slide_node must name kernels 0 to 8"),
@@ -133,11 +133,11 @@ def test_a_memory_of_another_scale_is_foreign():
         (
             "slide_ends",
             np.zeros((0, 2, 3)),
-            r"slide_ends is float64 of shape \(0, 2, 3\), expected",
+            r"slide_ends has shape \(0, 2, 3\), expected",
         ),
         ("slide_x", np.full((1, 2), np.nan), "slide_x must hold finite numbers"),
         ("slide_offsets", np.array([3]), "slide_offsets must rise from 0 to 0"),
-        ("slide_node", np.array([0.5]), "slide_node is float64 of .* expected whole numbers"),
+        ("slide_node", np.array([0.5]), "slide_node has shape"),
     ],
 )
 def test_a_damaged_memory_is_refused(name, array, message):

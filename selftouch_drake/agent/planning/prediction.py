@@ -36,7 +36,7 @@ def predict_sensation(
     representation: QuotientRepresentation,
     plan: Plan,
     s: np.ndarray,
-    kernel_sensation: csr_array | np.ndarray | None = None,
+    kernel_sensation: csr_array | None = None,
 ) -> Prediction:
     """The sensation expected along a plan, from stored touches.
 
@@ -53,8 +53,7 @@ def predict_sensation(
         representation: the one used to make the plan.
         plan: the plan.
         s: `(T,)` rad, path lengths in `[0, plan.waypoint_s[-1]]`.
-        kernel_sensation: `(R, S)` unit L2 norm, dense or sparse, the sensation at each row of
-            `kernel_q`.
+        kernel_sensation: `(R, S)` unit L2 norm, the sensation at each row of `kernel_q`.
     """
     at_waypoints = _at_waypoints(representation, plan, kernel_sensation)
     length = plan.waypoint_s[-1]
@@ -90,7 +89,7 @@ def recall_sensation(plan: Plan, s: np.ndarray, places: np.ndarray, felt: np.nda
 def _at_waypoints(
     representation: QuotientRepresentation,
     plan: Plan,
-    kernel_sensation: csr_array | np.ndarray | None,
+    kernel_sensation: csr_array | None,
 ) -> np.ndarray:
     """`(W, S)` the sensation at each waypoint; the target sensation where none is stored.
 
@@ -111,7 +110,7 @@ def _at_waypoints(
         # Stored configurations are float32.
         if off.min() < 1e-5:
             nearest = members.start + int(off.argmin())
-            sensation[row] = _dense(kernel_sensation[nearest : nearest + 1])[0]
+            sensation[row] = kernel_sensation[[nearest]].toarray()[0]
     if plan.nodes[0] == NO_KERNEL:
         sensation[0] = sensation[1]
     return sensation
@@ -119,7 +118,7 @@ def _at_waypoints(
 
 def _most_alike(
     representation: QuotientRepresentation,
-    kernel_sensation: csr_array | np.ndarray,
+    kernel_sensation: csr_array,
     plan: Plan,
     s: np.ndarray,
     blend: np.ndarray,
@@ -142,7 +141,7 @@ def _most_alike(
         here = step == number
         likeness = np.ascontiguousarray((felt @ blend[here].T.astype(felt.dtype)).T)
         alike = members[_largest(likeness, min(_NUM_ALIKE, len(members)))]
-        chosen = _dense(kernel_sensation[alike.ravel()])
+        chosen = kernel_sensation[alike.ravel()].toarray()
         result[here] = chosen.reshape(*alike.shape, -1).mean(axis=1)
     return _unit(result)
 
@@ -210,7 +209,3 @@ def _unit(sensation: np.ndarray) -> np.ndarray:
     """`(T, S)` each row divided by its L2 norm; null rows stay null."""
     length = np.sqrt(np.einsum("ts,ts->t", sensation, sensation))
     return sensation * np.divide(1.0, length, out=length, where=length > 0.0)[:, None]
-
-
-def _dense(rows: csr_array | np.ndarray) -> np.ndarray:
-    return rows if isinstance(rows, np.ndarray) else rows.toarray()

@@ -80,9 +80,9 @@ def time_path(
 
     limits = velocity_limit, acceleration_limit
     pieces = _pieces(path)
-    _require_bearable(_least_duration(path, *limits))
     fastest = _fastest(path, *limits)
     s_of_t = _quintic(path) if fastest is None else _eased(fastest)
+    _require_bearable(s_of_t.x[-1])
     along_path = _largest_load(*_path_shares(pieces, s_of_t, *limits))
     while True:
         end_s = s_of_t.x[-1]
@@ -144,17 +144,6 @@ def _quintic(path: BSpline) -> PPoly:
     quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / _REST_S ** np.arange(6)
     progress = np.ptp(path.t) * quintic + path.t[0] * np.eye(6)[0]
     return PPoly(progress[::-1, None], [0.0, _REST_S])
-
-
-def _least_duration(
-    path: BSpline, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
-) -> float:
-    """s, a lower bound for the duration of any motion along the path, from rest."""
-    q = path(np.linspace(path.t[0], path.t[-1], 100))
-    travelled, farthest = np.abs(np.diff(q, axis=0)).sum(axis=0), np.abs(q - q[0]).max(axis=0)
-    return float(
-        np.maximum(travelled / velocity_limit, np.sqrt(2.0 * farthest / acceleration_limit)).max()
-    )
 
 
 def _require_bearable(duration_s: float) -> None:

@@ -187,17 +187,11 @@ def quick_to_sort(kernel: np.ndarray) -> np.ndarray:
 
 
 def kernel_sensations(kernel_row: np.ndarray, sensations: Iterable[np.ndarray]) -> csr_array:
-    """Collects the sensations of the stored configurations from streamed experience.
+    """`(R, S)` float32, unit L2 norm: the sensations of stored configurations.
 
     Few receptors feel a touch: for a million touches on 100 receptors this takes 70 MB, a dense
-    array 400 MB. That is why it is not part of the representation.
-
-    Args:
-        kernel_row: `(R,)` row of each stored configuration in the experience.
-        sensations: `(n, S)` N, all the experience that was learned from, in batches.
-
-    Returns:
-        `(R, S)` float32, unit L2 norm.
+    array 400 MB. That is why it is not part of the representation. `kernel_row` is `(R,)`, of the
+    experience; the batches `(n, S)` N are all the experience that was learned from.
 
     Raises:
         ValueError: the experience has fewer rows than the representation was learned from.

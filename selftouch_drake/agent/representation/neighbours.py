@@ -31,19 +31,12 @@ def complete_edges(num_kernels: int) -> np.ndarray:
 def neighbour_edges(
     distance: np.ndarray, num_mutual: int = NUM_MUTUAL, num_kept: int = NUM_KEPT
 ) -> np.ndarray:
-    """Prunes the complete graph to near neighbours.
+    """`(E, 2)` pairs i < j, sorted: prunes the complete graph to near neighbours.
 
     Two kernels are neighbours if each is among the `num_mutual` nearest of the other, which
     excludes the many one-sided pairs; or if one is among the `num_kept` nearest of the other, so
-    that no kernel is isolated.
-
-    Args:
-        distance: `(K, K)` symmetric; pairs at infinite distance are not neighbours.
-        num_mutual: 0 keeps only the union of the nearest.
-        num_kept: 0 keeps only the mutual nearest.
-
-    Returns:
-        `(E, 2)` pairs i < j, sorted.
+    that no kernel is isolated. The `(K, K)` distance is symmetric; pairs at infinite distance are
+    not neighbours.
     """
     distance = np.array(distance, dtype=float)
     np.fill_diagonal(distance, np.inf)

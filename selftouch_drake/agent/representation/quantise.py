@@ -6,6 +6,7 @@ place, whereas otherwise all light touches would fall into one giant cell.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 
 import numba
@@ -22,8 +23,14 @@ _ROWS = 1024
 #: arms touch, 30 of 182 cells held one touch in 100,000 each, and no other less than 349.
 _RARE = 0.05
 
+#: Iterations of Lloyd that move the targets.
+_LLOYD = 4
+
 #: Below this squared distance two unit sensations are the same one, to float32 rounding.
 _SAME = 1e-6
+
+#: Of clusters, the best of so many random starts is kept, each after so many iterations.
+_NUM_STARTS, _ITERATIONS = 8, 10
 
 
 def strength(sensation: np.ndarray) -> np.ndarray:
@@ -100,7 +107,6 @@ def target_sensations(
     sensation: np.ndarray,
     num_targets: int,
     *,
-    num_iterations: int = 4,
     or_fewer: bool = False,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> np.ndarray:
@@ -113,7 +119,6 @@ def target_sensations(
     Args:
         sensation: `(n, S)` N, no row null.
         num_targets: K, number of target sensations.
-        num_iterations: Lloyd iterations.
         or_fewer: give as many targets as there are distinct sensations, if these are fewer.
         progress: called with the fraction done.
 
@@ -136,7 +141,7 @@ def target_sensations(
         )
     progress(0.5)
     centres = points[start]
-    for iteration in range(num_iterations):
+    for iteration in range(_LLOYD):
         label, _ = assign(points, centres)
         cells = csr_array(
             (np.ones(len(points), np.float32), (label, np.arange(len(points)))),
@@ -145,7 +150,7 @@ def target_sensations(
         total = cells @ points
         norm = np.linalg.norm(total, axis=1, keepdims=True)
         centres = np.divide(total, norm, out=centres, where=norm > 0)
-        progress(0.5 + 0.5 * (iteration + 1) / num_iterations)
+        progress(0.5 + 0.5 * (iteration + 1) / _LLOYD)
     return _without_empty_cells(points, centres)
 
 
@@ -171,3 +176,23 @@ def _without_empty_cells(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
         if not len(empty):
             return centres
         centres[empty] = points[np.argsort(error, kind="stable")[-len(empty) :]]
+
+
+def clusters(points: np.ndarray, number: int) -> np.ndarray:
+    """`(n,)` the cluster, 0 to `number` - 1, of each of `(n, D)` points; always the same.
+
+    By k-means: scikit-learn takes longer to import than to work on few points.
+    """
+    from scipy.cluster.vq import kmeans2  # takes a fifth of a second, which plans need not wait for
+
+    points = np.asarray(points, dtype=float)
+    rng = np.random.default_rng(0)
+    best, least = np.zeros(len(points), dtype=int), np.inf
+    with warnings.catch_warnings(), np.errstate(invalid="ignore"):
+        warnings.filterwarnings("ignore", "One of the clusters is empty")
+        for _ in range(_NUM_STARTS):
+            centres, label = kmeans2(points, number, iter=_ITERATIONS, minit="++", rng=rng)
+            error = np.square(points - centres[label]).sum()
+            if error < least:
+                best, least = label, error
+    return best

@@ -15,9 +15,9 @@ from functools import partial
 
 import numpy as np
 
-from selftouch_drake.agent.clusters import clusters
 from selftouch_drake.agent.network import Network, standardised, toward, train
 from selftouch_drake.agent.representation.kernels import KernelSets
+from selftouch_drake.agent.representation.quantise import clusters
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
 
 #: The network that predicts sensations: hidden layers, outputs (principal components of target
@@ -79,12 +79,8 @@ def touch_modes(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Finds the modes of touch, and the mode of each stored configuration.
 
-    Args:
-        sets: K sets of configurations, scaled or not.
-        target_sensations: `(K, S)` unit L2 norm.
-        part: `(K,)` the part of the body of each kernel; 0 is the largest.
-        seed: the same seed gives the same bytes, on one machine.
-        progress: called with the fraction done.
+    The sets may be scaled or not, targets are `(K, S)`, unit L2 norm, and `part` is `(K,)` the part
+    of the body of each kernel; 0 is the largest. The same seed gives the same bytes on one machine.
 
     Returns:
         `(R,)` int8, the mode of each configuration, or `NO_MODE`; `(M, J)` bool, the joints that

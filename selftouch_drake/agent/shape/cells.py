@@ -15,9 +15,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from selftouch_drake.agent.clusters import clusters
 from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.neighbours import neighbour_edges, one_ring
+from selftouch_drake.agent.representation.quantise import clusters
 
 #: Share of a cell's configurations that are dropped as outliers: those farthest from its centre.
 _STRAYS = 0.1

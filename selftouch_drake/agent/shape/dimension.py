@@ -106,14 +106,8 @@ def intrinsic_dimension(distances: np.ndarray, skin: int = 2) -> float:
 
     Kernels are evenly spaced, so estimators that use nearest neighbours (TwoNN, maximum
     likelihood) do not apply: they assume random positions. On average a ball of radius r around a
-    kernel holds c r^d others.
-
-    Args:
-        distances: `(K, K)` geodesic distances, symmetric, finite.
-        skin: dimension of the skin, 1 for a line and 2 for a surface.
-
-    Returns:
-        The dimension; about 1 for a line, 1.8 to 2.4 for a surface.
+    kernel holds c r^d others. It is about 1 for a line (skin 1), 1.8 to 2.4 for a surface (skin 2).
+    The `(K, K)` geodesic distances are symmetric and finite.
 
     Raises:
         ValueError: there are fewer than 50 kernels.

@@ -166,13 +166,11 @@ def curvature_corrected_mds(
     Geodesics along a body are longer than straight lines. Each pass measures the ratio on the
     current layout, shortens the distances by it, and lays out again. This also amplifies errors of
     the distances, so the passes end when one of the first two does not lower the stress by a third.
-    Bodies with rims need more: further passes go on while the stress falls.
+    Bodies with rims need more: further passes go on while the stress falls. Without passes, it is
+    the layout of `stress_embedding`.
 
-    Args:
-        edges: `(E, 2)` pairs of neighbours that connect all points.
-        distances: `(K, K)` shortest paths over these edges, whatever the edge lengths.
-        dimension: of the layout, 2, 3 or 4.
-        most_passes: 0 keeps the layout of `stress_embedding`.
+    The `(K, K)` distances are shortest paths over `(E, 2)` edges that connect all points, whatever
+    the edge lengths.
     """
     majoriser = Majoriser.of(distances)
     found = stress_embedding(distances, dimension=dimension, majoriser=majoriser)

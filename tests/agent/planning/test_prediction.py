@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
 
 from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.agent.planning import Planner, predict_sensation
@@ -13,6 +14,10 @@ def felt_at(q):
     angle = np.arctan2(q[..., 1], q[..., 0])
     bump = np.exp(8.0 * (np.cos(angle[..., None] - SENSORS) - 1.0))
     return bump / np.linalg.norm(bump, axis=-1, keepdims=True)
+
+
+def remembered_by(representation):
+    return csr_array(felt_at(representation.kernel_q.astype(float)))
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +39,7 @@ def error(predicted, plan, s):
 def test_remembered_sensations_foretell_more_than_targets(dense):
     plan = Planner(dense).plan(dense.kernel_q[5], [0, 3])
     s = np.linspace(0.0, plan.waypoint_s[-1], 200)
-    remembered = felt_at(dense.kernel_q.astype(float))
+    remembered = remembered_by(dense)
     by_targets = error(predict_sensation(dense, plan, s).sensation, plan, s)
     by_memory = error(predict_sensation(dense, plan, s, remembered).sensation, plan, s)
     assert by_memory < 0.3 * by_targets
@@ -43,7 +48,7 @@ def test_remembered_sensations_foretell_more_than_targets(dense):
 
 def test_a_prediction_begins_with_what_is_felt_now(dense):
     plan = Planner(dense).plan(dense.kernel_q[5], [0, 3])
-    remembered = felt_at(dense.kernel_q.astype(float))
+    remembered = remembered_by(dense)
     (first,) = predict_sensation(dense, plan, np.zeros(1), remembered).sensation
     assert np.allclose(first, remembered[5], atol=1e-6)
     # Away from stored configurations, the target sensation is predicted.
@@ -55,21 +60,21 @@ def test_a_prediction_begins_with_what_is_felt_now(dense):
 def test_predictions_have_unit_length_and_no_negative_reading(dense):
     plan = Planner(dense).plan(dense.kernel_q[5], [0, 4])
     s = np.linspace(0.0, plan.waypoint_s[-1], 100)
-    predicted = predict_sensation(dense, plan, s, felt_at(dense.kernel_q.astype(float))).sensation
+    predicted = predict_sensation(dense, plan, s, remembered_by(dense)).sensation
     assert predicted.min() >= 0.0
     assert np.allclose(np.linalg.norm(predicted, axis=1), 1.0)
 
 
 def test_staying_feels_the_same(dense):
     plan = Planner(dense).plan(dense.kernel_q[5], [0, 0])
-    remembered = felt_at(dense.kernel_q.astype(float))
+    remembered = remembered_by(dense)
     predicted = predict_sensation(dense, plan, np.zeros(3), remembered).sensation
     assert np.allclose(predicted, remembered[5], atol=1e-6)
 
 
 @pytest.mark.parametrize("remembers", [False, True])
 def test_nothing_is_predicted_before_the_first_touch(dense, remembers):
-    remembered = felt_at(dense.kernel_q.astype(float)) if remembers else None
+    remembered = remembered_by(dense) if remembers else None
     plan = Planner(dense).plan(np.array([1.5, 0.0, 0.4]), [None, 2])
     assert plan.nodes[0] == NO_KERNEL
     s = np.linspace(0.0, plan.waypoint_s[-1], 300)
@@ -81,7 +86,7 @@ def test_nothing_is_predicted_before_the_first_touch(dense, remembers):
 
 def test_the_agent_is_surer_at_waypoints_than_between(dense):
     plan = Planner(dense).plan(dense.kernel_q[5], [0, 3])
-    remembered = felt_at(dense.kernel_q.astype(float))
+    remembered = remembered_by(dense)
     at = predict_sensation(dense, plan, plan.waypoint_s, remembered).spread
     halfway = (plan.waypoint_s[1:] + plan.waypoint_s[:-1]) / 2.0
     between = predict_sensation(dense, plan, halfway, remembered).spread
