@@ -18,6 +18,7 @@ MODULES = [
 FORBIDDEN = (
     "pydrake",
     "selftouch_drake.robot",
+    "selftouch_drake.bodies",
     "selftouch_drake.evaluation",
     "selftouch_drake.experiment",
     "selftouch_drake.experience",
@@ -88,6 +89,7 @@ def outside(source: str) -> set[str]:
         "selftouch_drake.agent",
         "selftouch_drake.compiled",
         "selftouch_drake.geometry.farthest",
+        "selftouch_drake.randomness",
         "selftouch_drake.threads",
     )
     return {n for n in names if n.split(".")[0] not in ALLOWED and not n.startswith(own)}
