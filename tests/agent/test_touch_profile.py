@@ -44,7 +44,8 @@ def test_what_is_felt_there_is_what_the_slider_feels(motion):
     found = felt_across(motion, OFFSETS, SLIDER)
     row = np.flatnonzero(motion.time_s == found.time_s[2])[0]
     there = motion.q[row] + OFFSETS[:, None] * found.across[2]
-    np.testing.assert_allclose(found.strength[2], np.linalg.norm(SLIDER.feel(there), axis=1))
+    felt = SLIDER.feel(there).sensation
+    np.testing.assert_allclose(found.strength[2], np.linalg.norm(felt, axis=1))
 
 
 def test_nothing_is_felt_for_in_the_air(motion):
