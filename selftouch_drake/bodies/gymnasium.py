@@ -88,6 +88,8 @@ class GymnasiumBody:
     ):
         self._env, self._joints, self._touch = env, joints, touch
         self.robot_s, self._drive = 0.0, None
+        # Where the last motion was to end; None if it is elsewhere.
+        self._at: np.ndarray | None = None
         self._set_posture = _setter(env, set_posture, reset_option)
         self.jumps = self._set_posture is not None
         self._step_s = step_s or _step_s(env)
@@ -146,6 +148,7 @@ class GymnasiumBody:
         reached = np.empty(len(q), dtype=bool)
         for row, posture in enumerate(q):
             reached[row] = self._go(posture)
+            self._at = posture.copy() if reached[row] else None
             where[row], felt[row] = self._q, self._sensation
         return Felt(q=where, sensation=felt, reached=reached)
 
@@ -162,7 +165,8 @@ class GymnasiumBody:
         path = np.stack([np.interp(times, time_s, column) for column in q.T], axis=1)
         speeds = np.gradient(path, self._step_s, axis=0) if len(path) > 1 else np.zeros_like(path)
         for _ in range(_TRIES):
-            self._go(q[0])
+            if not np.array_equal(q[0], self._at):
+                self._go(q[0])
             try:
                 rows = [(self._q, self._sensation)]
                 for target, speed in zip(path[1:], speeds[1:], strict=True):
@@ -170,6 +174,7 @@ class GymnasiumBody:
                     rows.append((self._q, self._sensation))
             except _EpisodeEndedError:
                 continue
+            self._at = q[-1].copy()
             where, felt = zip(*rows, strict=True)
             return Followed(time_s=times, q=np.array(where), sensation=np.array(felt))
         raise BodyError(
@@ -245,6 +250,7 @@ class GymnasiumBody:
     def _reset(self) -> None:
         observation, _ = self._env.reset(seed=0)
         self._take(observation)
+        self._at = None
         if self._drive is not None:
             self._drive.forget()
 

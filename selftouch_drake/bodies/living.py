@@ -34,6 +34,8 @@ class CalibratedBody:
         self.velocity, self.acceleration = body.velocity, body.acceleration
         self.num_receptors = body.num_receptors
         self._met = list[Felt]()
+        # Where the last motion was to end.
+        self._at: np.ndarray | None = None
 
     @property
     def robot_s(self) -> float:
@@ -43,6 +45,7 @@ class CalibratedBody:
     def feel(self, q: np.ndarray) -> Felt:
         """As of `Body`, with sensations."""
         felt = self._body.feel(q)
+        self._at = None
         sensation = self._calibration.sensation(felt.sensation)
         return self._noted(Felt(q=felt.q, sensation=sensation, reached=felt.reached))
 
@@ -60,9 +63,10 @@ class CalibratedBody:
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
         """As of `Body`, with sensations; a body that travels goes to the first one before."""
-        if not self.jumps:
+        if not self.jumps and not np.array_equal(q[0], self._at):
             self._body.feel(q[:1])
         followed = self._body.follow(time_s, q)
+        self._at = q[-1].copy()
         sensation = self._calibration.sensation(followed.sensation)
         measured = replace(followed, sensation=sensation)
         self._noted(measured.felt())

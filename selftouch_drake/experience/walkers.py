@@ -73,4 +73,11 @@ class Walker:
         self._at = path[-1]
         if len(path) < 2:
             return self.body.feel(path)
-        return self.body.follow(duration * np.arange(len(path)), path).felt()
+        if self.body.jumps:
+            return self.body.follow(duration * np.arange(len(path)), path).felt()
+        # No joint is asked to be faster than it may.
+        needs = (np.abs(np.diff(path, axis=0)) / self.body.velocity).max(axis=1)
+        steps = duration * np.ceil(needs / duration).clip(1.0)
+        followed = self.body.follow(np.append(0.0, steps.cumsum()), path)
+        # Where it begins has been felt before.
+        return followed.felt().of_rows(np.flatnonzero(followed.time_s > 0.0))
