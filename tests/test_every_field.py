@@ -261,6 +261,11 @@ BABBLED = {
         nested("babbling.mode", "dynamic"),
         lambda new, old: strides(new) < 0.7 * strides(old),
     ),
+    "babbling.jumps": (
+        nested("babbling", {"mode": "dynamic", "jumps": False, "walk_size": 30}),
+        nested("babbling", {"mode": "dynamic", "walk_size": 30}),
+        lambda new, old: differs(new["q"], old["q"]),
+    ),
     "babbling.walk_size": (
         nested("babbling.walk_size", 20),
         {},
@@ -402,6 +407,7 @@ EXEMPT = {
     "python.class_": "tests/bodies/test_own.py",
     "python.arguments": "tests/bodies/test_own.py",
     "python.timeout_s": "tests/bodies/test_own.py",
+    "babbling.robot_hours": "tests/bodies/test_lives.py: babbling ends when they are over",
     "gymnasium.env": "tests/bodies/test_gymnasium.py",
     "gymnasium.arguments": "tests/bodies/test_gymnasium.py",
     "gymnasium.joints": "tests/bodies/test_gymnasium.py",
@@ -430,7 +436,7 @@ def row(field, slow):
 
 def is_slow(field):
     """Under dynamics, or tested in its own room too."""
-    return field.startswith("changes") or field.endswith(("delay", "mode", "step_duration"))
+    return field.startswith("changes") or field.endswith(("delay", "mode", "jumps", "step_duration"))
 
 
 @pytest.mark.parametrize("field", DESCRIBED)

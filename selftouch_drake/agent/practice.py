@@ -124,7 +124,7 @@ def dry_run(plan: Plan, slider: Slider) -> DryRun:
     length = plan.waypoint_s[-1]
     s = np.linspace(0.0, length, 2 + int(length / _SAMPLED))
     x = plan.path(s) * slider.joint_scale
-    there = slider.feel(x)
+    there = slider.feel_along(x)
     felt, impossible = there.sensation, ~there.reached
     step = steps(plan.waypoint_s, s)
     lost = plan.touching(s) & ~felt.any(axis=1)
@@ -212,7 +212,7 @@ def out_of_the_way(
     for row in rows[:: max(len(rows) // _NUM_ASIDE, 1)]:
         other = np.where(still, representation.scaled(representation.kernel_q[row]), x)
         there = int(slider.feel(other).reached.sum())
-        if there > most and slider.feel(straight(x[0], other[0])).reached.all():
+        if there > most and slider.feel_along(straight(x[0], other[0])).reached.all():
             best, most = other[0], there
     return best
 

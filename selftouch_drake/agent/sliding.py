@@ -32,6 +32,12 @@ _LEAST_FELT, _MOST_FELT = 0.3, 3.0
 # It gives up if less than this share of the remaining way is along the skin.
 _ACROSS = 1e-3
 
+#: A body that travels follows a path at this share of its velocity limits, to feel along it. It was
+#: there if each joint was within this share of its range.
+_SLOWLY, _NEAR = 0.25, 0.01
+#: Steps within which it gets up speed.
+_BEGINNING = 8
+
 # Number of straight ways checked for a detour before it gives up.
 _MOST_CHECKS = 300
 
@@ -54,6 +60,30 @@ class Slider:
     def feel(self, x: np.ndarray) -> Felt:
         """What the body feels at `(n, J)` configurations, and whether it can be there."""
         return self.body.feel(x / self.joint_scale)
+
+    def feel_along(self, x: np.ndarray) -> Felt:
+        """As `feel`, for `(n, J)` configurations that lie close together on a path.
+
+        A body that travels follows the path in one slow motion, and visits by themselves only those
+        that it then did not come near to.
+        """
+        body, q = self.body, x / self.joint_scale
+        if body.jumps or len(x) < 2:
+            return self.feel(x)
+        needs = (np.abs(np.diff(q, axis=0)) / (_SLOWLY * body.velocity)).max(axis=1)
+        needs /= ((1 + np.arange(len(needs))) / _BEGINNING).clip(max=1.0)
+        time_s = np.append(0.0, needs.clip(1e-3).cumsum())
+        followed = body.follow(time_s, q)
+        rows = np.arange(len(followed.time_s))
+        along = followed.felt().of_rows(
+            np.rint(np.interp(time_s, followed.time_s, rows)).astype(int)
+        )
+        near = (np.abs(along.q - q) <= _NEAR * (body.upper - body.lower)).all(axis=1)
+        if not near.all():
+            visited = self.feel(x[~near])
+            for name in ("q", "sensation", "reached"):
+                getattr(along, name)[~near] = getattr(visited, name)
+        return along
 
     def slide(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
         """Slides from one touching configuration to another; only joints that differ move.
@@ -119,7 +149,7 @@ class Slider:
                 return x[way[1:-1]]
             i, j = unsure[0]
             checked[i, j] = checked[j, i] = True
-            if not self.feel(straight(x[i], x[j])).reached.all():
+            if not self.feel_along(straight(x[i], x[j])).reached.all():
                 length[i, j] = length[j, i] = 0.0
         return None
 

@@ -87,7 +87,8 @@ class LivingBody:
 
     def __init__(self, body: CheckedBody, calibration: Calibration | None = None):
         self._body = body
-        self._calibrated = None if calibration is None else CalibratedBody(body, calibration)
+        self._calibrated: CalibratedBody | None = None
+        self.recall(calibration)
         atexit.register(body.close)
 
     @property
@@ -113,6 +114,11 @@ class LivingBody:
         """Whether any posture may be asked for next."""
         return self._body.jumps
 
+    def recall(self, calibration: Calibration | None) -> None:
+        """Takes a calibration that is known, if it has none yet."""
+        if self._calibrated is None and calibration is not None:
+            self._calibrated = CalibratedBody(self._body, calibration)
+
     def calibrate(self, experiment: Experiment) -> Calibration:
         """Calibrates the receptors: the body walks at random, in touch or not.
 
@@ -121,7 +127,9 @@ class LivingBody:
         """
         walker, path = walker_of(experiment, self._body), random_walk(experiment, self._body, 0)
         if walker.timed:
-            walker.begin_at(path.steps(1)[0])
+            start = path.steps(1)
+            self._body.feel(start)
+            walker.begin_at(start[0])
         parts, num_rows, began = list[Felt](), 0, self._body.spent.robot_s
         while num_rows < _ROWS and self._body.spent.robot_s - began < _LONG_ENOUGH_S:
             size = walker.batch if walker.timed else _ROWS

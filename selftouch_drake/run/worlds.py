@@ -167,4 +167,6 @@ def keep_bodies(run: RunDirectory, bodies: Bodies) -> None:
     """Makes `bodies` those that `run_bodies` returns; skins are kept for other processes."""
     if (world := bodies.world) is not None:
         kept_skins(run.cache, run.fingerprint(), run.experiment, lambda _: world.skins)
+    if isinstance(bodies, LivingBody):
+        bodies.recall(run.known_calibration())
     bodies_of.keep(bodies, run.experiment.after(0), run.fingerprint())

@@ -1,0 +1,82 @@
+"""A toy that travels, and remembers where it was asked to go; it can be told to break."""
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+from toys import GRID, Flat
+
+from selftouch_drake.agent.body import Felt, Followed
+
+
+class Travels(Flat):
+    """A finger that travels over a flat skin, whose readings rest at 10 counts.
+
+    It breaks in the motion whose number is in the file `TOY_BREAKS` names, as that file says, and
+    writes into the file `TOY_RESTED` names that it rests.
+    """
+
+    step_s = 0.02
+
+    def __init__(self):
+        super().__init__(jumps=False)
+        self.robot_s, self.at, self.asked, self.num = 0.0, self.lower, [], 0
+        self.noise = np.random.default_rng(0)
+
+    def touch(self, q):
+        return 10.0 + np.rint(200.0 * super().touch(q)) + self.noise.integers(0, 2, (len(q), 16))
+
+    def feel(self, q):
+        self.asked.append(("feel", q.copy()))
+        for posture in q:
+            self.robot_s += float(np.max(np.abs(posture - self.at) / self.velocity)) + 0.1
+            self.at = posture.copy()
+        return Felt(q=q, sensation=self.touch(q), reached=np.ones(len(q), dtype=bool))
+
+    def follow(self, time_s, q):
+        self.num += 1
+        breaks = Path(os.environ.get("TOY_BREAKS", "/nowhere"))
+        if breaks.exists() and self.num >= (said := json.loads(breaks.read_text()))["motion"]:
+            breaks.unlink()
+            if said["how"] == "hangs":
+                import time
+
+                time.sleep(30)
+            raise KeyboardInterrupt if said["how"] == "ctrl-c" else OSError("cable is loose")
+        self.asked.append(("follow", q.copy(), time_s.copy(), self.at.copy()))
+        times = np.arange(0.0, time_s[-1] + 1e-9, self.step_s)
+        where = np.stack([np.interp(times, time_s, column) for column in q.T], axis=1)
+        self.robot_s += float(time_s[-1])
+        self.at = q[-1].copy()
+        return Followed(time_s=times, q=where, sensation=self.touch(where))
+
+    def rest(self):
+        if "TOY_RESTED" in os.environ:
+            with Path(os.environ["TOY_RESTED"]).open("a") as file:
+                file.write("at rest\n")
+
+
+class OtherJoints(Travels):
+    joint_names = ("x", "y", "thumb")
+
+
+class FewerReceptors(Travels):
+    num_receptors = 15
+
+    def touch(self, q):
+        return super().touch(q)[:, :15]
+
+
+class Numb(Flat):
+    """Feels nothing, anywhere."""
+
+    def touch(self, q):
+        return np.full((len(q), len(GRID)), 10.0)
+
+
+class Jumps(Flat):
+    """As `Travels`, but it is put into its postures."""
+
+    def touch(self, q):
+        return 10.0 + np.rint(200.0 * super().touch(q))
