@@ -436,7 +436,9 @@ def row(field, slow):
 
 def is_slow(field):
     """Under dynamics, or tested in its own room too."""
-    return field.startswith("changes") or field.endswith(("delay", "mode", "jumps", "step_duration"))
+    return field.startswith("changes") or field.endswith(
+        ("delay", "mode", "jumps", "step_duration")
+    )
 
 
 @pytest.mark.parametrize("field", DESCRIBED)

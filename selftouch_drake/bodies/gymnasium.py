@@ -165,7 +165,7 @@ class GymnasiumBody:
         path = np.stack([np.interp(times, time_s, column) for column in q.T], axis=1)
         speeds = np.gradient(path, self._step_s, axis=0) if len(path) > 1 else np.zeros_like(path)
         for _ in range(_TRIES):
-            if not np.array_equal(q[0], self._at):
+            if self._at is None or not np.array_equal(q[0], self._at):
                 self._go(q[0])
             try:
                 rows = [(self._q, self._sensation)]
