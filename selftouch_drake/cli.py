@@ -374,7 +374,11 @@ def plan(directory: RunDirectory, targets: list) -> None:
                 f"--from-q needs a body, and {directory.path} was imported: give --body, or "
                 "--from, the target sensation felt at the start"
             )
-        motion = stages.plan_imported(directory, *targets)
+        motion, novelty = stages.plan_imported(directory, *targets)
+        click.echo(
+            f"novelty: {novelty:.1f} (1 is the usual distance between recorded touches; the "
+            "higher, the less is known about the way)"
+        )
     elif q_start is None:
         motion = stages.plan(directory, *targets)
     else:

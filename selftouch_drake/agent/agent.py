@@ -134,6 +134,7 @@ class Agent:
             targets,
             link_penalty=self.memory.link_penalty,
             slides=self.memory.slides,
+            missed=self.memory.missed,
             aside=aside,
             lift_off=lift_off,
             limits=limits,

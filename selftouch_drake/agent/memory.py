@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
@@ -138,12 +138,15 @@ class RehearsalMemory:
     Attributes:
         link_penalty: `(L,)` factors on the cost of the links of its planner, 1 or more.
         slides: practised ways between touches, where straight ones lose contact.
+        missed: `(n,)` ascending rows of `kernel_q` at which a goal or a landing was not felt; plans
+            end and land elsewhere.
         num_tries: number of motions executed to learn it.
         belongs_to: fingerprint of the representation that these links belong to.
     """
 
     link_penalty: np.ndarray
     slides: Slides
+    missed: np.ndarray
     num_tries: int
     belongs_to: str
 
@@ -154,6 +157,7 @@ class RehearsalMemory:
         return cls(
             link_penalty=np.ones(len(links)),
             slides=Slides.none(len(representation.joint_scale)),
+            missed=np.empty(0, dtype=int),
             num_tries=0,
             belongs_to=_fingerprint(representation, links),
         )
@@ -168,9 +172,14 @@ class RehearsalMemory:
         penalty[links] = np.minimum(LOSS_FACTOR * penalty[links], _MOST_PENALTY)
         return replace(self, link_penalty=penalty)
 
+    def missing(self, rows: Sequence[int]) -> RehearsalMemory:
+        """The memory in which nothing was felt at some more rows of `kernel_q`."""
+        return replace(self, missed=np.union1d(self.missed, rows).astype(int))
+
     def same_as(self, other: RehearsalMemory) -> bool:
         """Whether plans are the same with this memory as with another of the same agent."""
         same = len(self.slides.ends) == len(other.slides.ends)
+        same &= np.array_equal(self.missed, other.missed)
         return same and np.array_equal(self.link_penalty, other.link_penalty)
 
     def to_arrays(self) -> dict[str, np.ndarray]:
@@ -178,6 +187,7 @@ class RehearsalMemory:
         return {
             "link_penalty": self.link_penalty,
             **{f"slide_{f.name}": getattr(self.slides, f.name) for f in fields(Slides)},
+            "missed": self.missed,
             "num_tries": np.array(self.num_tries),
             "belongs_to": np.array(self.belongs_to),
         }
@@ -193,6 +203,7 @@ class RehearsalMemory:
             ValueError: an array is missing or invalid; the text names it.
         """
         blank = cls.blank(representation)
+        arrays = {"missed": blank.missed, **arrays}
         if missing := [name for name in blank.to_arrays() if name not in arrays]:
             raise ValueError(f"{missing[0]} is missing")
         penalty, num_tries = np.asarray(arrays["link_penalty"]), np.asarray(arrays["num_tries"])
@@ -205,9 +216,16 @@ class RehearsalMemory:
             raise ValueError(f"num_tries is {num_tries.tolist()}, expected a whole number >= 0")
         if penalty.dtype.kind != "f" or not (np.isfinite(penalty) & (penalty >= 1)).all():
             raise ValueError("link_penalty must hold finite factors, 1 or more")
+        missed = np.asarray(arrays["missed"])
+        if missed.ndim != 1 or missed.dtype.kind not in "iu":
+            raise ValueError(f"missed is {missed.dtype} of shape {missed.shape}, expected rows")
+        if len(missed) and not 0 <= missed.min() <= missed.max() < representation.num_rows:
+            raise ValueError(f"missed must hold rows 0 to {representation.num_rows - 1}")
         slides = Slides(**{f.name: np.asarray(arrays[f"slide_{f.name}"]) for f in fields(Slides)})
         slides.check(representation.kernel_q.shape[1], representation.num_targets)
-        return replace(blank, link_penalty=penalty, slides=slides, num_tries=int(num_tries))
+        return replace(
+            blank, link_penalty=penalty, slides=slides, missed=missed, num_tries=int(num_tries)
+        )
 
 
 class ForeignMemoryError(ValueError):

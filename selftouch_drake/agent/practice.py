@@ -18,7 +18,8 @@ from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Plan, steps
 from selftouch_drake.agent.planning import Limits
 from selftouch_drake.agent.rehearsal import Try
-from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
+from selftouch_drake.agent.representation.quotient import stored_row
 from selftouch_drake.agent.sliding import Slider, straight
 
 #: rad of path between the places at which the agent feels, and checks that it can be there.
@@ -138,14 +139,31 @@ def dry_run(plan: Plan, slider: Slider) -> DryRun:
 def learn_from(one: Try, agent: Agent, slider: Slider) -> Agent:
     """The agent after it practised slides where a try lost contact.
 
-    Links on which it found no slide cost more from then on, and so does the last link if the goal
-    was missed.
+    Links on which it found no slide cost more from then on. If the goal was missed, the last link
+    costs more, and plans end at other touches of the goal.
     """
     plan = one.execution.motion.plan
     in_touch = one.lost_steps[~plan.in_air[one.lost_steps]]
     memory, lost = other_ways(plan, in_touch, slider, agent.memory, agent.representation)
     missed = plan.links[len(plan.links) - (not one.reached) :]
+    if not one.reached:
+        memory = memory.missing(_stored(plan, [len(plan.nodes) - 1], agent.representation))
     return agent.recalling(memory.after(_links(np.append(lost, missed))))
+
+
+def missed_touches(plan: Plan, run: DryRun, representation: QuotientRepresentation) -> list[int]:
+    """Rows of `kernel_q` at which the plan lands or ends, and what was expected was not felt.
+
+    At a landing that is a touch, in the end it is the goal.
+    """
+    if not len(plan.in_air):  # a plan to stay
+        return []
+    landings = np.flatnonzero(plan.in_air) + 1
+    felt = run.felt[np.abs(run.s - plan.waypoint_s[landings][:, None]).argmin(axis=1)]
+    without = landings[~felt.any(axis=1)].tolist()
+    if plan.goal not in felt_kernels(representation, run.felt[-1]):
+        without.append(len(plan.nodes) - 1)
+    return _stored(plan, without, representation)
 
 
 def other_ways(
@@ -223,7 +241,8 @@ def _repaired(
     """The agent after practice, its plan, and what it felt along it; `tour` plans again."""
     felt, aside = dry_run(plan, slider), None
     for _ in range(_MOST_ROUNDS):
-        if not len(felt.doubtful):
+        missed = missed_touches(plan, felt, agent.representation)
+        if not len(felt.doubtful) and not missed:
             break
         if aside is None:
             aside = out_of_the_way(plan, agent.representation, slider)
@@ -232,7 +251,7 @@ def _repaired(
                 felt = dry_run(plan, slider)
         before = agent.memory
         memory, lost = other_ways(plan, felt.doubtful, slider, before, agent.representation)
-        agent = agent.recalling(memory.avoiding(lost))
+        agent = agent.recalling(memory.avoiding(lost).missing(missed))
         if agent.memory.same_as(before):
             break
         plan = tour(agent, aside=aside)
@@ -251,6 +270,12 @@ def _detour(
         if (found := slider.detour(x_from, x_to, over)) is not None:
             return found
     return x[:0]
+
+
+def _stored(plan: Plan, waypoints: list[int], representation: QuotientRepresentation) -> list[int]:
+    """The rows of `kernel_q` that some waypoints of a plan are."""
+    rows = [stored_row(representation, plan.nodes[at], plan.waypoints_q[at]) for at in waypoints]
+    return [row for row in rows if row is not None]
 
 
 def _links(rows: np.ndarray) -> np.ndarray:

@@ -167,9 +167,12 @@ def save_memory(run: RunDirectory, memory: RehearsalMemory) -> None:
     save_arrays(run.rehearsal, memory.to_arrays())
 
 
-def save_plan(run: RunDirectory, plan: Motion | Execution, *targets: int | str) -> None:
-    """Saves a motion, executed or not, under the targets that name it."""
-    save_arrays(run.plan(*targets), plan.to_arrays() | run.stamp())
+def save_plan(
+    run: RunDirectory, plan: Motion | Execution, *targets: int | str, **numbers: float
+) -> None:
+    """Saves a motion, executed or not, and more numbers, under the targets that name it."""
+    more = {name: np.array(number) for name, number in numbers.items()}
+    save_arrays(run.plan(*targets), plan.to_arrays() | more | run.stamp())
 
 
 def load_motion(run: RunDirectory, *targets: int | str) -> Motion:

@@ -21,6 +21,7 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.motions import Motion
+from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.bodies.embodiment import World, build_world, pilot_in
@@ -33,7 +34,7 @@ from selftouch_drake.experience import (
     require_complete,
 )
 from selftouch_drake.experience.collect import robot_s
-from selftouch_drake.files import save_arrays
+from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.artifacts import (
     load_agent,
     load_body,
@@ -268,11 +269,15 @@ def plan(run: RunDirectory, *targets: int) -> Motion:
     return motion
 
 
-def plan_imported(run: RunDirectory, *targets: int) -> Motion:
+def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
     """Plans through target sensations of an imported run; keeps the plan, as CSV as well.
 
-    The plan starts at the configuration that feels most like the first target. Without a model of
-    the robot, nobody knows whether its rigid parts run into each other on the way.
+    The plan starts at the touch of the first target from which it strays least from what was
+    recorded. Without a model of the robot, nobody knows whether its rigid parts run into each other
+    on the way.
+
+    Returns:
+        The motion, and how far it strays; see `Recorded.novelty`.
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
@@ -282,10 +287,14 @@ def plan_imported(run: RunDirectory, *targets: int) -> Motion:
     assert imported is not None
     agent = load_agent(run, predicts=True)
     _require_targets(run, targets)
-    motion = timed(agent, agent.tour(targets), imported)
-    save_plan(run, motion, *targets)
+    known = agent.representation
+    free = load_arrays(run.free)["q"] if run.free.exists() else known.kernel_q[:0]
+    recorded = Recorded(known, free)
+    plan = recorded.surest(targets[0], lambda q: agent.tour(targets, q_start=q))
+    motion, novelty = timed(agent, plan, imported), recorded.novelty(plan)
+    save_plan(run, motion, *targets, plan_novelty=novelty)
     _write_trajectory(run, motion, *targets)
-    return motion
+    return motion, novelty
 
 
 def _write_trajectory(run: RunDirectory, motion: Motion, *targets: int) -> None:

@@ -147,3 +147,15 @@ def test_a_damaged_memory_is_refused(name, array, message):
     del arrays[name]
     with pytest.raises(ValueError, match=f"^{name} is missing$"):
         RehearsalMemory.from_arrays(arrays, CHAIN)
+
+
+def test_rows_where_nothing_was_felt_are_remembered_once():
+    memory = RehearsalMemory.blank(CHAIN).missing([3]).missing([1, 3])
+    assert memory.missed.tolist() == [1, 3]
+    assert not memory.same_as(RehearsalMemory.blank(CHAIN))
+    arrays = memory.to_arrays()
+    assert RehearsalMemory.from_arrays(arrays, CHAIN).same_as(memory)
+    del arrays["missed"]  # a file from before there were any
+    assert RehearsalMemory.from_arrays(arrays, CHAIN).missed.tolist() == []
+    with pytest.raises(ValueError, match="missed must hold rows 0 to 3"):
+        RehearsalMemory.from_arrays({**arrays, "missed": np.array([4])}, CHAIN)

@@ -9,7 +9,7 @@ from test_sliding import LIMIT, Finger, deep, feel, touches
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Plan
 from selftouch_drake.agent.planning.smoothing import path_length, smooth_path
-from selftouch_drake.agent.practice import dry_run, other_ways, out_of_the_way
+from selftouch_drake.agent.practice import dry_run, missed_touches, other_ways, out_of_the_way
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.sliding import Slider
 
@@ -154,3 +154,18 @@ def test_a_plan_to_stay_has_no_step_to_doubt():
     )
     felt = dry_run(plan, SLIDER)
     assert felt.doubtful.tolist() == []
+
+
+def test_a_landing_and_a_goal_at_which_nothing_is_felt_are_found():
+    x, away = touches(NUM), np.array([np.pi, 0.0, 0.0, 0.0])
+    kernel_q = x.copy()
+    kernel_q[[1, 2]] = away
+    known = dataclasses.replace(REPRESENTATION, kernel_q=kernel_q)
+
+    def missed(waypoints, in_air):
+        plan = a_plan(waypoints, links=np.full(len(in_air), -1), in_air=in_air)
+        return missed_touches(plan, dry_run(plan, SLIDER), known)
+
+    assert missed([x[0], away], [True]) == [1, 1]
+    assert missed([x[0], away, away + 1e-3], [True, False]) == [1]
+    assert missed([x[0], away, away], [False, False]) == [2]

@@ -19,6 +19,7 @@ SMALL: dict[str, list[str]] = {
     "babbling": ["--touches", "200", "--turns", "1"],
     "environments": ["--steps", "5", "--copies", "1", "--environments", "SelfTouch/Sphere-v0"],
     "imported": ["--out", "{tmp}", "--rows", "30000", "--targets", "60", "--skins", "raw"],
+    "recorded": ["--out={tmp}", "--seeds=2", "--rows=60000", "--targets=20", "--pairs=2"],
     "kills": ["--kills", "1"],
     "memory": ["{tmp}/run", "--touches", "5000", "--targets", "50", "--times", "2"],
     "table": ["--touching", "--turns", "1"],

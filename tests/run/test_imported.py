@@ -173,6 +173,7 @@ def test_a_plan_is_a_joint_trajectory(learned, recording):
     np.testing.assert_allclose(table[:, 1:8], motion["q"], atol=1e-6)
     np.testing.assert_allclose(table[:, 8:], motion["v"], atol=1e-6)
     assert np.abs(table[[0, -1], 8:]).max() < 1e-6
+    assert 0.0 < motion["plan_novelty"] < 20.0
     # Not faster than it was recorded.
     fastest = np.quantile(np.abs(np.diff(recording.q, axis=0)) * 50, 0.99, axis=0)
     assert learned.experiment.imported.max_velocity == pytest.approx(fastest, rel=0.02)

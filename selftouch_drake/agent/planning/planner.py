@@ -64,6 +64,7 @@ class Planner:
         *,
         link_penalty: np.ndarray | None = None,
         slides: Slides | None = None,
+        missed: Sequence[int] | np.ndarray = (),
         aside: np.ndarray | None = None,
         lift_off: bool = False,
         limits: Limits | None = None,
@@ -83,6 +84,7 @@ class Planner:
             link_penalty: `(L,)` factors on the cost of the links, above 1 where contact was lost
                 before.
             slides: known slides between touches; all other steps are straight.
+            missed: rows of `kernel_q` at which to end and to land no more, if there are others.
             aside: `(J,)` scaled; at the start, the joints that do not matter move there, out of the
                 way.
             lift_off: move to each goal through the air, even if links lead there.
@@ -116,11 +118,11 @@ class Planner:
             # Where the previous leg ends decides the route of this one.
             if here != goal:
                 if lift_off:
-                    here, mode = self._fly(way, goal)
+                    here, mode = self._fly(way, goal, missed)
                 elif here is None or mode == NO_MODE or not self._graphs[mode].joins(here, goal):
-                    here, mode = self._land(way, goal, mode)
+                    here, mode = self._land(way, goal, mode, missed)
             if here != goal:
-                way.follow(*self._leg(way.end, here, goal, mode, penalty))
+                way.follow(*self._leg(way.end, here, goal, mode, penalty, missed))
             here = goal
         return self._through(q_start, way, slides, limits)
 
@@ -144,19 +146,23 @@ class Planner:
         nearest = [off[modes == m][:, self._graphs[m].joints].mean(axis=1).min() for m in known]
         return int(known[np.argmin(nearest)])
 
-    def _fly(self, way: Waypoints, goal: int) -> tuple[int, int]:
+    def _fly(
+        self, way: Waypoints, goal: int, missed: Sequence[int] | np.ndarray
+    ) -> tuple[int, int]:
         """Moves through the air to the nearest touch of `goal`; returns its kernel and mode."""
-        row = self._nearest(way.end, goal_members(self.representation, goal))
+        row = self._nearest(way.end, _others(goal_members(self.representation, goal), missed))
         mode = int(self.representation.kernel_mode[row])
         way.move(goal, self._rows_x[row].astype(float), self._joints(mode), in_air=True)
         return goal, mode
 
-    def _land(self, way: Waypoints, goal: int, mode: int) -> tuple[int, int]:
+    def _land(
+        self, way: Waypoints, goal: int, mode: int, missed: Sequence[int] | np.ndarray
+    ) -> tuple[int, int]:
         """Moves to another touch, from which links lead to `goal`; returns its kernel and mode.
 
         If other joints make that touch, the current ones hold still until it is made.
         """
-        kernel, after, to = self._landing(way.end, goal)
+        kernel, after, to = self._landing(way.end, goal, missed)
         joints = self._joints(after)
         holds = mode != NO_MODE and not np.isin(joints, self._joints(mode)).any()
         if holds and self.representation.part[way.nodes[-1]] == self.representation.part[kernel]:
@@ -170,7 +176,9 @@ class Planner:
             way.move(kernel, to, joints, in_air=True)
         return kernel, after
 
-    def _landing(self, x: np.ndarray, goal: int) -> tuple[int, int, np.ndarray]:
+    def _landing(
+        self, x: np.ndarray, goal: int, missed: Sequence[int] | np.ndarray
+    ) -> tuple[int, int, np.ndarray]:
         """The firm touch nearest to the scaled `x` from which links of its mode lead to `goal`.
 
         Returns its kernel, its mode and its scaled configuration. If the modes of the goal's
@@ -181,10 +189,10 @@ class Planner:
             if (component := graph.component[goal]) < 0:
                 continue
             leads = np.repeat(graph.component == component, graph.firm.sizes)
-            found.append((self._nearest(x, graph.firm_row[leads]), mode))
+            found.append((self._nearest(x, _others(graph.firm_row[leads], missed)), mode))
         if not found:
             members = np.r_[self.representation.members(goal)]
-            found.append((self._nearest(x, members), NO_MODE))
+            found.append((self._nearest(x, _others(members, missed)), NO_MODE))
         far = [np.square(self._rows_x[row] - x).sum() for row, _ in found]
         row, mode = found[int(np.argmin(far))]
         kernel = int(np.searchsorted(self.representation.kernel_offsets, row, side="right")) - 1
@@ -195,11 +203,18 @@ class Planner:
         return int(rows[np.square(self._rows_x[rows] - x).sum(axis=1).argmin()])
 
     def _leg(
-        self, x: np.ndarray, start: int, goal: int, mode: int, penalty: np.ndarray
+        self,
+        x: np.ndarray,
+        start: int,
+        goal: int,
+        mode: int,
+        penalty: np.ndarray,
+        missed: Sequence[int] | np.ndarray,
     ) -> tuple[list[int], list[np.ndarray]]:
         """The kernels after `start` on the way to `goal`, and the scaled candidates in each."""
         graph = self._graphs[mode]
-        goal_x = self._rows_x[goal_members(self.representation, goal, mode)][:, graph.joints]
+        ends = _others(goal_members(self.representation, goal, mode), missed)
+        goal_x = self._rows_x[ends][:, graph.joints]
         nodes = carried_route(graph, x[graph.joints], start, goal, goal_x, penalty)
         assert nodes is not None, "links join the two"
         after = nodes[1:].tolist()
@@ -233,6 +248,12 @@ class Planner:
             waypoint_s=path_length(waypoints_x),
             path=path,
         )
+
+
+def _others(rows: np.ndarray, missed: Sequence[int] | np.ndarray) -> np.ndarray:
+    """The rows that are not among `missed`; all if none is left."""
+    others = rows[~np.isin(rows, missed)]
+    return others if len(others) else rows
 
 
 def checked_target(target: int | None, representation: QuotientRepresentation) -> int:

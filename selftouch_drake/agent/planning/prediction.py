@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.motions import NO_KERNEL, Plan, steps
 from selftouch_drake.agent.planning.smoothing import DEGREE, smooth_curve
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation, row_joints
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation, stored_row
 
 # Number of sensations averaged into one: fewer are noisier, more blur. 8 and 24 work as well.
 _NUM_ALIKE = 16
@@ -102,15 +102,8 @@ def _at_waypoints(
     if kernel_sensation is None:
         return sensation
     for row, (node, q) in enumerate(zip(nodes, plan.waypoints_q, strict=True)):
-        members = representation.members(node)
-        off = np.abs(representation.scaled(representation.kernel_q[members] - q))
-        mode = representation.kernel_mode[members]
-        # Joints that do not matter may have any position.
-        off = np.where(row_joints(mode, representation.mode_joints), off, 0.0).max(axis=1)
-        # Stored configurations are float32.
-        if off.min() < 1e-5:
-            nearest = members.start + int(off.argmin())
-            sensation[row] = kernel_sensation[[nearest]].toarray()[0]
+        if (stored := stored_row(representation, node, q)) is not None:
+            sensation[row] = kernel_sensation[[stored]].toarray()[0]
     if plan.nodes[0] == NO_KERNEL:
         sensation[0] = sensation[1]
     return sensation

@@ -225,6 +225,19 @@ def row_joints(mode: np.ndarray, mode_joints: np.ndarray) -> np.ndarray:
     return known[np.where(mode == NO_MODE, len(mode_joints), mode)]
 
 
+def stored_row(representation: QuotientRepresentation, kernel: int, q: np.ndarray) -> int | None:
+    """The row of `kernel_q` at which `(J,)` q is stored in a kernel; None if it is not.
+
+    Joints that do not matter to a touch may have any position.
+    """
+    members = representation.members(kernel)
+    off = np.abs(representation.scaled(representation.kernel_q[members] - q))
+    matter = row_joints(representation.kernel_mode[members], representation.mode_joints)
+    off = np.where(matter, off, 0.0).max(axis=1)
+    # Stored configurations are float32.
+    return members.start + int(off.argmin()) if off.min() < 1e-5 else None
+
+
 def _check_parts(part: np.ndarray, edges: np.ndarray) -> None:
     if not len(part):
         return

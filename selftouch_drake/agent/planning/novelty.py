@@ -1,0 +1,62 @@
+"""How far plans stray from where the robot was recorded (naive)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from selftouch_drake.agent.motions import Plan
+from selftouch_drake.agent.planning.route import goal_members
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+
+#: rad of path between the places that are looked at; most stored touches that are compared.
+_SAMPLED, _MOST_TOUCHES = 0.1, 20_000
+
+#: Number of starts from which `surest` plans. Measured on 40 plans on each of three recordings with
+#: 12 joints and 7,000 touches: with one, rigid parts overlap on 20, 25 and 25 % of the samples;
+#: with these on 16, 16 and 26 %. Contact changes by -1.0 to 1.2 %.
+_NUM_STARTS = 24
+
+
+class Recorded:
+    """Where a robot was while it was recorded.
+
+    Args:
+        representation: what was learned from the touches; their typical distance is that from one
+            to the next.
+        free_q: `(m, J)` configurations in which nothing was felt.
+    """
+
+    def __init__(self, representation: QuotientRepresentation, free_q: np.ndarray):
+        q = representation.kernel_q[:: -(-representation.num_rows // _MOST_TOUCHES)]
+        self._representation = representation
+        self._near = KDTree(representation.scaled(np.concatenate([q, free_q])))
+        beside = self._near.query(self._near.data[: len(q)], k=2)[0][:, 1]
+        self._typical = float(np.median(beside)) or 1.0
+
+    def strays(self, plan: Plan) -> np.ndarray:
+        """`(n,)` how far the path is from anything recorded, in typical distances."""
+        length = plan.waypoint_s[-1]
+        places = plan.path(np.linspace(0.0, length, 2 + int(length / _SAMPLED)))
+        return self._near.query(self._representation.scaled(places))[0] / self._typical
+
+    def novelty(self, plan: Plan) -> float:
+        """How far a plan strays: the 95th percentile along its path, in typical distances."""
+        return float(np.quantile(self.strays(plan), 0.95))
+
+    def surest(self, start: int, tour: Callable[[np.ndarray], Plan]) -> Plan:
+        """The plan that strays least in all, among those from typical firm touches of its start.
+
+        A plan that nobody practises may begin where its way is best known.
+
+        Args:
+            start: the kernel in which the plan begins.
+            tour: plans from `(J,)` configurations.
+        """
+        known = self._representation
+        rows = goal_members(known, start)
+        typical = rows[np.argsort(known.kernel_error[rows], kind="stable")[:_NUM_STARTS]]
+        plans = [tour(known.kernel_q[row].astype(float)) for row in typical]
+        return min(plans, key=lambda plan: float(self.strays(plan).sum()))

@@ -1,0 +1,40 @@
+import numpy as np
+import pytest
+from kernels_by_hand import laid_by_hand
+
+from selftouch_drake.agent.planning import Planner
+from selftouch_drake.agent.planning.novelty import Recorded
+
+# Kernel 0 can be left from 0.0, near what was recorded, or from 9.0, far from it.
+KNOWN = laid_by_hand([[9.0, 0.0], [1.0, 2.0], [3.0]], [[0, 1], [1, 2]])
+PLANNER = Planner(KNOWN)
+
+
+def tour(q_start):
+    return PLANNER.plan(q_start, [0, 1, 2])
+
+
+def test_a_path_along_recorded_postures_strays_least():
+    recorded = Recorded(KNOWN, np.empty((0, 1)))
+    near, far = tour(np.array([0.0])), tour(np.array([9.0]))
+    assert recorded.novelty(near) <= 0.5  # half way between neighbours
+    assert recorded.novelty(far) == pytest.approx(2.9, abs=0.2)
+
+
+def test_free_postures_tell_where_the_robot_can_be():
+    free = np.arange(3.0, 9.0)[:, None]
+    assert Recorded(KNOWN, free).novelty(tour(np.array([9.0]))) <= 0.6
+
+
+def test_a_plan_begins_where_its_way_is_best_known():
+    plan = Recorded(KNOWN, np.empty((0, 1))).surest(0, tour)
+    assert plan.waypoints_q[0] == 0.0
+
+
+def test_a_plan_ends_elsewhere_than_where_its_goal_was_missed():
+    known = laid_by_hand([[0.0], [1.0, 2.0]], [[0, 1]])
+    planner, start = Planner(known), np.zeros(1)
+    assert planner.plan(start, [0, 1]).waypoints_q[-1] == 1.0
+    assert planner.plan(start, [0, 1], missed=[1]).waypoints_q[-1] == 2.0
+    assert planner.plan(start, [0, 1], missed=[1, 2]).waypoints_q[-1] == 1.0
+    assert planner.plan(start, [0, 1], missed=[1], lift_off=True).waypoints_q[-1] == 2.0
