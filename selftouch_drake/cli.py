@@ -489,8 +489,10 @@ def live(workers: int | None, port: int | None, no_page: bool, **given: Any) -> 
     directory = _begin(**given)
 
     from selftouch_drake.run import lifelong, stages
+    from selftouch_drake.run.worlds import require_robot
     from selftouch_drake.show.outputs import show_live
 
+    require_robot(directory.experiment)
     if not stages.has_babbled(directory):
         with local_executor(workers) as executor:
             _babble(directory, executor, None)

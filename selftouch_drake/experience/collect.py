@@ -126,9 +126,14 @@ def keep_touches(
             last_touch = num_steps + int(kept[-1])
         num_steps += len(felt.q)
         if num_kept < num_rows and num_steps - last_touch >= PATIENCE:
+            how = (
+                "`selftouch robot EXPERIMENT --show`"
+                if hasattr(touches, "contacts")
+                else "`selftouch body EXPERIMENT`"
+            )
             raise NeverTouchesError(
                 f"babbling touched nothing in {num_steps - last_touch} steps; see what can touch "
-                "what with `selftouch robot EXPERIMENT --show`, or make babbling.step_size larger"
+                f"what with {how}, or make babbling.step_size larger"
             )
     if not num_kept:
         raise NeverTouchesError(
