@@ -221,8 +221,8 @@ MUTANTS = (
     Mutant(
         name="servo: corrects to the wrong side",
         file="robot/servo.py",
-        old="aim = x - self._bandwidth * PERIOD * off * across",
-        new="aim = x + self._bandwidth * PERIOD * off * across",
+        old="aim = x - BANDWIDTH * PERIOD * off * across",
+        new="aim = x + BANDWIDTH * PERIOD * off * across",
         first=("tests/robot/test_servo.py",),
     ),
     Mutant(

@@ -692,9 +692,11 @@ def _route(motion) -> str:
 def _tracking(execution, world) -> str:
     import numpy as np
 
-    squares = np.square(execution.q_measured - execution.motion.q)
+    off = execution.q_measured - execution.motion.q
     if world is None:  # the body has units of its own
-        return f"{np.sqrt(squares.mean()):.2g}"
+        return f"{np.sqrt(np.square(off).mean()):.2g}"
+    # Joints that have slipped do not read it.
+    squares = np.square(off - world.simulation.slip)
     turns = world.robot.turns
     return ", ".join(
         f"{1e3 * np.sqrt(squares[:, joints].mean()):.1f} {unit}"

@@ -14,7 +14,7 @@ from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.calibration import Calibration
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.bodies.drake import DrakeBodies
-from selftouch_drake.experiment import Experiment
+from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.robot.skins import ARRAYS, SkinModel, make_skins
@@ -31,6 +31,7 @@ __all__ = [
     "kept_skins",
     "make_bodies",
     "pilot_in",
+    "without_robot",
 ]
 
 
@@ -62,6 +63,22 @@ class Bodies(Protocol):
         """As above."""
 
 
+def without_robot(experiment: Experiment) -> str | None:
+    """Why Drake has no robot to simulate for an experiment; None if it has."""
+    if experiment.imported is not None:
+        return (
+            f"{experiment.name} was imported, without a robot to simulate: use learn, plan and "
+            "report, and execute its plans on the robot that recorded it, or give that robot as a "
+            "body, with --body"
+        )
+    if not experiment.has_truth:
+        return (
+            f"{experiment.name} has a body from {experiment.body_from}, which Drake does not "
+            "simulate: there is nothing to show"
+        )
+    return None
+
+
 def build_world(experiment: Experiment, make_skins: MakeSkins = make_skins) -> World:
     """The world of an experiment, with its robot built.
 
@@ -70,9 +87,11 @@ def build_world(experiment: Experiment, make_skins: MakeSkins = make_skins) -> W
         make_skins: as of `World`.
 
     Raises:
-        ExperimentError: Drake refuses it; the text is Drake's own.
+        ExperimentError: Drake refuses it, in its own words, or there is no robot.
         ValueError: the experiment names what the robot does not have, or a skin cannot be made.
     """
+    if (reason := without_robot(experiment)) is not None:
+        raise ExperimentError(reason)
     world = World(experiment, make_skins)
     with drakes_refusals():
         _ = world.robot
@@ -97,7 +116,7 @@ def make_bodies(
         BodyError: a body of others cannot be made, or does not do what a body must.
         ValueError: as `build_world`.
     """
-    if not experiment.has_truth:
+    if experiment.body_from in ("python", "gymnasium"):
         # What Drake's robots do not need.
         from selftouch_drake.bodies.living import LivingBody
         from selftouch_drake.bodies.making import open_body

@@ -13,6 +13,7 @@ from selftouch_drake.bodies.embodiment import (
     bodies_of,
     kept_skins,
     make_bodies,
+    without_robot,
 )
 from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.experience.store import ExperienceReader, Shard, shards_of, write_shard
@@ -37,16 +38,8 @@ def require_robot(experiment: Experiment) -> None:
     Raises:
         NoWorldError: it has none.
     """
-    if experiment.imported is not None:
-        raise NoWorldError(
-            f"{experiment.name} was imported, without a robot to simulate: use learn, "
-            "plan and report, and execute its plans on the robot that recorded it"
-        )
-    if not experiment.has_truth:
-        raise NoWorldError(
-            f"{experiment.name} has a body from {experiment.body_from}, which Drake does not "
-            "simulate: there is nothing to show"
-        )
+    if (reason := without_robot(experiment)) is not None:
+        raise NoWorldError(reason)
 
 
 def run_bodies(run: RunDirectory) -> Bodies:

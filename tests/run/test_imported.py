@@ -215,14 +215,15 @@ def test_what_needs_a_world_says_so(words, learned, capfd):
     words = [str(word).replace("RUN", str(learned.path)) for word in words]
     assert selftouch(*words) == 2
     assert capfd.readouterr().err.strip() == (
-        "selftouch: my_robot was imported, without a robot to simulate: use learn, "
-        "plan and report, and execute its plans on the robot that recorded it"
+        "selftouch: my_robot was imported, without a robot to simulate: use learn, plan and "
+        "report, and execute its plans on the robot that recorded it, or give that robot as a "
+        "body, with --body"
     )
 
 
 def test_a_free_start_needs_a_world(learned, capfd):
     assert selftouch("plan", learned.path, "--from-q", "0,0,0,0,0,0,0", "--to", 3) == 2
-    assert "--from-q needs a simulated robot" in capfd.readouterr().err
+    assert "--from-q needs a body" in capfd.readouterr().err
 
 
 def test_the_same_data_resume_an_import(data, run, capfd):

@@ -62,8 +62,8 @@ def finished(sweep, tmp_path_factory):
 
 def test_shared_stages_are_computed_once(finished, sweep):
     directory, did, _ = finished
-    # One experience, as the skin of the other cannot be; two representations; three runs to score.
-    assert sorted(did) == ["babble"] + ["evaluate"] * 3 + ["learn"] * 2
+    # One experience, and one whose skin cannot be; two representations; three runs to score.
+    assert sorted(did) == ["babble"] * 2 + ["evaluate"] * 3 + ["learn"] * 2
     runs = [directory.run(e) for e in sweep.experiments[:3]]
     shards = [(run.experience / "part-00000.parquet").stat().st_ino for run in runs]
     assert shards[0] == shards[1] == shards[2]
