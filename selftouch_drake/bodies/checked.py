@@ -31,7 +31,7 @@ _AT_ONCE = 256
 #: A simulator may need this many times the duration of a motion before it counts as hanging.
 _SLOWEST = 3.0
 
-#: Seconds that a call has to end after it was told to, and that `rest` and `close` have.
+#: Seconds within which an interrupted call must end, and `rest` and `close` must return.
 _GRACE_S = 5.0
 
 #: A joint that is further from where it says that it has gone, as a share of its range, is in

@@ -129,7 +129,7 @@ class DrakeBody(_Joints):
         return DrakeFelt(self.world, q, self._margin)
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
-        """Is where it is told to be."""
+        """The motion as it was asked for: without dynamics, the robot does not lag behind."""
         return Followed(time_s=time_s, q=q, sensation=self.feel(q).sensation)
 
 

@@ -1,4 +1,4 @@
-"""Bodies of others as an agent lives in them: raw readings become sensations, one body is all."""
+"""Bodies of others as an agent lives in them: raw readings become sensations."""
 
 from __future__ import annotations
 

@@ -210,7 +210,7 @@ def collect(
 
 
 def time_left(experiment: Experiment, counts: WalkCounts) -> float:
-    """S of the robot's own time that are left to babble, after walks that took `counts`."""
+    """Seconds of the robot's own time that are left to babble, after walks that took `counts`."""
     hours = experiment.babbling.robot_hours
     return np.inf if hours is None else 3600.0 * hours - counts.robot_s
 
