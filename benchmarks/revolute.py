@@ -58,7 +58,8 @@ def revolute_coordinates(sets: KernelSets) -> KernelSets:
         products = (products[:, :, None] * factors[:, None, :]).reshape(len(rows), -1)
     # The first product is constant.
     some = KernelSets(products[:, 1:], np.concatenate([[0], np.cumsum(sizes)]))
-    found = discriminants(some, max_directions=_NUM_COORDINATES)
+    found = discriminants(some)
+    found = found.at(found.x[:, :_NUM_COORDINATES])
     # Cells are equally wide in all directions: in their widths, a flat body stays flat.
     middle = np.add.reduceat(found.x, found.offsets[:-1]) / sizes[:, None]
     return found.at(found.x / (found.x - np.repeat(middle, sizes, axis=0)).std(axis=0))

@@ -65,12 +65,7 @@ SKINS = {
     "patchy": (2 / 3, True),
 }
 LEARNING_METRICS = ("learned",)
-SHAPE_METRICS["revolute_reference"] = ShapeMetric(
-    revolute_reference,
-    lambda graph, distances, dimension: curvature_corrected_mds(
-        graph.edges, distances, dimension=dimension
-    ),
-)
+SHAPE_METRICS["revolute_reference"] = ShapeMetric(revolute_reference, curvature_corrected_mds)
 
 #: Adds a row to a table.
 Add = Callable[[dict[str, object]], None]

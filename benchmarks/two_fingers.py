@@ -24,12 +24,12 @@ from unrolling import Turns, landmarks, turns
 
 from selftouch_drake.agent.representation import geodesics, target_sensations
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSets
-from selftouch_drake.agent.representation.neighbours import (
+from selftouch_drake.agent.representation.graphs import (
     connected_edges,
     locally_scaled,
     neighbour_edges,
 )
+from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSets
 from selftouch_drake.agent.representation.quantise import assign, strength
 from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.representation.touches import (

@@ -16,7 +16,7 @@ import pytest
 from commands import SMALL, refused, selftouch
 
 from selftouch_drake.agent.motions import NO_KERNEL
-from selftouch_drake.agent.representation.neighbours import connected_edges
+from selftouch_drake.agent.representation.graphs import connected_edges
 from selftouch_drake.cli import _route, exit_status
 from selftouch_drake.experiment import load_experiment, parse_overrides, shipped_experiments
 from selftouch_drake.resources import EXPERIMENTS, MODELS, SWEEPS, shipped
@@ -345,6 +345,6 @@ def test_a_graph_in_parts_is_named_in_one_line(capfd):
     with pytest.warns(UserWarning, match="of another package"):
         assert exit_status(learn_two_parts) == 0
     assert capfd.readouterr().err == (
-        "selftouch: warning: the quotient graph fell into 2 components (2 with kernel 0, 1 with "
-        "kernel 2), joined by a bridge (1-2): babble longer, or give fewer targets\n"
+        "selftouch: warning: the quotient graph fell into 2 components, of 2, 1 kernels, joined by "
+        "bridges 1-2: babble longer, or give fewer targets\n"
     )

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.planning import Limits, Planner, predict_sensation
+from selftouch_drake.agent.planning import Planner, predict_sensation
 from selftouch_drake.agent.planning.planner import checked_target
 from selftouch_drake.agent.planning.prediction import Prediction, recall_sensation
 from selftouch_drake.agent.planning.smoothing import KNOT_SPACING
@@ -87,9 +87,9 @@ class Agent:
             ValueError: the experience cannot be learned from; the text says why.
         """
         sizes = {"num_targets": num_targets, "max_kernel_size": max_kernel_size}
-        learned = learn(lambda: [(sensation, q)], **sizes, seed=seed, **parameters)
-        row = learned.representation.kernel_row
-        return cls.of(learned.representation, kernel_sensation=kernel_sensations(row, [sensation]))
+        found = learn(lambda: [(sensation, q)], **sizes, seed=seed, **parameters).representation
+        felt = kernel_sensations(found.kernel_row, [sensation])
+        return cls.of(found, kernel_sensation=felt)
 
     def recover(self, metric: str = "learned", *, seed: int = 0) -> Body:
         """Recovers the body: shape, holes and dimension of each of its parts."""
@@ -97,13 +97,11 @@ class Agent:
 
         return recover(self.representation, metric, seed=seed)
 
-    def knowing(self, body: Body) -> Agent:
-        """The same agent with its representation embedded in the recovered `body`."""
-        return self._with(representation=body.embed(self.representation))
-
     def recalling(self, memory: RehearsalMemory) -> Agent:
         """The same agent with another memory."""
-        return self._with(memory=memory)
+        changed = dataclasses.replace(self, memory=memory)
+        vars(changed)["planner"] = self.planner  # which does not depend on it
+        return changed
 
     def felt(self, sensation: np.ndarray) -> int | None:
         """The target sensation nearest to a `(S,)` sensation; None if nothing is felt."""
@@ -115,30 +113,16 @@ class Agent:
         return self.tour([start, goal], q_start=q_start)
 
     def tour(
-        self,
-        targets: Sequence[int | None],
-        *,
-        q_start: np.ndarray | None = None,
-        aside: np.ndarray | None = None,
-        lift_off: bool = False,
-        limits: Limits | None = None,
+        self, targets: Sequence[int | None], *, q_start: np.ndarray | None = None, **options: Any
     ) -> Plan:
         """Plans one continuous motion through several target sensations, in order.
 
         The plan comes from what the agent has learned and remembers; nobody has followed it. By
         default it starts at the configuration of the first target whose sensation is nearest to it.
-        Arguments and errors are as of `Planner.plan`.
+        Arguments and errors are as of `Planner.plan`: options are `aside`, `lift_off` and `limits`.
         """
-        return self.planner.plan(
-            self._typical(targets) if q_start is None else q_start,
-            targets,
-            link_penalty=self.memory.link_penalty,
-            slides=self.memory.slides,
-            missed=self.memory.missed,
-            aside=aside,
-            lift_off=lift_off,
-            limits=limits,
-        )
+        start = self._typical(targets) if q_start is None else q_start
+        return self.planner.plan(start, targets, memory=self.memory, **options)
 
     def predict(self, plan: Plan, s: np.ndarray, dry_run: DryRun | None = None) -> Prediction:
         """The sensation expected at path lengths `s` `(T,)` of a plan, in rad.
@@ -149,39 +133,19 @@ class Agent:
             return recall_sensation(plan, s, dry_run.s, dry_run.felt)
         return predict_sensation(self.representation, plan, s, self.kernel_sensation)
 
-    def motion(
-        self,
-        plan: Plan,
-        *,
-        time_s: np.ndarray,
-        s: np.ndarray,
-        q: np.ndarray,
-        v: np.ndarray,
-        dry_run: DryRun | None = None,
-    ) -> Motion:
-        """A plan with times and with the sensations that the agent expects; see `Motion`."""
-        expected = self.predict(plan, s, dry_run)
-        return Motion(
-            plan=plan,
-            time_s=time_s,
-            s=s,
-            q=q,
-            v=v,
-            predicted=expected.sensation,
-            predicted_spread=expected.spread,
-        )
+    def motion(self, plan: Plan, *, dry_run: DryRun | None = None, **timed: np.ndarray) -> Motion:
+        """A plan with times and with the sensations that the agent expects.
+
+        `timed` are `time_s`, `s`, `q` and `v` of `Motion`; the dry run is as of `predict`.
+        """
+        expected = self.predict(plan, timed["s"], dry_run)
+        found = {"predicted": expected.sensation, "predicted_spread": expected.spread}
+        return Motion(plan=plan, **timed, **found)
 
     @cached_property
     def planner(self) -> Planner:
         """The planner that makes all plans."""
         return Planner(self.representation, knot_spacing=self.knot_spacing)
-
-    def _with(self, **changes: Any) -> Agent:
-        """A changed copy that keeps the planner, which must not depend on the changes."""
-        changed = dataclasses.replace(self, **changes)
-        if "planner" in vars(self):
-            vars(changed)["planner"] = self.planner
-        return changed
 
     def _typical(self, targets: Sequence[int | None]) -> np.ndarray:
         """`(J,)` the configuration of the first target whose sensation is nearest to it."""
@@ -189,5 +153,5 @@ class Agent:
         if start is None:
             raise ValueError("q_start is missing: give joint positions if nothing is felt")
         members = self.representation.members(checked_target(start, self.representation))
-        best = members.start + int(self.representation.kernel_error[members].argmin())
-        return self.representation.kernel_q[best].astype(float)
+        nearest = self.representation.kernel_error[members].argmin()
+        return self.representation.kernel_q[members][nearest].astype(float)

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numba import njit
 
-from selftouch_drake.agent.motions import check_arrays
+from selftouch_drake.agent.records import Record
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.representation.graphs import step_links
 
@@ -24,7 +23,7 @@ _SAME = 1e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Slides:
+class Slides(Record):
     """Ways from one touch to another along which the agent slid.
 
     N slides through M configurations of J joints in all, scaled (rad).
@@ -35,6 +34,8 @@ class Slides:
         x: `(M, J)` touching configurations in between.
         node: `(M,)` the kernel that is felt at each.
     """
+
+    prefix = "slide_"
 
     ends: np.ndarray
     offsets: np.ndarray
@@ -57,11 +58,11 @@ class Slides:
         Raises:
             ValueError: an array does not fit; the text names it.
         """
-        num, num_x = max(self.offsets.size - 1, 0), len(np.atleast_1d(self.x))
-        shapes = {"offsets": (num + 1,), "ends": (num, 2, num_joints)}
-        check_arrays(self, shapes | {"x": (num_x, num_joints), "node": (num_x,)}, "slide_")
+        num_x = len(np.atleast_1d(self.x))
+        shapes = {"offsets": (self.offsets.size,), "ends": (self.offsets.size - 1, 2, num_joints)}
+        self.check_arrays(shapes | {"x": (num_x, num_joints), "node": (num_x,)})
         ends = self.offsets[[0, -1]].tolist()
-        if ends != [0, num_x] or (self.offsets[1:] < self.offsets[:-1]).any():
+        if ends != [0, num_x] or (np.diff(self.offsets) < 0).any():
             raise ValueError(f"slide_offsets must rise from 0 to {num_x}")
         if num_x and not 0 <= self.node.min() <= self.node.max() < num_kernels:
             raise ValueError(f"slide_node must name kernels 0 to {num_kernels - 1}")
@@ -78,15 +79,19 @@ class Slides:
         )
 
     def between(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The known slide between two configurations: `(m, J)` rad and `(m,)` kernels.
+        """The last slide between two configurations: `(m, J)` rad and `(m,)` kernels.
 
-        Joints that do not move on a slide may have any position; m is 0 if no slide is known.
+        Joints that do not move on a slide may have any position, the same at both ends; m is 0 if
+        no slide is known.
         """
-        slide = _latest(self.ends, x_from, x_to)
-        if slide < 0:
+        start, end = self.ends[:, 0], self.ends[:, 1]
+        off = np.maximum(np.abs(start - x_from), np.abs(end - x_to))
+        off = np.where(start == end, np.abs(x_to - x_from), off)
+        known = np.flatnonzero((off < _SAME).all(axis=1))
+        if not len(known):
             return self.x[:0], self.node[:0]
-        rows = slice(*self.offsets[slide : slide + 2])
-        moved = self.ends[slide, 0] != self.ends[slide, 1]
+        rows = slice(*self.offsets[known[-1] : known[-1] + 2])
+        moved = start[known[-1]] != end[known[-1]]
         return np.where(moved, self.x[rows], x_from), self.node[rows]
 
     def all_between(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -113,26 +118,8 @@ class Slides:
         )
 
 
-@njit(cache=True)
-def _latest(ends, x_from, x_to):
-    """The last of the slides with these ends, or -1."""
-    for slide in range(len(ends) - 1, -1, -1):
-        start, end = ends[slide]
-        for j in range(len(start)):
-            # A joint that does not move on the slide may have any position, the same at both ends.
-            if start[j] == end[j]:
-                off = abs(x_to[j] - x_from[j])
-            else:
-                off = max(abs(start[j] - x_from[j]), abs(end[j] - x_to[j]))
-            if off >= _SAME:
-                break
-        else:
-            return slide
-    return -1
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RehearsalMemory:
+class RehearsalMemory(Record):
     """What the agent remembers from its rehearsals; every later plan uses it.
 
     Attributes:
@@ -176,56 +163,39 @@ class RehearsalMemory:
         """The memory in which nothing was felt at some more rows of `kernel_q`."""
         return replace(self, missed=np.union1d(self.missed, rows).astype(int))
 
+    def not_missed(self, rows: np.ndarray) -> np.ndarray:
+        """The rows at which the goal was not missed; all if none is left."""
+        others = rows[~np.isin(rows, self.missed)]
+        return others if len(others) else rows
+
     def same_as(self, other: RehearsalMemory) -> bool:
         """Whether plans are the same with this memory as with another of the same agent."""
         same = len(self.slides.ends) == len(other.slides.ends)
         same &= np.array_equal(self.missed, other.missed)
         return same and np.array_equal(self.link_penalty, other.link_penalty)
 
-    def to_arrays(self) -> dict[str, np.ndarray]:
-        """All fields as arrays, by name."""
-        return {
-            "link_penalty": self.link_penalty,
-            **{f"slide_{f.name}": getattr(self.slides, f.name) for f in fields(Slides)},
-            "missed": self.missed,
-            "num_tries": np.array(self.num_tries),
-            "belongs_to": np.array(self.belongs_to),
-        }
-
     @classmethod
-    def from_arrays(
+    def restored(
         cls, arrays: Mapping[str, np.ndarray], representation: QuotientRepresentation
     ) -> RehearsalMemory:
-        """Inverse of `to_arrays`; other names are ignored.
+        """The memory of the agent with this representation, from what `to_arrays` returned.
 
         Raises:
             ForeignMemoryError: the arrays belong to another representation.
             ValueError: an array is missing or invalid; the text names it.
         """
         blank = cls.blank(representation)
-        arrays = {"missed": blank.missed, **arrays}
-        if missing := [name for name in blank.to_arrays() if name not in arrays]:
-            raise ValueError(f"{missing[0]} is missing")
-        penalty, num_tries = np.asarray(arrays["link_penalty"]), np.asarray(arrays["num_tries"])
-        if (
-            str(arrays["belongs_to"]) != blank.belongs_to
-            or penalty.shape != blank.link_penalty.shape
-        ):
+        memory = cls.from_arrays({"missed": blank.missed, **arrays})
+        penalty, missed = memory.link_penalty, memory.missed
+        if memory.belongs_to != blank.belongs_to or penalty.shape != blank.link_penalty.shape:
             raise ForeignMemoryError("the rehearsals belong to another representation")
-        if num_tries.shape != () or num_tries.dtype.kind not in "iu" or num_tries < 0:
-            raise ValueError(f"num_tries is {num_tries.tolist()}, expected a whole number >= 0")
-        if penalty.dtype.kind != "f" or not (np.isfinite(penalty) & (penalty >= 1)).all():
-            raise ValueError("link_penalty must hold finite factors, 1 or more")
-        missed = np.asarray(arrays["missed"])
-        if missed.ndim != 1 or missed.dtype.kind not in "iu":
-            raise ValueError(f"missed is {missed.dtype} of shape {missed.shape}, expected rows")
+        memory.check_arrays({"link_penalty": (None,), "missed": (None,)})
+        if not (penalty >= 1).all():
+            raise ValueError("link_penalty must hold factors, 1 or more")
         if len(missed) and not 0 <= missed.min() <= missed.max() < representation.num_rows:
             raise ValueError(f"missed must hold rows 0 to {representation.num_rows - 1}")
-        slides = Slides(**{f.name: np.asarray(arrays[f"slide_{f.name}"]) for f in fields(Slides)})
-        slides.check(representation.kernel_q.shape[1], representation.num_targets)
-        return replace(
-            blank, link_penalty=penalty, slides=slides, missed=missed, num_tries=int(num_tries)
-        )
+        memory.slides.check(representation.kernel_q.shape[1], representation.num_targets)
+        return memory
 
 
 class ForeignMemoryError(ValueError):

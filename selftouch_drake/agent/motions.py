@@ -6,65 +6,19 @@ adds what happened. Each holds the one before.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any, Self
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import BSpline
+
+from selftouch_drake.agent.records import Record
 
 #: Value in `nodes` of a configuration in which nothing is felt.
 NO_KERNEL = -1
 
 
-class _Record:
-    """A record of arrays, which is saved as one flat dictionary of arrays by name."""
-
-    __slots__ = ()
-
-    def to_arrays(self) -> dict[str, np.ndarray]:
-        """All fields, and those of the record that it holds.
-
-        A path becomes `path_knots` and `path_control`.
-        """
-        arrays: dict[str, np.ndarray] = {}
-        for name, value in ((f.name, getattr(self, f.name)) for f in fields(self)):  # type: ignore[arg-type]
-            if isinstance(value, _Record):
-                arrays |= value.to_arrays()
-            elif isinstance(value, BSpline):
-                arrays |= {"path_knots": value.t, "path_control": value.c}
-            else:
-                arrays[name] = value
-        return arrays
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Self:
-        """Inverse of `to_arrays`; other names are ignored.
-
-        Raises:
-            ValueError: an array is missing or does not fit the others; the text names it.
-        """
-        return cls(**{field.name: _restored(field.name, arrays) for field in fields(cls)})  # type: ignore[arg-type]
-
-
-def _restored(name: str, arrays: Mapping[str, np.ndarray]) -> Any:
-    if name == "plan":
-        return Plan.from_arrays(arrays)
-    if name == "motion":
-        return Motion.from_arrays(arrays)
-    if name == "path":
-        knots, control = (_restored(part, arrays) for part in ("path_knots", "path_control"))
-        fits = knots.ndim == 1 and control.ndim == 2 and len(knots) > len(control) + 1
-        if not fits or {knots.dtype.kind, control.dtype.kind} != {"f"}:
-            raise ValueError("path_control does not fit path_knots")
-        return BSpline(knots, control, len(knots) - len(control) - 1)
-    if name not in arrays:
-        raise ValueError(f"{name} is missing")
-    return np.asarray(arrays[name])
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Plan(_Record):
+class Plan(Record):
     """A geometric path in motor space through one configuration of each kernel on a route.
 
     W waypoints and J joints. Motor configurations are in the robot's units; lengths along the path
@@ -80,9 +34,6 @@ class Plan(_Record):
         waypoint_s: `(W,)` rad, parameter of each waypoint on `path`: polyline length up to it.
         path: smooth quintic B-spline of motor configurations over `[0, waypoint_s[-1]]`, from the
             first waypoint to the last; constant over `[0, 1]` if the start is the goal.
-
-    Raises:
-        ValueError: shapes disagree; the text names the first array that does not fit.
     """
 
     nodes: np.ndarray
@@ -95,8 +46,8 @@ class Plan(_Record):
     def __post_init__(self) -> None:
         num = self.nodes.size
         steps = dict.fromkeys(("links", "in_air"), (num - 1,))
-        q = (num, _width(self.waypoints_q))
-        check_arrays(self, {"nodes": (num,), **steps, "waypoints_q": q, "waypoint_s": (num,)})
+        waypoints = {"waypoints_q": (num, None), "waypoint_s": (num,)}
+        self.check_arrays({"nodes": (num,), **steps, **waypoints})
 
     @property
     def goal(self) -> int:
@@ -111,7 +62,7 @@ class Plan(_Record):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Motion(_Record):
+class Motion(Record):
     """A plan with times, and with the sensations that the agent predicts.
 
     J joints, S receptors and T instants, evenly spaced in time.
@@ -124,9 +75,6 @@ class Motion(_Record):
         v: `(T, J)` their velocities, per second.
         predicted: `(T, S)` unit L2 norm, the predicted sensation; null where none is expected.
         predicted_spread: `(T,)` scale of the expected error, a cosine distance.
-
-    Raises:
-        ValueError: shapes disagree; the text names the first array that does not fit.
     """
 
     plan: Plan
@@ -140,8 +88,8 @@ class Motion(_Record):
     def __post_init__(self) -> None:
         num = self.time_s.size
         rows = dict.fromkeys(("time_s", "s", "predicted_spread"), (num,))
-        moves = dict.fromkeys(("q", "v"), (num, _width(self.plan.waypoints_q)))
-        check_arrays(self, {**rows, **moves, "predicted": (num, _width(self.predicted))})
+        moves = dict.fromkeys(("q", "v"), (num, self.plan.waypoints_q.shape[1]))
+        self.check_arrays({**rows, **moves, "predicted": (num, None)})
 
     @property
     def goal(self) -> int:
@@ -168,7 +116,7 @@ class Motion(_Record):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Execution(_Record):
+class Execution(Record):
     """What happened when a motion was executed.
 
     T instants, S receptors, J joints; N instants at which torques were read.
@@ -179,9 +127,6 @@ class Execution(_Record):
         q_measured: `(T, J)` measured joint positions, in the robot's units.
         v_measured: `(T, J)` their velocities, per second.
         torque: `(N, J)` N m or N, actuator torques or forces.
-
-    Raises:
-        ValueError: shapes disagree; the text names the first array that does not fit.
     """
 
     motion: Motion
@@ -192,9 +137,8 @@ class Execution(_Record):
 
     def __post_init__(self) -> None:
         moves = dict.fromkeys(("q_measured", "v_measured"), self.motion.q.shape)
-        num_torques = self.torque.shape[0] if self.torque.ndim else 0
-        torque = (num_torques, _width(self.motion.q))
-        check_arrays(self, {"felt": self.motion.predicted.shape, **moves, "torque": torque})
+        torque = (None, self.motion.q.shape[1])
+        self.check_arrays({"felt": self.motion.predicted.shape, **moves, "torque": torque})
 
     @property
     def contact(self) -> float:
@@ -205,27 +149,3 @@ class Execution(_Record):
 def steps(waypoint_s: np.ndarray, s: np.ndarray) -> np.ndarray:
     """`(T,)` the step of each `s`: the index of the waypoint before it."""
     return np.searchsorted(waypoint_s, s, side="right").clip(1, max(len(waypoint_s) - 1, 1)) - 1
-
-
-def _width(array: np.ndarray) -> int:
-    return array.shape[1] if array.ndim == 2 else 0
-
-
-_WHOLE, _BOOLEANS = ("iu", "whole numbers"), ("b", "booleans")
-#: Kinds of numbers of the arrays that do not hold real numbers, and their names in errors.
-_KINDS = dict.fromkeys(("nodes", "links", "node", "offsets"), _WHOLE) | {"in_air": _BOOLEANS}
-
-
-def check_arrays(record: Any, expected: Mapping[str, tuple[int, ...]], prefix: str = "") -> None:
-    """Checks shapes and kinds of arrays of a record; the prefix is of their names in a file.
-
-    Raises:
-        ValueError: an array does not fit; the text names it.
-    """
-    for name, shape in expected.items():
-        array = getattr(record, name)
-        if array.shape != shape:
-            raise ValueError(f"{prefix}{name} has shape {array.shape}, expected {shape}")
-        kinds, words = _KINDS.get(name, ("iuf", "finite numbers"))
-        if array.dtype.kind not in kinds or not np.isfinite(array).all():
-            raise ValueError(f"{prefix}{name} must hold {words}")

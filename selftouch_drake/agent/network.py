@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -134,7 +133,14 @@ def train(
     second = [np.zeros_like(p) for p in parameters]
     with Threads() as pool:
         for step in range(num_steps):
-            gradients = _gradients(network, x, draw(), loss_slope, pool)
+            rows = draw()
+            # Always two halves, so that sums have the same order on any number of cores.
+            outputs, inputs, slopes = zip(
+                *pool.map(network.forward, np.array_split(x[rows], 2)), strict=True
+            )
+            slope = np.array_split(loss_slope(np.concatenate(outputs), rows), 2)
+            halves = pool.map(network.gradients, slope, inputs, slopes)
+            gradients = [one + other for one, other in zip(*halves, strict=True)]
             rate = min(1.0, (step + 1) / (_WARM_UP * num_steps))
             rate *= (1.0 + np.cos(np.pi * step / num_steps)) / 2.0
             for p in hidden:
@@ -152,25 +158,6 @@ def train(
                 square = second[p] / (1.0 - _SECOND ** (step + 1))
                 parameter -= _OTHER_RATE * rate * mean / (np.sqrt(square) + 1e-8)
             progress((step + 1) / num_steps)
-
-
-def _gradients(
-    network: Network,
-    x: np.ndarray,
-    rows: np.ndarray,
-    loss_slope: Callable[[np.ndarray, np.ndarray], np.ndarray],
-    pool: Executor,
-) -> list[np.ndarray]:
-    """The gradient of the loss of a batch, computed in two halves side by side.
-
-    Always two, so that sums have the same order on any number of cores.
-    """
-    outputs, inputs, slopes = zip(
-        *pool.map(network.forward, np.array_split(x[rows], 2)), strict=True
-    )
-    slope = np.array_split(loss_slope(np.concatenate(outputs), rows), 2)
-    parts = pool.map(network.gradients, slope, inputs, slopes)
-    return [one + other for one, other in zip(*parts, strict=True)]
 
 
 def toward(wanted: np.ndarray, of_row: np.ndarray) -> Callable[..., np.ndarray]:

@@ -155,7 +155,7 @@ def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> Re
     arrays = load_arrays(file)
     try:
         with _read_as("a memory of rehearsals", file, "delete it"):
-            return RehearsalMemory.from_arrays(arrays, representation)
+            return RehearsalMemory.restored(arrays, representation)
     except ForeignMemoryError:
         raise RunError(
             f"{file} belongs to another representation; delete it and rehearse again"

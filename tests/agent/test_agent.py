@@ -55,8 +55,7 @@ def test_an_agent_learns_recovers_plans_and_remembers(agent):
         [(1, 0, 1), (1, 1, 0)],
         [(1, 1, 0), (1, 0, 1)],
     )
-    knowing = agent.knowing(body)
-    assert np.isfinite(knowing.representation.embedding).all()
+    assert np.isfinite(body.embed(agent.representation).embedding).all()
     assert np.isnan(agent.representation.embedding).all()
 
     start, goal = on_part(agent, 0, 2)

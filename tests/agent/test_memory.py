@@ -101,7 +101,7 @@ def test_a_memory_is_the_same_after_a_night_as_arrays():
     ends = np.zeros(2), np.ones(2)
     slides = memory.slides.and_also(*ends, np.full((3, 2), 0.5), np.array([0, 1, 1]))
     memory = dataclasses.replace(memory, slides=slides)
-    loaded = RehearsalMemory.from_arrays(memory.to_arrays() | {"stamp": np.array("x")}, CHAIN)
+    loaded = RehearsalMemory.restored(memory.to_arrays() | {"stamp": np.array("x")}, CHAIN)
     assert np.array_equal(loaded.link_penalty, memory.link_penalty)
     assert (loaded.num_tries, loaded.belongs_to) == (memory.num_tries, memory.belongs_to)
     assert loaded.slides.between(*ends)[1].tolist() == [0, 1, 1]
@@ -110,13 +110,13 @@ def test_a_memory_is_the_same_after_a_night_as_arrays():
 def test_a_memory_of_another_representation_is_refused():
     other = RehearsalMemory.blank(representation(links=((0, 1), (1, 2), (1, 3))))
     with pytest.raises(ForeignMemoryError, match=r"rehearsals belong to another representation$"):
-        RehearsalMemory.from_arrays(other.to_arrays(), CHAIN)
+        RehearsalMemory.restored(other.to_arrays(), CHAIN)
 
 
 def test_a_memory_of_another_scale_is_foreign():
     other = dataclasses.replace(CHAIN, joint_scale=np.full(2, 2.0))
     with pytest.raises(ForeignMemoryError):
-        RehearsalMemory.from_arrays(RehearsalMemory.blank(CHAIN).to_arrays(), other)
+        RehearsalMemory.restored(RehearsalMemory.blank(CHAIN).to_arrays(), other)
 
 
 @pytest.mark.parametrize(
@@ -127,9 +127,9 @@ def test_a_memory_of_another_scale_is_foreign():
         (
             "link_penalty",
             np.array([1.0, 0.5, 1.0]),
-            "link_penalty must hold finite factors",
+            "link_penalty must hold factors, 1 or more",
         ),
-        ("link_penalty", np.array([1.0, np.nan, 1]), "link_penalty must hold finite factors"),
+        ("link_penalty", np.array([1.0, np.nan, 1]), "link_penalty must hold finite numbers"),
         (
             "slide_ends",
             np.zeros((0, 2, 3)),
@@ -143,10 +143,10 @@ def test_a_memory_of_another_scale_is_foreign():
 def test_a_damaged_memory_is_refused(name, array, message):
     arrays = RehearsalMemory.blank(CHAIN).to_arrays()
     with pytest.raises(ValueError, match=message):
-        RehearsalMemory.from_arrays(arrays | {name: array}, CHAIN)
+        RehearsalMemory.restored(arrays | {name: array}, CHAIN)
     del arrays[name]
     with pytest.raises(ValueError, match=f"^{name} is missing$"):
-        RehearsalMemory.from_arrays(arrays, CHAIN)
+        RehearsalMemory.restored(arrays, CHAIN)
 
 
 def test_rows_where_nothing_was_felt_are_remembered_once():
@@ -154,8 +154,8 @@ def test_rows_where_nothing_was_felt_are_remembered_once():
     assert memory.missed.tolist() == [1, 3]
     assert not memory.same_as(RehearsalMemory.blank(CHAIN))
     arrays = memory.to_arrays()
-    assert RehearsalMemory.from_arrays(arrays, CHAIN).same_as(memory)
+    assert RehearsalMemory.restored(arrays, CHAIN).same_as(memory)
     del arrays["missed"]  # a file from before there were any
-    assert RehearsalMemory.from_arrays(arrays, CHAIN).missed.tolist() == []
+    assert RehearsalMemory.restored(arrays, CHAIN).missed.tolist() == []
     with pytest.raises(ValueError, match="missed must hold rows 0 to 3"):
-        RehearsalMemory.from_arrays({**arrays, "missed": np.array([4])}, CHAIN)
+        RehearsalMemory.restored({**arrays, "missed": np.array([4])}, CHAIN)

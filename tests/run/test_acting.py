@@ -489,12 +489,12 @@ ENDS = (
         ("plan --from-q 0,0,0,0,0,0 --to 60", "--to is 60; this run has target sensations 0 to 59"),
         (
             "plan --from-q 0,0 --to 1",
-            "q_start has shape (2,): give (6,), one number per joint",
+            "q_start is [0.0, 0.0]: give 6 finite numbers, one per joint",
         ),
         ("plan --from-q 0,-1.5,0,0,0,0 --to 1", LIMITS),
         (
             "plan --from-q 0,nan,0,0,0,0 --to 1",
-            "q_start is [0.0, nan, 0.0, 0.0, 0.0, 0.0]: give finite numbers",
+            "q_start is [0.0, nan, 0.0, 0.0, 0.0, 0.0]: give 6 finite numbers, one per joint",
         ),
         (
             "execute --from 1 --to 2",

@@ -20,7 +20,6 @@ from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.joints import joint_scale
 from selftouch_drake.agent.representation.kernels import (
     KernelReservoir,
     KernelSample,
@@ -34,7 +33,7 @@ from selftouch_drake.agent.representation.quotient import (
     QuotientRepresentation,
     mattering,
 )
-from selftouch_drake.agent.representation.relevance import touch_modes
+from selftouch_drake.agent.representation.relevance import joint_scale, touch_modes
 from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.representation.touches import (
     ambiguous_touches,

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from selftouch_drake.agent.memory import Slides
+from selftouch_drake.agent.memory import RehearsalMemory, Slides
 from selftouch_drake.agent.motions import NO_KERNEL, Plan
 from selftouch_drake.agent.planning.route import (
     RouteGraph,
@@ -27,9 +26,6 @@ Limits = tuple[np.ndarray, np.ndarray]
 
 class Planner:
     """Plans over one quotient representation; build it once and use it for many plans.
-
-    Dijkstra's search on the quotient graph carries a firm configuration along; then the smoothest
-    configurations of the kernels on the route are chosen.
 
     Args:
         representation: what the agent has learned.
@@ -55,16 +51,14 @@ class Planner:
         self._rows_x = representation.scaled(representation.kernel_q).astype(np.float32)
         self._leap_penalty = leap_penalty(representation, self.links)
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
-        self._link_row = {(int(i), int(j)): row for row, (i, j) in enumerate(self.links)}
+        self._link_row = {(i, j): row for row, (i, j) in enumerate(self.links.tolist())}
 
     def plan(
         self,
         q_start: np.ndarray,
         targets: Sequence[int | None],
         *,
-        link_penalty: np.ndarray | None = None,
-        slides: Slides | None = None,
-        missed: Sequence[int] | np.ndarray = (),
+        memory: RehearsalMemory | None = None,
         aside: np.ndarray | None = None,
         lift_off: bool = False,
         limits: Limits | None = None,
@@ -81,10 +75,9 @@ class Planner:
             q_start: `(J,)` positions of the joints at the start, in the robot's units.
             targets: the target sensation felt at the start, None if nothing is felt; then one or
                 more to feel, in order. If a goal is felt already, the plan is to stay.
-            link_penalty: `(L,)` factors on the cost of the links, above 1 where contact was lost
-                before.
-            slides: known slides between touches; all other steps are straight.
-            missed: rows of `kernel_q` at which to end and to land no more, if there are others.
+            memory: links that cost more, slides between touches, where all other steps are
+                straight, and rows of `kernel_q` at which to end and to land no more, if there are
+                others; by default nothing was rehearsed.
             aside: `(J,)` scaled; at the start, the joints that do not matter move there, out of the
                 way.
             lift_off: move to each goal through the air, even if links lead there.
@@ -92,8 +85,8 @@ class Planner:
                 range of experience, unless the start or a slide lies outside.
 
         Raises:
-            ValueError: a target is out of range, no goal is given, or `q_start` or `link_penalty`
-                does not fit the representation.
+            ValueError: a target is out of range, no goal is given, or `q_start` does not fit the
+                representation or the limits.
         """
         q_start = checked_configuration(q_start, self.representation, limits)
         if len(targets) < 2:
@@ -103,9 +96,7 @@ class Planner:
             )
         here = None if targets[0] is None else checked_target(targets[0], self.representation)
         goals = [checked_target(goal, self.representation) for goal in targets[1:]]
-        penalty = self._leap_penalty
-        if link_penalty is not None:
-            penalty = penalty * _checked_penalty(link_penalty, len(self.links))
+        memory = memory or RehearsalMemory.blank(self.representation)
         x = self.representation.scaled(q_start)
         mode = NO_MODE if here is None else self._mode_at(x, here)
         way = Waypoints(NO_KERNEL if here is None else here, x, self._joints(mode))
@@ -118,13 +109,13 @@ class Planner:
             # Where the previous leg ends decides the route of this one.
             if here != goal:
                 if lift_off:
-                    here, mode = self._fly(way, goal, missed)
+                    here, mode = self._fly(way, goal, memory)
                 elif here is None or mode == NO_MODE or not self._graphs[mode].joins(here, goal):
-                    here, mode = self._land(way, goal, mode, missed)
+                    here, mode = self._land(way, goal, mode, memory)
             if here != goal:
-                way.follow(*self._leg(way.end, here, goal, mode, penalty, missed))
+                self._follow_links(way, here, goal, mode, memory)
             here = goal
-        return self._through(q_start, way, slides, limits)
+        return self._through(q_start, way, memory.slides, limits)
 
     def _joints(self, mode: int) -> np.ndarray:
         """The joints that move in a mode."""
@@ -146,27 +137,36 @@ class Planner:
         nearest = [off[modes == m][:, self._graphs[m].joints].mean(axis=1).min() for m in known]
         return int(known[np.argmin(nearest)])
 
-    def _fly(
-        self, way: Waypoints, goal: int, missed: Sequence[int] | np.ndarray
-    ) -> tuple[int, int]:
+    def _fly(self, way: Waypoints, goal: int, memory: RehearsalMemory) -> tuple[int, int]:
         """Moves through the air to the nearest touch of `goal`; returns its kernel and mode."""
-        row = self._nearest(way.end, _others(goal_members(self.representation, goal), missed))
+        row = self._nearest(way.end, goal_members(self.representation, goal), memory)
         mode = int(self.representation.kernel_mode[row])
         way.move(goal, self._rows_x[row].astype(float), self._joints(mode), in_air=True)
         return goal, mode
 
     def _land(
-        self, way: Waypoints, goal: int, mode: int, missed: Sequence[int] | np.ndarray
+        self, way: Waypoints, goal: int, mode: int, memory: RehearsalMemory
     ) -> tuple[int, int]:
-        """Moves to another touch, from which links lead to `goal`; returns its kernel and mode.
+        """Moves to the nearest firm touch from which links of its mode lead to `goal`.
 
-        If other joints make that touch, the current ones hold still until it is made.
+        If the modes of the goal's touches are unknown, it is the nearest of these touches. If other
+        joints make the touch, the current ones hold still until it is made. Returns its kernel and
+        its mode.
         """
-        kernel, after, to = self._landing(way.end, goal, missed)
-        joints = self._joints(after)
+        x, found = way.end, []
+        for after, graph in enumerate(self._graphs):
+            if (component := graph.component[goal]) >= 0:
+                leads = np.repeat(graph.component == component, graph.firm.sizes)
+                found.append((self._nearest(x, graph.firm_row[leads], memory), after))
+        if not found:
+            members = np.r_[self.representation.members(goal)]
+            found.append((self._nearest(x, members, memory), NO_MODE))
+        row, after = min(found, key=lambda one: np.square(self._rows_x[one[0]] - x).sum())
+        kernel = int(np.searchsorted(self.representation.kernel_offsets, row, side="right")) - 1
+        to, joints = self._rows_x[row].astype(float), self._joints(after)
         holds = mode != NO_MODE and not np.isin(joints, self._joints(mode)).any()
         if holds and self.representation.part[way.nodes[-1]] == self.representation.part[kernel]:
-            both = way.end.copy()
+            both = x.copy()
             both[joints] = to[joints]
             way.move(kernel, both, joints, in_air=False)
             left = both.copy()
@@ -176,84 +176,44 @@ class Planner:
             way.move(kernel, to, joints, in_air=True)
         return kernel, after
 
-    def _landing(
-        self, x: np.ndarray, goal: int, missed: Sequence[int] | np.ndarray
-    ) -> tuple[int, int, np.ndarray]:
-        """The firm touch nearest to the scaled `x` from which links of its mode lead to `goal`.
-
-        Returns its kernel, its mode and its scaled configuration. If the modes of the goal's
-        touches are unknown, it is the nearest of these touches.
-        """
-        found = []
-        for mode, graph in enumerate(self._graphs):
-            if (component := graph.component[goal]) < 0:
-                continue
-            leads = np.repeat(graph.component == component, graph.firm.sizes)
-            found.append((self._nearest(x, _others(graph.firm_row[leads], missed)), mode))
-        if not found:
-            members = np.r_[self.representation.members(goal)]
-            found.append((self._nearest(x, _others(members, missed)), NO_MODE))
-        far = [np.square(self._rows_x[row] - x).sum() for row, _ in found]
-        row, mode = found[int(np.argmin(far))]
-        kernel = int(np.searchsorted(self.representation.kernel_offsets, row, side="right")) - 1
-        return kernel, mode, self._rows_x[row].astype(float)
-
-    def _nearest(self, x: np.ndarray, rows: np.ndarray) -> int:
-        """The row of `rows` whose scaled configuration is nearest to `x`."""
+    def _nearest(self, x: np.ndarray, rows: np.ndarray, memory: RehearsalMemory) -> int:
+        """The row of `rows` whose scaled configuration is nearest to `x`, not missed before."""
+        rows = memory.not_missed(rows)
         return int(rows[np.square(self._rows_x[rows] - x).sum(axis=1).argmin()])
 
-    def _leg(
-        self,
-        x: np.ndarray,
-        start: int,
-        goal: int,
-        mode: int,
-        penalty: np.ndarray,
-        missed: Sequence[int] | np.ndarray,
-    ) -> tuple[list[int], list[np.ndarray]]:
-        """The kernels after `start` on the way to `goal`, and the scaled candidates in each."""
+    def _follow_links(
+        self, way: Waypoints, start: int, goal: int, mode: int, memory: RehearsalMemory
+    ) -> None:
+        """Goes along links to the goal, through any of the firm touches of the kernels between."""
         graph = self._graphs[mode]
-        ends = _others(goal_members(self.representation, goal, mode), missed)
+        ends = memory.not_missed(goal_members(self.representation, goal, mode))
         goal_x = self._rows_x[ends][:, graph.joints]
-        nodes = carried_route(graph, x[graph.joints], start, goal, goal_x, penalty)
-        assert nodes is not None, "links join the two"
-        after = nodes[1:].tolist()
-        return after, [*(graph.firm.members(k) for k in after[:-1]), goal_x]
+        penalty = self._leap_penalty * memory.link_penalty
+        nodes = carried_route(graph, way.end[graph.joints], start, goal, goal_x, penalty).tolist()
+        links = [self._link_row[min(step), max(step)] for step in pairwise(nodes)]
+        way.follow(nodes[1:], links, [*(graph.firm.members(k) for k in nodes[1:-1]), goal_x])
 
     def _through(
-        self, q_start: np.ndarray, way: Waypoints, slides: Slides | None, limits: Limits | None
+        self, q_start: np.ndarray, way: Waypoints, slides: Slides, limits: Limits | None
     ) -> Plan:
         """The smooth plan through the waypoints."""
         representation = self.representation
-        links = [
-            self._link_row.get((min(a, b), max(a, b)), -1) if along_link else -1
-            for (a, b), along_link in zip(pairwise(way.nodes), way.along_link, strict=True)
-        ]
         lower, upper = (representation.scaled(limit) for limit in limits or self._range)
-        if limits is not None and slides is not None:
+        if limits is not None:
             slides = slides.within(lower, upper)
         nodes, of_step, waypoints_x = way.passed(slides)
-        if limits is None:
-            lower = np.minimum(lower, waypoints_x.min(axis=0))
-            upper = np.maximum(upper, waypoints_x.max(axis=0))
         path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, lower=lower, upper=upper)
-        path.c = representation.unscaled(path.c)
-        waypoints_q = representation.unscaled(waypoints_x)
+        path.c = path.c / representation.joint_scale
+        waypoints_q = waypoints_x / representation.joint_scale
         waypoints_q[0] = path.c[0] = q_start
         return Plan(
             nodes=np.array(nodes),
-            links=np.array(links, dtype=np.int64)[of_step],
+            links=np.array(way.links, dtype=np.int64)[of_step],
             in_air=np.array(way.in_air, dtype=bool)[of_step],
             waypoints_q=waypoints_q,
             waypoint_s=path_length(waypoints_x),
             path=path,
         )
-
-
-def _others(rows: np.ndarray, missed: Sequence[int] | np.ndarray) -> np.ndarray:
-    """The rows that are not among `missed`; all if none is left."""
-    others = rows[~np.isin(rows, missed)]
-    return others if len(others) else rows
 
 
 def checked_target(target: int | None, representation: QuotientRepresentation) -> int:
@@ -263,16 +223,12 @@ def checked_target(target: int | None, representation: QuotientRepresentation) -
         ValueError: `target` is not the number of a target sensation.
     """
     num_targets = representation.num_targets
-    try:
-        index = operator.index(target)  # type: ignore[arg-type]
-    except TypeError:
-        raise ValueError(f"target {target!r} is not an index: give a whole number") from None
-    if not 0 <= index < num_targets:
+    if not isinstance(target, int | np.integer) or not 0 <= target < num_targets:
         raise ValueError(
             f"target {target} is out of range: give one of 0 to {num_targets - 1}, "
             "the targets of this representation"
         )
-    return index
+    return int(target)
 
 
 def checked_configuration(
@@ -285,12 +241,10 @@ def checked_configuration(
     """
     q_start = np.asarray(q_start, dtype=float)
     num_joints = representation.kernel_q.shape[1]
-    if q_start.shape != (num_joints,):
+    if q_start.shape != (num_joints,) or not np.isfinite(q_start).all():
         raise ValueError(
-            f"q_start has shape {q_start.shape}: give ({num_joints},), one number per joint"
+            f"q_start is {q_start.tolist()}: give {num_joints} finite numbers, one per joint"
         )
-    if not np.all(np.isfinite(q_start)):
-        raise ValueError(f"q_start is {q_start.tolist()}: give finite numbers")
     if limits is not None:
         lower, upper = limits
         # Stored configurations are float32.
@@ -302,19 +256,3 @@ def checked_configuration(
                 f"the joint, {lower[joint]:g} to {upper[joint]:g}"
             )
     return q_start
-
-
-def _checked_penalty(link_penalty: np.ndarray, num_links: int) -> np.ndarray:
-    """`(L,)` factors as floats."""
-    link_penalty = np.asarray(link_penalty, dtype=float)
-    if link_penalty.shape != (num_links,):
-        raise ValueError(
-            f"link_penalty has shape {link_penalty.shape}: give ({num_links},), one factor per link"
-        )
-    bad = np.flatnonzero(~(np.isfinite(link_penalty) & (link_penalty > 0.0)))
-    if bad.size:
-        raise ValueError(
-            f"link_penalty[{bad[0]}] is {link_penalty[bad[0]]:g}: give finite positive factors, "
-            "1 for links without penalty"
-        )
-    return link_penalty

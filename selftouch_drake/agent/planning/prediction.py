@@ -49,11 +49,9 @@ def predict_sensation(
     from 0.036 to 0.017, 0.009 and 0.006. Averages over stored configurations that are near in motor
     space are worse (0.03 to 0.26), because neighbours in motor space can be far apart on the skin.
 
-    Args:
-        representation: the one used to make the plan.
-        plan: the plan.
-        s: `(T,)` rad, path lengths in `[0, plan.waypoint_s[-1]]`.
-        kernel_sensation: `(R, S)` unit L2 norm, the sensation at each row of `kernel_q`.
+    The plan was made with the representation; `(T,)` s are path lengths, rad, from 0 to
+    `plan.waypoint_s[-1]`; `(R, S)` kernel sensations of unit L2 norm were felt at the rows of
+    `kernel_q`.
     """
     at_waypoints = _at_waypoints(representation, plan, kernel_sensation)
     length = plan.waypoint_s[-1]
@@ -95,15 +93,12 @@ def _at_waypoints(
 
     Before the first touch it is the sensation of that touch.
     """
-    nodes = plan.nodes.copy()
-    if nodes[0] == NO_KERNEL:
-        nodes[0] = nodes[1]
-    sensation = np.array(representation.target_sensations[nodes], dtype=float)
-    if kernel_sensation is None:
-        return sensation
-    for row, (node, q) in enumerate(zip(nodes, plan.waypoints_q, strict=True)):
-        if (stored := stored_row(representation, node, q)) is not None:
-            sensation[row] = kernel_sensation[[stored]].toarray()[0]
+    sensation = np.array(representation.target_sensations[plan.nodes], dtype=float)
+    if kernel_sensation is not None:
+        for row, (node, q) in enumerate(zip(plan.nodes, plan.waypoints_q, strict=True)):
+            stored = None if node == NO_KERNEL else stored_row(representation, node, q)
+            if stored is not None:
+                sensation[row] = kernel_sensation[[stored]].toarray()[0]
     if plan.nodes[0] == NO_KERNEL:
         sensation[0] = sensation[1]
     return sensation

@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from selftouch_drake.agent.representation.graphs import target_distances
+from selftouch_drake.agent.representation.graphs import component_labels, target_distances
 from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.agent.representation.neighbours import component_labels
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import (
     LinkedNearest,
@@ -59,8 +58,7 @@ def goal_members(
     """Rows of `kernel_q`: the half of a kernel nearest its target sensation, without light touches.
 
     A plan that ended near the border of a kernel could miss it by a small error of the motion.
-    If only the firm half counted as well, so few configurations would remain that the last step
-    would become long. All rows are of `mode`, if one is given.
+    With the firm half alone, the last step would become long. All rows are of `mode`, if given.
     """
     rows = _of_mode(representation, kernel, mode)
     if not len(rows):
@@ -71,7 +69,6 @@ def goal_members(
 
 
 def _of_mode(representation: QuotientRepresentation, kernel: int, mode: int | None) -> np.ndarray:
-    """Rows of `kernel_q` that belong to `kernel` and `mode`; None stands for all modes."""
     members = representation.members(kernel)
     rows = np.arange(members.start, members.stop)
     return rows if mode is None else rows[representation.kernel_mode[rows] == mode]
@@ -96,7 +93,7 @@ class RouteGraph:
         way_offsets: `(K + 1,)` ways `way_offsets[k]:way_offsets[k + 1]` leave kernel k. A way is
             a link in one direction.
         way_kernel: `(2L,)` the kernel that each way leads to.
-        way_link: `(2L,)` the link of each way.
+        way_link: `(2L,)` its link.
         steps: along each way, from each firm configuration of the kernel that it leaves.
     """
 
@@ -164,7 +161,7 @@ def carried_route(
     goal: int,
     goal_x: np.ndarray,
     penalty: np.ndarray,
-) -> np.ndarray | None:
+) -> np.ndarray:
     """Dijkstra that carries motor configurations to every kernel it reaches.
 
     The search enters a kernel at its firm configuration nearest to the one carried by its parent.
@@ -173,20 +170,15 @@ def carried_route(
     keep contact no better and only lengthen the path. The search may enter a kernel several times,
     at configurations far from each other.
 
-    Args:
-        graph: the linked kernels.
-        x_start: `(J,)` rad, a scaled configuration of kernel `start`.
-        start: the kernel to leave.
-        goal: the kernel to reach.
-        goal_x: `(n, J)` rad, the configurations at which the goal may be entered.
-        penalty: `(L,)` positive factors on the cost of each link.
+    It leaves `(J,)` x_start of the kernel `start`, and may enter the goal at `(n, J)` goal_x, both
+    scaled, rad; `(L,)` positive penalties are factors on the cost of each link.
 
     Returns:
-        `(N,)` kernels from `start` to `goal`, or None if the links do not join them.
+        `(N,)` kernels from `start` to `goal`; empty if the links do not join them.
     """
     if start == goal:
         return np.array([start])
-    route = _carry(
+    return _carry(
         graph.firm.x,
         graph.firm_kernel,
         graph.firm.offsets,
@@ -201,7 +193,6 @@ def carried_route(
         goal,
         np.ascontiguousarray(goal_x, dtype=np.float32),
     )
-    return route if len(route) else None
 
 
 @njit(cache=True)
@@ -220,7 +211,6 @@ def _carry(
     goal,
     goal_x,
 ):
-    """`(N,)` kernels on the cheapest route from `start` to `goal`; empty if there is none."""
     num_firm, num_kernels = len(firm_x), len(firm_offsets) - 1
     # Places are firm configurations, then the start and the goal.
     at_start, at_goal = num_firm, num_firm + 1

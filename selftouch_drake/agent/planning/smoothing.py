@@ -24,10 +24,7 @@ def path_length(waypoints_x: np.ndarray) -> np.ndarray:
 
 
 def polyline(waypoints: np.ndarray, waypoint_s: np.ndarray) -> BSpline:
-    """The straight path through `(W, J)` waypoints, scaled or not, that are not all the same.
-
-    Each is at one of `(W,)` `waypoint_s`, rad.
-    """
+    """The straight path through `(W, J)` waypoints, not all the same, each at `(W,)` s, rad."""
     moved = np.concatenate([[True], np.diff(waypoint_s) > 0.0])
     return BSpline(_repeated(waypoint_s[moved], 1), waypoints[moved], 1)
 
@@ -39,33 +36,28 @@ def smooth_path(
     lower: np.ndarray | None = None,
     upper: np.ndarray | None = None,
 ) -> BSpline:
-    """The quintic spline nearest the polyline: squared distance plus l^6 x squared jerk.
+    """The quintic spline nearest the polyline, as of `smooth_curve`.
 
-    The length l is the interval between knots. The path starts and ends at the first and the last
-    waypoint, its outer control points. A spline lies in the convex hull of its control points, so
-    clipping these keeps it within the limits and equally smooth.
+    A spline lies in the convex hull of its control points, so clipping these keeps it within the
+    limits and equally smooth.
 
     Args:
         waypoints_x: `(W, J)` rad, scaled.
         knot_spacing: rad of path length, the longest interval between knots; larger is smoother.
-        lower: `(J,)` rad, scaled; no joint goes below this, unless a waypoint does.
-        upper: `(J,)` rad, scaled; no joint goes above this, unless a waypoint does.
+        lower: `(J,)` rad, scaled; no joint goes below, unless a waypoint does.
+        upper: likewise.
 
     Returns:
         A clamped quintic B-spline over `[0, length]`, the length of the polyline in rad; constant
         over `[0, 1]` if all waypoints are the same.
     """
     waypoints_x = np.asarray(waypoints_x, dtype=float)
-    ends = waypoints_x[[0, -1]]
-    waypoint_s = path_length(waypoints_x)
+    ends, waypoint_s = waypoints_x[[0, -1]], path_length(waypoints_x)
     length = waypoint_s[-1]
     if length == 0.0:
-        knots = np.repeat([0.0, 1.0], DEGREE + 1)
-        return BSpline(knots, np.repeat(ends[:1], DEGREE + 1, axis=0), DEGREE)
-
-    along = polyline(waypoints_x, waypoint_s)
+        return BSpline(_knots(1), ends[:1].repeat(DEGREE + 1, 0), DEGREE)
     num_intervals = int(np.ceil(length / knot_spacing))
-    path = smooth_curve(along, ends, length, num_intervals)
+    path = smooth_curve(polyline(waypoints_x, waypoint_s), ends, length, num_intervals)
     if lower is not None:
         path.c = np.maximum(path.c, np.minimum(lower, waypoints_x.min(axis=0)))
     if upper is not None:
@@ -147,5 +139,4 @@ def _knots(num_intervals: int) -> np.ndarray:
 
 
 def _repeated(knots: np.ndarray, times: int) -> np.ndarray:
-    """Knots; the outer ones are repeated."""
     return np.concatenate([knots[:1].repeat(times), knots, knots[-1:].repeat(times)])

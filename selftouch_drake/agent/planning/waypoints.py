@@ -29,7 +29,7 @@ class Waypoints:
     def __init__(self, node: int, x: np.ndarray, joints: np.ndarray):
         self.nodes = [node]
         self.in_air: list[bool] = []
-        self.along_link: list[bool] = []
+        self.links: list[int] = []
         self._stretches = [(x, joints, list[np.ndarray]())]
 
     @property
@@ -37,21 +37,21 @@ class Waypoints:
         """`(J,)` the last configuration so far."""
         return _chosen(*self._stretches[-1])[-1]
 
-    def follow(self, nodes: list[int], layers: list[np.ndarray]) -> None:
+    def follow(self, nodes: list[int], links: list[int], layers: list[np.ndarray]) -> None:
         """Adds steps along links, through one of `(n, joints that move)` candidates per node."""
         self.nodes += nodes
         self.in_air += [False] * len(nodes)
-        self.along_link += [True] * len(nodes)
+        self.links += links
         self._stretches[-1][2].extend(layers)
 
     def move(self, node: int, x: np.ndarray, joints: np.ndarray, *, in_air: bool) -> None:
         """Adds a straight step of all joints to `x`; from there on, `joints` move."""
         self.nodes.append(node)
         self.in_air.append(in_air)
-        self.along_link.append(False)
+        self.links.append(-1)
         self._stretches.append((x, joints, []))
 
-    def passed(self, slides: Slides | None) -> tuple[list[int], np.ndarray, np.ndarray]:
+    def passed(self, slides: Slides) -> tuple[list[int], np.ndarray, np.ndarray]:
         """The nodes and configurations of the plan; known slides replace straight steps.
 
         Returns:
@@ -59,7 +59,7 @@ class Waypoints:
             to; `(W, J)` scaled configurations.
         """
         x = np.concatenate([_chosen(*stretch) for stretch in self._stretches])
-        if slides is None or not len(slides.ends):
+        if not len(slides.ends):
             return self.nodes, np.arange(len(x) - 1), x
         nodes, waypoints, of_step = [self.nodes[0]], [x[0]], list[int]()
         for step, node in enumerate(self.nodes[1:]):

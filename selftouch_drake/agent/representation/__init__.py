@@ -3,10 +3,14 @@
 Its scikit-learn estimator is in `representation.estimator`, and not needed to use it.
 """
 
-from selftouch_drake.agent.representation.graphs import to_networkx, without_vectors
+from selftouch_drake.agent.representation.graphs import (
+    DisconnectedWarning,
+    geodesics,
+    to_networkx,
+    without_vectors,
+)
 from selftouch_drake.agent.representation.kernels import kernel_sensations
 from selftouch_drake.agent.representation.learning import learn
-from selftouch_drake.agent.representation.neighbours import DisconnectedWarning, geodesics
 from selftouch_drake.agent.representation.quantise import target_sensations
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.touches import felt_kernels

@@ -13,7 +13,6 @@ from selftouch_drake.agent.representation.learning import (
     NO_ROWS,
     Batch,
     Batches,
-    Progress,
     as_numbers,
     check_sensation,
     learn,
@@ -24,8 +23,6 @@ from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 
 class QuotientLearner(BaseEstimator):
     """Learns motor kernel sets and the quotient graph from experience (paper, section III).
-
-    Naive: it reads motor configurations and sensations, and nothing else.
 
     Args:
         num_targets: K, number of target sensations.
@@ -57,24 +54,15 @@ class QuotientLearner(BaseEstimator):
         self.max_queries = max_queries
         self.random_state = random_state
 
-    def fit(
-        self,
-        sensation: np.ndarray,
-        q: np.ndarray,
-        progress: Progress = lambda fraction, stage: None,
-    ) -> QuotientLearner:
+    def fit(self, sensation: np.ndarray, q: np.ndarray) -> QuotientLearner:
         """Learns from `(n, S)` N, no row null, felt at `(n, J)` q in the robot's units.
-
-        `progress` is called with the fraction done and the stage.
 
         Raises:
             ValueError: a parameter is invalid, or the experience cannot be learned from.
         """
-        return self.fit_batches(lambda: [(sensation, q)], progress)
+        return self.fit_batches(lambda: [(sensation, q)])
 
-    def fit_batches(
-        self, batches: Batches, progress: Progress = lambda fraction, stage: None
-    ) -> QuotientLearner:
+    def fit_batches(self, batches: Batches) -> QuotientLearner:
         """As `fit`, from experience of any size in bounded memory; see `learning.learn`."""
         seed = self.random_state
         if isinstance(seed, np.random.RandomState):
@@ -89,7 +77,6 @@ class QuotientLearner(BaseEstimator):
             max_kernel_size=self.max_kernel_size,
             max_queries=self.max_queries,
             seed=seed,
-            progress=progress,
         )
         self.representation_ = learned.representation
         self.target_sensations_ = learned.representation.target_sensations

@@ -13,20 +13,32 @@ but a missing link costs a detour: over 200 plans on a torus (1000 targets), the
 1.49 along edges alone and to 1.1 with links.
 
 No edge and no link joins two parts of the body: between them, a plan lifts off.
+
+The paper's graph is complete (section III). Its edges include chords through free space, so these
+graphs are pruned to near neighbours.
 """
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra, minimum_spanning_tree
 from scipy.spatial.distance import cdist
 
-from selftouch_drake.agent.representation.neighbours import complete_edges, neighbour_edges
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 if TYPE_CHECKING:
     import networkx as nx
+
+#: Mutual nearest: two rings of a triangulated surface hold 18 kernels, one ring 6.
+NUM_MUTUAL = 12
+
+#: Nearest that are neighbours in any case: nearly one ring.
+NUM_KEPT = 5
 
 #: Kernels whose targets are within this many spacings are linked; 1.4 to 2 work equally well.
 LINK_SPACINGS = 1.5
@@ -41,6 +53,108 @@ _LEAST_ALIKE = 0.05
 _SPACING_NEIGHBOUR = 6
 
 
+class DisconnectedWarning(UserWarning):
+    """A pruned graph was disconnected, and was joined by its shortest bridges."""
+
+
+def complete_edges(num_kernels: int) -> np.ndarray:
+    """`(K (K - 1) / 2, 2)` every pair of kernels, i < j, sorted."""
+    return np.stack(np.triu_indices(num_kernels, 1), axis=1)
+
+
+def neighbour_edges(
+    distance: np.ndarray, num_mutual: int = NUM_MUTUAL, num_kept: int = NUM_KEPT
+) -> np.ndarray:
+    """`(E, 2)` pairs i < j, sorted: prunes the complete graph to near neighbours.
+
+    Two kernels are neighbours if each is among the `num_mutual` nearest of the other, which
+    excludes the many one-sided pairs; or if one is among the `num_kept` nearest of the other, so
+    that no kernel is isolated. The `(K, K)` distance is symmetric; pairs at infinite distance are
+    not neighbours.
+    """
+    distance = np.array(distance, dtype=float)
+    np.fill_diagonal(distance, np.inf)
+    order = np.argsort(distance, axis=1, kind="stable")
+    near, kept = np.zeros((2, *distance.shape), dtype=bool)
+    np.put_along_axis(near, order[:, :num_mutual], True, axis=1)
+    np.put_along_axis(kept, order[:, :num_kept], True, axis=1)
+    return np.argwhere(np.triu(((near & near.T) | kept | kept.T) & np.isfinite(distance), 1))
+
+
+def one_ring(edges: np.ndarray, num_kernels: int) -> csr_array:
+    """`(K, K)` 1 where two kernels are the same or neighbours, 0 elsewhere; powers are rings."""
+    (i, j), here = edges.T, np.arange(num_kernels)
+    ends = np.r_[i, j, here], np.r_[j, i, here]
+    return csr_array((np.ones(len(ends[0])), ends), shape=(num_kernels, num_kernels))
+
+
+def component_labels(edges: np.ndarray, num_kernels: int) -> np.ndarray:
+    """`(K,)` the component of each kernel; 0 is the largest."""
+    _, label = connected_components(_sparse(edges, np.ones(len(edges)), num_kernels), False)
+    by_size = np.argsort(-np.bincount(label), kind="stable")
+    return np.argsort(by_size)[label]
+
+
+def connected_edges(edges: np.ndarray, distance: np.ndarray) -> np.ndarray:
+    """Adds the fewest and shortest bridges that make a graph connected.
+
+    Edges are `(E, 2)` pairs i < j, without and with bridges; the `(K, K)` distance is the length of
+    a bridge, infinite where none is allowed, as between parts of the body.
+
+    Warns:
+        DisconnectedWarning: bridges were added; the text gives sizes of the components, and the
+            bridges.
+    """
+    label = component_labels(edges, len(distance))
+    num_components = int(label.max()) + 1
+    if num_components == 1:
+        return edges
+    # To csgraph a length of zero is no edge. All edges are shorter than any bridge.
+    length = np.where(np.isfinite(distance), 2.0 + distance, 0.0)
+    length[tuple(edges.T)] = 1.0
+    tree = np.argwhere(minimum_spanning_tree(np.triu(length, 1)).toarray())
+    bridges = tree[label[tree[:, 0]] != label[tree[:, 1]]]
+    if not len(bridges):
+        return edges
+    warnings.warn(
+        f"the quotient graph fell into {num_components} components, of "
+        f"{_first_five(np.bincount(label))} kernels, joined by bridges "
+        f"{_first_five(f'{i}-{j}' for i, j in bridges)}: babble longer, or give fewer targets",
+        DisconnectedWarning,
+        stacklevel=2,
+    )
+    return np.unique(np.concatenate([edges, bridges]), axis=0)
+
+
+def geodesics(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> np.ndarray:
+    """`(K, K)` shortest paths between kernels, infinite if none; `(E,)` lengths are positive."""
+    return dijkstra(_sparse(edges, length, num_kernels), directed=False)
+
+
+def locally_scaled(length: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """`(E,)` lengths of `(E, 2)` edges in units of the spacing around their ends, about 1.
+
+    They are `d / sqrt(s_i s_j)`; the spacing `s_i` is the mean length of the edges at kernel i.
+    Cells are evenly spaced in sensation, so neighbours should be equally far apart, however
+    redundant the arm is there.
+    """
+    i, j = edges.T
+    total = np.bincount(edges.ravel(), np.repeat(length, 2))
+    spacing = total / np.maximum(np.bincount(edges.ravel()), 1)
+    return length / np.sqrt(spacing[i] * spacing[j])
+
+
+def _sparse(edges: np.ndarray, length: np.ndarray, num_kernels: int) -> csr_array:
+    # To csgraph a stored zero is an edge of length zero, and an absent entry no edge.
+    i, j = np.asarray(edges).reshape(-1, 2).T
+    return csr_array((np.asarray(length, dtype=float), (i, j)), shape=(num_kernels, num_kernels))
+
+
+def _first_five(items: Iterable[object]) -> str:
+    texts = [str(item) for item in items]
+    return ", ".join(texts[:5] + ["..."] * (len(texts) > 5))
+
+
 def surface_neighbours(
     set_distance: np.ndarray, target_sensations: np.ndarray, part: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -52,14 +166,9 @@ def surface_neighbours(
     Kernels with nothing in common come last: the more joints, the less informative is their set
     distance.
 
-    Args:
-        set_distance: `(K, K)` rad, between kernel sets.
-        target_sensations: `(K, S)` unit L2 norm.
-        part: `(K,)` the part of the body of each kernel.
-
-    Returns:
-        `(E, 2)` pairs i < j of one part, sorted, and `(K, K)` the combined distance, infinite
-        between parts.
+    Of `(K, K)` rad set distances, `(K, S)` target sensations of unit L2 norm, and `(K,)` the part
+    of each kernel, it returns `(E, 2)` pairs i < j of one part, sorted, and `(K, K)` the combined
+    distance, infinite between parts.
     """
     near = set_distance * np.sqrt(cdist(target_sensations, target_sensations))
     # Ranked behind all others, in order: they connect the graph only if nothing else does.
@@ -95,44 +204,36 @@ def target_distances(representation: QuotientRepresentation) -> tuple[np.ndarray
 def to_networkx(representation: QuotientRepresentation, *, complete: bool = False) -> nx.Graph:
     """The quotient graph as a networkx graph.
 
-    Args:
-        representation: K kernels.
-        complete: join every two kernels, as the paper does, instead of only neighbours.
-
-    Returns:
-        Nodes are kernels 0 to K - 1 with attributes `size` (stored configurations), `part`,
-        `target_sensation` (`(S,)` unit L2 norm) and `position` (`(3,)` in the embedding of its
-        part). Every edge has `set_distance` (rad); edges between neighbours also have `cost` (rad,
-        as `edge_cost` of the representation).
+    Nodes are kernels with attributes `size` (stored configurations), `part`, `target_sensation`
+    (`(S,)` unit L2 norm) and `position` (`(3,)` in the embedding of its part). Every edge has
+    `set_distance` (rad); edges between neighbours also have `cost` (rad, as `edge_cost` of the
+    representation). A complete graph joins every two kernels, as in the paper.
     """
     import networkx as nx  # not needed to plan
 
-    graph = nx.Graph()
-    sizes = np.diff(representation.kernel_offsets)
-    for kernel in range(representation.num_targets):
+    graph, num_kernels = nx.Graph(), representation.num_targets
+    for kernel, size in enumerate(np.diff(representation.kernel_offsets).tolist()):
         graph.add_node(
             kernel,
-            size=int(sizes[kernel]),
+            size=size,
             part=int(representation.part[kernel]),
             target_sensation=representation.target_sensations[kernel],
             position=representation.embedding[kernel],
         )
-    edges = representation.edges
-    if complete:
-        edges = complete_edges(representation.num_targets)
-    distance = representation.set_distance[edges[:, 0], edges[:, 1]]
-    for (i, j), apart in zip(edges.tolist(), distance.tolist(), strict=True):
-        graph.add_edge(i, j, set_distance=apart)
-    for edge, cost in zip(representation.edges, representation.edge_cost.tolist(), strict=True):
-        graph.edges[*edge.tolist()]["cost"] = cost
+    edges = complete_edges(num_kernels) if complete else representation.edges
+    for name, (i, j), values in (
+        ("set_distance", edges.T, representation.set_distance[*edges.T]),
+        ("cost", representation.edges.T, representation.edge_cost),
+    ):
+        weighted = zip(i.tolist(), j.tolist(), values.tolist(), strict=True)
+        graph.add_weighted_edges_from(weighted, weight=name)
     return graph
 
 
 def without_vectors(graph: nx.Graph) -> nx.Graph:
     """A graph of `to_networkx` for formats without vectors, such as GraphML.
 
-    A node's `position` becomes `position_0` to `position_2`, its `target_sensation` becomes
-    `target_sensation_0` and so on.
+    A node's `position` becomes `position_0` to `position_2`, and so on.
     """
     plain = graph.copy()
     for _, attributes in plain.nodes(data=True):

@@ -104,14 +104,10 @@ class KernelReservoir:
         self._waiting: list[dict[str, np.ndarray]] = []
 
     def add(self, kernel: np.ndarray, **columns: np.ndarray) -> np.ndarray:
-        """Adds the next rows of the experience.
+        """Adds the next rows of the experience; returns the `(m,)` that are kept for now.
 
-        Args:
-            kernel: `(n,)` kernel of each row; -1 leaves a row out.
-            columns: `(n, ...)` what to keep with the rows; the same names every time.
-
-        Returns:
-            `(m,)` numbers of the rows that are kept for now.
+        Each has a kernel, `(n,)`, or is left out if that is -1, and is kept with `(n, ...)`
+        columns, the same names every time.
         """
         # One draw a row, in order: the i-th row has the i-th draw, however rows are cut.
         priority = self._random.random(len(kernel))
@@ -135,12 +131,9 @@ class KernelReservoir:
 
         Some `(R, ...)` columns may be replaced.
         """
-        self._settle()
-        rows = self._settled
-        order = np.lexsort((rows["row"], rows["kernel"]))
-        rows = {name: column[order] for name, column in rows.items()}
-        rows |= {"kernel": np.asarray(kernel, dtype=np.int64), **columns}
-        self._settled, kept = {}, rows["kernel"] >= 0
+        held, kernel = self.sample(), np.asarray(kernel, dtype=np.int64)
+        rows = {"row": held.row, **held.columns, "kernel": kernel, **columns}
+        self._settled, kept = {}, kernel >= 0
         self._waiting = [{name: column[kept] for name, column in rows.items()}]
         self._highest[:] = np.inf
         self._settle()
@@ -149,7 +142,7 @@ class KernelReservoir:
         """The rows kept so far; kernels with at most `max_size` rows are complete."""
         self._settle()
         columns = dict(self._settled)
-        kernel, row, _ = (columns.pop(name) for name in ("kernel", "row", "priority"))
+        kernel, row = columns.pop("kernel"), columns.pop("row")
         order = np.lexsort((row, quick_to_sort(kernel)))
         return KernelSample(
             kernel=kernel[order],

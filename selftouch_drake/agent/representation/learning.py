@@ -7,17 +7,19 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import issparse
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.graphs import surface_neighbours, unlike
-from selftouch_drake.agent.representation.joints import joint_scale
+from selftouch_drake.agent.representation.graphs import (
+    component_labels,
+    connected_edges,
+    surface_neighbours,
+    unlike,
+)
 from selftouch_drake.agent.representation.kernels import (
     KernelReservoir,
     KernelSample,
     KernelSets,
 )
-from selftouch_drake.agent.representation.neighbours import component_labels, connected_edges
 from selftouch_drake.agent.representation.quantise import (
     assign,
     rare_cells,
@@ -25,7 +27,7 @@ from selftouch_drake.agent.representation.quantise import (
     target_sensations,
 )
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, mattering
-from selftouch_drake.agent.representation.relevance import touch_modes
+from selftouch_drake.agent.representation.relevance import joint_scale, touch_modes
 from selftouch_drake.agent.representation.set_distances import (
     MAX_QUERIES,
     linked_nearest,
@@ -101,19 +103,40 @@ def learn(
         ValueError: a parameter is invalid, the experience cannot be learned from, or the second
             reading has a different number of rows.
     """
-    _check_parameters(
-        num_targets=num_targets, max_kernel_size=max_kernel_size, max_queries=max_queries
-    )
+    for name, number, least in (
+        ("num_targets", num_targets, 2),
+        ("max_kernel_size", max_kernel_size, 1),
+        ("max_queries", max_queries, 1),
+    ):
+        if isinstance(number, bool) or not isinstance(number, int | np.integer) or number < least:
+            raise ValueError(f"{name} is {number!r}: give a whole number, {least} or more")
     quantise_seed, sample_seed, mode_seed = np.random.SeedSequence(seed).generate_state(3)
 
-    known = _quantised(batches, num_targets, int(quantise_seed), progress)
-    sample, num_set_aside = _sampled(batches, known, max_kernel_size, int(sample_seed), progress)
-    x = (sample.columns["q"] * known.joint_scale).astype(np.float32)
+    targets, scale, overlap, chance, num_rows = _quantised(
+        batches, num_targets, int(quantise_seed), progress
+    )
+    kernels = KernelReservoir(num_targets, max_kernel_size, seed=int(sample_seed))
+    num_set_aside = 0
+    for sensation, q in _in_blocks(batches()):
+        label, error = assign(sensation, targets)
+        left_out = ambiguous_touches(sensation, overlap, chance)
+        num_set_aside += int(left_out.sum())
+        label[left_out] = -1
+        felt = strength(sensation).astype(np.float32)
+        kernels.add(label, q=q.astype(np.float32), strength=felt, error=error)
+        progress(0.2 + 0.1 * min(kernels.num_rows / num_rows, 1.0), "motor kernels")
+    if kernels.num_rows != num_rows:
+        raise ValueError(
+            f"batches gave {num_rows} rows, then {kernels.num_rows}: give the same experience "
+            "each time"
+        )
+    sample = kernels.sample()
+    x = (sample.columns["q"] * scale).astype(np.float32)
     sets = KernelSets(x, sample.offsets(num_targets))
-    part = kernel_parts(known.targets, known.overlap)
+    part = kernel_parts(targets, overlap)
     mode, mode_joints = touch_modes(
         sets,
-        known.targets,
+        targets,
         part,
         seed=int(mode_seed),
         progress=lambda fraction: progress(0.3 + 0.3 * fraction, "joints that matter"),
@@ -123,44 +146,33 @@ def learn(
         sets,
         "quantile",
         max_queries=max_queries,
-        rough=unlike(known.targets),
+        rough=unlike(targets),
         progress=lambda fraction: progress(0.6 + 0.4 * fraction, "set distances"),
     )
     learned = with_graph(
         sample,
         sets,
         distance,
-        target_sensations=known.targets,
+        target_sensations=targets,
         kernel_mode=mode,
         mode_joints=mode_joints,
-        joint_scale=known.joint_scale,
-        overlap=known.overlap,
+        joint_scale=scale,
+        overlap=overlap,
         part=part,
-        num_touches=known.num_rows,
+        num_touches=num_rows,
         num_set_aside=num_set_aside,
     )
     progress(1.0, "quotient graph")
     return learned
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Quantised:
-    """What a sample of the experience shows: fields as of `QuotientRepresentation`.
+def _quantised(
+    batches: Batches, num_targets: int, seed: int, progress: Progress
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool, int]:
+    """Reads the experience, and chooses target sensations and a scale of the joints.
 
-    Attributes:
-        chance: result of `by_chance`.
-        num_rows: of the whole experience.
+    Returns these two, what `receptors_together` found, and the number of rows.
     """
-
-    targets: np.ndarray
-    joint_scale: np.ndarray
-    overlap: np.ndarray
-    chance: bool
-    num_rows: int
-
-
-def _quantised(batches: Batches, num_targets: int, seed: int, progress: Progress) -> _Quantised:
-    """Reads the experience, and chooses target sensations and a scale of the joints."""
     some = KernelReservoir(1, MAX_ROWS, seed=seed)
     for sensation, q in _in_blocks(_checked(batches())):
         some.add(np.zeros(len(sensation), dtype=int), sensation=sensation, q=q.astype(np.float32))
@@ -181,39 +193,8 @@ def _quantised(batches: Batches, num_targets: int, seed: int, progress: Progress
     sensation, q = columns["sensation"][kept], columns["q"][kept]
     with Threads(1) as beside:
         scaling = beside.submit(joint_scale, q, sensation)
-        targets = common_targets(
-            sensation,
-            num_targets,
-            overlap if chance else None,
-            progress=lambda fraction: progress(0.2 * fraction, "target sensations"),
-        )
-    return _Quantised(targets, scaling.result(), overlap, chance, some.num_rows)
-
-
-def _sampled(
-    batches: Batches, known: _Quantised, max_kernel_size: int, seed: int, progress: Progress
-) -> tuple[KernelSample, int]:
-    """Reads the experience again, for the kernel of each row; counts the rows set aside."""
-    kernels = KernelReservoir(len(known.targets), max_kernel_size, seed=seed)
-    num_set_aside = 0
-    for sensation, q in _in_blocks(batches()):
-        label, error = assign(sensation, known.targets)
-        left_out = ambiguous_touches(sensation, known.overlap, known.chance)
-        num_set_aside += int(left_out.sum())
-        label[left_out] = -1
-        kernels.add(
-            label,
-            q=q.astype(np.float32),
-            strength=strength(sensation).astype(np.float32),
-            error=error,
-        )
-        progress(0.2 + 0.1 * min(kernels.num_rows / known.num_rows, 1.0), "motor kernels")
-    if kernels.num_rows != known.num_rows:
-        raise ValueError(
-            f"batches gave {known.num_rows} rows, then {kernels.num_rows}: give the same "
-            "experience each time"
-        )
-    return kernels.sample(), num_set_aside
+        targets = common_targets(sensation, num_targets, overlap if chance else None)
+    return targets, scaling.result(), overlap, chance, some.num_rows
 
 
 def with_graph(
@@ -231,7 +212,10 @@ def with_graph(
     neighbours, near = surface_neighbours(distance, targets, part)
     edges = connected_edges(neighbours, near)
     component = component_labels(neighbours, len(targets))
-    i, j = edges.T
+    (i, j), firm = edges.T, sets.firm(sample.columns["strength"])
+    # Mean nearest distances in both directions, as in the paper, between firm touches.
+    nearest = linked_nearest(firm, np.concatenate([edges, edges[:, ::-1]]))
+    there, back = np.split(np.add.reduceat(np.sqrt(nearest.squared), nearest.offsets[:-1]), 2)
     representation = QuotientRepresentation(
         kernel_offsets=sets.offsets,
         kernel_q=sample.columns["q"],
@@ -240,7 +224,7 @@ def with_graph(
         kernel_error=sample.columns["error"],
         set_distance=distance,
         edges=edges,
-        edge_cost=firm_steps(sets.firm(sample.columns["strength"]), edges),
+        edge_cost=((there / firm.sizes[i] + back / firm.sizes[j]) / 2).astype(np.float32),
         embedding=np.full((len(targets), 3), np.nan),
         **known,
     )
@@ -254,7 +238,6 @@ def common_targets(
     overlap: np.ndarray | None,
     *,
     or_fewer: bool = False,
-    progress: Callable[[float], None] = lambda fraction: None,
 ) -> np.ndarray:
     """`(K, S)` target sensations, without those of touches at two places by chance.
 
@@ -264,7 +247,7 @@ def common_targets(
     together by chance, `overlap` `(S, S)` is None; the rest is as of `target_sensations`.
     """
     for _ in range(_MOST_ROUNDS):
-        targets = target_sensations(sensation, num_targets, or_fewer=or_fewer, progress=progress)
+        targets = target_sensations(sensation, num_targets, or_fewer=or_fewer)
         if overlap is None:
             break
         label, _ = assign(sensation, targets)
@@ -279,20 +262,20 @@ def common_targets(
 NO_ROWS = "sensation has 0 rows: babble until the finger touches the body"
 
 
-def _check_parameters(**numbers: Any) -> None:
-    for name, value in numbers.items():
-        lowest = 2 if name == "num_targets" else 1
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < lowest:
-            raise ValueError(f"{name} is {value!r}: give a whole number, {lowest} or more")
-
-
 def _checked(batches: Iterable[Batch]) -> Iterator[Batch]:
     """The same batches, each checked when it is read."""
     row, widths = 0, dict[str, int]()
     for given, given_q in batches:
         sensation, q = as_numbers("sensation", given), as_numbers("q", given_q)
         check_sensation(sensation, row)
-        _check_configurations(q, len(sensation), row)
+        if q.ndim != 2 or q.shape[1] == 0:
+            raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints)")
+        if len(q) != len(sensation):
+            raise ValueError(
+                f"q has {len(q)} rows and sensation {len(sensation)}: give one motor configuration "
+                "for each sensation"
+            )
+        _check_finite("q", np.isfinite(q).all(axis=1), row)
         for name, what, array in (("sensation", "receptors", sensation), ("q", "joints", q)):
             width = widths.setdefault(name, array.shape[1])
             if array.shape[1] != width:
@@ -314,31 +297,11 @@ def _in_blocks(batches: Iterable[Batch]) -> Iterator[Batch]:
             yield np.asarray(sensation)[block], np.asarray(q)[block]
 
 
-def firm_steps(firm: KernelSets, edges: np.ndarray) -> np.ndarray:
-    """`(E,)` rad, mean nearest distance between the firm configurations of both ends.
-
-    The mean over both directions, as in the paper's mean nearest distance.
-    """
-    if not len(edges):
-        return np.empty(0, np.float32)
-    nearest = linked_nearest(firm, np.concatenate([edges, edges[:, ::-1]]))
-    there, back = np.split(np.add.reduceat(np.sqrt(nearest.squared), nearest.offsets[:-1]), 2)
-    i, j = edges.T
-    return ((there / firm.sizes[i] + back / firm.sizes[j]) / 2).astype(np.float32)
-
-
 def as_numbers(name: str, rows: Any) -> np.ndarray:
-    """The rows as an array.
-
-    Raises:
-        TypeError: they are sparse.
-        ValueError: they are no real numbers.
-    """
-    if issparse(rows):
-        raise TypeError(f"{name} is sparse: give it dense, as {name}.toarray() is")
+    """The rows as an array; raises a ValueError if they are no real numbers, or sparse."""
     array = np.asarray(rows)
     if array.dtype.kind not in "fiu":
-        raise ValueError(f"{name} holds {array.dtype}: give real numbers")
+        raise ValueError(f"{name} holds {array.dtype}: give real numbers, not sparse")
     return array
 
 
@@ -349,10 +312,7 @@ def check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
             f"sensation has shape {sensation.shape}: give sensations as (rows, receptors)"
         )
     felt = strength(sensation).astype(np.float32)
-    if (bad := np.flatnonzero(~np.isfinite(felt))).size:
-        raise ValueError(
-            f"sensation row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})"
-        )
+    _check_finite("sensation", np.isfinite(felt), first_row)
     if (lowest := sensation.min(initial=0)) < 0:
         raise ValueError(
             f"sensation holds {lowest:g}, a negative reading: give pressures, without the "
@@ -365,16 +325,8 @@ def check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
         )
 
 
-def _check_configurations(q: np.ndarray, num_rows: int, first_row: int = 0) -> None:
-    """Rejects motor configurations that do not match `num_rows` sensations."""
-    if q.ndim != 2 or q.shape[1] == 0:
-        raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints)")
-    if len(q) != num_rows:
+def _check_finite(name: str, finite: np.ndarray, first_row: int) -> None:
+    if (bad := np.flatnonzero(~finite)).size:
         raise ValueError(
-            f"q has {len(q)} rows and sensation {num_rows}: give one motor configuration "
-            "for each sensation"
-        )
-    if (bad := np.flatnonzero(~np.isfinite(q).all(axis=1))).size:
-        raise ValueError(
-            f"q row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})"
+            f"{name} row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})"
         )

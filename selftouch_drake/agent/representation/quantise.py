@@ -7,7 +7,6 @@ place, whereas otherwise all light touches would fall into one giant cell.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
 
 import numba
 import numpy as np
@@ -44,10 +43,9 @@ def unit(sensation: np.ndarray) -> np.ndarray:
 
 
 def assign(sensation: np.ndarray, target_sensations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Finds the target nearest in angle to each sensation: its index `(n,)`, and cosine distance.
+    """The target nearest in angle to each sensation: its index `(n,)`, and float32 cosine distance.
 
-    The `(n, S)` N sensations are not null; the `(K, S)` targets have unit L2 norm. Distances are
-    float32.
+    The `(n, S)` N sensations are not null; the `(K, S)` targets have unit L2 norm.
     """
     label = np.empty(len(sensation), dtype=np.int32)
     error = np.empty(len(sensation), dtype=np.float32)
@@ -108,7 +106,6 @@ def target_sensations(
     num_targets: int,
     *,
     or_fewer: bool = False,
-    progress: Callable[[float], None] = lambda fraction: None,
 ) -> np.ndarray:
     """Quantises sensations by spherical k-means from a farthest-point start.
 
@@ -120,7 +117,6 @@ def target_sensations(
         sensation: `(n, S)` N, no row null.
         num_targets: K, number of target sensations.
         or_fewer: give as many targets as there are distinct sensations, if these are fewer.
-        progress: called with the fraction done.
 
     Returns:
         `(K, S)` float32 target sensations, unit L2 norm; each is the nearest target of some row.
@@ -139,9 +135,8 @@ def target_sensations(
             f"num_targets is {num_targets}, but the experience holds only {len(start)} distinct "
             f"sensations: give at most {len(start)}, or babble longer"
         )
-    progress(0.5)
     centres = points[start]
-    for iteration in range(_LLOYD):
+    for _ in range(_LLOYD):
         label, _ = assign(points, centres)
         cells = csr_array(
             (np.ones(len(points), np.float32), (label, np.arange(len(points)))),
@@ -150,7 +145,6 @@ def target_sensations(
         total = cells @ points
         norm = np.linalg.norm(total, axis=1, keepdims=True)
         centres = np.divide(total, norm, out=centres, where=norm > 0)
-        progress(0.5 + 0.5 * (iteration + 1) / _LLOYD)
     return _without_empty_cells(points, centres)
 
 
@@ -165,12 +159,9 @@ def rare_cells(label: np.ndarray, part: np.ndarray) -> np.ndarray:
 
 
 def _without_empty_cells(points: np.ndarray, centres: np.ndarray) -> np.ndarray:
-    """Moves the centre of each empty cell to one of the points with the largest errors.
-
-    Every move lowers the total error, so the loop ends.
-    """
+    """Moves the centre of each empty cell to one of the points with the largest errors."""
     centres = centres.copy()
-    while True:
+    while True:  # every move lowers the total error
         label, error = assign(points, centres)
         empty = np.flatnonzero(np.bincount(label, minlength=len(centres)) == 0)
         if not len(empty):

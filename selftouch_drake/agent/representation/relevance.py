@@ -1,4 +1,8 @@
-"""Finds the joints that matter to a touch, by permutation importance (naive).
+"""Finds how much each joint changes the sensation, and which matter to a touch (naive).
+
+Motor configurations come in the robot's units, some in radians, others in metres, and the agent
+does not know which. Distances in motor space need one unit: joints are scaled by how much each of
+them changes the sensation.
 
 When one hand touches, the joints of the other arm do not affect the sensation: in a distance
 between motor configurations they are noise, and along a path they need not move. The agent does not
@@ -17,8 +21,9 @@ import numpy as np
 
 from selftouch_drake.agent.network import Network, standardised, toward, train
 from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.agent.representation.quantise import clusters
+from selftouch_drake.agent.representation.quantise import clusters, unit
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, NO_MODE
+from selftouch_drake.agent.representation.set_distances import linked_nearest
 
 #: The network that predicts sensations: hidden layers, outputs (principal components of target
 #: sensations), and training steps in each of two lessons, with configurations per step. Many
@@ -69,6 +74,52 @@ _NOTHING, _LEAST_COST, _MUCH_MORE = 0.012, 0.08, 4.0
 _SURE = 0.87
 
 
+#: Standard deviation of scaled configurations, root mean square over joints. It is that of the
+#: paper's arm in radians, so a length in "rad" means the same for any robot.
+_SPREAD = 1.6
+
+#: Smallest influence of a joint, as a share of the largest (both squared): even a joint that does
+#: not change the sensation takes time to move.
+_LEAST_INFLUENCE = 0.02
+
+
+def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
+    """`(J,)` positive factors, so that equal scaled steps change the sensation equally.
+
+    Near configurations are paired. The squared change of the sensation is fitted as a weighted sum
+    of the squared changes of the joints. Changing the unit of a joint changes its factor inversely,
+    and nothing else. A joint that did not move has 1. From `(n, J)` q, a sample of the experience,
+    and `(n, S)` N that was felt there; no row null.
+    """
+    deviation = q.std(axis=0, dtype=float)
+    moved = deviation > 0
+    scale = np.ones(q.shape[1])
+    if len(q) < 4 or not moved.any():
+        return scale
+    z = ((q - q.mean(axis=0, dtype=float))[:, moved] / deviation[moved]).astype(np.float32)
+    from scipy.optimize import nnls  # not needed to plan
+
+    first, second = _near_pairs(z)
+    felt = unit(sensation)
+    change = np.square(felt[first] - felt[second]).sum(axis=1, dtype=float)
+    step = np.square(z[first] - z[second], dtype=float)
+    influence, _ = nnls(step, change)
+    if not influence.any():
+        influence = np.ones(len(influence))
+    influence = np.sqrt(np.maximum(influence, _LEAST_INFLUENCE * influence.max()))
+    scale[moved] = influence / deviation[moved] * _SPREAD / np.sqrt(np.mean(influence**2))
+    return scale
+
+
+def _near_pairs(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs each row of either half with the nearest row of the other half."""
+    half = len(z) // 2
+    order = np.concatenate([np.arange(0, 2 * half, 2), np.arange(1, 2 * half, 2)])
+    halves = KernelSets(z[order], np.array([0, half, 2 * half]))
+    nearest = linked_nearest(halves, np.array([[0, 1], [1, 0]]))
+    return order, order[nearest.row]
+
+
 def touch_modes(
     sets: KernelSets,
     target_sensations: np.ndarray,
@@ -80,7 +131,7 @@ def touch_modes(
     """Finds the modes of touch, and the mode of each stored configuration.
 
     The sets may be scaled or not, targets are `(K, S)`, unit L2 norm, and `part` is `(K,)` the part
-    of the body of each kernel; 0 is the largest. The same seed gives the same bytes on one machine.
+    of the body of each kernel. The same seed gives the same bytes on one machine.
 
     Returns:
         `(R,)` int8, the mode of each configuration, or `NO_MODE`; `(M, J)` bool, the joints that
@@ -102,10 +153,15 @@ def touch_modes(
     # Importance is measured on held-out rows: on memorised rows every joint would matter.
     held_out = np.zeros(len(kernel), dtype=bool)
     held_out[np.concatenate([*tested.values()])] = True
-    trained = np.flatnonzero(~held_out)
-    expected = _Expectation.learned(
-        sets.x, kernel, target_sensations, of_part, trained, list(tested.values()), rng, progress
-    )
+    x, sizes = standardised(sets.x), sets.sizes
+    felt = target_sensations - np.average(target_sensations, axis=0, weights=sizes)
+    _, _, axes = np.linalg.svd(felt, full_matrices=False)
+    outputs = felt @ axes[:_MOST_OUTPUTS].T
+    spread = np.sqrt(np.average(np.square(outputs).sum(axis=1), weights=sizes))
+    outputs = (outputs / (spread if spread > 0 else 1.0)).astype(np.float32)
+    network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
+    expected = _Expectation(network, x, kernel, outputs)
+    _learn(expected, of_part, np.flatnonzero(~held_out), [*tested.values()], rng, progress)
     for number, some in tested.items():
         rows = np.flatnonzero(of_part == number)
         modes = _modes(expected, some, rng)
@@ -131,87 +187,66 @@ class _Expectation:
     kernel: np.ndarray
     outputs: np.ndarray
 
-    @classmethod
-    def learned(
-        cls,
-        kernel_x: np.ndarray,
-        kernel: np.ndarray,
-        target_sensations: np.ndarray,
-        of_part: np.ndarray,
-        trained: np.ndarray,
-        tested: list[np.ndarray],
-        rng: np.random.Generator,
-        progress: Callable[[float], None],
-    ) -> _Expectation:
-        x = standardised(kernel_x)
-        weights = np.bincount(kernel, minlength=len(target_sensations))
-        felt = target_sensations - np.average(target_sensations, axis=0, weights=weights)
-        _, _, axes = np.linalg.svd(felt, full_matrices=False)
-        outputs = felt @ axes[:_MOST_OUTPUTS].T
-        spread = np.sqrt(np.average(np.square(outputs).sum(axis=1), weights=weights))
-        outputs = (outputs / (spread if spread > 0 else 1.0)).astype(np.float32)
-        # Half of each batch is drawn from all rows, half evenly from the parts, so that rarely
-        # touched parts are also learned.
-        by_part = trained[np.argsort(of_part[trained], kind="stable")]
-        sizes = np.bincount(of_part[trained])
-        sizes = sizes[sizes > 0]
-        first = np.cumsum(sizes) - sizes
-
-        def draw(count: int) -> np.ndarray:
-            some = rng.integers(len(sizes), size=count // 2)
-            return np.concatenate(
-                [
-                    trained[rng.integers(len(trained), size=count // 2)],
-                    by_part[first[some] + (rng.random(len(some)) * sizes[some]).astype(int)],
-                ]
-            )
-
-        network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
-        expected = cls(network, x, kernel, outputs)
-        affordable = min(sum(steps for steps, _ in _LESSONS), len(x) // _ROWS_A_STEP)
-        done = 0
-        for most_steps, count in _LESSONS:
-            num_steps = min(most_steps, affordable - done)
-
-            def of_lesson(fraction: float, done: int = done, num_steps: int = num_steps) -> None:
-                progress((done + fraction * num_steps) / affordable)
-
-            drawn = partial(draw, count)
-            train(network, x, drawn, toward(outputs, kernel), num_steps, of_lesson)
-            done += num_steps
-            if done == affordable or expected.learned_well(tested, rng):
-                break
-        return expected
-
-    def error(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """`(n,)` squared error of the prediction with `joints` `(J,)` bool permuted."""
-        return self._off(self.outputs[self.kernel[rows]], rows, joints, rng)
-
-    def learned_well(self, parts: list[np.ndarray], rng: np.random.Generator) -> bool:
-        """Whether the error is low on each of the parts, given by held-out rows."""
-        none = np.zeros(self.x.shape[1], dtype=bool)
-        return all(
-            self.error(rows, none, rng).mean() < _WELL_LEARNED * self.by_chance(rows)
-            for rows in parts
-        )
-
-    def by_chance(self, rows: np.ndarray) -> float:
-        """Variance of the outputs at `rows`: the error of always predicting their mean."""
-        return float(self.outputs[self.kernel[rows]].var(axis=0).sum())
-
-    def change(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """`(n,)` squared change of the prediction when `joints` `(J,)` bool are permuted."""
-        return self._off(self.network(self.x[rows]), rows, joints, rng)
-
-    def _off(
-        self, felt: np.ndarray, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator
+    def off(
+        self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator, felt: np.ndarray
     ) -> np.ndarray:
-        """`(n,)` mean squared distance to `felt` with `joints` permuted across the rows."""
+        """`(n,)` mean squared distance of predictions with `joints` `(J,)` permuted from `felt`."""
         x, off = self.x[rows], []
         for _ in range(_NUM_EXCHANGES if joints.any() else 1):
             found = self.network(np.where(joints, x[rng.permutation(len(x))], x))
             off.append(np.square(found - felt).sum(axis=1))
         return np.mean(off, axis=0)
+
+    def error(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """`(n,)` squared error of the prediction with `joints` `(J,)` bool permuted."""
+        return self.off(rows, joints, rng, self.outputs[self.kernel[rows]])
+
+    def by_chance(self, rows: np.ndarray) -> float:
+        """Variance of what is felt at `rows`: the error of always predicting its mean."""
+        return float(self.outputs[self.kernel[rows]].var(axis=0).sum())
+
+
+def _learn(
+    expected: _Expectation,
+    of_part: np.ndarray,
+    trained: np.ndarray,
+    tested: list[np.ndarray],
+    rng: np.random.Generator,
+    progress: Callable[[float], None],
+) -> None:
+    """Trains the network on some rows, until it predicts the tested rows of each part well."""
+    # Half of each batch is drawn from all rows, half evenly from the parts, so that rarely touched
+    # parts are also learned.
+    by_part = trained[np.argsort(of_part[trained], kind="stable")]
+    sizes = np.bincount(of_part[trained])
+    sizes = sizes[sizes > 0]
+    first = np.cumsum(sizes) - sizes
+
+    def draw(count: int) -> np.ndarray:
+        some = rng.integers(len(sizes), size=count // 2)
+        of_all = trained[rng.integers(len(trained), size=count // 2)]
+        of_each = by_part[first[some] + (rng.random(len(some)) * sizes[some]).astype(int)]
+        return np.concatenate([of_all, of_each])
+
+    x, none = expected.x, np.zeros(expected.x.shape[1], dtype=bool)
+    affordable = min(sum(steps for steps, _ in _LESSONS), len(x) // _ROWS_A_STEP)
+    done = 0
+    for most_steps, count in _LESSONS:
+        num_steps = min(most_steps, affordable - done)
+        train(
+            expected.network,
+            x,
+            partial(draw, count),
+            toward(expected.outputs, expected.kernel),
+            num_steps,
+            lambda share, n=num_steps, done=done: progress((done + share * n) / affordable),
+        )
+        done += num_steps
+        if done == affordable or all(
+            expected.error(rows, none, rng).mean() < _WELL_LEARNED * expected.by_chance(rows)
+            for rows in tested
+        ):
+            break
 
 
 def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -224,7 +259,8 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
     need the joints of both. Modes that leave many configurations unassigned are rejected.
     """
     each = np.eye(expected.x.shape[1], dtype=bool)
-    change = np.sqrt([expected.change(rows, joint, rng) for joint in each]).T
+    now = expected.network(expected.x[rows])
+    change = np.sqrt([expected.off(rows, joint, rng, now) for joint in each]).T
     share = change / np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)
     found = _matter(_costs(expected, rows, rng)[None])
     for count in range(2, _MOST_MODES + 1):

@@ -67,9 +67,8 @@ def set_distances(
         sets: K sets of scaled configurations, rad.
         name: in `SET_DISTANCES`.
         max_queries: most queries per set.
-        rough: `(K, K)` bool, symmetric, pairs of sets for which 16 queries are enough; None if
-            there are none.
-        changed: `(K,)` bool, sets to which and from which distances are wanted; None if all are.
+        rough: `(K, K)` bool, symmetric, pairs of sets for which 16 queries are enough.
+        changed: `(K,)` bool, sets to which and from which distances are wanted; by default all.
         progress: called with the fraction done.
 
     Returns:
@@ -78,8 +77,8 @@ def set_distances(
     Raises:
         ValueError: a kernel is empty.
     """
-    offsets = np.asarray(sets.offsets, dtype=np.int64)
-    if (empty := np.flatnonzero(sets.sizes <= 0)).size:
+    offsets, sizes = np.asarray(sets.offsets, dtype=np.int64), sets.sizes
+    if (empty := np.flatnonzero(sizes <= 0)).size:
         raise ValueError(f"kernel {empty[0]} holds no configuration: drop it from its offsets")
     reduce, symmetrise = SET_DISTANCES[name]
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
@@ -87,7 +86,8 @@ def set_distances(
     search = _nearest_squared(members.shape[1], False)
 
     def queries(kernel: int, most: int) -> np.ndarray:
-        return members[_strided(offsets[kernel], offsets[kernel + 1], most)]
+        count = min(sizes[kernel], most)
+        return members[offsets[kernel] + np.arange(count) * sizes[kernel] // count]
 
     def nearest(x: np.ndarray, asked: np.ndarray) -> np.ndarray:
         squared = np.empty((len(asked), len(x)), dtype=np.float32)
@@ -161,12 +161,6 @@ def linked_nearest(sets: KernelSets, links: np.ndarray) -> LinkedNearest:
 
     in_slices(along, len(links), _LINKS)
     return LinkedNearest(offsets=offsets, row=row, squared=squared)
-
-
-def _strided(start: int, stop: int, max_count: int) -> np.ndarray:
-    """At most `max_count` of the integers from `start` to `stop`, evenly strided."""
-    count = min(int(stop - start), max_count)
-    return start + (np.arange(count) * (stop - start)) // count
 
 
 @lru_cache

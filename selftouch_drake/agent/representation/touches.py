@@ -56,21 +56,26 @@ def overlapping(sensation: np.ndarray) -> np.ndarray:
     return overlap | (maybe & (shared > 0) & _of_one_part(overlap))
 
 
-def nearby(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """`(S, S)` bool, receptors of one part that may feel the same touch, overlapping or nearly.
-
-    The sensations are as of `overlapping`, `overlap` is its result.
-    """
-    return overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & _of_one_part(overlap))
-
-
 def receptors_together(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
-    """`(S, S)` bool, as `nearby`, and whether touches of two places are coincidence.
+    """Which receptors may feel the same touch, and whether touches of two places are coincidence.
 
-    The sensations are as of `overlapping`.
+    Two hands that move independently seldom touch at once: the share of such touches is about half
+    the share of time that one hand touches. They are excluded, because any place of one hand occurs
+    with any place of the other: these sensations have more dimensions than the body, and would take
+    most targets. If they are the rule, as with two fingers of one hand, the quotient space is that
+    of poses of the hand (paper, section II), and they are kept.
+
+    Args:
+        sensation: as of `overlapping`.
+
+    Returns:
+        `(S, S)` bool, receptors of one part that overlap, or nearly; and whether simultaneous
+        touches of two places of one part are coincidence.
     """
     overlap = overlapping(sensation)
-    return nearby(sensation, overlap), by_chance(sensation, overlap)
+    near = overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & _of_one_part(overlap))
+    share = np.mean(apart(sensation, overlap) & ~of_several_parts(sensation, overlap))
+    return near, bool(0.0 < share < _MOST_BY_CHANCE)
 
 
 def _shared(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -83,23 +88,23 @@ def _shared(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return together / np.maximum(rarer, 1.0), rarer, felt
 
 
-def _of_one_part(overlap: np.ndarray) -> np.ndarray:
-    part = receptor_parts(overlap)
-    return part[:, None] == part
-
-
-def receptor_parts(overlap: np.ndarray) -> np.ndarray:
+def _receptor_parts(overlap: np.ndarray) -> np.ndarray:
     """`(S,)` the part of the body of each receptor: those connected by `(S, S)` overlaps."""
     return connected_components(overlap, directed=False)[1]
+
+
+def _of_one_part(overlap: np.ndarray) -> np.ndarray:
+    part = _receptor_parts(overlap)
+    return part[:, None] == part
 
 
 def kernel_parts(target_sensations: np.ndarray, overlap: np.ndarray) -> np.ndarray:
     """`(K,)` the part of the body that each kernel is on; 0 has the most kernels.
 
     The strongest receptor of each of `(K, S)` targets decides; `(S, S)` overlaps are as of
-    `overlapping` or `nearby`.
+    `overlapping` or `receptors_together`.
     """
-    of_receptor = receptor_parts(overlap)[target_sensations.argmax(axis=1)]
+    of_receptor = _receptor_parts(overlap)[target_sensations.argmax(axis=1)]
     _, first, part, size = np.unique(
         of_receptor, return_index=True, return_inverse=True, return_counts=True
     )
@@ -109,7 +114,6 @@ def kernel_parts(target_sensations: np.ndarray, overlap: np.ndarray) -> np.ndarr
 
 def apart(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
     """`(n,)` bool, `(n, S)` N sensations of several places at once, by `(S, S)` bool overlaps."""
-    sensation = np.asarray(sensation)
     beyond = (sensation > 0) & ~overlap[sensation.argmax(axis=1)]
     # Receptors that overlap the strongest one feel the same touch, which settles most rows.
     several = beyond.any(axis=1)
@@ -121,35 +125,19 @@ def apart(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
 
 def of_several_parts(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray:
     """`(n,)` bool, sensations on several parts of the body; arguments as for `apart`."""
-    part = receptor_parts(overlap)
+    part = _receptor_parts(overlap)
     if not part.any():
         return np.zeros(len(sensation), dtype=bool)
-    felt = np.asarray(sensation) > 0
-    strongest = part[np.asarray(sensation).argmax(axis=1)]
-    return (felt & (part != strongest[:, None])).any(axis=1)
-
-
-def by_chance(sensation: np.ndarray, overlap: np.ndarray) -> bool:
-    """Whether simultaneous touches of two places of one part are coincidence.
-
-    Two hands that move independently seldom touch at once: the share of such touches is about half
-    the share of time that one hand touches. They are excluded, because any place of one hand occurs
-    with any place of the other: these sensations have more dimensions than the body, and would take
-    most targets. If they are the rule, as with two fingers of one hand, the quotient space is that
-    of poses of the hand (paper, section II), and they are kept.
-
-    Sensations, `(n, S)` N, are a sample of the experience; `overlap` is of `overlapping`.
-    """
-    share = np.mean(apart(sensation, overlap) & ~of_several_parts(sensation, overlap))
-    return bool(0.0 < share < _MOST_BY_CHANCE)
+    strongest = part[sensation.argmax(axis=1)]
+    return ((sensation > 0) & (part != strongest[:, None])).any(axis=1)
 
 
 def ambiguous_touches(sensation: np.ndarray, near: np.ndarray, chance: bool) -> np.ndarray:
     """`(n,)` bool, `(n, S)` N sensations that are excluded from learning.
 
     Sensations on several parts of the body always are: they belong to no single part. Sensations
-    at several places of one part are if they are coincidence (`chance`, of `by_chance`); `near` is
-    of `nearby`, so that touches where receptors are sparse are kept.
+    at several places of one part are if they are coincidence; `near` and `chance` are of
+    `receptors_together`.
     """
     return apart(sensation, near) if chance else of_several_parts(sensation, near)
 

@@ -3,9 +3,8 @@
 from selftouch_drake.agent.shape.body import Body, RecoveredPart, recover
 from selftouch_drake.agent.shape.dimension import intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import Embedding, curvature_corrected_mds
-from selftouch_drake.agent.shape.homology import Topology, topology
+from selftouch_drake.agent.shape.homology import Topology, fitted_surface, topology
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
-from selftouch_drake.agent.shape.surface import fitted_surface
 
 __all__ = [
     "SHAPE_METRICS",

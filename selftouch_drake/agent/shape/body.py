@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.representation.neighbours import geodesics
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.dimension import (
     LEAST_KERNELS,
@@ -36,11 +35,7 @@ _NEIGHBOURS = 6
 
 
 class DistrustWarning(UserWarning):
-    """A metric cannot be trusted on a part of the body."""
-
-
-class MisfitWarning(UserWarning):
-    """The distances do not fit in three dimensions: the layout cannot be trusted."""
+    """A metric, or the layout, cannot be trusted on a part of the body."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -79,7 +74,7 @@ class RecoveredPart:
     @property
     def places(self) -> np.ndarray:
         """`(n + P, d)` positions of the kernels, then of the pieces: the part without gaps."""
-        return np.concatenate([self.embedding.positions, self.pieces])
+        return np.concatenate([self.positions, self.pieces])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,7 +140,7 @@ class Body:
         a fourth dimension takes the misfit away, the part is said to need it.
 
         Warns:
-            MisfitWarning: the fourth eigenvalue is above 0.15; the text gives it.
+            DistrustWarning: the fourth eigenvalue is above 0.15; the text gives it.
         """
         for part in self.parts:
             misfit = part.embedding.fourth_eigenvalue
@@ -158,7 +153,7 @@ class Body:
                 warnings.warn(
                     f"the recovered body does not fit in space: the fourth eigenvalue is "
                     f"{misfit:.0%} of the first, above {MISFIT:.0%}: {remedy}",
-                    MisfitWarning,
+                    DistrustWarning,
                     stacklevel=2,
                 )
 
@@ -213,61 +208,50 @@ def recover(
     """
     if metric not in SHAPE_METRICS:
         raise ValueError(f"metric {metric!r} is unknown: choose one of {', '.join(SHAPE_METRICS)}")
-    num_parts = representation.num_parts
     parts = []
-    for number in range(num_parts):
-
-        def of_part(fraction: float, number: int = number) -> None:
-            progress((number + fraction) / num_parts)
-
-        kernels = np.flatnonzero(representation.part == number)
-        part = representation.restricted(kernels)
-        found = _recovered(part, kernels, metric, seed, holes, of_part)
-        parts.append(found)
-        of_part(1.0)
+    for number in range(representation.num_parts):
+        parts.append(_recovered(representation, number, metric, seed, holes, progress))
     return Body(metric=metric, parts=tuple(parts), num_kernels=representation.num_targets)
 
 
 def _recovered(
-    representation: QuotientRepresentation,
-    kernels: np.ndarray,
+    whole: QuotientRepresentation,
+    number: int,
     metric: str,
     seed: int,
     holes: bool,
     progress: Callable[[float], None],
 ) -> RecoveredPart:
-    """Recovers one part from the representation restricted to its `kernels`."""
+    """Recovers one part of the whole."""
+    kernels = np.flatnonzero(whole.part == number)
+    representation, num_kernels = whole.restricted(kernels), len(kernels)
     by_feel = sensorimotor(representation)
-    skin = skin_dimension(geodesics(by_feel.edges, by_feel.length, len(kernels)))
+    skin = skin_dimension(by_feel.geodesics(by_feel.length))
     graph = SHAPE_METRICS[metric].graph(
-        representation, skin, seed, lambda fraction: progress(0.9 * fraction)
+        representation, skin, seed, lambda share: progress((number + 0.9 * share) / whole.num_parts)
     )
     if graph.doubt is not None:
         warnings.warn(
-            f"the {metric} metric cannot be trusted on a part of {len(kernels)} kernels: "
+            f"the {metric} metric cannot be trusted on a part of {num_kernels} kernels: "
             f"{graph.doubt}",
             DistrustWarning,
             stacklevel=3,
         )
-    num_kernels = len(kernels)
-    kernel = np.arange(num_kernels) if graph.kernel is None else graph.kernel
-    distances = geodesics(graph.edges, graph.length, len(kernel))
+    kernel, distances = graph.kernel, graph.geodesics(graph.length)
     lay_out = SHAPE_METRICS[metric].layout
     layout = lay_out(graph.edges, distances, skin + 1)
     space = space_dimension(graph.edges, distances, layout, skin)
     if skin + 1 != min(space, 3):
         layout = lay_out(graph.edges, distances, space)
     # The position and the distances of a kernel are the means over its pieces.
-    number = np.bincount(kernel, minlength=num_kernels)
-    mean = csr_array(
-        (1.0 / number[kernel], (kernel, np.arange(len(kernel)))), shape=(num_kernels, len(kernel))
-    )
-    positions, pieces = mean @ layout.positions, layout.positions[number[kernel] > 1]
+    num_pieces = np.bincount(kernel)[kernel]
+    mean = csr_array((1.0 / num_pieces, (kernel, np.arange(len(kernel)))))
+    positions, pieces = mean @ layout.positions, layout.positions[num_pieces > 1]
     places = np.concatenate([positions, pieces])
     between = mean @ (mean @ distances).T
     np.fill_diagonal(between, 0.0)
     enough = num_kernels >= LEAST_KERNELS
-    return RecoveredPart(
+    found = RecoveredPart(
         doubt=graph.doubt,
         kernels=kernels,
         distances=between,
@@ -278,3 +262,5 @@ def _recovered(
         topology=topology(places) if holes and not flat(places) else None,
         dimension=intrinsic_dimension(between, skin) if holes and enough else None,
     )
+    progress((number + 1.0) / whole.num_parts)
+    return found

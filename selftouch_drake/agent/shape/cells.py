@@ -15,8 +15,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from selftouch_drake.agent.representation.graphs import neighbour_edges, one_ring
 from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.agent.representation.neighbours import neighbour_edges, one_ring
 from selftouch_drake.agent.representation.quantise import clusters
 
 #: Share of a cell's configurations that are dropped as outliers: those farthest from its centre.
@@ -148,7 +148,12 @@ def cut_wide_cells(sets: KernelSets, cells: Cells) -> tuple[KernelSets, np.ndarr
         ascending.
     """
     sizes = sets.sizes
-    number = np.minimum((_times_larger(cells) / _LARGEST).astype(int), sizes // _LEAST_SIZE)
+    # The median area of each cell and of two rings of neighbours.
+    ring = one_ring(neighbour_edges(cells.distances()), len(sizes))
+    rings = (ring @ ring).tocsr()
+    ends = pairwise(rings.indptr.tolist())
+    typical = np.array([np.median(cells.area[rings.indices[slice(*pair)]]) for pair in ends])
+    number = np.minimum((cells.area / typical / _LARGEST).astype(int), sizes // _LEAST_SIZE)
     if number.max() < 2:
         return sets, np.arange(len(sizes))
     piece = np.zeros(len(sets.x), dtype=int)
@@ -160,14 +165,3 @@ def cut_wide_cells(sets: KernelSets, cells: Cells) -> tuple[KernelSets, np.ndarr
     order = np.lexsort((piece, owner))
     first = np.flatnonzero(np.diff(owner, prepend=-1) | np.diff(piece[order], prepend=-1))
     return KernelSets(sets.x[order], np.append(first, len(order))), owner[first]
-
-
-def _times_larger(cells: Cells) -> np.ndarray:
-    """`(K,)` area of each cell over the median area of itself and two rings of neighbours."""
-    ring = one_ring(neighbour_edges(cells.distances()), len(cells.area))
-    rings = (ring @ ring).tocsr()
-    typical = [
-        np.median(cells.area[rings.indices[start:stop]])
-        for start, stop in pairwise(rings.indptr.tolist())
-    ]
-    return cells.area / np.array(typical)

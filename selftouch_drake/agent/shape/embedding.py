@@ -12,12 +12,11 @@ from scipy.linalg import eigh, eigvalsh, inv
 from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.neighbours import geodesics
+from selftouch_drake.agent.representation.graphs import geodesics
 from selftouch_drake.threads import Threads, mapped
 
 # The number of threads changes the order of sums, and with it the axes of a symmetric body.
-_one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
-
+one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 
 #: A pass is kept if it leaves at most this share of the stress; the first that leaves more is
 #: discarded and ends the search. A body whose second pass is kept has rims, and needs more passes.
@@ -54,28 +53,21 @@ class Embedding:
         return float(self.spectrum[3])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
 class Majoriser:
     """Lowers the weighted stress of layouts: SMACOF, overrelaxed (de Leeuw and Heiser).
 
-    Attributes:
-        weights: `(K, K)` of the squared misfits.
-        inverse: `(K, K)` of the matrix of the linear system, which is the same in each step.
+    Args:
+        distances: `(K, K)`; a pair at distance d has the weight 1 / d^2.
     """
 
-    weights: np.ndarray
-    inverse: np.ndarray
-
-    @classmethod
-    @_one_thread
-    def of(cls, distances: np.ndarray) -> Majoriser:
-        """For `(K, K)` distances; a pair at distance d has the weight 1 / d^2."""
-        weights = _weights(distances)
-        laplacian = np.diag(weights.sum(axis=1)) - weights
+    @one_thread
+    def __init__(self, distances: np.ndarray):
+        self.weights = _weights(distances)
+        laplacian = np.diag(self.weights.sum(axis=1)) - self.weights
         # Adding a constant everywhere fixes the centroid and does not change the solution.
-        return cls(weights, inv(laplacian + weights.mean()))
+        self._inverse = inv(laplacian + self.weights.mean())
 
-    @_one_thread
+    @one_thread
     def __call__(
         self, positions: np.ndarray, distances: np.ndarray, num_iterations: int
     ) -> np.ndarray:
@@ -88,12 +80,12 @@ class Majoriser:
         with Threads() as pool:
             for left in reversed(range(num_iterations)):
                 list(pool.map(partial(_add_pulls, laid, pull, total), range(0, len(pull), _ROWS)))
-                moved = total[:most] @ self.inverse
+                moved = total[:most] @ self._inverse
                 laid[:most] = 2.0 * moved - laid[:most] if left else moved
         return laid[:dimension].T
 
 
-@_one_thread
+@one_thread
 def classical_embedding(distances: np.ndarray, dimension: int = 3) -> Embedding:
     """Lays out points from `(K, K)` symmetric, finite distances by classical scaling."""
     axes, spectrum = _classical_axes(distances, dimension)
@@ -102,7 +94,7 @@ def classical_embedding(distances: np.ndarray, dimension: int = 3) -> Embedding:
     )
 
 
-@_one_thread
+@one_thread
 def stress_embedding(
     distances: np.ndarray,
     dimension: int = 3,
@@ -123,9 +115,9 @@ def stress_embedding(
         distances: `(K, K)` symmetric, finite, positive off the diagonal.
         dimension: of the layout, 2, 3 or 4.
         last_axes: which of the further classical axes are tried as the last one to start from.
-        num_trial_iterations: iterations for each start.
-        num_iterations: iterations for the best start.
-        majoriser: of these distances; None makes one.
+        num_trial_iterations: for each start.
+        num_iterations: for the best start.
+        majoriser: of these distances.
 
     Raises:
         ValueError: there are fewer than 4 points, or no path joins two of them.
@@ -139,7 +131,7 @@ def stress_embedding(
     first = list(range(dimension - 1))
     num_axes = min(dimension + max(last_axes), len(distances))
     axes, spectrum = _classical_axes(distances, num_axes)
-    majoriser = majoriser or Majoriser.of(distances)
+    majoriser = majoriser or Majoriser(distances)
     trials = mapped(
         lambda last: majoriser(axes[:, [*first, last]], distances, num_trial_iterations),
         [dimension - 1 + last for last in last_axes if dimension - 1 + last < num_axes],
@@ -153,7 +145,7 @@ def stress_embedding(
     )
 
 
-@_one_thread
+@one_thread
 def curvature_corrected_mds(
     edges: np.ndarray,
     distances: np.ndarray,
@@ -172,7 +164,7 @@ def curvature_corrected_mds(
     The `(K, K)` distances are shortest paths over `(E, 2)` edges that connect all points, whatever
     the edge lengths.
     """
-    majoriser = Majoriser.of(distances)
+    majoriser = Majoriser(distances)
     found = stress_embedding(distances, dimension=dimension, majoriser=majoriser)
     for number in range(most_passes):
         positions, stress = unbent(found.positions, edges, distances, majoriser, _UNBENDING)
@@ -190,10 +182,7 @@ def unbent(
     majoriser: Majoriser,
     num_iterations: int,
 ) -> tuple[np.ndarray, float]:
-    """One pass: from `(K, d)` positions to better ones and a stress; as `curvature_corrected_mds`.
-
-    The majoriser is of these distances; `num_iterations` is that of its steps.
-    """
+    """One pass of `curvature_corrected_mds`: from `(K, d)` positions to better ones, and stress."""
     laid = cdist(positions, positions)
     along = geodesics(edges, laid[edges[:, 0], edges[:, 1]], len(laid))
     straight = distances * np.divide(laid, along, out=np.ones_like(laid), where=along > 0)

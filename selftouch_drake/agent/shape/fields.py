@@ -16,7 +16,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import isotonic_regression
 
-from selftouch_drake.agent.representation.neighbours import geodesics
+from selftouch_drake.agent.representation.graphs import geodesics
 from selftouch_drake.agent.shape.embedding import Majoriser, stress_embedding, unbent
 
 #: Rounds of layout and model. More change lengths by less than 2 %.
@@ -55,15 +55,9 @@ def corrected_lengths(
 ) -> np.ndarray | None:
     """Lengths of edges that explain the angles between the sensations of their ends.
 
-    Args:
-        targets: `(K, S)` target sensations, unit L2 norm.
-        kernel: `(N,)` the kernel of each node; a kernel may be cut into several.
-        edges: `(E, 2)` pairs of nodes that connect all.
-        length: `(E,)` first estimate, positive.
-        skin: dimension of the skin, 1 or 2.
-
-    Returns:
-        `(E,)` lengths; None where the model does not explain what is felt.
+    The first estimate of the lengths, `(E,)`, is positive; `(E, 2)` edges connect all nodes; `(N,)`
+    is the kernel of each node, of which one may have several; `(K, S)` targets have unit L2 norm;
+    the skin has 1 or 2 dimensions. None where the model does not explain what is felt.
     """
     # Pieces of one kernel share its sensation, which belongs to none of their places.
     whole = np.bincount(kernel)[kernel] == 1
@@ -76,11 +70,9 @@ def corrected_lengths(
     positions = None
     for _ in range(_ROUNDS):
         along = geodesics(edges, length, len(kernel))
-        majoriser = Majoriser.of(along)
+        majoriser = Majoriser(along)
         if positions is None:
-            first = stress_embedding(
-                along, dimension=skin + 1, **_FIRST_LAYOUT, majoriser=majoriser
-            )
+            first = stress_embedding(along, skin + 1, **_FIRST_LAYOUT, majoriser=majoriser)
             positions = first.positions
         positions, _ = unbent(positions, edges, along, majoriser, _NUM_ITERATIONS)
         model = _model(readings, whole, positions, edges, skin)
@@ -130,7 +122,10 @@ def _model(
     near = np.eye(len(positions))
     near[edges[:, 0], edges[:, 1]] = near[edges[:, 1], edges[:, 0]] = 1.0
     rings = near @ near > 0
-    plane = np.array([_plane(positions[rings[node]], skin) for node in nearest])
+    around = [positions[rings[node]] for node in nearest]
+    plane = np.array(
+        [np.linalg.svd(p - p.mean(axis=0), full_matrices=False)[2][:skin].T for p in around]
+    )
     weight = at_place**3
     place = (weight.T @ positions) / weight.sum(axis=0)[:, None] - positions[nearest]
     place = positions[nearest] + np.einsum("sdt,set,se->sd", plane, plane, place)
@@ -148,7 +143,13 @@ def _model(
         distance = np.linalg.norm(offset, axis=1) * bent[node, receptor]
         for _ in range(3):
             curve = _falling_curve(reading / strength[node], distance)
-            strength = _strengths(reading, _reading_at(distance, curve), node, whole)
+            # Sensations have unit norm: their readings are strong where few receptors feel.
+            modelled = _reading_at(distance, curve)
+            both = np.bincount(node, reading * modelled, len(whole))
+            squared = np.bincount(node, modelled * modelled, len(whole))
+            known = whole & (squared > 0)
+            strength = np.divide(both, squared, out=np.ones_like(both), where=known)
+            strength /= np.median(strength[whole])
         # Moves each receptor in its plane until distances fit its readings (Gauss-Newton).
         toward = np.einsum("rdt,rd->rt", plane[receptor], -offset)
         toward /= np.maximum(np.linalg.norm(toward, axis=1), 1e-9)[:, None]
@@ -164,24 +165,6 @@ def _model(
     model /= np.maximum(np.linalg.norm(model, axis=1), 1e-12)[:, None]
     wrong = np.square(at_place - model)[whole].sum() / np.square(at_place).sum()
     return model if wrong < 1.0 - _LEAST_EXPLAINED else None
-
-
-def _strengths(
-    reading: np.ndarray, modelled: np.ndarray, node: np.ndarray, whole: np.ndarray
-) -> np.ndarray:
-    """`(N,)` factor by which readings at each node exceed the modelled ones; its median is 1.
-
-    Sensations have unit norm, so their readings are strong where few receptors feel.
-    """
-    both = np.bincount(node, reading * modelled, len(whole))
-    squared = np.bincount(node, modelled * modelled, len(whole))
-    strength = np.divide(both, squared, out=np.ones_like(both), where=whole & (squared > 0))
-    return strength / np.median(strength[whole])
-
-
-def _plane(points: np.ndarray, skin: int) -> np.ndarray:
-    """`(d, skin)` axes of the plane, or of the line, through `(n, d)` points."""
-    return np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][:skin].T
 
 
 def _steps(positions: np.ndarray, pairs: np.ndarray) -> np.ndarray:

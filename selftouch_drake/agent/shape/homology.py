@@ -1,8 +1,9 @@
-"""Components, loops and voids of the recovered body: persistent homology (paper, section IV).
+"""Components, loops, voids and the surface of the recovered body, by its alpha complex.
 
 A ball grows around every point. At each radius, the alpha complex holds the simplices of the
 Delaunay triangulation that the balls cover, and has the homology of their union. A bar is a loop
-(H1) or a void (H2) that is born at one radius and filled at another.
+(H1) or a void (H2) that is born at one radius and filled at another (paper, section IV). The fitted
+surface is that of figure 3.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from dataclasses import dataclass
 from itertools import chain, combinations
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay, cKDTree
 
 #: Bars between these lengths, in spacings, may be true or false.
@@ -161,11 +164,9 @@ def _bars(points: np.ndarray) -> tuple[list[Bar], ...]:
 def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[float]]:
     """Lists the simplices of the alpha complex, and the squared radius at which each appears.
 
-    A simplex appears at the radius of its smallest circumsphere if that is empty, else together
-    with the first of the simplices that it bounds.
-
-    Returns:
-        Simplices as sorted tuples of point indices, corners first; squared radii.
+    A simplex, a sorted tuple of point indices, appears at the radius of its smallest circumsphere
+    if that is empty, else together with the first of the simplices that it bounds. Corners are
+    first.
     """
     found = delaunay(points)
     points, largest = found.points, np.sort(found.simplices, axis=1)
@@ -262,3 +263,62 @@ def _persistence_pairs(simplices: Sequence[tuple[int, ...]]) -> list[tuple[int, 
                 births.add(p)
     pairs: list[tuple[int, int | None]] = list(killer.items())
     return pairs + [(p, None) for p in births - killer.keys()]
+
+
+def fitted_surface(points: np.ndarray, found: Topology, skin: int = 2) -> np.ndarray:
+    """`(F, skin + 1)` corners of the triangles, or steps, through `(K, d)` points of a skin.
+
+    If they enclose a void, it is closed, and corners are counterclockwise seen from outside; else
+    it is of the alpha complex and may have a rim.
+
+    They are of a line (`skin` 1) or of a surface (2), and have the topology `found`.
+
+    Raises:
+        ValueError: the points are too few or do not spread.
+    """
+    if found.betti[2]:
+        return rolled_surface(points, found.scale)
+    # At the scale of a loop's birth some simplices are still missing; two spacings cover the part,
+    # as when components are counted.
+    scale = max(found.scale, 2.0 * found.spacing)
+    simplices = [
+        simplex
+        for simplex, radius2 in zip(*alpha_filtration(points), strict=True)
+        if len(simplex) == skin + 1 and radius2 <= scale**2
+    ]
+    return np.array(simplices, dtype=int).reshape(-1, skin + 1)
+
+
+def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
+    """Finds the surface on which a ball rolls around the points without falling between them.
+
+    The ball comes from far away and moves from one Delaunay tetrahedron to the next through every
+    triangle that is wider than itself. Triangles that stop it, `(F, 3)` corners counterclockwise
+    seen from outside, are the surface. It is closed, and has the loops of the body if the radius is
+    the scale of its topology, in the unit of the `(K, 3)` points.
+
+    Raises:
+        ValueError: `scale` is not positive, or the points are too few or lie in a plane.
+    """
+    if not scale > 0:
+        raise ValueError(f"scale is {scale}: give a positive radius, such as Topology.scale")
+    found = delaunay(points)
+    points, tetrahedra = found.points, found.simplices
+    # Face f of tetrahedron t is opposite its corner f.
+    faces = tetrahedra[:, [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]].reshape(-1, 3)
+    inner, here = tetrahedra.ravel(), np.repeat(np.arange(len(tetrahedra)), 4)
+    # The outside, beyond the hull, is one more cell.
+    there = np.where(found.neighbors < 0, len(tetrahedra), found.neighbors).ravel()
+    passed = circumspheres(points, faces)[1] > scale**2
+    links = csr_array(
+        (np.ones(passed.sum()), (here[passed], there[passed])), shape=(len(tetrahedra) + 1,) * 2
+    )
+    _, cell = connected_components(links, directed=False)
+    outside = cell == cell[-1]
+    shown = ~outside[here] & outside[there]
+    faces = faces[shown]
+    # Normals point away from the corner inside.
+    a, b, c = points[faces].transpose(1, 0, 2)
+    inward = np.einsum("fx,fx->f", np.cross(b - a, c - a), points[inner[shown]] - a) > 0
+    faces[inward] = faces[inward][:, [0, 2, 1]]
+    return faces

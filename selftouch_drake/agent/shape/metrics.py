@@ -12,18 +12,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import KDTree
-from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation.graphs import unlike
-from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.agent.representation.neighbours import (
+from selftouch_drake.agent.representation.graphs import (
     complete_edges,
     connected_edges,
     geodesics,
     locally_scaled,
     neighbour_edges,
     one_ring,
+    unlike,
 )
+from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.shape.cells import Cells, cut_wide_cells
@@ -31,15 +30,13 @@ from selftouch_drake.agent.shape.embedding import (
     Embedding,
     classical_embedding,
     curvature_corrected_mds,
+    one_thread,
     stress_embedding,
 )
 from selftouch_drake.agent.shape.fields import angles, corrected_lengths
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
 
 Progress = Callable[[float], None]
-
-# The number of threads changes the order of sums, and so the network that is trained.
-_one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 
 #: Most networks that the learned metric trains. The second first learns to predict sensations.
 _MOST_NETWORKS = 2
@@ -84,14 +81,23 @@ class BodyGraph:
     Attributes:
         edges: `(E, 2)` pairs of nodes, i < j; the graph is connected.
         length: `(E,)` positive, in the metric's unit.
-        kernel: `(N,)` the kernel of each node, ascending; None if nodes are kernels.
+        kernel: `(N,)` the kernel of each node, ascending.
         doubt: what could not be trusted, and what was used instead; None without doubt.
     """
 
     edges: np.ndarray
     length: np.ndarray
-    kernel: np.ndarray | None = None
+    kernel: np.ndarray
     doubt: str | None = None
+
+    @property
+    def ends(self) -> np.ndarray:
+        """`(E, 2)` the kernels that each edge joins."""
+        return self.kernel[self.edges]
+
+    def geodesics(self, length: np.ndarray) -> np.ndarray:
+        """`(N, N)` lengths of the shortest paths over edges of lengths `(E,)`."""
+        return geodesics(self.edges, length, len(self.kernel))
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,30 +125,24 @@ def literal(
         representation.kernel_sets, "minimum", max_queries=_LITERAL_QUERIES, progress=progress
     )
     edges = complete_edges(len(minimum))
-    return BodyGraph(edges=edges, length=minimum[edges[:, 0], edges[:, 1]])
+    length = minimum[edges[:, 0], edges[:, 1]]
+    return BodyGraph(edges=edges, length=length, kernel=np.arange(len(minimum)))
 
 
-def motor(
-    representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
-) -> BodyGraph:
+def motor(representation: QuotientRepresentation, *_: object) -> BodyGraph:
     """Set distances between neighbours, each scaled to the spacing around it."""
     edges = representation.edges
-    length = representation.set_distance[edges[:, 0], edges[:, 1]]
-    return BodyGraph(edges=edges, length=locally_scaled(length, edges))
+    length = locally_scaled(representation.set_distance[edges[:, 0], edges[:, 1]], edges)
+    return BodyGraph(edges=edges, length=length, kernel=np.arange(representation.num_targets))
 
 
-def sensorimotor(
-    representation: QuotientRepresentation,
-    skin: int = 2,
-    seed: int = 0,
-    progress: Progress = lambda fraction: None,
-) -> BodyGraph:
+def sensorimotor(representation: QuotientRepresentation, *_: object) -> BodyGraph:
     """The same neighbours; the length of an edge is the angle between target sensations."""
-    edges = representation.edges
-    return BodyGraph(edges=edges, length=angles(representation.target_sensations, edges))
+    edges, targets = representation.edges, representation.target_sensations
+    return BodyGraph(edges=edges, length=angles(targets, edges), kernel=np.arange(len(targets)))
 
 
-@_one_thread
+@one_thread
 def learned(
     representation: QuotientRepresentation, skin: int, seed: int, progress: Progress
 ) -> BodyGraph:
@@ -169,8 +169,7 @@ def learned(
             progress=of_network(number),
         )
         graph = between_cells(coordinates, skin)
-        ends = graph.edges if graph.kernel is None else graph.kernel[graph.edges]
-        share = float(are_unlike[ends[:, 0], ends[:, 1]].mean())
+        share = float(are_unlike[*graph.ends.T].mean())
         share_unlike = min(share, share_unlike)
         if share > _MOST_UNLIKE:
             if _may_fold(coordinates):
@@ -225,13 +224,11 @@ def _felt_lengths(targets: np.ndarray, graph: BodyGraph, skin: int) -> np.ndarra
     felt; if not, they are angles. Pieces of one kernel share a target sensation: between them,
     lengths are those of the graph.
     """
-    kernel = np.arange(len(targets)) if graph.kernel is None else graph.kernel
-    ends = kernel[graph.edges]
-    one = ends[:, 0] == ends[:, 1]
-    felt = angles(targets, ends)
+    one = graph.ends[:, 0] == graph.ends[:, 1]
+    felt = angles(targets, graph.ends)
     felt = np.where(one, graph.length, felt * graph.length[~one].mean() / felt[~one].mean())
     first = np.sqrt(felt * graph.length)
-    corrected = corrected_lengths(targets, kernel, graph.edges, first, skin)
+    corrected = corrected_lengths(targets, graph.kernel, graph.edges, first, skin)
     if corrected is None:
         return felt
     return np.where(one, graph.length, corrected * first[~one].mean() / corrected[~one].mean())
@@ -244,12 +241,10 @@ def _with_rims(felt: np.ndarray, graph: BodyGraph, set_distance: np.ndarray) -> 
     taken for rims, the rest for noise. Their mean is shortened by a threshold that is the variance
     of the noise over the standard deviation of the rims (BayesShrink: Chang, Yu, Vetterli 2000).
     """
-    num_nodes = int(graph.edges.max()) + 1
-    ends = graph.edges if graph.kernel is None else graph.kernel[graph.edges]
-    by_sets = set_distance[ends[:, 0], ends[:, 1]]
+    by_sets = set_distance[*graph.ends.T]
     # Pieces of one kernel have no distance between sets.
     by_sets = np.where(by_sets > 0, by_sets, felt * np.median(by_sets / felt))
-    ring = one_ring(graph.edges, num_nodes)
+    ring = one_ring(graph.edges, len(graph.kernel))
     shorter = np.array(
         [_above_around(np.log(by / felt), graph.edges, ring) for by in (graph.length, by_sets)]
     )
@@ -275,11 +270,8 @@ def _disagreement(graph: BodyGraph, felt: np.ndarray) -> float:
 
     Paths shorter than half the median are excluded: on them, random errors do not average out.
     """
-    num_nodes = int(graph.edges.max()) + 1
-    by_map, by_feel = (
-        geodesics(graph.edges, length, num_nodes)[np.triu_indices(num_nodes, 1)]
-        for length in (graph.length, felt)
-    )
+    pairs = np.triu_indices(len(graph.kernel), 1)
+    by_map, by_feel = (graph.geodesics(length)[pairs] for length in (graph.length, felt))
     long = by_feel > np.median(by_feel) / 2
     return float(np.log(by_map[long] / by_feel[long]).std())
 

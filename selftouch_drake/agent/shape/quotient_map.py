@@ -61,7 +61,7 @@ def quotient_coordinates(
     Args:
         sets: K sets of configurations, scaled or not.
         seed: the same seed gives the same bytes, on one machine.
-        target_sensations: `(K, S)` that the network first learns to predict; None skips this.
+        target_sensations: `(K, S)` that the network first learns to predict, if given.
         num_steps: of training.
         progress: called with the fraction done.
 
@@ -90,12 +90,17 @@ def quotient_coordinates(
     network = Network.random([x.shape[1], *_HIDDEN, _NUM_OUTPUTS], rng)
     expecting = 0
     if target_sensations is not None:
+        # Sensations become a linear function of the hidden layers.
         expecting = round(_EXPECTING * num_steps)
-        _expect(
-            network,
-            sets.at(x),
-            target_sensations,
-            rng,
+        wanted = target_sensations - np.average(target_sensations, axis=0, weights=sizes)
+        spread = np.sqrt(np.average(np.square(wanted).sum(axis=1), weights=sizes))
+        out = Network.random([_HIDDEN[-1], wanted.shape[1]], rng)
+        hidden = network.weights[:-1], network.biases[:-1]
+        train(
+            Network(weights=hidden[0] + out.weights, biases=hidden[1] + out.biases),
+            x,
+            lambda: rng.integers(len(x), size=2 * _NUM_PAIRS),
+            toward((wanted / spread).astype(np.float32), sets.kernel),
             expecting,
             lambda fraction: progress(_EXPECTING * fraction),
         )
@@ -112,33 +117,6 @@ def quotient_coordinates(
         lambda fraction: progress((expecting + (num_steps - expecting) * fraction) / num_steps),
     )
     return discriminants(sets.at(network(x)))
-
-
-def _expect(
-    network: Network,
-    sets: KernelSets,
-    target_sensations: np.ndarray,
-    rng: np.random.Generator,
-    num_steps: int,
-    progress: Callable[[float], None],
-) -> None:
-    """Trains the hidden layers of a network so that sensations are a linear function of them.
-
-    The sets are K standardised ones, float32; `(K, S)` target sensations are predicted.
-    """
-    wanted = target_sensations - np.average(target_sensations, axis=0, weights=sets.sizes)
-    spread = np.sqrt(np.average(np.square(wanted).sum(axis=1), weights=sets.sizes))
-    out = Network.random([network.weights[-1].shape[0], wanted.shape[1]], rng)
-    train(
-        Network(
-            weights=network.weights[:-1] + out.weights, biases=network.biases[:-1] + out.biases
-        ),
-        sets.x,
-        lambda: rng.integers(len(sets.x), size=2 * _NUM_PAIRS),
-        toward((wanted / spread).astype(np.float32), sets.kernel),
-        num_steps,
-        progress,
-    )
 
 
 def scatter_loss(outputs: np.ndarray) -> tuple[float, np.ndarray]:
@@ -170,7 +148,7 @@ def _scatters(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return within + 1e-5 * floor, total + 1e-4 * floor
 
 
-def discriminants(sets: KernelSets, *, max_directions: int = _NUM_OUTPUTS) -> KernelSets:
+def discriminants(sets: KernelSets) -> KernelSets:
     """Linear discriminants: rotates and scales K sets of outputs, and drops the noisy directions.
 
     The sets have unit variance then, all kernels weighted alike.
@@ -191,7 +169,7 @@ def discriminants(sets: KernelSets, *, max_directions: int = _NUM_OUTPUTS) -> Ke
     floor = _FLOOR[outputs.dtype.itemsize] * np.trace(total) / len(total) * np.eye(len(total))
     share, directions = eigh(within + floor, total + floor)
     kept = max(int(np.sum(share < _MOST_WITHIN)), _LEAST_DIRECTIONS)
-    directions = directions[:, : min(kept, max_directions)]
+    directions = directions[:, :kept]
     found, middle = np.empty((len(outputs), directions.shape[1])), mean.mean(axis=0)
 
     def turn(rows: slice) -> None:

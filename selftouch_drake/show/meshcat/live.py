@@ -6,9 +6,9 @@ from collections.abc import Callable
 
 import numpy as np
 from pydrake.geometry import Meshcat
+from scipy.interpolate import CubicHermiteSpline
 
 from selftouch_drake.agent.motions import Motion
-from selftouch_drake.agent.planning.timing import commanded
 from selftouch_drake.evaluation import cosine_distance
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.robot import Simulation
@@ -244,5 +244,5 @@ def braked(motion: Motion, time_s: float) -> tuple[np.ndarray, np.ndarray, np.nd
     since = np.linspace(0.0, BRAKING_S, round(BRAKING_S / _STEP_S) + 1)
     # The motion's own time, which goes on ever more slowly.
     at = (time_s + since - since**2 / (2 * BRAKING_S)).clip(0.0, motion.time_s[-1])
-    path = commanded(motion.time_s, motion.q, motion.v)
+    path = CubicHermiteSpline(motion.time_s, motion.q, motion.v)
     return since, path(at), path(at, 1) * (1.0 - since / BRAKING_S)[:, None]

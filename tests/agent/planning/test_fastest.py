@@ -8,7 +8,7 @@ from pydrake.trajectories import BsplineTrajectory
 from scipy.interpolate import BSpline
 
 from selftouch_drake.agent.planning import smooth_path
-from selftouch_drake.agent.planning.fastest import fastest_progress
+from selftouch_drake.agent.planning.timing import fastest_progress
 
 VELOCITY = np.array([1.0, 1.5, 2.0])
 ACCELERATION = np.array([4.0, 5.0, 6.0])

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from kernels_by_hand import laid_by_hand
 
+from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.planning import Planner
 from selftouch_drake.agent.planning.novelty import Recorded
 
@@ -34,7 +35,9 @@ def test_a_plan_begins_where_its_way_is_best_known():
 def test_a_plan_ends_elsewhere_than_where_its_goal_was_missed():
     known = laid_by_hand([[0.0], [1.0, 2.0]], [[0, 1]])
     planner, start = Planner(known), np.zeros(1)
+    memory = RehearsalMemory.blank(known)
+    once, twice = memory.missing([1]), memory.missing([1, 2])
     assert planner.plan(start, [0, 1]).waypoints_q[-1] == 1.0
-    assert planner.plan(start, [0, 1], missed=[1]).waypoints_q[-1] == 2.0
-    assert planner.plan(start, [0, 1], missed=[1, 2]).waypoints_q[-1] == 1.0
-    assert planner.plan(start, [0, 1], missed=[1], lift_off=True).waypoints_q[-1] == 2.0
+    assert planner.plan(start, [0, 1], memory=once).waypoints_q[-1] == 2.0
+    assert planner.plan(start, [0, 1], memory=twice).waypoints_q[-1] == 1.0
+    assert planner.plan(start, [0, 1], memory=once, lift_off=True).waypoints_q[-1] == 2.0

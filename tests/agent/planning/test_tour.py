@@ -60,7 +60,10 @@ def test_an_arm_in_the_air_may_want_only_the_nearest_touch(ring, planner):
             [0, 24, 3],
             "target 24 is out of range: give one of 0 to 23, the targets of this representation",
         ),
-        ([0, None], "target None is not an index: give a whole number"),
+        (
+            [0, None],
+            "target None is out of range: give one of 0 to 23, the targets of this representation",
+        ),
     ],
 )
 def test_a_tour_without_way_is_refused(ring, planner, targets, message):

@@ -15,13 +15,14 @@ from selftouch_drake.agent.representation import (
     to_networkx,
     without_vectors,
 )
-from selftouch_drake.agent.representation.graphs import step_links, surface_neighbours
-from selftouch_drake.agent.representation.neighbours import (
+from selftouch_drake.agent.representation.graphs import (
     complete_edges,
     component_labels,
     connected_edges,
     locally_scaled,
     neighbour_edges,
+    step_links,
+    surface_neighbours,
 )
 
 
@@ -81,8 +82,8 @@ def test_parts_are_joined_by_the_shortest_bridges():
         joined = connected_edges(edges, line(0.0, 1.0, 3.0, 4.0, 9.0))
     assert joined.tolist() == [[0, 1], [1, 2], [2, 3], [3, 4]]
     assert str(caught[0].message) == (
-        "the quotient graph fell into 3 components (2 with kernel 0, 2 with kernel 2, 1 with "
-        "kernel 4), joined by 2 bridges (1-2, 3-4): babble longer, or give fewer targets"
+        "the quotient graph fell into 3 components, of 2, 2, 1 kernels, joined by bridges "
+        "1-2, 3-4: babble longer, or give fewer targets"
     )
 
 

@@ -8,9 +8,9 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from selftouch_drake.agent.representation import DisconnectedWarning
+from selftouch_drake.agent.representation import DisconnectedWarning, learn
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.representation.neighbours import component_labels
+from selftouch_drake.agent.representation.graphs import component_labels
 
 
 def test_kernels_hold_rows_of_the_experience_that_feel_alike(experience, learner, representation):
@@ -84,8 +84,11 @@ def test_double_precision_learns_the_same(experience, learner):
 
 def test_progress_rises_to_one(experience):
     reports = []
-    QuotientLearner(20).fit(
-        *experience, progress=lambda fraction, stage: reports.append((fraction, stage))
+    learn(
+        lambda: [experience],
+        num_targets=20,
+        max_kernel_size=1000,
+        progress=lambda fraction, stage: reports.append((fraction, stage)),
     )
     fractions = [fraction for fraction, _ in reports]
     assert fractions == sorted(fractions)

@@ -60,13 +60,6 @@ def test_targets_are_spread_more_evenly_than_the_touches():
     assert np.diff(found).max() < 12.0
 
 
-def test_progress_rises_to_one():
-    fractions = []
-    target_sensations(np.eye(5), 3, progress=fractions.append)
-    assert fractions == sorted(fractions)
-    assert fractions[-1] == 1.0
-
-
 def test_too_few_distinct_sensations():
     with pytest.raises(ValueError, match="distinct") as error:
         target_sensations(np.repeat(np.eye(3), 4, axis=0), 5)

@@ -33,7 +33,7 @@ def test_arrays_and_back_are_the_same(representation):
 def test_missing_arrays_are_named(representation):
     arrays = representation.to_arrays()
     del arrays["edges"], arrays["kernel_q"]
-    with pytest.raises(ValueError, match=r"^kernel_q, edges is missing$"):
+    with pytest.raises(ValueError, match=r"^kernel_q is missing$"):
         QuotientRepresentation.from_arrays(arrays)
 
 
@@ -41,14 +41,14 @@ def test_missing_arrays_are_named(representation):
     ("change", "message"),
     [
         ({"embedding": np.zeros((5, 3))}, "embedding has shape (5, 3), expected (120, 3)"),
-        ({"kernel_offsets": np.array(3)}, "kernel_offsets has shape (), expected (121)"),
+        ({"kernel_offsets": np.array(3)}, "kernel_offsets has shape (), expected (121,)"),
         ({"target_sensations": np.array(3)}, "target_sensations has shape (), expected "),
-        ({"edges": np.full((9, 2), "x")}, "edges holds <U1, expected whole numbers"),
-        ({"edges": np.zeros((9, 2))}, "edges holds float64, expected whole numbers"),
-        ({"kernel_q": np.full((9, 6), 1j)}, "kernel_q holds complex128, expected real numbers"),
-        ({"overlap": np.ones((30, 30))}, "overlap holds float64, expected booleans"),
+        ({"edges": np.full((9, 2), "x")}, "edges must hold whole numbers"),
+        ({"edges": np.zeros((9, 2))}, "edges must hold whole numbers"),
+        ({"kernel_q": np.full((9, 6), 1j)}, "kernel_q must hold finite numbers"),
+        ({"overlap": np.ones((30, 30))}, "overlap must hold booleans"),
         ({"overlap": np.ones((3, 3), bool)}, "overlap has shape (3, 3), expected (30, 30)"),
-        ({"joint_scale": np.ones(4)}, "joint_scale has shape (4,), expected (5)"),
+        ({"joint_scale": np.ones(4)}, "joint_scale has shape (4,), expected (5,)"),
         ({"num_touches": np.array(-1)}, "num_touches is -1, expected a whole number >= 0"),
         ({"num_touches": np.array(1.5)}, "num_touches is 1.5, expected a whole number >= 0"),
     ],
@@ -69,7 +69,7 @@ def test_arrays_that_are_something_else_are_refused(representation, change, mess
             "joint_scale is [1.0, 1.0, 0.0, 1.0, 1.0]: give positive factors",
         ),
         ({"part": np.full(120, 1)}, "part must number the parts from 0, largest first"),
-        ({"part": np.arange(120) > 9}, "part holds bool, expected whole numbers"),
+        ({"part": np.arange(120) > 9}, "part must hold whole numbers"),
         ({"part": np.repeat([0, 1], [20, 100])}, "part must number the parts from 0, lar"),
     ],
 )
@@ -87,11 +87,10 @@ def test_edges_between_parts_are_refused(representation):
         dataclasses.replace(representation, part=part)
 
 
-def test_scaled_configurations_go_back_to_the_same(representation):
+def test_configurations_are_scaled_joint_by_joint(representation):
     scaled = dataclasses.replace(representation, joint_scale=np.array([1.0, 5.0, 0.2, 3.0, 0.7]))
     x = scaled.scaled(scaled.kernel_q)
     np.testing.assert_allclose(x[:, 1], 5.0 * scaled.kernel_q[:, 1])
-    np.testing.assert_allclose(scaled.unscaled(x), scaled.kernel_q, rtol=1e-12)
     matter = scaled.mode_joints[scaled.kernel_mode]
     kernel_x = np.where(matter, x, x.mean(axis=0))
     np.testing.assert_array_equal(scaled.kernel_sets.x, kernel_x.astype(np.float32))

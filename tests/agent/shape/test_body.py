@@ -5,7 +5,7 @@ from skins import touch
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape import fitted_surface, recover
-from selftouch_drake.agent.shape.body import MisfitWarning
+from selftouch_drake.agent.shape.body import DistrustWarning
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_a_body_without_a_place_in_space_is_said_to_need_a_fourth_dimension():
     (part,) = body.parts
     assert (part.skin, part.space) == (2, 4)
     assert part.positions.shape == (200, 3)
-    with pytest.warns(MisfitWarning) as caught:
+    with pytest.warns(DistrustWarning) as caught:
         body.warn_of_misfit()
     assert str(caught[0].message) == (
         "the recovered body does not fit in space: the fourth eigenvalue is "

@@ -16,7 +16,7 @@ from bodies import (
 from scipy.spatial.distance import pdist, squareform
 
 from selftouch_drake.agent.representation import geodesics
-from selftouch_drake.agent.representation.neighbours import neighbour_edges
+from selftouch_drake.agent.representation.graphs import neighbour_edges
 from selftouch_drake.agent.shape import curvature_corrected_mds, intrinsic_dimension
 from selftouch_drake.agent.shape.dimension import skin_dimension, space_dimension
 

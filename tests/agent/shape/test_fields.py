@@ -3,7 +3,7 @@ import pytest
 from bodies import sphere
 from scipy.spatial.distance import cdist
 
-from selftouch_drake.agent.representation.neighbours import geodesics, neighbour_edges
+from selftouch_drake.agent.representation.graphs import geodesics, neighbour_edges
 from selftouch_drake.agent.shape.fields import angles, corrected_lengths
 
 

@@ -5,8 +5,7 @@ from threadpoolctl import threadpool_limits
 
 from selftouch_drake import experiment
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.representation.graphs import surface_neighbours
-from selftouch_drake.agent.representation.neighbours import neighbour_edges
+from selftouch_drake.agent.representation.graphs import neighbour_edges, surface_neighbours
 from selftouch_drake.agent.shape import (
     SHAPE_METRICS,
     intrinsic_dimension,

@@ -3,7 +3,7 @@ import pytest
 from bodies import cube, sphere, torus
 
 from selftouch_drake.agent.shape import fitted_surface, topology
-from selftouch_drake.agent.shape.surface import rolled_surface
+from selftouch_drake.agent.shape.homology import rolled_surface
 
 
 def euler(faces: np.ndarray) -> int:
