@@ -53,11 +53,7 @@ class Slides(Record):
         )
 
     def check(self, num_joints: int, num_kernels: int) -> None:
-        """Checks that these are slides of the given number of joints, between known kernels.
-
-        Raises:
-            ValueError: an array does not fit; the text names it.
-        """
+        """As `check_arrays`: these are slides of so many joints between so many kernels."""
         num_x = len(np.atleast_1d(self.x))
         shapes = {"offsets": (self.offsets.size,), "ends": (self.offsets.size - 1, 2, num_joints)}
         self.check_arrays(shapes | {"x": (num_x, num_joints), "node": (num_x,)})
@@ -128,7 +124,7 @@ class RehearsalMemory(Record):
         missed: `(n,)` ascending rows of `kernel_q` at which a goal or a landing was not felt; plans
             end and land elsewhere.
         num_tries: number of motions executed to learn it.
-        belongs_to: fingerprint of the representation that these links belong to.
+        belongs_to: hash of the target sensations, joint scale and links of its representation.
     """
 
     link_penalty: np.ndarray
@@ -140,13 +136,15 @@ class RehearsalMemory(Record):
     @classmethod
     def blank(cls, representation: QuotientRepresentation) -> RehearsalMemory:
         """The memory of an agent that has rehearsed nothing."""
-        links = step_links(representation)
+        links, digest = step_links(representation), hashlib.sha256()
+        for array in (representation.target_sensations, representation.joint_scale, links):
+            digest.update(np.ascontiguousarray(array).tobytes())
         return cls(
             link_penalty=np.ones(len(links)),
             slides=Slides.none(len(representation.joint_scale)),
             missed=np.empty(0, dtype=int),
             num_tries=0,
-            belongs_to=_fingerprint(representation, links),
+            belongs_to=digest.hexdigest()[:16],
         )
 
     def after(self, lost_links: np.ndarray) -> RehearsalMemory:
@@ -200,11 +198,3 @@ class RehearsalMemory(Record):
 
 class ForeignMemoryError(ValueError):
     """A memory that belongs to another representation."""
-
-
-def _fingerprint(representation: QuotientRepresentation, links: np.ndarray) -> str:
-    """Hash of the target sensations, joint scale and links of a representation."""
-    digest = hashlib.sha256()
-    for array in (representation.target_sensations, representation.joint_scale, links):
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()[:16]

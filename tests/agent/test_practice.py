@@ -55,7 +55,7 @@ SLIDER = Slider(Finger(np.ones(4), possible=possible), np.ones(4))
 def a_plan(waypoints, *, links=None, in_air=None):
     waypoints = np.asarray(waypoints)
     num = len(waypoints) - 1
-    path = smooth_path(waypoints, lower=-LIMIT, upper=LIMIT)
+    path = smooth_path(waypoints, limits=(-LIMIT, LIMIT))
     return Plan(
         nodes=np.arange(num + 1),
         links=np.zeros(num, dtype=int) if links is None else np.array(links),

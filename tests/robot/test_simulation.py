@@ -91,7 +91,7 @@ def test_no_limit_is_exceeded_at_a_thousand_hertz(name):
     robot, limits = world.robot, world.limits
     q = robots.anywhere(robot, 20, seed=4)
     waypoints = 0.8 * q[~world.probe.sensations(q).any(axis=1)][:4]
-    path = smooth_path(waypoints, lower=robot.lower, upper=robot.upper)
+    path = smooth_path(waypoints, limits=(robot.lower, robot.upper))
     motion = time_path(path, velocity_limit=limits.velocity, acceleration_limit=limits.acceleration)
     finely = load_experiment(name, {"execution": {"time_step": 0.001}})
     simulation = Simulation(finely, world.skins, log_period=0.001)

@@ -202,7 +202,7 @@ class Planner:
         if limits is not None:
             slides = slides.within(lower, upper)
         nodes, of_step, waypoints_x = way.passed(slides)
-        path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, lower=lower, upper=upper)
+        path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, limits=(lower, upper))
         path.c = path.c / representation.joint_scale
         waypoints_q = waypoints_x / representation.joint_scale
         waypoints_q[0] = path.c[0] = q_start
@@ -217,11 +217,7 @@ class Planner:
 
 
 def checked_target(target: int | None, representation: QuotientRepresentation) -> int:
-    """Returns `target` as an int.
-
-    Raises:
-        ValueError: `target` is not the number of a target sensation.
-    """
+    """`target` as an int; raises a ValueError if it is not the number of a target sensation."""
     num_targets = representation.num_targets
     if not isinstance(target, int | np.integer) or not 0 <= target < num_targets:
         raise ValueError(

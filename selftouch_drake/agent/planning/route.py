@@ -12,7 +12,6 @@ from selftouch_drake.agent.representation.graphs import component_labels, target
 from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import (
-    LinkedNearest,
     linked_nearest,
     quantile,
 )
@@ -94,7 +93,8 @@ class RouteGraph:
             a link in one direction.
         way_kernel: `(2L,)` the kernel that each way leads to.
         way_link: `(2L,)` its link.
-        steps: along each way, from each firm configuration of the kernel that it leaves.
+        steps: along each way, from each firm configuration of the kernel that it leaves, as of
+            `linked_nearest`.
     """
 
     joints: np.ndarray
@@ -105,7 +105,7 @@ class RouteGraph:
     way_offsets: np.ndarray
     way_kernel: np.ndarray
     way_link: np.ndarray
-    steps: LinkedNearest
+    steps: tuple[np.ndarray, np.ndarray, np.ndarray]
 
     @classmethod
     def of(
@@ -184,9 +184,7 @@ def carried_route(
         graph.firm.offsets,
         graph.way_offsets,
         graph.way_kernel,
-        graph.steps.offsets,
-        graph.steps.row,
-        graph.steps.squared,
+        *graph.steps,
         penalty[graph.way_link].astype(np.float64),
         np.asarray(x_start, dtype=np.float32),
         start,

@@ -26,15 +26,14 @@ def path_length(waypoints_x: np.ndarray) -> np.ndarray:
 def polyline(waypoints: np.ndarray, waypoint_s: np.ndarray) -> BSpline:
     """The straight path through `(W, J)` waypoints, not all the same, each at `(W,)` s, rad."""
     moved = np.concatenate([[True], np.diff(waypoint_s) > 0.0])
-    return BSpline(_repeated(waypoint_s[moved], 1), waypoints[moved], 1)
+    return BSpline(np.pad(waypoint_s[moved], 1, "edge"), waypoints[moved], 1)
 
 
 def smooth_path(
     waypoints_x: np.ndarray,
     *,
     knot_spacing: float = KNOT_SPACING,
-    lower: np.ndarray | None = None,
-    upper: np.ndarray | None = None,
+    limits: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> BSpline:
     """The quintic spline nearest the polyline, as of `smooth_curve`.
 
@@ -44,8 +43,7 @@ def smooth_path(
     Args:
         waypoints_x: `(W, J)` rad, scaled.
         knot_spacing: rad of path length, the longest interval between knots; larger is smoother.
-        lower: `(J,)` rad, scaled; no joint goes below, unless a waypoint does.
-        upper: likewise.
+        limits: `(J,)` rad each, scaled, which no joint passes unless a waypoint does.
 
     Returns:
         A clamped quintic B-spline over `[0, length]`, the length of the polyline in rad; constant
@@ -58,10 +56,9 @@ def smooth_path(
         return BSpline(_knots(1), ends[:1].repeat(DEGREE + 1, 0), DEGREE)
     num_intervals = int(np.ceil(length / knot_spacing))
     path = smooth_curve(polyline(waypoints_x, waypoint_s), ends, length, num_intervals)
-    if lower is not None:
-        path.c = np.maximum(path.c, np.minimum(lower, waypoints_x.min(axis=0)))
-    if upper is not None:
-        path.c = np.minimum(path.c, np.maximum(upper, waypoints_x.max(axis=0)))
+    if limits is not None:
+        lower = np.minimum(limits[0], waypoints_x.min(axis=0))
+        path.c = np.clip(path.c, lower, np.maximum(limits[1], waypoints_x.max(axis=0)))
     return path
 
 
@@ -135,8 +132,4 @@ def _local_equations(num_intervals: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _knots(num_intervals: int) -> np.ndarray:
-    return _repeated(np.arange(num_intervals + 1.0), DEGREE)
-
-
-def _repeated(knots: np.ndarray, times: int) -> np.ndarray:
-    return np.concatenate([knots[:1].repeat(times), knots, knots[-1:].repeat(times)])
+    return np.pad(np.arange(num_intervals + 1.0), DEGREE, "edge")

@@ -99,29 +99,37 @@ def time_path(
         acceleration_limit=LIMIT_SHARE * acceleration_limit,
     )
     s_of_t = _quintic(path) if fastest is None else _eased(fastest)
-    _require_bearable(s_of_t.x[-1])
-    along_path = _largest_load(*_path_shares(pieces, s_of_t, *limits))
+    # The acceleration is often greatest at a knot: samples at 1 kHz that miss it err by up to 1e-3,
+    # these by up to 1e-4.
+    end_s = s_of_t.x[-1]
+    num = max(_FEWEST_CHECKS, int(_CHECK_RATE_HZ * min(end_s, LONGEST_S)))
+    checked_s = np.sort(np.concatenate([s_of_t.x, np.linspace(0.0, end_s, num)]))
+    _, _, v, a = _followed(pieces, s_of_t, checked_s)
+    # By what factor the motion must take longer so that the path keeps to the limits.
+    least = max((abs(v) / velocity_limit).max(), math.sqrt((abs(a) / acceleration_limit).max()))
     while True:
         end_s = s_of_t.x[-1]
-        _require_bearable(end_s)
+        if end_s > LONGEST_S:
+            raise ValueError(
+                f"the motion would take {end_s:.3g} s, more than {LONGEST_S:g} s: "
+                "raise max_velocity or max_acceleration"
+            )
         time_s = np.append(np.arange(0.0, end_s, 1.0 / rate_hz), end_s)
         s, q, v, _ = _followed(pieces, s_of_t, time_s)
-        load = max(along_path, _largest_load(*speed_shares(time_s, q, v, *limits)))
+        velocity, acceleration = speed_shares(time_s, q, v, *limits)
+        load = max(least, velocity, math.sqrt(acceleration))
         if load <= 1.0:
             return TimedPath(time_s=time_s, s=s, q=q, v=v, path=path, s_of_t=s_of_t)
-        s_of_t = _slowed(s_of_t, _CHECK_MARGIN * load)
-        along_path /= _CHECK_MARGIN * load
+        slower = _CHECK_MARGIN * load
+        power = np.arange(len(s_of_t.c) - 1, -1, -1.0)[:, None]
+        s_of_t = PPoly(s_of_t.c / slower**power, s_of_t.x * slower)
+        least /= slower
 
 
 def _pieces(path: BSpline) -> PPoly:
     ends = path.t[path.k : len(path.t) - path.k]
     powers = range(path.k, -1, -1)
     return PPoly(np.stack([path(ends[:-1], n) / math.factorial(n) for n in powers]), ends)
-
-
-def _largest_load(velocity: float, acceleration: float) -> float:
-    """By what factor a motion must take longer so that it uses its limits whole, given shares."""
-    return max(velocity, math.sqrt(acceleration))
 
 
 def speed_shares(
@@ -158,14 +166,6 @@ def _quintic(path: BSpline) -> PPoly:
     return PPoly(progress[::-1, None], [0.0, _REST_S])
 
 
-def _require_bearable(duration_s: float) -> None:
-    if duration_s > LONGEST_S:
-        raise ValueError(
-            f"the motion would take {duration_s:.3g} s, more than {LONGEST_S:g} s: "
-            "raise max_velocity or max_acceleration"
-        )
-
-
 def _eased(s_of_t: PPoly) -> PPoly:
     """A moving average of the progress, so that its acceleration has no jumps."""
     # The speed is linear on each piece, and zero before and after. So the mean's acceleration is
@@ -179,24 +179,6 @@ def _eased(s_of_t: PPoly) -> PPoly:
     s = np.cumsum([s_of_t.c[2, 0], *gone])
     pieces = [np.diff(rise) / step / 6, rise[:-1] / 2, speed[:-1], s[:-1]]
     return PPoly(np.stack(pieces), time_s)
-
-
-def _slowed(s_of_t: PPoly, factor: float) -> PPoly:
-    """The same progress in `factor` times the time."""
-    power = np.arange(len(s_of_t.c) - 1, -1, -1.0)[:, None]
-    return PPoly(s_of_t.c / factor**power, s_of_t.x * factor)
-
-
-def _path_shares(
-    path: PPoly, s_of_t: PPoly, velocity_limit: np.ndarray, acceleration_limit: np.ndarray
-) -> tuple[float, float]:
-    """As `speed_shares`, for samples of the path itself."""
-    # The acceleration is often greatest at a knot: samples at 1 kHz that miss it err by up to 1e-3,
-    # these by up to 1e-4.
-    num = max(_FEWEST_CHECKS, int(_CHECK_RATE_HZ * s_of_t.x[-1]))
-    time_s = np.sort(np.concatenate([s_of_t.x, np.linspace(0.0, s_of_t.x[-1], num)]))
-    _, _, v, a = _followed(path, s_of_t, time_s)
-    return float((abs(v) / velocity_limit).max()), float((abs(a) / acceleration_limit).max())
 
 
 def _followed(path: PPoly, s_of_t: PPoly, time_s: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -34,9 +34,6 @@ class QuotientLearner(BaseEstimator):
     Attributes:
         representation_: the `QuotientRepresentation`, not embedded yet.
         target_sensations_: `(K, S)` unit L2 norm.
-        component_: `(K,)` the component of the quotient graph of each kernel before bridges were
-            added; 0 is the largest.
-        bridges_: `(B, 2)` pairs of kernels i < j, the edges that join components of one part.
         n_features_in_: S, number of receptors.
         feature_names_in_: `(S,)` names of the receptors, if the sensations have any.
     """
@@ -67,20 +64,14 @@ class QuotientLearner(BaseEstimator):
         seed = self.random_state
         if isinstance(seed, np.random.RandomState):
             seed = seed.randint(2**31)
-        elif seed is not None and (
-            isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0
-        ):
-            raise ValueError(f"random_state is {seed!r}: give a whole number, 0 or more")
-        learned = learn(
+        self.representation_ = learn(
             lambda: self._noted(batches()),
             num_targets=self.num_targets,
             max_kernel_size=self.max_kernel_size,
             max_queries=self.max_queries,
             seed=seed,
-        )
-        self.representation_ = learned.representation
-        self.target_sensations_ = learned.representation.target_sensations
-        self.component_, self.bridges_ = learned.component, learned.bridges
+        ).representation
+        self.target_sensations_ = self.representation_.target_sensations
         return self
 
     def predict(self, sensation: np.ndarray) -> np.ndarray:

@@ -7,15 +7,12 @@ quotient graph that a representation stores.
 
 `step_links` joins kernels between which the agent may step: the surface edges, so that all of a
 part can be reached, and all pairs of kernels that feel alike, however far apart their motor
-configurations are. Which of these the agent can reach in one step depends on its configuration. A
-planner weights each link by the actual step and penalises leaps. So an unneeded link costs nothing,
-but a missing link costs a detour: over 200 plans on a torus (1000 targets), the cubed steps sum to
-1.49 along edges alone and to 1.1 with links.
+configurations are. A planner weights each link by the actual step and penalises leaps. So an
+unneeded link costs nothing, but a missing link costs a detour: over 200 plans on a torus (1000
+targets), the cubed steps sum to 1.49 along edges alone and to 1.1 with links.
 
-No edge and no link joins two parts of the body: between them, a plan lifts off.
-
-The paper's graph is complete (section III). Its edges include chords through free space, so these
-graphs are pruned to near neighbours.
+No edge and no link joins two parts of the body: between them, a plan lifts off. The paper's graph
+is complete (section III); its edges include chords through free space.
 """
 
 from __future__ import annotations
@@ -55,11 +52,6 @@ _SPACING_NEIGHBOUR = 6
 
 class DisconnectedWarning(UserWarning):
     """A pruned graph was disconnected, and was joined by its shortest bridges."""
-
-
-def complete_edges(num_kernels: int) -> np.ndarray:
-    """`(K (K - 1) / 2, 2)` every pair of kernels, i < j, sorted."""
-    return np.stack(np.triu_indices(num_kernels, 1), axis=1)
 
 
 def neighbour_edges(
@@ -211,7 +203,7 @@ def to_networkx(representation: QuotientRepresentation, *, complete: bool = Fals
     """
     import networkx as nx  # not needed to plan
 
-    graph, num_kernels = nx.Graph(), representation.num_targets
+    graph = nx.Graph()
     for kernel, size in enumerate(np.diff(representation.kernel_offsets).tolist()):
         graph.add_node(
             kernel,
@@ -220,7 +212,9 @@ def to_networkx(representation: QuotientRepresentation, *, complete: bool = Fals
             target_sensation=representation.target_sensations[kernel],
             position=representation.embedding[kernel],
         )
-    edges = complete_edges(num_kernels) if complete else representation.edges
+    edges = representation.edges
+    if complete:
+        edges = np.stack(np.triu_indices(representation.num_targets, 1), axis=1)
     for name, (i, j), values in (
         ("set_distance", edges.T, representation.set_distance[*edges.T]),
         ("cost", representation.edges.T, representation.edge_cost),

@@ -127,14 +127,10 @@ class KernelReservoir:
         return taken
 
     def relabel(self, kernel: np.ndarray, **columns: np.ndarray) -> None:
-        """Gives the rows, in the order of `sample`, to kernels `(R,)`, or forgets them if -1.
-
-        Some `(R, ...)` columns may be replaced.
-        """
+        """Gives the rows, in the order of `sample`, to kernels `(R,)`, with some other columns."""
         held, kernel = self.sample(), np.asarray(kernel, dtype=np.int64)
         rows = {"row": held.row, **held.columns, "kernel": kernel, **columns}
-        self._settled, kept = {}, kernel >= 0
-        self._waiting = [{name: column[kept] for name, column in rows.items()}]
+        self._settled, self._waiting = {}, [rows]
         self._highest[:] = np.inf
         self._settle()
 
@@ -153,8 +149,6 @@ class KernelReservoir:
     def _settle(self) -> None:
         """Keeps the rows with the lowest priorities of each kernel."""
         parts = [self._settled] * bool(self._settled) + self._waiting
-        if not parts:
-            raise ValueError("no row was added: add some before asking for a sample")
         rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
         kernel, priority = rows["kernel"], rows["priority"]
         # Sorting takes long, so rows of kernels that have room are left out.

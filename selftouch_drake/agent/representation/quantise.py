@@ -18,10 +18,6 @@ from selftouch_drake.threads import in_slices
 # Rows that one thread assigns at once.
 _ROWS = 1024
 
-#: Cells with less than this share of the touches of a typical one are chance. On a sphere that two
-#: arms touch, 30 of 182 cells held one touch in 100,000 each, and no other less than 349.
-_RARE = 0.05
-
 #: Iterations of Lloyd that move the targets.
 _LLOYD = 4
 
@@ -146,16 +142,6 @@ def target_sensations(
         norm = np.linalg.norm(total, axis=1, keepdims=True)
         centres = np.divide(total, norm, out=centres, where=norm > 0)
     return _without_empty_cells(points, centres)
-
-
-def rare_cells(label: np.ndarray, part: np.ndarray) -> np.ndarray:
-    """`(K,)` bool, targets with far fewer touches than others of their part `(K,)`.
-
-    `label` is `(n,)` the target of each touch of a sample.
-    """
-    size = np.bincount(label, minlength=len(part))
-    typical = np.array([np.median(size[part == number]) for number in range(part.max() + 1)])
-    return size < _RARE * typical[part]
 
 
 def _without_empty_cells(points: np.ndarray, centres: np.ndarray) -> np.ndarray:

@@ -73,7 +73,6 @@ _NOTHING, _LEAST_COST, _MUCH_MORE = 0.012, 0.08, 4.0
 #: of errors gives 94 % and 2 %.
 _SURE = 0.87
 
-
 #: Standard deviation of scaled configurations, root mean square over joints. It is that of the
 #: paper's arm in radians, so a length in "rad" means the same for any robot.
 _SPREAD = 1.6
@@ -86,7 +85,7 @@ _LEAST_INFLUENCE = 0.02
 def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
     """`(J,)` positive factors, so that equal scaled steps change the sensation equally.
 
-    Near configurations are paired. The squared change of the sensation is fitted as a weighted sum
+    The squared change of the sensation is fitted as a weighted sum
     of the squared changes of the joints. Changing the unit of a joint changes its factor inversely,
     and nothing else. A joint that did not move has 1. From `(n, J)` q, a sample of the experience,
     and `(n, S)` N that was felt there; no row null.
@@ -99,7 +98,12 @@ def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
     z = ((q - q.mean(axis=0, dtype=float))[:, moved] / deviation[moved]).astype(np.float32)
     from scipy.optimize import nnls  # not needed to plan
 
-    first, second = _near_pairs(z)
+    # Each row of either half is paired with the nearest row of the other half.
+    half = len(z) // 2
+    first = np.concatenate([np.arange(0, 2 * half, 2), np.arange(1, 2 * half, 2)])
+    halves = KernelSets(z[first], np.array([0, half, 2 * half]))
+    _, nearest, _ = linked_nearest(halves, np.array([[0, 1], [1, 0]]))
+    second = first[nearest]
     felt = unit(sensation)
     change = np.square(felt[first] - felt[second]).sum(axis=1, dtype=float)
     step = np.square(z[first] - z[second], dtype=float)
@@ -109,15 +113,6 @@ def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
     influence = np.sqrt(np.maximum(influence, _LEAST_INFLUENCE * influence.max()))
     scale[moved] = influence / deviation[moved] * _SPREAD / np.sqrt(np.mean(influence**2))
     return scale
-
-
-def _near_pairs(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs each row of either half with the nearest row of the other half."""
-    half = len(z) // 2
-    order = np.concatenate([np.arange(0, 2 * half, 2), np.arange(1, 2 * half, 2)])
-    halves = KernelSets(z[order], np.array([0, half, 2 * half]))
-    nearest = linked_nearest(halves, np.array([[0, 1], [1, 0]]))
-    return order, order[nearest.row]
 
 
 def touch_modes(
@@ -160,12 +155,12 @@ def touch_modes(
     spread = np.sqrt(np.average(np.square(outputs).sum(axis=1), weights=sizes))
     outputs = (outputs / (spread if spread > 0 else 1.0)).astype(np.float32)
     network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
-    expected = _Expectation(network, x, kernel, outputs)
-    _learn(expected, of_part, np.flatnonzero(~held_out), [*tested.values()], rng, progress)
+    expected = _Expectation(network, x, kernel, outputs, rng)
+    _learn(expected, of_part, np.flatnonzero(~held_out), [*tested.values()], progress)
     for number, some in tested.items():
         rows = np.flatnonzero(of_part == number)
-        modes = _modes(expected, some, rng)
-        given = _modes_of(expected, rows, modes, rng)
+        modes = _modes(expected, some)
+        given = _modes_of(expected, rows, modes)
         mode[rows] = np.where(given == NO_MODE, NO_MODE, given + len(relevant))
         relevant = np.concatenate([relevant, modes])
     return _numbered(mode, relevant)
@@ -180,26 +175,26 @@ class _Expectation:
         x: `(R, J)` float32, standardised configurations.
         kernel: `(R,)` the kernel of each configuration.
         outputs: `(K, D)` float32, principal components of the target sensations.
+        rng: permutes joints and draws batches.
     """
 
     network: Network
     x: np.ndarray
     kernel: np.ndarray
     outputs: np.ndarray
+    rng: np.random.Generator
 
-    def off(
-        self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator, felt: np.ndarray
-    ) -> np.ndarray:
+    def off(self, rows: np.ndarray, joints: np.ndarray, felt: np.ndarray) -> np.ndarray:
         """`(n,)` mean squared distance of predictions with `joints` `(J,)` permuted from `felt`."""
         x, off = self.x[rows], []
         for _ in range(_NUM_EXCHANGES if joints.any() else 1):
-            found = self.network(np.where(joints, x[rng.permutation(len(x))], x))
+            found = self.network(np.where(joints, x[self.rng.permutation(len(x))], x))
             off.append(np.square(found - felt).sum(axis=1))
         return np.mean(off, axis=0)
 
-    def error(self, rows: np.ndarray, joints: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    def error(self, rows: np.ndarray, joints: np.ndarray) -> np.ndarray:
         """`(n,)` squared error of the prediction with `joints` `(J,)` bool permuted."""
-        return self.off(rows, joints, rng, self.outputs[self.kernel[rows]])
+        return self.off(rows, joints, self.outputs[self.kernel[rows]])
 
     def by_chance(self, rows: np.ndarray) -> float:
         """Variance of what is felt at `rows`: the error of always predicting its mean."""
@@ -211,7 +206,6 @@ def _learn(
     of_part: np.ndarray,
     trained: np.ndarray,
     tested: list[np.ndarray],
-    rng: np.random.Generator,
     progress: Callable[[float], None],
 ) -> None:
     """Trains the network on some rows, until it predicts the tested rows of each part well."""
@@ -220,7 +214,7 @@ def _learn(
     by_part = trained[np.argsort(of_part[trained], kind="stable")]
     sizes = np.bincount(of_part[trained])
     sizes = sizes[sizes > 0]
-    first = np.cumsum(sizes) - sizes
+    first, rng = np.cumsum(sizes) - sizes, expected.rng
 
     def draw(count: int) -> np.ndarray:
         some = rng.integers(len(sizes), size=count // 2)
@@ -243,13 +237,13 @@ def _learn(
         )
         done += num_steps
         if done == affordable or all(
-            expected.error(rows, none, rng).mean() < _WELL_LEARNED * expected.by_chance(rows)
+            expected.error(rows, none).mean() < _WELL_LEARNED * expected.by_chance(rows)
             for rows in tested
         ):
             break
 
 
-def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _modes(expected: _Expectation, rows: np.ndarray) -> np.ndarray:
     """`(M, J)` bool, joints that matter in each mode of a part of the body.
 
     Configurations are clustered by how much each joint changes the prediction there. A first guess
@@ -260,19 +254,18 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
     """
     each = np.eye(expected.x.shape[1], dtype=bool)
     now = expected.network(expected.x[rows])
-    change = np.sqrt([expected.off(rows, joint, rng, now) for joint in each]).T
+    change = np.sqrt([expected.off(rows, joint, now) for joint in each]).T
     share = change / np.maximum(np.linalg.norm(change, axis=1, keepdims=True), 1e-12)
-    found = _matter(_costs(expected, rows, rng)[None])
+    found = _matter(_costs(expected, rows)[None])
     for count in range(2, _MOST_MODES + 1):
         cluster = clusters(np.log(share + 1e-3), count)
-        cost = np.array([_costs(expected, rows[cluster == c], rng) for c in range(count)])
+        cost = np.array([_costs(expected, rows[cluster == c]) for c in range(count)])
         guess = cost >= cost.max(axis=0) / 2
-        given = _modes_of(expected, rows, guess, rng)
-        if _contained(guess) or np.bincount(given + 1, minlength=count + 1)[1:].min() < _FEW:
+        given = _modes_of(expected, rows, guess)
+        few = np.bincount(given + 1, minlength=count + 1)[1:].min() < _FEW
+        if _contained(guess) or few or np.mean(given != NO_MODE) < _MOSTLY:
             break
-        if np.mean(given != NO_MODE) < _MOSTLY:
-            break
-        cost = np.array([_costs(expected, rows[given == m], rng) for m in range(count)])
+        cost = np.array([_costs(expected, rows[given == m]) for m in range(count)])
         sets = _matter(cost)
         if _contained(sets):
             break
@@ -280,14 +273,14 @@ def _modes(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -
     return found
 
 
-def _costs(expected: _Expectation, rows: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _costs(expected: _Expectation, rows: np.ndarray) -> np.ndarray:
     """`(J,)` permutation importance: the rise of the mean squared error with each joint permuted.
 
     Relative to the most important joint; all 1 where too little was learned.
     """
     each = np.eye(expected.x.shape[1], dtype=bool)
-    before = expected.error(rows, np.zeros(len(each), dtype=bool), rng).mean()
-    cost = np.array([expected.error(rows, joint, rng).mean() - before for joint in each])
+    before = expected.error(rows, np.zeros(len(each), dtype=bool)).mean()
+    cost = np.array([expected.error(rows, joint).mean() - before for joint in each])
     learned = cost.max() >= max(_LEAST_LEARNED * expected.by_chance(rows), 1e-6)
     return cost / cost.max() if learned else np.ones(len(cost))
 
@@ -304,13 +297,11 @@ def _contained(sets: np.ndarray) -> bool:
     return bool(holds.sum() > len(sets))
 
 
-def _modes_of(
-    expected: _Expectation, rows: np.ndarray, modes: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
+def _modes_of(expected: _Expectation, rows: np.ndarray, modes: np.ndarray) -> np.ndarray:
     """`(n,)` the mode of each row: the one whose other joints can be permuted with least error."""
     if len(modes) == 1:
         return np.zeros(len(rows), dtype=int)
-    error = np.sqrt([expected.error(rows, ~joints, rng) for joints in modes])
+    error = np.sqrt([expected.error(rows, ~joints) for joints in modes])
     least, second = np.sort(error, axis=0)[:2]
     return np.where(least < _SURE * second, error.argmin(axis=0), NO_MODE)
 

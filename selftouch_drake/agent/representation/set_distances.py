@@ -7,7 +7,6 @@ configuration of the other. They differ in how they reduce it to a number.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numba
@@ -118,26 +117,17 @@ def set_distances(
     return distance
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinkedNearest:
-    """For each link and each configuration of its first kernel, the nearest of its second.
-
-    Attributes:
-        offsets: `(L + 1,)` link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration
-            of its first kernel, in their order.
-        row: int32, the row of the nearest configuration among all.
-        squared: float32 rad^2, its squared distance.
-    """
-
-    offsets: np.ndarray
-    row: np.ndarray
-    squared: np.ndarray
-
-
-def linked_nearest(sets: KernelSets, links: np.ndarray) -> LinkedNearest:
+def linked_nearest(
+    sets: KernelSets, links: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Finds, for every configuration of a kernel, the nearest one in each linked kernel.
 
     The sets are scaled, rad; `(L, 2)` links are first and second kernel of each.
+
+    Returns:
+        `(L + 1,)` offsets: link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration
+        of its first kernel; int32 rows of the nearest configurations; float32 rad^2, their squared
+        distances.
     """
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
     set_offsets = np.asarray(sets.offsets, dtype=np.int64)
@@ -160,7 +150,7 @@ def linked_nearest(sets: KernelSets, links: np.ndarray) -> LinkedNearest:
             )
 
     in_slices(along, len(links), _LINKS)
-    return LinkedNearest(offsets=offsets, row=row, squared=squared)
+    return offsets, row, squared
 
 
 @lru_cache

@@ -68,14 +68,11 @@ def topology(points: np.ndarray) -> Topology:
     since holes of one body may differ greatly in size.
 
     Where the points around the place at which a bar dies are farther apart than the median, r is
-    larger in proportion: a wide stretch of skin that feels alike leaves a gap that is no hole.
-
-    A closed surface has its void when its last gap is filled. So a loop that dies before the void
-    is born is a gap, however long its bar.
-
-    Bars born late are ignored: the void of a bowl, whose mouth closes before the bowl is filled,
-    does not count. Components are counted at a radius at which all true bars are born and no
-    missing kernel splits the body.
+    larger in proportion: a wide stretch of skin that feels alike leaves a gap that is no hole. A
+    closed surface has its void when its last gap is filled. So a loop that dies before the void is
+    born is a gap, however long its bar. Bars born late are ignored: the void of a bowl, whose mouth
+    closes before the bowl is filled, does not count. Components are counted at a radius at which
+    all true bars are born and no missing kernel splits the body.
 
     Args:
         points: `(K, d)` in a plane (d = 2) or in space (d = 3), evenly spread over it, not in a
@@ -90,7 +87,11 @@ def topology(points: np.ndarray) -> Topology:
     )
     spacing = float(np.median(h0[:, 1]))
     bars = np.concatenate([h1, h2])
-    length = (bars[:, 1] - bars[:, 0]) / spacing / _sparsity(points, found[1] + found[2])
+    # How much wider than the median points lie around the places where bars die.
+    around = spacings(points, _NEIGHBOURS)
+    around = np.maximum(around / np.median(around), 1.0)
+    sparsity = np.array([around[list(filled_by)].max() for *_, filled_by in found[1] + found[2]])
+    length = (bars[:, 1] - bars[:, 0]) / spacing / sparsity
     early = bars[:, 0] <= _LATE * spacing
     voids = h2[(early & (length > _UNSURE[1]))[len(h1) :]]
     closed = voids[:, 0].min() if len(voids) else 0.0
@@ -107,13 +108,6 @@ def topology(points: np.ndarray) -> Topology:
         spacing=spacing,
         diagram=(h0, h1, h2),
     )
-
-
-def _sparsity(points: np.ndarray, bars: Sequence[Bar]) -> np.ndarray:
-    """How much wider than the median, at least 1, points lie around the places where bars die."""
-    around = spacings(points, _NEIGHBOURS)
-    around = np.maximum(around / np.median(around), 1.0)
-    return np.array([around[list(filled_by)].max() for _, _, filled_by in bars])
 
 
 def spacings(points: np.ndarray, num_neighbours: int) -> np.ndarray:
@@ -144,11 +138,10 @@ def _least_true(length: np.ndarray, longest_gap: float) -> tuple[float, float]:
 
 def _bars(points: np.ndarray) -> tuple[list[Bar], ...]:
     """The bars of H0, H1 and H2, ascending, without those of zero length."""
-    appearing = zip(*alpha_filtration(points), strict=True)
+    appearing = alpha_filtration(points)
     # A face comes before the simplices that it bounds if they appear at the same radius.
-    in_order = sorted(appearing, key=lambda pair: (pair[1], len(pair[0])))
-    simplices = [simplex for simplex, _ in in_order]
-    radius2 = [value for _, value in in_order]
+    simplices = sorted(appearing, key=lambda simplex: (appearing[simplex], len(simplex)))
+    radius2 = [appearing[simplex] for simplex in simplices]
     bars: tuple[list[Bar], ...] = ([], [], [])
     for birth, death in _persistence_pairs(simplices):
         of_dimension = bars[len(simplices[birth]) - 1]
@@ -161,12 +154,11 @@ def _bars(points: np.ndarray) -> tuple[list[Bar], ...]:
     return bars
 
 
-def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[float]]:
-    """Lists the simplices of the alpha complex, and the squared radius at which each appears.
+def alpha_filtration(points: np.ndarray) -> dict[tuple[int, ...], float]:
+    """The simplices of the alpha complex, and the squared radius at which each appears.
 
     A simplex, a sorted tuple of point indices, appears at the radius of its smallest circumsphere
-    if that is empty, else together with the first of the simplices that it bounds. Corners are
-    first.
+    if that is empty, else together with the first of the simplices that it bounds.
     """
     found = delaunay(points)
     points, largest = found.points, np.sort(found.simplices, axis=1)
@@ -185,11 +177,9 @@ def alpha_filtration(points: np.ndarray) -> tuple[list[tuple[int, ...]], list[fl
         first = np.cumsum([0, *number[:-1]])
         empty = np.minimum.reduceat(apart, first) >= radius2
         value2 = np.where(empty, radius2, np.minimum.reduceat(bounding, first))
-        level = dict(zip(above, value2.tolist(), strict=True))
-        levels.append(level)
+        levels.append(dict(zip(above, value2.tolist(), strict=True)))
     levels.append({(vertex,): 0.0 for vertex in range(len(points))})
-    simplices = [simplex for level in reversed(levels) for simplex in level]
-    return simplices, [value for level in reversed(levels) for value in level.values()]
+    return dict(chain(*(level.items() for level in reversed(levels))))
 
 
 def delaunay(points: np.ndarray) -> Delaunay:
@@ -283,7 +273,7 @@ def fitted_surface(points: np.ndarray, found: Topology, skin: int = 2) -> np.nda
     scale = max(found.scale, 2.0 * found.spacing)
     simplices = [
         simplex
-        for simplex, radius2 in zip(*alpha_filtration(points), strict=True)
+        for simplex, radius2 in alpha_filtration(points).items()
         if len(simplex) == skin + 1 and radius2 <= scale**2
     ]
     return np.array(simplices, dtype=int).reshape(-1, skin + 1)
@@ -298,10 +288,8 @@ def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
     the scale of its topology, in the unit of the `(K, 3)` points.
 
     Raises:
-        ValueError: `scale` is not positive, or the points are too few or lie in a plane.
+        ValueError: the points are too few or lie in a plane.
     """
-    if not scale > 0:
-        raise ValueError(f"scale is {scale}: give a positive radius, such as Topology.scale")
     found = delaunay(points)
     points, tetrahedra = found.points, found.simplices
     # Face f of tetrahedron t is opposite its corner f.

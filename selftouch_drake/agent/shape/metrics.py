@@ -14,7 +14,6 @@ from scipy.sparse import csr_array
 from scipy.spatial import KDTree
 
 from selftouch_drake.agent.representation.graphs import (
-    complete_edges,
     connected_edges,
     geodesics,
     locally_scaled,
@@ -124,9 +123,9 @@ def literal(
     minimum = set_distances(
         representation.kernel_sets, "minimum", max_queries=_LITERAL_QUERIES, progress=progress
     )
-    edges = complete_edges(len(minimum))
-    length = minimum[edges[:, 0], edges[:, 1]]
-    return BodyGraph(edges=edges, length=length, kernel=np.arange(len(minimum)))
+    i, j = np.triu_indices(len(minimum), 1)
+    edges = np.stack([i, j], axis=1)
+    return BodyGraph(edges=edges, length=minimum[i, j], kernel=np.arange(len(minimum)))
 
 
 def motor(representation: QuotientRepresentation, *_: object) -> BodyGraph:

@@ -22,7 +22,7 @@ def test_the_path_starts_and_ends_exactly_at_the_given_configurations(w):
 @given(waypoints)
 def test_the_path_keeps_to_the_limits_that_its_waypoints_keep(w):
     lower, upper = w.min(axis=0), w.max(axis=0)
-    path = smooth_path(w, lower=lower, upper=upper)
+    path = smooth_path(w, limits=(lower, upper))
     q = path(np.linspace(path.t[0], path.t[-1], 2000))
     assert np.all(q >= lower - 1e-9)
     assert np.all(q <= upper + 1e-9)
@@ -32,12 +32,13 @@ def test_limits_bind_where_smoothing_would_overshoot():
     w = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 1.0], [3.0, 0.0]])
     s = np.linspace(0.0, path_length(w)[-1], 1000)
     assert smooth_path(w)(s)[:, 1].max() > 1.0
-    assert smooth_path(w, upper=np.array([3.0, 1.0]))(s)[:, 1].max() <= 1.0 + 1e-12
+    limits = np.array([0.0, 0.0]), np.array([3.0, 1.0])
+    assert smooth_path(w, limits=limits)(s)[:, 1].max() <= 1.0 + 1e-12
 
 
 def test_a_limit_gives_way_to_a_waypoint_beyond_it():
     w = np.array([[0.0, 0.0], [2.0, 0.0]])
-    path = smooth_path(w, upper=np.array([1.0, 1.0]))
+    path = smooth_path(w, limits=(np.zeros(2), np.ones(2)))
     assert np.array_equal(path(path.t[-1]), [2.0, 0.0])
 
 

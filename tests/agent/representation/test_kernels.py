@@ -56,11 +56,6 @@ def test_memory_does_not_grow_with_the_experience():
     assert np.diff(reservoir.sample().offsets(6)).tolist() == [500] * 6
 
 
-def test_a_reservoir_that_was_given_nothing_has_no_sample():
-    with pytest.raises(ValueError, match="no row was added"):
-        KernelReservoir(6, 10, seed=0).sample()
-
-
 def test_every_row_has_an_equal_chance():
     kept = np.zeros(40)
     for seed in range(2000):

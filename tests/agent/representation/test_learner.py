@@ -196,13 +196,14 @@ def test_components_of_one_part_and_what_joined_them_are_reported():
     along = rng.uniform(0, 0.3, 4000) + 0.7 * there
     q = np.stack([along + 9 * there, rng.uniform(0, 0.1, 4000)], axis=1)
     with pytest.warns(DisconnectedWarning):
-        learner = QuotientLearner(40, random_state=0).fit(line_of_skin(along), q)
-    end = learner.target_sensations_.argmax(axis=1) > 5
-    assert learner.representation_.part.tolist() == [0] * 40
-    assert len(set(zip(learner.component_, end, strict=True))) == 2
-    ((i, j),) = learner.bridges_
+        learned = learn(lambda: [(line_of_skin(along), q)], num_targets=40, max_kernel_size=1000)
+    representation = learned.representation
+    end = representation.target_sensations.argmax(axis=1) > 5
+    assert representation.part.tolist() == [0] * 40
+    assert len(set(zip(learned.component, end, strict=True))) == 2
+    ((i, j),) = learned.bridges
     assert end[i] != end[j]
-    assert [i, j] in learner.representation_.edges.tolist()
+    assert [i, j] in representation.edges.tolist()
 
 
 def test_two_skins_are_two_parts_that_no_edge_joins():
@@ -214,8 +215,8 @@ def test_two_skins_are_two_parts_that_no_edge_joins():
     q = np.stack([along + there, rng.uniform(0, 0.1, 4000)], axis=1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        learner = QuotientLearner(60, random_state=0).fit(sensation, q)
-    representation = learner.representation_
+        learned = learn(lambda: [(sensation, q)], num_targets=60, max_kernel_size=1000)
+    representation = learned.representation
     skin = representation.target_sensations[:, 12:].any(axis=1)
     assert len(set(zip(representation.part, skin, strict=True))) == 2
     sizes = np.bincount(representation.part)
@@ -223,13 +224,14 @@ def test_two_skins_are_two_parts_that_no_edge_joins():
     assert representation.num_parts == 2
     i, j = representation.edges.T
     assert (skin[i] == skin[j]).all()
-    assert learner.bridges_.shape == (0, 2)
+    assert learned.bridges.shape == (0, 2)
     assert representation.num_set_aside == 0
 
 
-def test_a_connected_graph_has_no_bridges(learner):
-    assert learner.component_.tolist() == [0] * 120
-    assert learner.bridges_.shape == (0, 2)
+def test_a_connected_graph_has_no_bridges(experience):
+    learned = learn(lambda: [experience], num_targets=120, max_kernel_size=40)
+    assert learned.component.tolist() == [0] * 120
+    assert learned.bridges.shape == (0, 2)
 
 
 def test_random_state_may_be_a_generator(experience):
@@ -282,7 +284,7 @@ def changed(array, index, value):
         ({"num_targets": 2.5}, {}, "num_targets is 2.5: give a whole number, 2 or more"),
         ({"max_kernel_size": 0}, {}, "max_kernel_size is 0: give a whole number, 1 or more"),
         ({"max_queries": True}, {}, "max_queries is True: give a whole number, 1 or more"),
-        ({"random_state": -1}, {}, "random_state is -1: give a whole number, 0 or more"),
+        ({"random_state": -1}, {}, "seed is -1: give a whole number, 0 or more"),
         (
             {},
             {"sensation": lambda s: s[:0], "q": lambda q: q[:0]},
@@ -328,7 +330,7 @@ def changed(array, index, value):
         (
             {},
             {"sensation": lambda s: s.astype(str)},
-            "sensation holds <U32: give real numbers",
+            "sensation holds <U32: give real numbers, not sparse",
         ),
         (
             {},

@@ -107,13 +107,13 @@ def test_the_nearest_over_each_link_is_the_nearest_of_all(num_joints):
     offsets = np.cumsum([0, 7, 1, 13, 4])
     q = rng.normal(size=(offsets[-1], num_joints)).astype(np.float32)
     links = np.array([[0, 2], [2, 0], [1, 3], [3, 1], [0, 1]])
-    nearest = linked_nearest(KernelSets(q, offsets), links)
+    of_link, row, nearest = linked_nearest(KernelSets(q, offsets), links)
     for link, (tail, head) in enumerate(links):
-        entries = slice(*nearest.offsets[link : link + 2])
+        entries = slice(*of_link[link : link + 2])
         here, there = (slice(*offsets[k : k + 2]) for k in (tail, head))
         squared = np.square(q[here, None].astype(float) - q[there]).sum(axis=2)
-        assert np.array_equal(nearest.row[entries], offsets[head] + squared.argmin(axis=1))
-        assert np.allclose(nearest.squared[entries], squared.min(axis=1), rtol=1e-5)
+        assert np.array_equal(row[entries], offsets[head] + squared.argmin(axis=1))
+        assert np.allclose(nearest[entries], squared.min(axis=1), rtol=1e-5)
 
 
 def test_distances_are_measured_again_where_kernels_changed():

@@ -209,7 +209,7 @@ def test_lengths_are_shortened_where_map_and_sets_show_a_rim():
         )
         set_distance = np.zeros((600, 600))
         set_distance[edges[:, 0], edges[:, 1]] = by_sets
-        graph = metrics.BodyGraph(edges=edges, length=by_map)
+        graph = metrics.BodyGraph(edges=edges, length=by_map, kernel=np.arange(600))
         return metrics._with_rims(felt, graph, set_distance) / felt
 
     assert (shortened(1.0, 1.0) < 1).mean() < 0.02

@@ -43,9 +43,3 @@ def test_a_wide_ball_does_not_enter_the_hole_of_a_torus():
 
 def test_a_ball_that_falls_through_everywhere_leaves_nothing():
     assert rolled_surface(sphere(100), 1e-3).shape == (0, 3)
-
-
-def test_errors():
-    with pytest.raises(ValueError, match="scale") as error:
-        rolled_surface(sphere(100), 0.0)
-    assert str(error.value) == "scale is 0.0: give a positive radius, such as Topology.scale"
