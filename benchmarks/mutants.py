@@ -164,14 +164,14 @@ MUTANTS = (
     ),
     Mutant(
         name="expected error: too sure",
-        file="agent/shape/body.py",
+        file="agent/shape/recovery.py",
         old="= -0.30, 0.22, 0.60",
         new="= -0.90, 0.22, 0.60",
         first=("tests/agent/shape/test_confidence.py", "tests/acceptance/test_sphere.py"),
     ),
     Mutant(
         name="trust: whatever the margin of the holes",
-        file="agent/shape/body.py",
+        file="agent/shape/recovery.py",
         old="error < MOST_ERROR and margin >= LEAST_MARGIN",
         new="error < MOST_ERROR",
         first=("tests/agent/shape/test_confidence.py",),

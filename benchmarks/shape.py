@@ -42,14 +42,14 @@ from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 from selftouch_drake.agent.shape import (
     SHAPE_METRICS,
-    Body,
+    RecoveredBody,
     curvature_corrected_mds,
     intrinsic_dimension,
     recover,
     topology,
 )
-from selftouch_drake.agent.shape.body import trusted
 from selftouch_drake.agent.shape.metrics import ShapeMetric
+from selftouch_drake.agent.shape.recovery import trusted
 from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader
 from selftouch_drake.files import load_arrays
@@ -151,7 +151,7 @@ def learned_representation(
     return learned, time.process_time() - began
 
 
-def score(body: Body, seconds: float) -> dict[str, object]:
+def score(body: RecoveredBody, seconds: float) -> dict[str, object]:
     """Results of the agent, without the truth."""
     found = [topology(part.places) for part in body.parts]
     (largest, *_), layouts = body.parts, [part.embedding for part in body.parts]

@@ -23,7 +23,7 @@ from results import results
 from scipy.stats import spearmanr
 from shape import Case, measure, read
 
-from selftouch_drake.agent.shape.body import MOST_ERROR
+from selftouch_drake.agent.shape.recovery import MOST_ERROR
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.show.style import GREEN, INK, ORANGE, styled
 

@@ -106,7 +106,7 @@ def test_an_import_that_points_up_is_found(module, text):
     ("module", "text"),
     [
         ("agent/agent.py", "from selftouch_drake.geometry import farthest_points"),
-        ("agent/shape/body.py", "from ..representation import quotient"),
+        ("agent/shape/recovery.py", "from ..representation import quotient"),
         ("cli.py", "from selftouch_drake import __version__"),
     ],
 )

@@ -46,7 +46,7 @@ def test_every_module_is_looked_at():
         "selftouch_drake.agent.rehearsal",
         "selftouch_drake.agent.planning.planner",
         "selftouch_drake.agent.representation.estimator",
-        "selftouch_drake.agent.shape.body",
+        "selftouch_drake.agent.shape.recovery",
     } <= set(MODULES)
 
 

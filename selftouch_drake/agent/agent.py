@@ -26,7 +26,7 @@ from selftouch_drake.agent.representation import (
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.practice import DryRun
-    from selftouch_drake.agent.shape import Body
+    from selftouch_drake.agent.shape import RecoveredBody
 
 
 # No slots: the planner is built at first use, and kept.
@@ -91,7 +91,7 @@ class Agent:
         felt = kernel_sensations(found.kernel_row, [sensation])
         return cls.of(found, kernel_sensation=felt)
 
-    def recover(self, metric: str = "learned", *, seed: int = 0) -> Body:
+    def recover(self, metric: str = "learned", *, seed: int = 0) -> RecoveredBody:
         """Recovers the body: shape, holes and dimension of each of its parts."""
         from selftouch_drake.agent.shape import recover  # not needed to plan
 

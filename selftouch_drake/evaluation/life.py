@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.shape import Body
+from selftouch_drake.agent.shape import RecoveredBody
 from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
 from selftouch_drake.evaluation.motion import contact_along, random_pairs
 from selftouch_drake.evaluation.shape import shape_errors
@@ -36,7 +36,7 @@ class Quality:
             planned.
     """
 
-    body: Body
+    body: RecoveredBody
     truth: KernelTruth | None
     error: float
     holes: tuple[int, ...]

@@ -31,7 +31,7 @@ from selftouch_drake.files import (
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.shape import Body, RecoveredPart
+    from selftouch_drake.agent.shape import RecoveredBody, RecoveredPart
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -87,7 +87,10 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
 
 
 def save_learned(
-    run: RunDirectory, representation: QuotientRepresentation, body: Body, forget=lambda: None
+    run: RunDirectory,
+    representation: QuotientRepresentation,
+    body: RecoveredBody,
+    forget=lambda: None,
 ) -> None:
     """Saves what was learned: everything or nothing.
 
@@ -109,7 +112,7 @@ def save_learned(
         forget()
 
 
-def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body:
+def load_body(run: RunDirectory, representation: QuotientRepresentation) -> RecoveredBody:
     """The body that `learn` recovered.
 
     Raises:
@@ -117,7 +120,7 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
         RunError: it is of another experiment.
         ValueError: a file is damaged.
     """
-    from selftouch_drake.agent.shape import Body  # not needed to plan
+    from selftouch_drake.agent.shape import RecoveredBody  # not needed to plan
 
     remedy = f"run `selftouch learn {run.path}`"
     read: list[dict[str, np.ndarray]] = []
@@ -140,7 +143,7 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body
             for number in range(int(arrays["num_parts"]))
         )
     metric = run.experiment.representation.metric
-    return Body(metric=metric, parts=parts, num_kernels=num_kernels)
+    return RecoveredBody(metric=metric, parts=parts, num_kernels=num_kernels)
 
 
 def load_memory(run: RunDirectory, representation: QuotientRepresentation) -> RehearsalMemory:
@@ -269,7 +272,7 @@ def _named(number: int, name: str) -> str:
     return name if number == 0 else f"part_{number}_{name}"
 
 
-def _topology_arrays(body: Body) -> dict[str, np.ndarray]:
+def _topology_arrays(body: RecoveredBody) -> dict[str, np.ndarray]:
     """The parts of a body, without what the representation and the distances hold."""
     arrays = {"num_parts": np.array(len(body.parts))}
     for number, part in enumerate(body.parts):

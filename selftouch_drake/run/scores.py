@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.shape import SHAPE_METRICS, Body, recover
+from selftouch_drake.agent.shape import SHAPE_METRICS, RecoveredBody, recover
 from selftouch_drake.bodies.embodiment import World
 from selftouch_drake.evaluation import (
     KernelTruth,
@@ -35,7 +35,7 @@ _LEAST_FOR_RANKS = 25
 
 
 def score_body(
-    run: RunDirectory, world: World, representation: QuotientRepresentation, body: Body
+    run: RunDirectory, world: World, representation: QuotientRepresentation, body: RecoveredBody
 ) -> Metrics:
     """Scores what was learned against the truth.
 
@@ -72,7 +72,7 @@ def score_body(
     }
 
 
-def found_metrics(run: RunDirectory, body: Body) -> Metrics:
+def found_metrics(run: RunDirectory, body: RecoveredBody) -> Metrics:
     """What the agent found out about its body: one number for one part, a list for several."""
     holes = [part.topology for part in body.parts]
     betti = [None if found is None else list(found.betti) for found in holes]
@@ -102,14 +102,14 @@ def found_metrics(run: RunDirectory, body: Body) -> Metrics:
     return {key: value for key, value in metrics.items() if value is not None}
 
 
-def confidence_metrics(body: Body) -> Metrics:
+def confidence_metrics(body: RecoveredBody) -> Metrics:
     """How sure the agent is of the shape; nothing if its metric is not calibrated."""
     if body.expected_error is None:
         return {}
     return {"shape_expected_error": body.expected_error, "shape_trusted": body.trusted}
 
 
-def part_metrics(body: Body, parts: Sequence[TruePart], *, several: bool) -> Metrics:
+def part_metrics(body: RecoveredBody, parts: Sequence[TruePart], *, several: bool) -> Metrics:
     """The true parts, each beside the part of the agent's body that has most of its kernels.
 
     Args:
@@ -128,13 +128,13 @@ def part_metrics(body: Body, parts: Sequence[TruePart], *, several: bool) -> Met
     return metrics
 
 
-def _several(run: RunDirectory, body: Body) -> bool:
+def _several(run: RunDirectory, body: RecoveredBody) -> bool:
     return len(body.parts) > 1 or len(run.experiment.skins) > 1
 
 
 def _by_other_metrics(
     run: RunDirectory, representation: QuotientRepresentation, chosen: str
-) -> dict[str, Body]:
+) -> dict[str, RecoveredBody]:
     wanted = run.experiment.evaluation.shape_metrics
     asked = SHAPE_METRICS if wanted is None else wanted
     seed = run.experiment.seed
@@ -149,7 +149,7 @@ def _place_metrics(
     world: World,
     representation: QuotientRepresentation,
     truth: KernelTruth,
-    bodies: dict[str, Body],
+    bodies: dict[str, RecoveredBody],
     chosen: str,
 ) -> Metrics:
     """Scores of the recovered places: the mean of all skins, each weighted by its kernels."""

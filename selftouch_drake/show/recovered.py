@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from selftouch_drake.agent.shape import Body, RecoveredPart, fitted_surface
+from selftouch_drake.agent.shape import RecoveredBody, RecoveredPart, fitted_surface
 from selftouch_drake.evaluation import KernelTruth, align
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.skins import SkinSurface, all_moved, as_one
@@ -56,7 +56,7 @@ def skins_of(kernels: np.ndarray, truth: KernelTruth) -> tuple[int, ...]:
 
 
 def laid_on_skins(
-    body: Body, truth: KernelTruth, skins: Sequence[SkinSurface], home: np.ndarray
+    body: RecoveredBody, truth: KernelTruth, skins: Sequence[SkinSurface], home: np.ndarray
 ) -> tuple[RecoveredSkin, ...]:
     """The parts of a recovered body, each moved, turned, mirrored and scaled onto its skins.
 

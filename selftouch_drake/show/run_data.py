@@ -10,7 +10,7 @@ import numpy as np
 
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.shape import Body
+from selftouch_drake.agent.shape import RecoveredBody
 from selftouch_drake.evaluation import (
     KernelTruth,
     TouchCounts,
@@ -136,7 +136,7 @@ class RunData:
         return load_representation(self.run)
 
     @cached_property
-    def body(self) -> Body:
+    def body(self) -> RecoveredBody:
         """The body that the agent recovered."""
         return load_body(self.run, self.representation)
 

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning import smooth_path
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.shape import Body, Embedding, RecoveredPart, topology
+from selftouch_drake.agent.shape import Embedding, RecoveredBody, RecoveredPart, topology
 from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experience import Contacts, Shard, write_shard
 from selftouch_drake.experiment import experiment_from_fields
@@ -204,7 +204,7 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
     near = np.sort(np.where(same, distance, np.inf), axis=1)[:, 8][:, None]
     edges = np.argwhere(np.triu(same & (distance < np.maximum(near, near.T)), k=1))
     # What the agent recovers has no pose and no unit: here it is mirrored and 4 times as large.
-    body = Body(
+    body = RecoveredBody(
         metric="sensorimotor",
         parts=tuple(
             _part(np.flatnonzero(laid.skin == skin), laid.places, distance)

@@ -47,7 +47,7 @@ class QuotientRepresentation(Record):
         edge_cost: `(E,)` rad, mean nearest-neighbour distance between the firm configurations of
             both kernels, those felt more strongly than the median of their kernel.
         embedding: `(K, 3)` position of each kernel in the recovered shape of its part, in a pose
-            and unit of that part; NaN until `Body.embed` fills it, and in parts not recovered.
+            and unit of that part; NaN until `RecoveredBody.embed` fills it, and in fragments.
         num_touches: rows of the experience.
         num_set_aside: rows of the experience that touched several places at once and were
             excluded; see `touches.ambiguous_touches`.

@@ -108,7 +108,7 @@ class ShapeMetric:
             function that is called with the fraction done.
         layout: lays out N nodes from the edges of the graph, `(N, N)` shortest paths on it, and the
             dimension of the space.
-        calibrated: whether `body.expected_error` is calibrated for its layouts.
+        calibrated: whether `recovery.expected_error` is calibrated for its layouts.
     """
 
     graph: Callable[[QuotientRepresentation, int, int, Progress], BodyGraph]

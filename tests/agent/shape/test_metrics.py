@@ -13,7 +13,7 @@ from selftouch_drake.agent.shape import (
     recover,
     topology,
 )
-from selftouch_drake.agent.shape.body import DistrustWarning
+from selftouch_drake.agent.shape.recovery import DistrustWarning
 
 
 @pytest.fixture(scope="module")

@@ -78,7 +78,7 @@ class RecoveredPart:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Body:
+class RecoveredBody:
     """The body as one metric measures it: K kernels.
 
     Attributes:
@@ -190,7 +190,7 @@ def recover(
     seed: int = 0,
     holes: bool = True,
     progress: Callable[[float], None] = lambda fraction: None,
-) -> Body:
+) -> RecoveredBody:
     """Recovers each part of the body by a metric chosen by name.
 
     Args:
@@ -211,7 +211,7 @@ def recover(
     parts = []
     for number in range(representation.num_parts):
         parts.append(_recovered(representation, number, metric, seed, holes, progress))
-    return Body(metric=metric, parts=tuple(parts), num_kernels=representation.num_targets)
+    return RecoveredBody(metric=metric, parts=tuple(parts), num_kernels=representation.num_targets)
 
 
 def _recovered(

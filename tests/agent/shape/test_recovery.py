@@ -5,7 +5,7 @@ from skins import touch
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape import fitted_surface, recover
-from selftouch_drake.agent.shape.body import DistrustWarning
+from selftouch_drake.agent.shape.recovery import DistrustWarning
 
 
 @pytest.fixture(scope="module")
