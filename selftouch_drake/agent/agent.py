@@ -121,8 +121,13 @@ class Agent:
         default it starts at the configuration of the first target whose sensation is nearest to it.
         Arguments and errors are as of `Planner.plan`: options are `aside`, `lift_off` and `limits`.
         """
-        start = self._typical(targets) if q_start is None else q_start
-        return self.planner.plan(start, targets, memory=self.memory, **options)
+        if q_start is None:
+            if not targets or targets[0] is None:
+                raise ValueError("q_start is missing: give joint positions if nothing is felt")
+            known = self.representation
+            members = known.members(checked_target(targets[0], known))
+            q_start = known.kernel_q[members][known.kernel_error[members].argmin()].astype(float)
+        return self.planner.plan(q_start, targets, memory=self.memory, **options)
 
     def predict(self, plan: Plan, s: np.ndarray, dry_run: DryRun | None = None) -> Prediction:
         """The sensation expected at path lengths `s` `(T,)` of a plan, in rad.
@@ -146,12 +151,3 @@ class Agent:
     def planner(self) -> Planner:
         """The planner that makes all plans."""
         return Planner(self.representation, knot_spacing=self.knot_spacing)
-
-    def _typical(self, targets: Sequence[int | None]) -> np.ndarray:
-        """`(J,)` the configuration of the first target whose sensation is nearest to it."""
-        start = targets[0] if targets else None
-        if start is None:
-            raise ValueError("q_start is missing: give joint positions if nothing is felt")
-        members = self.representation.members(checked_target(start, self.representation))
-        nearest = self.representation.kernel_error[members].argmin()
-        return self.representation.kernel_q[members][nearest].astype(float)

@@ -53,7 +53,14 @@ def predict_sensation(
     `plan.waypoint_s[-1]`; `(R, S)` kernel sensations of unit L2 norm were felt at the rows of
     `kernel_q`.
     """
-    at_waypoints = _at_waypoints(representation, plan, kernel_sensation)
+    at_waypoints = np.array(representation.target_sensations[plan.nodes], dtype=float)
+    if kernel_sensation is not None:
+        for row, (node, q) in enumerate(zip(plan.nodes, plan.waypoints_q, strict=True)):
+            stored = None if node == NO_KERNEL else stored_row(representation, node, q)
+            if stored is not None:
+                at_waypoints[row] = kernel_sensation[[stored]].toarray()[0]
+    if plan.nodes[0] == NO_KERNEL:
+        at_waypoints[0] = at_waypoints[1]
     length = plan.waypoint_s[-1]
     if kernel_sensation is None or length == 0.0:
         expected = _blend(plan, at_waypoints, s)
@@ -82,26 +89,6 @@ def recall_sensation(plan: Plan, s: np.ndarray, places: np.ndarray, felt: np.nda
     expected = _mixed(at_places, *_share(places, s))
     expected[~plan.touching(s)] = 0.0
     return Prediction(sensation=_unit(expected), spread=_spread(places, at_places, s))
-
-
-def _at_waypoints(
-    representation: QuotientRepresentation,
-    plan: Plan,
-    kernel_sensation: csr_array | None,
-) -> np.ndarray:
-    """`(W, S)` the sensation at each waypoint; the target sensation where none is stored.
-
-    Before the first touch it is the sensation of that touch.
-    """
-    sensation = np.array(representation.target_sensations[plan.nodes], dtype=float)
-    if kernel_sensation is not None:
-        for row, (node, q) in enumerate(zip(plan.nodes, plan.waypoints_q, strict=True)):
-            stored = None if node == NO_KERNEL else stored_row(representation, node, q)
-            if stored is not None:
-                sensation[row] = kernel_sensation[[stored]].toarray()[0]
-    if plan.nodes[0] == NO_KERNEL:
-        sensation[0] = sensation[1]
-    return sensation
 
 
 def _most_alike(

@@ -11,10 +11,7 @@ from numba import njit
 from selftouch_drake.agent.representation.graphs import component_labels, target_distances
 from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
-from selftouch_drake.agent.representation.set_distances import (
-    linked_nearest,
-    quantile,
-)
+from selftouch_drake.agent.representation.set_distances import linked_nearest, quantile
 
 # Links between targets farther apart than this many spacings are leaps: they cut through the body.
 _LEAP_SPACINGS = 1.25

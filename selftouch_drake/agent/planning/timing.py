@@ -48,7 +48,6 @@ class TimedPath:
         s: `(T,)` rad, scaled length along the path.
         q: `(T, J)` rad or m.
         v: `(T, J)` rad/s or m/s.
-        path: q as a function of path length.
         s_of_t: path length as a function of time.
     """
 
@@ -56,7 +55,6 @@ class TimedPath:
     s: np.ndarray
     q: np.ndarray
     v: np.ndarray
-    path: BSpline
     s_of_t: PPoly
 
 
@@ -119,7 +117,7 @@ def time_path(
         velocity, acceleration = speed_shares(time_s, q, v, *limits)
         load = max(least, velocity, math.sqrt(acceleration))
         if load <= 1.0:
-            return TimedPath(time_s=time_s, s=s, q=q, v=v, path=path, s_of_t=s_of_t)
+            return TimedPath(time_s=time_s, s=s, q=q, v=v, s_of_t=s_of_t)
         slower = _CHECK_MARGIN * load
         power = np.arange(len(s_of_t.c) - 1, -1, -1.0)[:, None]
         s_of_t = PPoly(s_of_t.c / slower**power, s_of_t.x * slower)

@@ -15,16 +15,8 @@ from selftouch_drake.agent.representation.graphs import (
     surface_neighbours,
     unlike,
 )
-from selftouch_drake.agent.representation.kernels import (
-    KernelReservoir,
-    KernelSample,
-    KernelSets,
-)
-from selftouch_drake.agent.representation.quantise import (
-    assign,
-    strength,
-    target_sensations,
-)
+from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample, KernelSets
+from selftouch_drake.agent.representation.quantise import assign, strength, target_sensations
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, mattering
 from selftouch_drake.agent.representation.relevance import joint_scale, touch_modes
 from selftouch_drake.agent.representation.set_distances import (
@@ -138,13 +130,8 @@ def learn(
     x = (sample.columns["q"] * scale).astype(np.float32)
     sets = KernelSets(x, sample.offsets(num_targets))
     part = kernel_parts(targets, overlap)
-    mode, mode_joints = touch_modes(
-        sets,
-        targets,
-        part,
-        seed=int(mode_seed),
-        progress=lambda fraction: progress(0.3 + 0.3 * fraction, "joints that matter"),
-    )
+    progress(0.3, "joints that matter")
+    mode, mode_joints = touch_modes(sets, targets, part, seed=int(mode_seed))
     sets = sets.at(mattering(x, mode, mode_joints))
     distance = set_distances(
         sets,

@@ -13,7 +13,6 @@ few modes, and each mode has its own set of joints that matter.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -121,7 +120,6 @@ def touch_modes(
     part: np.ndarray,
     *,
     seed: int,
-    progress: Callable[[float], None] = lambda fraction: None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Finds the modes of touch, and the mode of each stored configuration.
 
@@ -156,7 +154,7 @@ def touch_modes(
     outputs = (outputs / (spread if spread > 0 else 1.0)).astype(np.float32)
     network = Network.random([x.shape[1], *_HIDDEN, outputs.shape[1]], rng)
     expected = _Expectation(network, x, kernel, outputs, rng)
-    _learn(expected, of_part, np.flatnonzero(~held_out), [*tested.values()], progress)
+    _learn(expected, of_part, np.flatnonzero(~held_out), [*tested.values()])
     for number, some in tested.items():
         rows = np.flatnonzero(of_part == number)
         modes = _modes(expected, some)
@@ -206,7 +204,6 @@ def _learn(
     of_part: np.ndarray,
     trained: np.ndarray,
     tested: list[np.ndarray],
-    progress: Callable[[float], None],
 ) -> None:
     """Trains the network on some rows, until it predicts the tested rows of each part well."""
     # Half of each batch is drawn from all rows, half evenly from the parts, so that rarely touched
@@ -233,7 +230,6 @@ def _learn(
             partial(draw, count),
             toward(expected.outputs, expected.kernel),
             num_steps,
-            lambda share, n=num_steps, done=done: progress((done + share * n) / affordable),
         )
         done += num_steps
         if done == affordable or all(

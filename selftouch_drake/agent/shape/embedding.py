@@ -205,7 +205,6 @@ def _classical_axes(distances: np.ndarray, num_axes: int) -> tuple[np.ndarray, n
 def _weights(distances: np.ndarray) -> np.ndarray:
     weights = np.zeros(distances.shape)
     np.divide(1.0, np.square(distances, dtype=float), out=weights, where=distances > 0)
-    np.fill_diagonal(weights, 0.0)
     return weights
 
 

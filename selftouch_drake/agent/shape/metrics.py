@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.spatial import KDTree
 
 from selftouch_drake.agent.representation.graphs import (
@@ -243,25 +242,20 @@ def _with_rims(felt: np.ndarray, graph: BodyGraph, set_distance: np.ndarray) -> 
     by_sets = set_distance[*graph.ends.T]
     # Pieces of one kernel have no distance between sets.
     by_sets = np.where(by_sets > 0, by_sets, felt * np.median(by_sets / felt))
-    ring = one_ring(graph.edges, len(graph.kernel))
-    shorter = np.array(
-        [_above_around(np.log(by / felt), graph.edges, ring) for by in (graph.length, by_sets)]
-    )
+    # Less their means over the rings of neighbours around both ends.
+    shorter = np.log([graph.length / felt, by_sets / felt])
+    ring, ends = one_ring(graph.edges, len(graph.kernel)), graph.edges.T.ravel()
+    for value in shorter:
+        total, number = np.bincount(ends, np.r_[value, value]), np.bincount(ends)
+        for _ in range(_RINGS):
+            total, number = ring @ total, ring @ number
+        value -= (total / number)[graph.edges].mean(axis=1)
     mean, rims = shorter.mean(axis=0), np.cov(shorter)[0, 1]
     if rims <= 0:
         return felt
     noise = np.var(shorter[0] - shorter[1]) / 4  # of the mean
     threshold = _OVER_NOISE * noise / np.sqrt(rims)
     return felt * np.exp(np.minimum(mean + threshold, 0.0))
-
-
-def _above_around(value: np.ndarray, edges: np.ndarray, ring: csr_array) -> np.ndarray:
-    """`(E,)` values of edges less their means over the rings of neighbours around both ends."""
-    ends = edges.T.ravel()
-    total, number = np.bincount(ends, np.r_[value, value]), np.bincount(ends)
-    for _ in range(_RINGS):
-        total, number = ring @ total, ring @ number
-    return value - (total / number)[edges].mean(axis=1)
 
 
 def _disagreement(graph: BodyGraph, felt: np.ndarray) -> float:

@@ -53,7 +53,6 @@ def quotient_coordinates(
     *,
     seed: int,
     target_sensations: np.ndarray | None = None,
-    num_steps: int = _NUM_STEPS,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> KernelSets:
     """Learns the quotient map and applies it to the motor configurations.
@@ -62,7 +61,6 @@ def quotient_coordinates(
         sets: K sets of configurations, scaled or not.
         seed: the same seed gives the same bytes, on one machine.
         target_sensations: `(K, S)` that the network first learns to predict, if given.
-        num_steps: of training.
         progress: called with the fraction done.
 
     Returns:
@@ -91,7 +89,7 @@ def quotient_coordinates(
     expecting = 0
     if target_sensations is not None:
         # Sensations become a linear function of the hidden layers.
-        expecting = round(_EXPECTING * num_steps)
+        expecting = round(_EXPECTING * _NUM_STEPS)
         wanted = target_sensations - np.average(target_sensations, axis=0, weights=sizes)
         spread = np.sqrt(np.average(np.square(wanted).sum(axis=1), weights=sizes))
         out = Network.random([_HIDDEN[-1], wanted.shape[1]], rng)
@@ -113,8 +111,8 @@ def quotient_coordinates(
         x,
         lambda: pairs(_NUM_PAIRS),
         lambda outputs, _: scatter_loss(outputs)[1].astype(np.float32),
-        num_steps - expecting,
-        lambda fraction: progress((expecting + (num_steps - expecting) * fraction) / num_steps),
+        _NUM_STEPS - expecting,
+        lambda share: progress((expecting + (_NUM_STEPS - expecting) * share) / _NUM_STEPS),
     )
     return discriminants(sets.at(network(x)))
 

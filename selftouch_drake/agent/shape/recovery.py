@@ -208,59 +208,50 @@ def recover(
     """
     if metric not in SHAPE_METRICS:
         raise ValueError(f"metric {metric!r} is unknown: choose one of {', '.join(SHAPE_METRICS)}")
+    num_parts = representation.num_parts
     parts = []
-    for number in range(representation.num_parts):
-        parts.append(_recovered(representation, number, metric, seed, holes, progress))
-    return RecoveredBody(metric=metric, parts=tuple(parts), num_kernels=representation.num_targets)
+    for number in range(num_parts):
 
+        def of_part(fraction: float, number: int = number) -> None:
+            progress((number + fraction) / num_parts)
 
-def _recovered(
-    whole: QuotientRepresentation,
-    number: int,
-    metric: str,
-    seed: int,
-    holes: bool,
-    progress: Callable[[float], None],
-) -> RecoveredPart:
-    """Recovers one part of the whole."""
-    kernels = np.flatnonzero(whole.part == number)
-    representation, num_kernels = whole.restricted(kernels), len(kernels)
-    by_feel = sensorimotor(representation)
-    skin = skin_dimension(by_feel.geodesics(by_feel.length))
-    graph = SHAPE_METRICS[metric].graph(
-        representation, skin, seed, lambda share: progress((number + 0.9 * share) / whole.num_parts)
-    )
-    if graph.doubt is not None:
-        warnings.warn(
-            f"the {metric} metric cannot be trusted on a part of {num_kernels} kernels: "
-            f"{graph.doubt}",
-            DistrustWarning,
-            stacklevel=3,
+        kernels = np.flatnonzero(representation.part == number)
+        part = representation.restricted(kernels)
+        by_feel = sensorimotor(part)
+        skin = skin_dimension(by_feel.geodesics(by_feel.length))
+        graph = SHAPE_METRICS[metric].graph(part, skin, seed, of_part)
+        if graph.doubt is not None:
+            warnings.warn(
+                f"the {metric} metric cannot be trusted on a part of {len(kernels)} kernels: "
+                f"{graph.doubt}",
+                DistrustWarning,
+                stacklevel=2,
+            )
+        kernel, distances = graph.kernel, graph.geodesics(graph.length)
+        lay_out = SHAPE_METRICS[metric].layout
+        layout = lay_out(graph.edges, distances, skin + 1)
+        space = space_dimension(graph.edges, distances, layout, skin)
+        if skin + 1 != min(space, 3):
+            layout = lay_out(graph.edges, distances, space)
+        # The position and the distances of a kernel are the means over its pieces.
+        num_pieces = np.bincount(kernel)[kernel]
+        mean = csr_array((1.0 / num_pieces, (kernel, np.arange(len(kernel)))))
+        positions, pieces = mean @ layout.positions, layout.positions[num_pieces > 1]
+        places = np.concatenate([positions, pieces])
+        between = mean @ (mean @ distances).T
+        np.fill_diagonal(between, 0.0)
+        enough = len(kernels) >= LEAST_KERNELS
+        found = RecoveredPart(
+            doubt=graph.doubt,
+            kernels=kernels,
+            distances=between,
+            skin=skin,
+            space=space,
+            embedding=dataclasses.replace(layout, positions=positions),
+            pieces=pieces,
+            topology=topology(places) if holes and not flat(places) else None,
+            dimension=intrinsic_dimension(between, skin) if holes and enough else None,
         )
-    kernel, distances = graph.kernel, graph.geodesics(graph.length)
-    lay_out = SHAPE_METRICS[metric].layout
-    layout = lay_out(graph.edges, distances, skin + 1)
-    space = space_dimension(graph.edges, distances, layout, skin)
-    if skin + 1 != min(space, 3):
-        layout = lay_out(graph.edges, distances, space)
-    # The position and the distances of a kernel are the means over its pieces.
-    num_pieces = np.bincount(kernel)[kernel]
-    mean = csr_array((1.0 / num_pieces, (kernel, np.arange(len(kernel)))))
-    positions, pieces = mean @ layout.positions, layout.positions[num_pieces > 1]
-    places = np.concatenate([positions, pieces])
-    between = mean @ (mean @ distances).T
-    np.fill_diagonal(between, 0.0)
-    enough = num_kernels >= LEAST_KERNELS
-    found = RecoveredPart(
-        doubt=graph.doubt,
-        kernels=kernels,
-        distances=between,
-        skin=skin,
-        space=space,
-        embedding=dataclasses.replace(layout, positions=positions),
-        pieces=pieces,
-        topology=topology(places) if holes and not flat(places) else None,
-        dimension=intrinsic_dimension(between, skin) if holes and enough else None,
-    )
-    progress((number + 1.0) / whole.num_parts)
-    return found
+        parts.append(found)
+        of_part(1.0)
+    return RecoveredBody(metric=metric, parts=tuple(parts), num_kernels=representation.num_targets)

@@ -27,16 +27,16 @@ def assert_commands_within_limits(motion):
     assert max(shares) <= 1.0
 
 
-def rates(motion):
+def rates(motion, path):
     """Velocity and acceleration of the motion along its path, every millisecond."""
     time_s = np.arange(0.0, motion.s_of_t.x[-1], 1e-3)
     s, speed = motion.s_of_t(time_s), motion.s_of_t(time_s, 1)[:, None]
-    slope, bend = motion.path(s, 1), motion.path(s, 2)
+    slope, bend = path(s, 1), path(s, 2)
     return slope * speed, bend * speed**2 + slope * motion.s_of_t(time_s, 2)[:, None]
 
 
-def assert_within_limits(motion):
-    v, a = rates(motion)
+def assert_within_limits(motion, path):
+    v, a = rates(motion, path)
     assert np.all(np.abs(v) <= VELOCITY * (1.0 + 1e-6))
     assert np.all(np.abs(a) <= ACCELERATION * (1.0 + 1e-6))
 
@@ -50,7 +50,7 @@ paths = st.builds(
 @given(paths)
 def test_a_timed_path_goes_from_rest_to_rest_within_its_limits(path):
     motion = timed(path)
-    assert_within_limits(motion)
+    assert_within_limits(motion, path)
     assert_commands_within_limits(motion)
     assert np.all(np.diff(motion.time_s) > 0.0)
     assert np.all(np.diff(motion.s) >= 0.0)
@@ -65,7 +65,7 @@ def test_the_fallback_takes_over_when_there_is_no_fastest_progress(monkeypatch):
     fastest = timed(path)
     monkeypatch.setattr(timing, "fastest_progress", lambda *_, **__: None)
     motion = timed(path)
-    assert_within_limits(motion)
+    assert_within_limits(motion, path)
     assert_commands_within_limits(motion)
     assert fastest.time_s[-1] < motion.time_s[-1] < 4 * fastest.time_s[-1]
 
@@ -77,7 +77,8 @@ def test_a_fifth_of_each_limit_is_kept_in_reserve():
 
 
 def test_accelerations_are_eased():
-    _, a = rates(timed(random_path(1, 10, 0.5)))
+    path = random_path(1, 10, 0.5)
+    _, a = rates(timed(path), path)
     assert np.all(np.abs(a[0]) < 0.02 * ACCELERATION)
     # Without easing the first acceleration comes within one of these steps.
     assert np.abs(np.diff(a, axis=0) / ACCELERATION).max() < 0.1
