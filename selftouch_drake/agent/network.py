@@ -51,11 +51,7 @@ class Network:
     def random(
         cls, sizes: Sequence[int], rng: np.random.Generator, *, gain: float = _GAIN
     ) -> Network:
-        """An untrained network; its layers have these sizes, inputs first.
-
-        The gain is the standard deviation of hidden weights, relative to the one that preserves the
-        variance.
-        """
+        """An untrained network; its layers have these sizes, inputs first; for gain see `_GAIN`."""
         spread = [1.0] + [gain * np.sqrt(2.0 / size) for size in sizes[1:-1]]
         weights = [
             (scale * rng.standard_normal(shape)).astype(np.float32)

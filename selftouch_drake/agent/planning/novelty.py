@@ -49,11 +49,8 @@ class Recorded:
     def surest(self, start: int, tour: Callable[[np.ndarray], Plan]) -> Plan:
         """The plan that strays least in all, among those from typical firm touches of its start.
 
-        A plan that nobody practises may begin where its way is best known.
-
-        Args:
-            start: the kernel in which the plan begins.
-            tour: plans from `(J,)` configurations.
+        A plan that nobody practises may begin where its way is best known: `tour` plans from `(J,)`
+        configurations of the kernel `start`.
         """
         known = self._representation
         rows = goal_members(known, start)

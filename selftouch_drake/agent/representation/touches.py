@@ -57,20 +57,15 @@ def overlapping(sensation: np.ndarray) -> np.ndarray:
 
 
 def receptors_together(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Which receptors may feel the same touch, and whether touches of two places are coincidence.
+    """Which receptors feel the same touch, and whether touches of two places are coincidence.
+
+    They are `(S, S)` bool: of one part, they overlap, or nearly, by sensations as of `overlapping`.
 
     Two hands that move independently seldom touch at once: the share of such touches is about half
     the share of time that one hand touches. They are excluded, because any place of one hand occurs
     with any place of the other: these sensations have more dimensions than the body, and would take
     most targets. If they are the rule, as with two fingers of one hand, the quotient space is that
     of poses of the hand (paper, section II), and they are kept.
-
-    Args:
-        sensation: as of `overlapping`.
-
-    Returns:
-        `(S, S)` bool, receptors of one part that overlap, or nearly; and whether simultaneous
-        touches of two places of one part are coincidence.
     """
     overlap = overlapping(sensation)
     near = overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & _of_one_part(overlap))

@@ -141,11 +141,8 @@ def _scatter(points: np.ndarray, mean: np.ndarray) -> np.ndarray:
 def cut_wide_cells(sets: KernelSets, cells: Cells) -> tuple[KernelSets, np.ndarray]:
     """Cuts each cell at least 1.5 times as large as those around it into pieces.
 
-    k-means in the cell's own tangent plane finds the pieces.
-
-    Returns:
-        The same coordinates as P sets, one for each piece, and `(P,)` the kernel of each piece,
-        ascending.
+    k-means in the cell's own tangent plane finds the pieces. Returns the same coordinates as P
+    sets, one for each piece, and `(P,)` the kernel of each piece, ascending.
     """
     sizes = sets.sizes
     # The median area of each cell and of two rings of neighbours.

@@ -86,7 +86,6 @@ def space_dimension(edges: np.ndarray, distances: np.ndarray, layout: Embedding,
     """
     if skin == 1:
         return 2
-
     if layout.spectrum[2] < _THIN:
         flat, bent = (
             curvature_corrected_mds(edges, distances, dimension=dimension).stress

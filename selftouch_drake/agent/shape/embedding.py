@@ -56,8 +56,7 @@ class Embedding:
 class Majoriser:
     """Lowers the weighted stress of layouts: SMACOF, overrelaxed (de Leeuw and Heiser).
 
-    Args:
-        distances: `(K, K)`; a pair at distance d has the weight 1 / d^2.
+    Of `(K, K)` distances d, each has the weight 1 / d^2.
     """
 
     @one_thread

@@ -163,10 +163,8 @@ def expected_error(layout: Embedding) -> float:
 
     Inconsistent distances along the body leave stress. And target sensations are evenly spaced in
     sensation, so kernels are unevenly spaced where lengths are wrong, or where the skin is bad.
-    Both are dimensionless, and so comparable between bodies, skins and numbers of kernels.
-
-    Args:
-        layout: from `curvature_corrected_mds`; other layouts have higher stress.
+    Both are dimensionless, and so comparable between bodies, skins and numbers of kernels. The
+    layout is of `curvature_corrected_mds`; others have higher stress.
     """
     # The floor is needed for layouts of few kernels, without any stress.
     stress, uneven = np.log(np.maximum([layout.stress, unevenness(layout.positions)], 1e-6))
