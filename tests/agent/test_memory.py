@@ -3,34 +3,17 @@ import re
 
 import numpy as np
 import pytest
+from kernels_by_hand import laid_by_hand
 
 from selftouch_drake.agent.memory import ForeignMemoryError, RehearsalMemory, Slides
-from selftouch_drake.agent.representation import QuotientRepresentation
 
 
-def representation(num_kernels=4, links=((0, 1), (1, 2), (2, 3))):
-    return QuotientRepresentation(
-        target_sensations=np.eye(num_kernels),
-        kernel_offsets=np.arange(num_kernels + 1),
-        kernel_q=np.zeros((num_kernels, 2)),
-        kernel_row=np.arange(num_kernels),
-        kernel_strength=np.ones(num_kernels),
-        kernel_error=np.zeros(num_kernels),
-        kernel_mode=np.zeros(num_kernels, dtype=int),
-        mode_joints=np.ones((1, 2), dtype=bool),
-        joint_scale=np.ones(2),
-        overlap=np.eye(num_kernels, dtype=bool),
-        part=np.zeros(num_kernels, dtype=int),
-        num_touches=num_kernels,
-        set_distance=np.zeros((num_kernels, num_kernels)),
-        edges=np.array(links),
-        edge_cost=np.ones(len(links)),
-        embedding=np.zeros((num_kernels, 3)),
-    )
+def representation(links):
+    return laid_by_hand([[0.0]] * 4, links)
 
 
 # Four kernels with nothing in common, linked only by edges.
-CHAIN = representation()
+CHAIN = representation([[0, 1], [1, 2], [2, 3]])
 
 
 def test_penalties_grow_and_stay_finite():
@@ -98,8 +81,8 @@ def test_a_slide_that_mends_a_part_of_another_is_taken():
 
 def test_a_memory_is_the_same_after_a_night_as_arrays():
     memory = RehearsalMemory.blank(CHAIN).after(np.array([2]))
-    ends = np.zeros(2), np.ones(2)
-    slides = memory.slides.and_also(*ends, np.full((3, 2), 0.5), np.array([0, 1, 1]))
+    ends = np.zeros(1), np.ones(1)
+    slides = memory.slides.and_also(*ends, np.full((3, 1), 0.5), np.array([0, 1, 1]))
     memory = dataclasses.replace(memory, slides=slides)
     loaded = RehearsalMemory.restored(memory.to_arrays() | {"stamp": np.array("x")}, CHAIN)
     assert np.array_equal(loaded.link_penalty, memory.link_penalty)
@@ -108,13 +91,13 @@ def test_a_memory_is_the_same_after_a_night_as_arrays():
 
 
 def test_a_memory_of_another_representation_is_refused():
-    other = RehearsalMemory.blank(representation(links=((0, 1), (1, 2), (1, 3))))
+    other = RehearsalMemory.blank(representation([[0, 1], [1, 2], [1, 3]]))
     with pytest.raises(ForeignMemoryError, match=r"rehearsals belong to another representation$"):
         RehearsalMemory.restored(other.to_arrays(), CHAIN)
 
 
 def test_a_memory_of_another_scale_is_foreign():
-    other = dataclasses.replace(CHAIN, joint_scale=np.full(2, 2.0))
+    other = dataclasses.replace(CHAIN, joint_scale=np.full(1, 2.0))
     with pytest.raises(ForeignMemoryError):
         RehearsalMemory.restored(RehearsalMemory.blank(CHAIN).to_arrays(), other)
 
@@ -135,7 +118,7 @@ def test_a_memory_of_another_scale_is_foreign():
             np.zeros((0, 2, 3)),
             r"slide_ends has shape \(0, 2, 3\), expected",
         ),
-        ("slide_x", np.full((1, 2), np.nan), "slide_x must hold finite numbers"),
+        ("slide_x", np.full((1, 1), np.nan), "slide_x must hold finite numbers"),
         ("slide_offsets", np.array([3]), "slide_offsets must rise from 0 to 0"),
         ("slide_node", np.array([0.5]), "slide_node has shape"),
     ],
