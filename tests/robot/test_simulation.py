@@ -27,9 +27,8 @@ def motion(request, world):
         middle = touching_q
     for q in middle:
         waypoints_q = q + wander * rng.normal(size=(5, robot.num_joints))
-        path = smooth_path(
-            waypoints_q.clip(robot.lower, robot.upper), lower=robot.lower, upper=robot.upper
-        )
+        limits_q = robot.lower, robot.upper
+        path = smooth_path(waypoints_q.clip(*limits_q), limits=limits_q)
         timed = time_path(
             path, velocity_limit=limits.velocity, acceleration_limit=limits.acceleration
         )
