@@ -9,6 +9,7 @@ import scipy.sparse
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
+from selftouch_drake.geometry.geodesics import neighbouring_vertices
 from selftouch_drake.geometry.intersections import first_self_intersection
 from selftouch_drake.geometry.samples import lengths_and_heights, sample_triangles
 from selftouch_drake.lazy import trimesh
@@ -54,15 +55,6 @@ class HollowSkin:
     thickness: float
     tet_vertices: np.ndarray
     tetrahedra: np.ndarray
-
-    def samples(self, spacing: float) -> np.ndarray:
-        """`(N, 3)` m, points on the outer, middle and inner layer of the wall.
-
-        Every point of a layer is within `spacing` m of one of them.
-        """
-        layers = len(self.vertices) * np.arange(3)[:, None, None]
-        triangles = self.tet_vertices[(self.faces + layers).reshape(-1, 3)]
-        return sample_triangles(triangles, spacing)[0]
 
 
 def hollow_skin(
@@ -171,7 +163,7 @@ def _inner_wall(
     # Then a few vertices of a rugged surface are repaired: they move as their neighbours do where
     # the wall folds or crosses itself, and deeper where it is thin.
     steps = inner - vertices
-    neighbours = _neighbours(surface)
+    neighbours = neighbouring_vertices(surface)
     for attempt in range(_MENDINGS):
         bad = np.zeros(len(vertices), dtype=bool)
         bad[faces[folded(vertices + steps)]] = True
@@ -241,13 +233,6 @@ def _laplacian(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
     adjacency = scipy.sparse.coo_array((weights, tuple(ends)), shape=shape).tocsr()
     adjacency = adjacency + adjacency.T
     return scipy.sparse.diags_array(adjacency.sum(axis=1)) - adjacency
-
-
-def _neighbours(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
-    """Returns `(V, V)`, 1 where an edge joins two vertices."""
-    ends = np.concatenate([surface.edges_unique, surface.edges_unique[:, ::-1]]).T
-    shape = (len(surface.vertices), len(surface.vertices))
-    return scipy.sparse.csr_array((np.ones(len(ends[0])), tuple(ends)), shape=shape)
 
 
 def _three_layers(vertices: np.ndarray, inner_vertices: np.ndarray) -> np.ndarray:

@@ -43,9 +43,8 @@ def first_self_intersection(vertices: np.ndarray, faces: np.ndarray) -> np.ndarr
 def _near_pairs(triangles: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yields blocks of pairs of triangles `(F, 3, 3)` that may meet, each pair once per block.
 
-    Balls cover the triangles, and a pair may meet if its balls do. Each ball is compared with those
-    of its size class and larger ones, class by class: few of these are near, however many small
-    balls are.
+    Balls cover the triangles, and a pair may meet if its balls do. Each ball looks for those that
+    are no larger than itself, within twice its radius: few are near, however many small ones are.
     """
     longest, height = lengths_and_heights(triangles)
     slender = np.flatnonzero(longest > _SLENDER * height)
@@ -57,23 +56,16 @@ def _near_pairs(triangles: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]
     centres = np.concatenate([middles, samples])
     radii = np.concatenate([reach, spacing[owner]])
     face = np.concatenate([compact, slender[owner]])
-    size = np.frexp(radii)[1]
-    by_size = np.argsort(radii, kind="stable")
-    for level in np.unique(size):
-        larger = np.flatnonzero(size == level)
-        tree = cKDTree(centres[larger])
-        # Sorted by size, so that blocks of small balls have a small search radius.
-        smaller = by_size[: np.searchsorted(size[by_size], level, side="right")]
-        for block in np.array_split(smaller, len(smaller) // _BLOCK + 1):
-            reach = radii[block].max() + radii[larger].max()
-            near = cKDTree(centres[block]).sparse_distance_matrix(
-                tree, reach, output_type="coo_matrix"
-            )
-            i, j = block[near.row], larger[near.col]
-            meet = (near.data <= radii[i] + radii[j]) & (face[i] != face[j])
-            i, j = face[i[meet]], face[j[meet]]
-            pair = np.unique(np.minimum(i, j) * len(triangles) + np.maximum(i, j))
-            yield np.divmod(pair, len(triangles))
+    tree = cKDTree(centres)
+    for block in np.array_split(np.arange(len(centres)), len(centres) // _BLOCK + 1):
+        near = tree.query_ball_point(centres[block], 2 * radii[block])
+        i = np.repeat(block, [len(few) for few in near])
+        j = np.concatenate(near).astype(int)
+        apart = np.linalg.norm(centres[i] - centres[j], axis=1)
+        meet = (radii[j] <= radii[i]) & (apart <= radii[i] + radii[j]) & (face[i] != face[j])
+        i, j = face[i[meet]], face[j[meet]]
+        pair = np.unique(np.minimum(i, j) * len(triangles) + np.maximum(i, j))
+        yield np.divmod(pair, len(triangles))
 
 
 def _segment_pierces(p: np.ndarray, q: np.ndarray, triangle: np.ndarray) -> np.ndarray:

@@ -91,11 +91,7 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
     Returns:
         `(b0, b1, b2)`: a sphere has (1, 0, 1), a torus (1, 2, 1), a disc (1, 0, 0), an open tube
         (1, 1, 0).
-
-    Raises:
-        ValueError: If an edge belongs to more than two triangles.
     """
-    faces = np.asarray(faces).reshape(-1, 3)
     if not len(faces):
         return 0, 0, 0
     edges, edge_of, count = np.unique(
@@ -104,11 +100,6 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
         return_inverse=True,
         return_counts=True,
     )
-    if count.max() > 2:
-        raise ValueError(
-            f"faces has an edge of {count.max()} triangles; give a surface, in which each edge "
-            "belongs to one or two"
-        )
     corners = np.unique(faces)
     part, _ = parts_by_vertex(faces, corners[-1] + 1)
     num_parts = len(np.unique(part[corners]))

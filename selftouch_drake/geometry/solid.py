@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import manifold3d
 import numpy as np
-from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
+from selftouch_drake.geometry.geodesics import neighbouring_vertices
 from selftouch_drake.geometry.samples import sample_triangles
 from selftouch_drake.lazy import ndimage, trimesh
 
@@ -143,17 +143,22 @@ def _level_set(solid: Solid, edge: float) -> trimesh.Trimesh:
     bounds = np.concatenate([solid.origin, solid.origin + solid.cell * np.array(solid.depth.shape)])
     manifold3d.Manifold.level_set(gather, bounds, edge)
     depths = dict(zip(asked, solid.depth_at(np.array(asked)).tolist(), strict=True))
-    mesh = manifold3d.Manifold.level_set(lambda x, y, z: depths[x, y, z], bounds, edge).to_mesh64()
-    return trimesh.Trimesh(
-        mesh.vert_properties[:, :3].copy(), mesh.tri_verts.astype(np.int64), process=False
+    return from_manifold(
+        manifold3d.Manifold.level_set(lambda x, y, z: depths[x, y, z], bounds, edge)
     )
+
+
+def from_manifold(manifold: manifold3d.Manifold) -> trimesh.Trimesh:
+    """The surface of a solid of manifold3d."""
+    mesh = manifold.to_mesh64()
+    # A copy: a view would keep manifold3d's mesh alive, which warns when Python exits.
+    vertices = mesh.vert_properties[:, :3].copy()
+    return trimesh.Trimesh(vertices, mesh.tri_verts.astype(np.int64), process=False)
 
 
 def _relaxed(surface: trimesh.Trimesh, solid: Solid) -> trimesh.Trimesh:
     """Evens out the triangles while keeping their vertices on the surface of the solid."""
-    num_vertices = len(surface.vertices)
-    ends = np.concatenate([surface.edges_unique, surface.edges_unique[:, ::-1]]).T
-    edges = csr_array((np.ones(len(ends[0])), tuple(ends)), shape=(num_vertices, num_vertices))
+    edges = neighbouring_vertices(surface)
     num_neighbours = edges.sum(axis=1)[:, None]
     p = np.array(surface.vertices)
     for _ in range(_RELAXATIONS):

@@ -5,15 +5,15 @@ from selftouch_drake.robot.imperfections import ImperfectSkin, ImperfectSkins
 from selftouch_drake.robot.pairs import WornSkin
 from selftouch_drake.robot.robot import MakeRobot, Robot
 from selftouch_drake.robot.simulation import LOG_PERIOD, Log, Simulation
-from selftouch_drake.robot.skin_registration import AddModelsAndSkins, AddSkins, AddTactileSkin
+from selftouch_drake.robot.skin_registration import (
+    AddModelsAndSkins,
+    AddSkins,
+    AddTactileSkin,
+    RegisterSkin,
+)
 from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.station import MakeDynamicStation
-from selftouch_drake.robot.tactile_skin import (
-    RegisterSkin,
-    SkinReadout,
-    TactileSkin,
-    UnfeltContactWarning,
-)
+from selftouch_drake.robot.tactile_skin import SkinReadout, TactileSkin, UnfeltContactWarning
 from selftouch_drake.robot.world import World
 
 __all__ = [

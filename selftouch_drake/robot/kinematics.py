@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
+from pydrake.multibody.tree import Frame, Joint, RevoluteJoint, RigidBody
 
 from selftouch_drake.compiled import compiled, inner
+from selftouch_drake.robot.links import all_joints
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,14 +48,13 @@ class Kinematics:
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, np.zeros(plant.num_positions()))
         tree = JointTree(plant)
-        joints = tree.joints
         # At zero the frame that a joint moves lies in the frame it moves in. Both are turned, so
         # that all axes are z.
         X_WJ = [
-            joint.frame_on_parent().CalcPoseInWorld(context) @ _with_z_along(tree.axis(joint))
-            for joint in joints
+            joint.frame_on_parent().CalcPoseInWorld(context) @ _with_z_along(tree.axis(number))
+            for number, joint in enumerate(tree.joints)
         ]
-        parent = [tree.carrier(tree.frames(joint)[0].body()) for joint in joints]
+        parent = [tree.carrier(tree.frames(number)[0].body()) for number in range(len(X_WJ))]
         owner = [tree.carrier(frame.body()) for frame in frames]
 
         def relative(X_WF: RigidTransform, joint: int) -> np.ndarray:
@@ -65,7 +64,7 @@ class Kinematics:
         return Kinematics(
             parent=np.array(parent, dtype=np.int64),
             X_PF=np.array([relative(X, p) for X, p in zip(X_WJ, parent, strict=True)]),
-            turns=np.array([isinstance(joint, RevoluteJoint) for joint in joints]),
+            turns=np.array([isinstance(joint, RevoluteJoint) for joint in tree.joints]),
             owner=np.array(owner, dtype=np.int64),
             X_JL=np.array(
                 [
@@ -74,11 +73,6 @@ class Kinematics:
                 ]
             ).reshape(-1, 3, 4),
         )
-
-    @property
-    def num_joints(self) -> int:
-        """J."""
-        return len(self.parent)
 
     def poses(self, q: np.ndarray) -> np.ndarray:
         """`(N, L, 3, 4)` poses of the frames in the world at `q` `(N, J)`."""
@@ -98,8 +92,9 @@ def _with_z_along(axis: np.ndarray) -> RigidTransform:
 
 def moving_joints(plant: MultibodyPlant) -> list[Joint]:
     """The joints of a finalized plant that move, in the order of its positions."""
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
-    return sorted((j for j in joints if j.num_positions()), key=lambda j: j.position_start())
+    return sorted(
+        (j for j in all_joints(plant) if j.num_positions()), key=lambda j: j.position_start()
+    )
 
 
 class JointTree:
@@ -113,49 +108,31 @@ class JointTree:
 
     def __init__(self, plant: MultibodyPlant):
         self.joints = moving_joints(plant)
-        self._number = {joint.index(): k for k, joint in enumerate(self.joints)}
-        at_body: dict[BodyIndex, list[Joint]] = defaultdict(list)
-        for index in plant.GetJointIndices():
-            joint = plant.get_joint(index)
-            at_body[joint.parent_body().index()].append(joint)
-            at_body[joint.child_body().index()].append(joint)
-        # Of each body the joint on its way to the world, and the next body on it.
-        self._inboard: dict[BodyIndex, tuple[Joint, BodyIndex]] = {}
-        world = plant.world_body().index()
-        reached = [world]
-        for near in reached:
-            for joint in at_body[near]:
-                ends = joint.parent_body().index(), joint.child_body().index()
-                far = ends[1] if ends[0] == near else ends[0]
-                if far != world and far not in self._inboard:
-                    self._inboard[far] = joint, near
-                    reached.append(far)
+        self._moved = [
+            {int(body) for body in plant.GetBodiesKinematicallyAffectedBy([joint.index()])}
+            for joint in self.joints
+        ]
 
     def carrier(self, body: RigidBody) -> int:
         """The number of the last moving joint on the way from the world to `body`; -1 for none."""
-        index = body.index()
-        while index in self._inboard:
-            joint, near = self._inboard[index]
-            if joint.index() in self._number:
-                return self._number[joint.index()]
-            index = near
-        return -1
+        carriers = [k for k, moved in enumerate(self._moved) if int(body.index()) in moved]
+        return min(carriers, key=lambda k: len(self._moved[k]), default=-1)
 
-    def moves_child(self, joint: Joint) -> bool:
-        """Whether a joint's child is farther from the world than its parent."""
-        inboard = self._inboard.get(joint.child_body().index())
-        return inboard is not None and inboard[0].index() == joint.index()
-
-    def axis(self, joint: Joint) -> np.ndarray:
+    def axis(self, number: int) -> np.ndarray:
         """`(3,)` unit vector about or along which the farther body moves, in a joint's frame."""
+        joint = self.joints[number]
         turns = isinstance(joint, RevoluteJoint)
         axis = joint.revolute_axis() if turns else joint.translation_axis()
-        return axis if self.moves_child(joint) else -axis
+        return axis if self._moves_child(number) else -axis
 
-    def frames(self, joint: Joint) -> tuple[Frame, Frame]:
+    def frames(self, number: int) -> tuple[Frame, Frame]:
         """The frame of a joint on the body nearer to the world, and that on the farther one."""
+        joint = self.joints[number]
         frames = joint.frame_on_parent(), joint.frame_on_child()
-        return frames if self.moves_child(joint) else frames[::-1]
+        return frames if self._moves_child(number) else frames[::-1]
+
+    def _moves_child(self, number: int) -> bool:
+        return int(self.joints[number].child_body().index()) in self._moved[number]
 
 
 @compiled

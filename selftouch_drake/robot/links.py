@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-import numpy as np
+from pydrake.common import MemoryFile
 from pydrake.geometry import (
     Box,
     Capsule,
@@ -13,18 +13,21 @@ from pydrake.geometry import (
     Cylinder,
     Ellipsoid,
     GeometryId,
+    InMemoryMesh,
     Mesh,
     Role,
     SceneGraphInspector,
     Shape,
     Sphere,
 )
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, FrameIndex, Joint, RigidBody
 
 from selftouch_drake.experiment import ExperimentError, closest
 from selftouch_drake.lazy import trimesh
 
+# Slippery, like the skin of an exploring finger: friction changes no reading, only the effort.
+FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
 # Faces for a quarter of a round primitive's outline; the shape is triangulated anew later.
 _SECTIONS = 32
 
@@ -46,13 +49,17 @@ def find_frame(plant: MultibodyPlant, name: str, field: str) -> Frame:
 
 def find_joint(plant: MultibodyPlant, name: str, field: str) -> Joint:
     """The joint called `name`; errors as of `find_link`."""
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
-    return _named(plant, joints, name, field, "joint")
+    return _named(plant, all_joints(plant), name, field, "joint")
 
 
 def all_links(plant: MultibodyPlant) -> list[RigidBody]:
     """Every body of a plant, the world first."""
     return [plant.get_body(BodyIndex(index)) for index in range(plant.num_bodies())]
+
+
+def all_joints(plant: MultibodyPlant) -> list[Joint]:
+    """Every joint of a plant, in the order of their indices."""
+    return [plant.get_joint(index) for index in plant.GetJointIndices()]
 
 
 def scoped_name(plant: MultibodyPlant, element: Any) -> str:
@@ -103,6 +110,11 @@ def pieces_in_link(
     return pieces
 
 
+def in_memory(text: str, suffix: str) -> Mesh:
+    """Drake's shape of the content of a mesh file."""
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, suffix, "mesh")))
+
+
 def as_mesh(shape: Shape) -> trimesh.Trimesh:
     """A shape of Drake's as a triangle mesh in its own frame.
 
@@ -135,12 +147,8 @@ def _from_file(shape: Mesh | Convex) -> trimesh.Trimesh:
     mesh = trimesh.load_mesh(shape.source().path(), process=False)
     if not isinstance(mesh, trimesh.Trimesh):
         mesh = mesh.to_mesh()
-    mesh = trimesh.Trimesh(mesh.vertices * np.asarray(_scale3(shape)), mesh.faces)
+    mesh = trimesh.Trimesh(mesh.vertices * shape.scale3(), mesh.faces)
     return mesh.convex_hull if isinstance(shape, Convex) else mesh
-
-
-def _scale3(shape: Mesh | Convex) -> np.ndarray:
-    return np.asarray(shape.scale3() if hasattr(shape, "scale3") else [shape.scale()] * 3)
 
 
 _MESHES: dict[type, Callable[[Any], trimesh.Trimesh]] = {

@@ -7,15 +7,12 @@ import os
 from pathlib import Path
 from typing import Any
 
+from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.files import written_whole
 from selftouch_drake.lazy import trimesh
 
 # What Drake 1.51 and 1.58 take as collision geometry, and draw.
 DRAKE_SUFFIXES = frozenset({".obj", ".vtk", ".gltf"})
-
-
-class MeshError(ValueError):
-    """A mesh file that cannot be converted; the text names it and the remedy."""
 
 
 def cache_folder() -> Path:
@@ -32,12 +29,12 @@ def as_obj(path: Path) -> tuple[Path, bool]:
         The OBJ file in the cache, and whether it was made just now.
 
     Raises:
-        MeshError: the file is missing, or holds no triangles that can be read.
+        ExperimentError: the file is missing, or holds no triangles that can be read.
     """
     try:
         content = path.read_bytes()
     except OSError as error:
-        raise MeshError(
+        raise ExperimentError(
             f"mesh {path} cannot be read ({error.strerror}); give the path of a mesh file"
         ) from None
     digest = hashlib.sha256(path.suffix.lower().encode() + content).hexdigest()
@@ -59,13 +56,13 @@ def _read(path: Path) -> trimesh.Trimesh:
         # Scenes of several pieces become one mesh, each piece in its place.
         scene: Any = trimesh.load(path, force="scene")
         mesh = trimesh.util.concatenate(scene.dump())
-    except MeshError:
+    except ExperimentError:
         raise
     except Exception as error:  # Each of trimesh's readers fails in its own way.
         reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
-        raise MeshError(f"mesh {path} cannot be read ({reason}); export it as OBJ") from error
+        raise ExperimentError(f"mesh {path} cannot be read ({reason}); export it as OBJ") from error
     if not isinstance(mesh, trimesh.Trimesh) or mesh.is_empty:
-        raise MeshError(f"mesh {path} has no triangles; export it as OBJ")
+        raise ExperimentError(f"mesh {path} has no triangles; export it as OBJ")
     return mesh.apply_scale(scale)
 
 
@@ -76,7 +73,7 @@ def _metres_per_unit(path: Path) -> float:
     try:
         import collada
     except ImportError:
-        raise MeshError(
+        raise ExperimentError(
             f"mesh {path} is a COLLADA file, which needs pycollada: "
             "pip install 'selftouch-drake[collada]'"
         ) from None

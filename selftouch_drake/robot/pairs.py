@@ -105,7 +105,7 @@ class Neighbours:
         context = plant.CreateDefaultContext()
         tree = JointTree(plant)
         turns = [isinstance(joint, RevoluteJoint) for joint in tree.joints]
-        frames = [tree.frames(joint) for joint in tree.joints]
+        frames = [tree.frames(number) for number in range(len(turns))]
         ends = [(self.of(near.body()), self.of(far.body())) for near, far in frames]
         # For each joint the links that it, or a joint before it at the same place, starts from.
         starts: list[set[int]] = []

@@ -19,7 +19,6 @@ from selftouch_drake.robot.hydroelastic import RigidTouchers
 from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.robot import MakeRobot
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.station import sensor_model
 
 
 class Postures:
@@ -135,7 +134,7 @@ class ContactProbe:
     @cached_property
     def _soft_postures(self) -> tuple[Postures, SensorModel]:
         postures = Postures(*self._described, soft=True)
-        return postures, sensor_model(postures.robot)
+        return postures, SensorModel(postures.robot.skins, postures.robot.touchers)
 
     def collision_depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.

@@ -7,7 +7,7 @@ sensations along the motion (a histogram filter, Thrun, Burgard, Fox: Probabilis
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
@@ -37,30 +37,6 @@ _ERROR_N, _ERROR_SHARE, _WEIGHT = 0.3, 0.2, 0.5
 
 # Least probability of an offset, so that the belief can still change.
 _LEAST_BELIEF = 1e-6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Beside:
-    """The sensations beside a path.
-
-    K places along the path, J joints, G places across it (`OFFSETS`).
-
-    Attributes:
-        time_s: `(K,)` s, time of each place.
-        across: `(K, J)` unit length, direction across the skin, in scaled configurations.
-        joint_scale: `(J,)` rad per rad or m, factors of scaled configurations.
-        strength: `(K, G)` N, strength of the touch; null where the servo should rest.
-    """
-
-    time_s: np.ndarray
-    across: np.ndarray
-    joint_scale: np.ndarray
-    strength: np.ndarray
-
-    def at(self, time_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """`(J,)` the direction across, and `(G,)` N the strength beside the path, at a time."""
-        place = max(int(np.searchsorted(self.time_s, time_s, side="right")) - 1, 0)
-        return self.across[place], self.strength[place]
 
 
 def corrected(belief: np.ndarray, felt: float, expected: np.ndarray, period_s: float) -> np.ndarray:
@@ -103,7 +79,10 @@ class TouchServo(LeafSystem):
 
     - desired_state: `(2J,)` rad or m, and their rates; input as planned, output with the offset.
     - sensation: `(S,)` N.
-    - beside: a `Beside` over the context's time; `()` to keep the offset.
+    - beside: what is felt beside the path, across which `OFFSETS` lie, as attributes: `time_s`
+      `(K,)` s of the context, of places along the path; `across` `(K, J)` unit directions across
+      the skin, in configurations scaled by `joint_scale` `(J,)`; `strength` `(K, G)` N of the
+      touch, 0 where the servo rests. An agent's `TouchProfile` is one; `()` keeps the offset.
 
     The offset, its rate and the belief are discrete state. The offset never exceeds `MAX_OFFSET`,
     and never leads out of the limits of the joints.
@@ -137,7 +116,7 @@ class TouchServo(LeafSystem):
             },
         )
 
-    def Begin(self, context: Context, beside: Beside | None, *, at_rest: bool) -> None:
+    def Begin(self, context: Context, beside: Any, *, at_rest: bool) -> None:
         """Begins a motion at time 0: gives this system's context what is beside its path.
 
         Where the robot is put at rest, the offset is 0, else as it was.
@@ -161,8 +140,11 @@ class TouchServo(LeafSystem):
         beside, time_s = self._beside.Eval(context), context.get_time()
         offset, _ = self._moved(context)
         rate, belief = np.zeros(self._num_joints), context.get_discrete_state(self._belief).value()
-        across, expected = beside.at(time_s) if beside else (None, None)
-        if expected is not None and expected.any():
+        expected = np.zeros(0)
+        if beside:
+            place = max(int(np.searchsorted(beside.time_s, time_s, side="right")) - 1, 0)
+            across, expected = beside.across[place], beside.strength[place]
+        if expected.any():
             felt = float(np.linalg.norm(self._sensation.Eval(context)))
             belief = corrected(belief, felt, expected, PERIOD)
             # Out of touch, the mean of two sides is neither.

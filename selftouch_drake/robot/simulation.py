@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.geometry import Meshcat
@@ -14,7 +15,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.imperfections import slip
-from selftouch_drake.robot.servo import Beside, TouchServo
+from selftouch_drake.robot.servo import TouchServo
 from selftouch_drake.robot.skins import SkinModel
 from selftouch_drake.robot.station import MakeDynamicStation
 
@@ -158,7 +159,7 @@ class Simulation:
         v: np.ndarray,
         *,
         jump: bool = False,
-        beside: Beside | None = None,
+        beside: Any = None,
     ) -> None:
         """Begins a motion at time 0, from where the robot is.
 
@@ -167,22 +168,21 @@ class Simulation:
             q: `(T, J)` rad or m, as the joints read.
             v: `(T, J)` rad/s or m/s.
             jump: whether the robot is put at rest where the motion starts.
-            beside: what would be felt beside it, for the touch servo; it keeps its offset without.
+            beside: what would be felt beside it, as `TouchServo` takes it; without, the servo keeps
+                its offset.
         """
         q = q - self.slip
         path = PiecewisePolynomial.CubicHermite(time_s, q.T, v.T)
         self._begin(path, q[0] if jump else None, beside)
 
-    def lead_to(self, q: np.ndarray, time_s: float) -> None:
-        """As `lead_through`, to one configuration `(J,)`."""
-        self.lead_through(np.asarray(q)[None], np.array([time_s]))
-
-    def lead_through(self, q: np.ndarray, time_s: np.ndarray) -> None:
+    def lead_through(self, q: np.ndarray, time_s: np.ndarray | float) -> None:
         """Leads the joints through `(n, J)` q, as they read, at constant velocities between them.
 
-        They are led from where they are commanded to be, and pass each q at its time `(n,)` s. Time
-        and the log go on, as they do not where a motion begins.
+        They are led from where they are commanded to be, and pass each q at its time `(n,)` s; it
+        may be one q `(J,)` and its time. Time and the log go on, as they do not where a motion
+        begins.
         """
+        q, time_s = np.atleast_2d(q), np.atleast_1d(time_s)
         # Then the command rests: the last node holds for a while.
         nodes = np.concatenate([self.q_commanded[None], q, q[-1:]]) - self.slip
         times = np.concatenate([[self.time_s], time_s, time_s[-1:] + LOG_PERIOD])
@@ -224,9 +224,7 @@ class Simulation:
         # What was computed from the path before is void.
         self._context.SetTime(self.time_s)
 
-    def _begin(
-        self, path: PiecewisePolynomial, q: np.ndarray | None, beside: Beside | None = None
-    ) -> None:
+    def _begin(self, path: PiecewisePolynomial, q: np.ndarray | None, beside: Any = None) -> None:
         if self._servo is not None:
             servo_context = self._servo.GetMyMutableContextFromRoot(self._context)
             self._servo.Begin(servo_context, beside, at_rest=q is not None)

@@ -6,13 +6,17 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
     CollisionFilterDeclaration,
-    GeometryId,
     GeometrySet,
     ProximityProperties,
+    Rgba,
     Role,
     SceneGraph,
+    SceneGraphConfig,
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.parsing import (
@@ -20,7 +24,7 @@ from pydrake.multibody.parsing import (
     Parser,
     ProcessModelDirectives,
 )
-from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.plant import ContactModel, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder
 
 from selftouch_drake.experiment import (
@@ -31,12 +35,18 @@ from selftouch_drake.experiment import (
     skins_from_fields,
     yaml_sections,
 )
-from selftouch_drake.robot.contact import SensorModel
-from selftouch_drake.robot.links import all_links, find_link, link_geometries
+from selftouch_drake.geometry import vtk_text
+from selftouch_drake.lazy import trimesh
+from selftouch_drake.robot.links import FRICTION, all_links, find_link, in_memory, link_geometries
 from selftouch_drake.robot.models import one_line
 from selftouch_drake.robot.pairs import Neighbours, WornSkin
 from selftouch_drake.robot.skins import SkinModel, make_skin, receptor_seed
-from selftouch_drake.robot.tactile_skin import RegisterSkin, TactileSkin, connected, wall_mesh
+from selftouch_drake.robot.tactile_skin import TactileSkin
+
+# s/m, Hunt and Crossley's: enough that a finger does not bounce.
+_DISSIPATION = 10.0
+# Light grey and opaque, as a skin looks.
+_COLOR = Rgba(0.78, 0.79, 0.82, 1.0)
 
 
 def AddSkins(
@@ -75,43 +85,56 @@ def AddSkins(
         make_skin(name, skin, plant, scene_graph, seed=receptor_seed(seed, number))
         for number, (name, skin) in enumerate(wanted.items())
     ]
-    own = {
-        geometry: None
-        for model in models
-        if model.is_own_geometry
-        for geometry in _own_geometry(plant, scene_graph, model)
-    }
-    for geometry in own:
-        scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
-    return tuple(wear(plant, model, visible=visible) for model in models)
+    inspector = scene_graph.model_inspector()
+    for model in models:
+        if model.is_own_geometry:
+            link = find_link(plant, model.link, f"skins.{model.name}.link")
+            for geometry in link_geometries(plant, inspector, link, Role.kProximity):
+                scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
+    return tuple(RegisterSkin(plant, model, visible=visible) for model in models)
 
 
-def _own_geometry(
-    plant: MultibodyPlant, scene_graph: SceneGraph, model: SkinModel
-) -> list[GeometryId]:
-    link = find_link(plant, model.link, f"skins.{model.name}.link")
-    return link_geometries(plant, scene_graph.model_inspector(), link, Role.kProximity)
-
-
-def wear(plant: MultibodyPlant, model: SkinModel, *, visible: bool, soft: bool = True) -> WornSkin:
+def RegisterSkin(
+    plant: MultibodyPlant, model: SkinModel, *, visible: bool = True, soft: bool = True
+) -> WornSkin:
     """Gives the link of a skin its geometry, before the plant is finalized.
 
-    If it is not soft, Drake computes no contact with it, and takes a tenth of the time to build it.
+    Args:
+        plant: registered with a scene graph.
+        model: the skin, in the frame of its link.
+        visible: whether Meshcat shows its outer surface.
+        soft: whether Drake computes contact with it; without, a plant takes a tenth of the time to
+            build.
+
+    Raises:
+        ExperimentError: the plant has no such link.
     """
     link = find_link(plant, model.link, f"skins.{model.name}.link")
-    name = f"skin_{model.name}"
+    name, properties = f"skin_{model.name}", ProximityProperties()
     if soft:
-        geometry_id = RegisterSkin(
-            plant,
-            link,
-            model.wall,
-            hydroelastic_modulus=model.hydroelastic_modulus,
-            name=name,
-            visible=visible,
+        # Where one of Drake's defaults is missing, each context computes the pressure field again.
+        defaults = SceneGraphConfig().default_proximity_properties
+        AddContactMaterial(
+            dissipation=_DISSIPATION,
+            friction=FRICTION,
+            point_stiffness=defaults.point_stiffness,
+            properties=properties,
         )
-    else:
-        geometry_id = plant.RegisterCollisionGeometry(
-            link, RigidTransform(), wall_mesh(model.wall, name), name, ProximityProperties()
+        properties.AddProperty("material", "relaxation_time", defaults.relaxation_time)
+        AddCompliantHydroelasticProperties(
+            resolution_hint=model.wall.thickness,  # asked for, but a mesh has its own resolution
+            hydroelastic_modulus=model.hydroelastic_modulus,
+            properties=properties,
+        )
+    wall = in_memory(vtk_text(model.wall), ".vtk")
+    geometry_id = plant.RegisterCollisionGeometry(link, RigidTransform(), wall, name, properties)
+    if visible:
+        # Drake's renderers, as a camera in a MuJoCo file brings along, want normals.
+        surface = trimesh.Trimesh(model.wall.vertices, model.wall.faces, process=False)
+        text = trimesh.exchange.obj.export_obj(surface, include_normals=True, digits=12)
+        shape = in_memory(text, ".obj")
+        plant.RegisterVisualGeometry(
+            link, RigidTransform(), shape, f"{name}_visual", np.array(_COLOR.rgba)
         )
     return WornSkin(model=model, link=link, geometry_id=geometry_id)
 
@@ -137,8 +160,7 @@ def AddModelsAndSkins(
         visible: as of `AddSkins`.
 
     Raises:
-        ExperimentError: as of `AddSkins`, or the file has other keys.
-        ModelError: a model does not parse; the text is Drake's own, in one line.
+        ExperimentError: as of `AddSkins`; or the file has other keys, or a model does not parse.
     """
     path = Path(path)
     skins, sections = load_skins(path), yaml_sections(path)
@@ -184,14 +206,16 @@ def AddTactileSkin(
     Raises:
         ValueError: the plant computes point contacts, which no skin feels.
     """
+    if plant.get_contact_model() == ContactModel.kPoint:
+        raise ValueError(
+            "the plant's contact model is kPoint, which no skin can feel; call "
+            "plant.set_contact_model(ContactModel.kHydroelasticWithFallback) before Finalize"
+        )
     _leave_out_neighbours(plant, scene_graph, worn)
-    skin = TactileSkin(
-        sensor=SensorModel([w.model.fields for w in worn], [w.geometry_id for w in worn]),
-        links=[w.link.index() for w in worn],
-        skin_ids=[w.geometry_id for w in worn],
-        names=[w.model.name for w in worn],
-    )
-    return connected(builder, plant, skin, name)
+    skin = builder.AddNamedSystem(name, TactileSkin(worn))
+    builder.Connect(plant.get_contact_results_output_port(), skin.GetInputPort("contact_results"))
+    builder.Connect(plant.get_body_poses_output_port(), skin.GetInputPort("body_poses"))
+    return skin
 
 
 def _leave_out_neighbours(

@@ -19,11 +19,11 @@ from pydrake.systems.framework import Diagram, DiagramBuilder
 from pydrake.systems.primitives import Demultiplexer, MatrixGain
 
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.robot.contact import SensorModel
 from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.robot import MakeRobot, Robot
+from selftouch_drake.robot.skin_registration import AddTactileSkin
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.tactile_skin import SkinReadout, TactileSkin, connected
+from selftouch_drake.robot.tactile_skin import SkinReadout
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -39,15 +39,6 @@ class Station:
 
     diagram: Diagram
     robot: Robot
-
-
-def sensor_model(robot: Robot) -> SensorModel:
-    """The sensor model of a robot's skins: the same in every world."""
-    return SensorModel(
-        [skin.model.fields for skin in robot.skins],
-        [skin.geometry_id for skin in robot.skins],
-        [toucher.geometry_ids for toucher in robot.touchers],
-    )
 
 
 def MakeDynamicStation(
@@ -71,18 +62,9 @@ def MakeDynamicStation(
     builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
     _add_gravity_compensation(builder, plant)
     _export_desired_state(builder, robot)
-    touch = connected(
-        builder,
-        plant,
-        TactileSkin(
-            sensor=sensor_model(robot),
-            links=[skin.link.index() for skin in robot.skins],
-            skin_ids=[skin.geometry_id for skin in robot.skins],
-        ),
-        "tactile_skin",
-    )
+    touch = AddTactileSkin(builder, plant, scene_graph, robot.skins)
     builder.ExportOutput(plant.get_state_output_port(), "state")
-    sensation = touch.get_output_port()
+    sensation = touch.GetOutputPort("sensation")
     if imperfections := ImperfectSkins.of(experiment, skins):
         readout = builder.AddNamedSystem(
             "readout",

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.common import MemoryFile
 from pydrake.geometry import (
     AddContactMaterial,
     AddRigidHydroelasticProperties,
@@ -15,7 +14,6 @@ from pydrake.geometry import (
     Cylinder,
     Ellipsoid,
     GeometryId,
-    InMemoryMesh,
     Mesh,
     ProximityProperties,
     SceneGraphInspector,
@@ -23,22 +21,16 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import Frame, RigidBody
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, RigidBody
 
+from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.geometry import closed_surface
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.robot.links import as_mesh
-from selftouch_drake.robot.pairs import Toucher
+from selftouch_drake.robot.joints import frame_after
+from selftouch_drake.robot.links import FRICTION, as_mesh, find_frame, find_link, in_memory
+from selftouch_drake.robot.pairs import Toucher, WornSkin
 
-# Prefix of the name of every toucher's geometry.
-_PREFIX = "touching_"
-# As the skin's: friction changes no reading, only the effort.
-FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
-# A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch costs a
-# seventh of what it does with 128, and a sensation differs by a cosine distance of 1e-5 (median) or
-# 8e-4 (95 %), where one target sensation is 1e-2 from the next.
-_DIAMETERS = 1.0
 # Triangles in one patch, which is pressed on a skin at once; a ball is one patch.
 PATCH = 8
 # Faces round a cylinder.
@@ -72,45 +64,62 @@ class RigidMesh(NamedTuple):
     areas: np.ndarray
 
 
-def register_ball(plant: MultibodyPlant, name: str, frame: Frame, radius: float) -> GeometryId:
-    """Gives a frame's link a rigid ball about the frame's origin, called `touching_NAME`.
-
-    Args:
-        plant: not yet finalized.
-        name: of the toucher.
-        frame: fixed to a link.
-        radius: m.
-    """
-    X_LG = frame.GetFixedPoseInBodyFrame()
-    hint = 2 * radius * _DIAMETERS
-    return _register(plant, frame.body(), X_LG, Sphere(radius), f"{_PREFIX}{name}", hint)
-
-
-def register_shapes(
+def add_toucher(
     plant: MultibodyPlant,
-    name: str,
-    link: RigidBody,
-    geometries: Iterable[GeometryId],
     inspector: SceneGraphInspector,
-) -> tuple[GeometryId, ...]:
-    """Gives a link rigid copies of its collision geometries, called `touching_NAME_0` etc.
+    name: str,
+    experiment: Experiment,
+    worn: Sequence[WornSkin],
+    own: Mapping[BodyIndex, tuple[GeometryId, ...]],
+) -> Toucher:
+    """Adds what an experiment calls `name` to a plant: a ball at a frame, or a link made rigid.
+
+    Its geometry is called `touching_NAME`. A link that wears skins touches with these.
 
     Args:
         plant: not yet finalized.
+        inspector: of the scene graph that holds its geometry.
         name: of the toucher.
-        link: the link.
-        geometries: its own, from its model.
-        inspector: of the scene graph that holds them.
+        experiment: describes it.
+        worn: the skins.
+        own: of `own_geometries`.
 
     Raises:
-        ValueError: a geometry has no closed surface, as a half space.
+        ExperimentError: the plant has no such frame or link, or the link no closed surface.
     """
-    ids = []
-    for number, geometry in enumerate(geometries):
-        mesh = _own_mesh(inspector.GetShape(geometry))
-        X_LG = inspector.GetPoseInFrame(geometry)
-        ids.append(_register(plant, link, X_LG, mesh, f"{_PREFIX}{name}_{number}"))
-    return tuple(ids)
+    described, field, called = experiment.touching[name], f"touching.{name}", f"touching_{name}"
+    if described.link is None:
+        frame = find_frame(plant, str(described.frame), f"{field}.frame")
+        frame = frame_after(plant, experiment, frame)
+        ball = Sphere(float(described.radius or 0.0))
+        # A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch
+        # costs a seventh of what it does with 128, and a sensation differs by a cosine distance of
+        # 1e-5 (median) or 8e-4 (95 %), where one target sensation is 1e-2 from the next.
+        hint = 2 * ball.radius()
+        X_LF = frame.GetFixedPoseInBodyFrame()
+        ids = (_register(plant, frame.body(), X_LF, ball, called, hint),)
+        return Toucher(name=name, link=frame.body(), frame=frame, geometry_ids=ids)
+    link = find_link(plant, described.link, f"{field}.link")
+    ids = tuple(skin.geometry_id for skin in worn if skin.link.index() == link.index())
+    if not ids and link.index() not in own:
+        raise ExperimentError(
+            f"{field}.link is {described.link!r}, a link without collision geometry; add some in "
+            "its model, or give a ball by frame and radius"
+        )
+    try:
+        ids = ids or tuple(
+            _register(
+                plant,
+                link,
+                inspector.GetPoseInFrame(geometry),
+                _own_mesh(inspector.GetShape(geometry)),
+                f"{called}_{number}",
+            )
+            for number, geometry in enumerate(own[link.index()])
+        )
+    except ValueError as error:
+        raise ExperimentError(f"{field}.link is {described.link!r}: {error}") from error
+    return Toucher(name=name, link=link, frame=link.body_frame(), geometry_ids=ids)
 
 
 def triangles_in_frame(
@@ -174,8 +183,7 @@ def _own_mesh(shape: Shape) -> Mesh:
             surface = closed_surface([surface], resolution=finest)
     lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in surface.vertices.tolist()]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in surface.faces.tolist()]
-    text = "\n".join(lines) + "\n"
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".obj", "touching")))
+    return in_memory("\n".join(lines) + "\n", ".obj")
 
 
 def _ellipsoid(semi_axes: Sequence[float]) -> trimesh.Trimesh:

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Callable, Iterator
 from functools import cached_property
 
 import numpy as np
 
-from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.probe import ContactProbe
 from selftouch_drake.robot.robot import JointLimits, Robot
 from selftouch_drake.robot.simulation import Simulation
-from selftouch_drake.robot.skins import SkinModel, make_skins, receptor_skin
-
-#: `make_skins`, or what knows its result.
-MakeSkins = Callable[[Experiment], tuple[SkinModel, ...]]
+from selftouch_drake.robot.skins import SkinModel, make_skins
 
 
 class World:
@@ -23,22 +18,21 @@ class World:
 
     Args:
         experiment: the experiment.
-        make_skins: makes its skins, or knows them from before.
     """
 
-    def __init__(self, experiment: Experiment, make_skins: MakeSkins = make_skins):
+    def __init__(self, experiment: Experiment):
         self.experiment = experiment
-        self._make_skins = make_skins
 
     @cached_property
     def skins(self) -> tuple[SkinModel, ...]:
-        """The skins, each in the frame of its link."""
-        return self._make_skins(self.experiment)
+        """The skins, each in the frame of its link; may be set to those that are known."""
+        return make_skins(self.experiment)
 
     @property
     def receptor_skin(self) -> np.ndarray:
-        """`(S,)` the number of the skin that each reading comes from."""
-        return receptor_skin(self.skins)
+        """`(S,)` int8, the number of the skin that each reading comes from."""
+        sizes = [skin.fields.num_receptors for skin in self.skins]
+        return np.repeat(np.arange(len(sizes), dtype=np.int8), sizes)
 
     @cached_property
     def probe(self) -> ContactProbe:
@@ -59,20 +53,3 @@ class World:
     def simulation(self) -> Simulation:
         """The simulation in which plans are executed."""
         return Simulation(self.experiment, self.skins)
-
-
-@contextlib.contextmanager
-def drakes_refusals() -> Iterator[None]:
-    """Turns Drake's refusals of a robot into one-line errors.
-
-    Raises:
-        ExperimentError: the text is Drake's own.
-    """
-    try:
-        yield
-    # Some of Drake's checks log what is wrong and then raise SystemExit.
-    except (RuntimeError, SystemExit) as error:
-        reason = " ".join(str(error).split())[:500]
-        raise ExperimentError(
-            f"robot.directives holds a robot that Drake refuses: {reason}"
-        ) from error

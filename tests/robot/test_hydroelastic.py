@@ -14,11 +14,11 @@ from scipy.spatial import Delaunay, cKDTree
 from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.geometry import hollow_skin, place_receptors, receptive_fields, surfaces
+from selftouch_drake.robot.contact import SensorModel
 from selftouch_drake.robot.hydroelastic import cut
 from selftouch_drake.robot.probe import Postures
 from selftouch_drake.robot.receptor_shares import add_load, feel_loads, receptor_shares
 from selftouch_drake.robot.soft_skin import distance_to_triangles, soft_skin, tets_near
-from selftouch_drake.robot.station import sensor_model
 from selftouch_drake.robot.touchers import rigid_mesh
 
 # 100,000 touches of each robot take hours: SELFTOUCH_MANY_TOUCHES=100000.
@@ -48,7 +48,8 @@ def drake_touches(world, q):
             HydroelasticContactRepresentation.kPolygon
         )
     )
-    return sensor_model(postures.robot).touches(surfaces, world.robot.skin_positions(q))
+    sensor = SensorModel(postures.robot.skins, postures.robot.touchers)
+    return sensor.touches(surfaces, world.robot.skin_positions(q))
 
 
 def assert_same_touches(touches, expected):

@@ -1,6 +1,9 @@
-"""Changes of a body: grown links, shifted joint zeros, slipped skins."""
+"""The joints of a robot: moved by changes of its body, and welded where they do not move."""
 
 from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable
 
 import numpy as np
 from pydrake.common.eigen_geometry import AngleAxis
@@ -17,7 +20,11 @@ from pydrake.multibody.tree import (
 )
 
 from selftouch_drake.experiment import Experiment, ExperimentError, SkinChange
-from selftouch_drake.robot.links import find_joint, find_link
+from selftouch_drake.robot.links import all_joints, find_joint, find_link
+from selftouch_drake.robot.models import RobotModel, parse
+
+# rad or m: models that write 1e16 for a joint without limits mean that it has none.
+_NO_LIMIT = 1e10
 
 
 def change_joints(plant: MultibodyPlant, experiment: Experiment) -> None:
@@ -33,23 +40,13 @@ def change_joints(plant: MultibodyPlant, experiment: Experiment) -> None:
     Raises:
         ExperimentError: a change names what the robot does not have, or a joint that cannot move.
     """
-    zeros: dict[int, float] = {}
+    zeros: dict[int, float] = defaultdict(float)
     for number, change in enumerate(experiment.body_changes):
-        for name in change.links:
-            find_link(plant, name, f"changes[{number}].links")
         for name, moved in change.joints.items():
-            field = f"changes[{number}].joints"
-            joint = find_joint(plant, name, field)
-            if not isinstance(joint, RevoluteJoint | PrismaticJoint):
-                raise ExperimentError(
-                    f"{field} is {name!r}, a {joint.type_name()} joint; name joints that turn "
-                    "about one axis or slide along one"
-                )
-            index = int(joint.index())
-            zeros[index] = zeros.get(index, 0.0) + moved
-    for joint in _joints(plant):
+            zeros[int(_movable(plant, name, f"changes[{number}].joints").index())] += moved
+    for joint in all_joints(plant):
         on_parent = frame_after(plant, experiment, joint.frame_on_parent())
-        zero = zeros.get(int(joint.index()), 0.0)
+        zero = zeros[int(joint.index())]
         if zero or on_parent is not joint.frame_on_parent():
             _replace(plant, joint, on_parent, zero)
 
@@ -99,14 +96,10 @@ def _growth(
 
 def _carried_at(plant: MultibodyPlant, link: RigidBody) -> np.ndarray:
     """`(3,)` m, position in its frame of the joint that carries a link; the origin if none does."""
-    for joint in _joints(plant):
+    for joint in all_joints(plant):
         if joint.child_body().index() == link.index():
             return joint.frame_on_child().GetFixedPoseInBodyFrame().translation()
     return np.zeros(3)
-
-
-def _joints(plant: MultibodyPlant) -> list[Joint]:
-    return [plant.get_joint(index) for index in plant.GetJointIndices()]
 
 
 def _replace(plant: MultibodyPlant, joint: Joint, on_parent: Frame, zero: float) -> None:
@@ -152,3 +145,100 @@ def _replace(plant: MultibodyPlant, joint: Joint, on_parent: Frame, zero: float)
         added = plant.AddJointActuator(actuator, new, effort)
         added.set_default_rotor_inertia(inertia)
         added.set_default_gear_ratio(ratio)
+
+
+def fix_joints(plant: MultibodyPlant, experiment: Experiment, model: RobotModel) -> None:
+    """Welds joints that do not move at their default positions, and checks those that move.
+
+    Each joint that moves gets one actuator, if its model gives it none. Joints move independently:
+    where a model couples joints, `robot.joints` says which ones move; the coupling is ignored.
+
+    The plant holds the robot of the model, and is not yet finalized.
+
+    Raises:
+        ExperimentError: a part floats freely, or a joint cannot move as it is asked to.
+    """
+    bare = MultibodyPlant(time_step=0.0)
+    parse(bare, model)
+    bare.Finalize()
+    if free := [bare.get_body(i).name() for i in sorted(bare.GetFloatingBaseBodies())]:
+        raise ExperimentError(
+            f"robot.directives leaves {free[0]!r} free to float; weld it to the world (add_weld)"
+        )
+    joints = all_joints(plant)
+    moving = [joint for joint in joints if _can_move(joint)]
+    if (names := experiment.robot.joints) is not None:
+        moving = [_movable(plant, name, f"robot.joints[{n}]") for n, name in enumerate(names)]
+        moving.sort(key=lambda joint: int(joint.index()))
+    numbers = {int(joint.index()) for joint in moving}
+    if len(numbers) < len(moving):
+        raise ExperimentError(f"robot.joints is {list(names or ())}; name each joint once")
+    if not moving:
+        raise ExperimentError(
+            "robot.directives has no joint that moves; give a robot with joints that turn or slide"
+        )
+    constraints = plant.GetConstraintIds()
+    if constraints and names is None:
+        raise ExperimentError(
+            "robot.joints is null, but some joints of the model are coupled (as by <mimic>); name "
+            "those that move independently"
+        )
+    for constraint in constraints:
+        plant.RemoveConstraint(constraint)
+    for joint in moving:
+        _require_range(joint)
+    _give_actuators(plant, moving)
+    for joint in joints:
+        if joint.num_positions() and int(joint.index()) not in numbers:
+            _weld(plant, joint, bare)
+
+
+def _movable(plant: MultibodyPlant, name: str, field: str) -> Joint:
+    joint = find_joint(plant, name, field)
+    if not _can_move(joint):
+        raise ExperimentError(
+            f"{field} is {name!r}, a {joint.type_name()} joint; name joints that turn about one "
+            "axis or slide along one"
+        )
+    return joint
+
+
+def _can_move(joint: Joint) -> bool:
+    return isinstance(joint, RevoluteJoint | PrismaticJoint)
+
+
+def _require_range(joint: Joint) -> None:
+    lower, upper = joint.position_lower_limit(), joint.position_upper_limit()
+    lower, upper = (x if abs(x) < _NO_LIMIT else np.copysign(np.inf, x) for x in (lower, upper))
+    if isinstance(joint, PrismaticJoint) and not (np.isfinite(lower) and np.isfinite(upper)):
+        raise ExperimentError(
+            f"joint {joint.name()!r} slides without limits; give it limits in its model"
+        )
+    if lower >= upper:
+        raise ExperimentError(
+            f"joint {joint.name()!r} has the limits {lower:g} and {upper:g}, so it cannot move; "
+            "correct its model, or name the other joints in robot.joints"
+        )
+    joint.set_position_limits([lower], [upper])
+
+
+def _give_actuators(plant: MultibodyPlant, moving: Iterable[Joint]) -> None:
+    """Leaves each joint that moves one actuator, and the others none."""
+    without = {int(joint.index()): joint for joint in moving}
+    for index in list(plant.GetJointActuatorIndices()):
+        actuator = plant.get_joint_actuator(index)
+        if without.pop(int(actuator.joint().index()), None) is None:
+            plant.RemoveJointActuator(actuator)
+    for joint in without.values():
+        plant.AddJointActuator(f"{joint.name()}_actuator", joint)
+
+
+def _weld(plant: MultibodyPlant, joint: Joint, bare: MultibodyPlant) -> None:
+    # By name and model: a plant's elements are its own.
+    instance = bare.GetModelInstanceByName(plant.GetModelInstanceName(joint.model_instance()))
+    twin = bare.GetJointByName(joint.name(), instance)
+    context = bare.CreateDefaultContext()
+    X_PC = twin.frame_on_child().CalcPose(context, twin.frame_on_parent())
+    name, on_parent, on_child = joint.name(), joint.frame_on_parent(), joint.frame_on_child()
+    plant.RemoveJoint(joint)
+    plant.AddJoint(WeldJoint(f"{name}_fixed", on_parent, on_child, X_PC))
