@@ -28,12 +28,14 @@ class CollisionCheck:
 
     Args:
         robot: the robot.
+        query: called with one `(J,)` configuration, gives Drake's query object there.
 
     Raises:
         ExperimentError: a link has a geometry without extent, as a half space.
     """
 
-    def __init__(self, robot: Robot):
+    def __init__(self, robot: Robot, query: Callable[[np.ndarray], QueryObject]):
+        self._query = query
         inspector = robot.scene_graph.model_inspector()
         bounds: dict[GeometryId, tuple[np.ndarray, np.ndarray, float]] = {}
         frames: list[Frame] = []
@@ -59,18 +61,10 @@ class CollisionCheck:
             [bounds[a][2] + bounds[b][2] - allowed for a, b, allowed in self._pairs]
         )
 
-    def depth(
-        self, q: np.ndarray, query: Callable[[np.ndarray], QueryObject], margin: float = 0.0
-    ) -> np.ndarray:
+    def depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.
 
-        Args:
-            q: configurations, rad or m.
-            query: called with one `(J,)` configuration, gives Drake's query object there.
-            margin: m, by which less is allowed.
-
-        Returns:
-            0 where the posture is possible.
+        0 where the posture is possible. With a margin (m), less is allowed.
         """
         depth = np.zeros(len(q))
         if not self._pairs:
@@ -82,7 +76,7 @@ class CollisionCheck:
         _axes_apart(p_WC, half_W, self._ends, apart)
         near = np.argwhere(apart < self._near + margin).tolist()
         for row, some in itertools.groupby(near, key=lambda row_and_pair: row_and_pair[0]):
-            found = query(q[row])
+            found = self._query(q[row])
             for _, pair in some:
                 first, second, allowed = self._pairs[pair]
                 distance = found.ComputeSignedDistancePairClosestPoints(first, second).distance
@@ -92,13 +86,9 @@ class CollisionCheck:
 
 @compiled
 def _axes_apart(centre, half, ends, apart):
-    """Writes the distances between the axes of pairs of capsules, which are line segments.
+    """Writes the distances `apart` `(N, P)` m between pairs `ends` `(P, 2)` of line segments.
 
-    Args:
-        centre: `(N, G, 3)` m, of the axes.
-        half: `(N, G, 3)` m, from there to an end.
-        ends: `(P, 2)` capsules of each pair.
-        apart: `(N, P)` m, written.
+    These are the axes of capsules, from centre - half to centre + half, both `(N, G, 3)` m.
     """
     for row in range(len(centre)):
         for pair in range(len(ends)):

@@ -26,9 +26,6 @@ _LEAST_COSINE = np.cos(5 * np.pi / 8)
 class RigidTouchers:
     """Contact of the rigid touchers of a robot with its skins, at given poses.
 
-    Args:
-        robot: the robot.
-
     Attributes:
         is_rigid: `(P,)` bool, for each touching pair, whether the toucher is rigid (not a skin).
     """
@@ -36,7 +33,9 @@ class RigidTouchers:
     def __init__(self, robot: Robot):
         self._pairs = np.array(robot.touching_pairs, dtype=int).reshape(-1, 2)
         self._num_skins = len(robot.skins)
-        self.is_rigid = np.array([_is_rigid(robot, t) for t in self._pairs[:, 0]])
+        worn = {skin.geometry_id for skin in robot.skins}
+        rigid = [worn.isdisjoint(toucher.geometry_ids) for toucher in robot.touchers]
+        self.is_rigid = np.array(rigid)[self._pairs[:, 0]]
         ends = np.cumsum([0, *(skin.model.fields.num_receptors for skin in robot.skins)])
         touchers, pressed = (set(column.tolist()) for column in self._pairs[self.is_rigid].T)
         inspector = robot.scene_graph.model_inspector()
@@ -75,26 +74,13 @@ class RigidTouchers:
         return Touches.of(sensation, row, skin, toucher, total)
 
 
-def _is_rigid(robot: Robot, toucher: int) -> bool:
-    worn = {skin.geometry_id for skin in robot.skins}
-    return not worn.intersection(robot.touchers[toucher].geometry_ids)
-
-
 @compiled
 def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total):
-    """Presses a rigid mesh on a skin in several rows of poses.
+    """Presses a `RigidMesh` on a `SoftSkin` with its `Shares`.
 
-    Args:
-        skin: a `SoftSkin`.
-        shares: the `Shares` of its receptors.
-        mesh: a `RigidMesh`.
-        X_WL: `(N, L, 3, 4)` poses of frames in the world, m.
-        skin_frame: the number of the frame of the skin's link.
-        mesh_frame: the number of the frame of the mesh.
-        rows: `(R,)` rows of `X_WL`.
-        sensation: `(N, receptors)` N; the readings are added to it.
-        total: `(R, 4)` N and N m; set to the force of each contact, and the sum of force times
-            position in the frame of the skin's link.
+    This happens at `(R,)` rows of `X_WL`, `(N, L, 3, 4)` m, poses in the world of frames, two of
+    which are those of the skin's link and of the mesh. Adds to `sensation` `(N, S)` N, and sets
+    `total` `(R, 4)` as `Touches.of` takes it.
     """
     g, X = skin.pressure, np.empty((3, 4))
     p, planes = np.empty((3 * PATCH, 3)), np.empty((PATCH, 4))
@@ -215,21 +201,12 @@ def _reach_into(planes, tet, p, num_points, above):
 
 @compiled
 def cut(above, a, b, c, polygons, piece):
-    """Cuts a triangle by the four planes of a tetrahedron.
+    """Cuts a triangle by the four planes of a tetrahedron; returns whether anything is left.
 
     A point of the triangle has coordinates u and v: corner a plus u times the edge to b plus v
-    times the edge to c.
-
-    Args:
-        above: `(4, V)` heights of points over the four planes, positive inside.
-        a: column of the first corner in `above`.
-        b: column of the second corner.
-        c: column of the third corner.
-        polygons: `(2, 8, 2)` scratch space.
-        piece: `(3,)` set to the area in (u, v), 1/2 if all is inside, and the centroid (u, v).
-
-    Returns:
-        Whether anything is left of the triangle.
+    times the edge to c. The corners are columns of `above` `(4, V)`, heights over the four planes,
+    positive inside. `polygons` is `(2, 8, 2)` scratch space. `piece` `(3,)` is set to the area in
+    (u, v), 1/2 if all is inside, and the centroid (u, v).
     """
     for k in range(4):
         if above[k, a] <= 0 and above[k, b] <= 0 and above[k, c] <= 0:

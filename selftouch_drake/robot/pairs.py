@@ -17,13 +17,14 @@ from pydrake.geometry import (
 )
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, RevoluteJoint, RigidBody
-from pydrake.systems.framework import Context
 
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.robot.kinematics import JointTree
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
 
+#: The collision geometries that the models give links.
+OwnGeometries = Mapping[BodyIndex, tuple[GeometryId, ...]]
 # m; joints nearer to each other than this turn at one place.
 _ONE_PLACE = 0.01
 
@@ -90,12 +91,7 @@ class Neighbours:
         own: of `own_geometries`.
     """
 
-    def __init__(
-        self,
-        plant: MultibodyPlant,
-        scene_graph: SceneGraph,
-        own: Mapping[BodyIndex, tuple[GeometryId, ...]],
-    ):
+    def __init__(self, plant: MultibodyPlant, scene_graph: SceneGraph, own: OwnGeometries):
         self._inspector, self._own = scene_graph.model_inspector(), own
         # A group is called after its first link.
         self._group = {
@@ -114,12 +110,11 @@ class Neighbours:
             carried = plant.GetBodiesWeldedTo(frames[joint][0].body())
             massless = not sum(body.default_mass() for body in carried)
             for before in range(joint):
-                at_one_place = (
-                    turns[before]
-                    and turns[joint]
-                    and _are_at_one_place(frames[before][1], frames[joint][0], context)
-                )
-                if ends[before][1] == parent and (massless or at_one_place):
+                if ends[before][1] != parent:
+                    continue
+                X = frames[joint][0].CalcPose(context, frames[before][1])
+                at_one_place = np.linalg.norm(X.translation()) < _ONE_PLACE
+                if massless or (turns[before] and turns[joint] and at_one_place):
                     starts[joint] |= starts[before]
         self._adjacent = {
             pair
@@ -144,10 +139,6 @@ class Neighbours:
         ends = self._own.get(a.index()), self._own.get(b.index())
         # A filter group has all geometries of a link, or none.
         return all(ends) and self._inspector.CollisionFiltered(*(ids[0] for ids in ends if ids))
-
-
-def _are_at_one_place(a: Frame, b: Frame, context: Context) -> bool:
-    return float(np.linalg.norm(b.CalcPose(context, a).translation())) < _ONE_PLACE
 
 
 def touching_pairs(
@@ -187,9 +178,7 @@ def touching_pairs(
     return pairs
 
 
-def own_geometries(
-    plant: MultibodyPlant, scene_graph: SceneGraph
-) -> dict[BodyIndex, tuple[GeometryId, ...]]:
+def own_geometries(plant: MultibodyPlant, scene_graph: SceneGraph) -> OwnGeometries:
     """The collision geometries of each link that has any, before skins and touchers are added.
 
     A half space, as the floor of a MuJoCo file, is not a part of a robot and is left out.
@@ -209,20 +198,13 @@ def own_geometries(
 def rigid_pairs(
     plant: MultibodyPlant,
     neighbours: Neighbours,
-    own: Mapping[BodyIndex, tuple[GeometryId, ...]],
+    own: OwnGeometries,
     experiment: Experiment,
     worn: Sequence[WornSkin],
 ) -> Iterator[RigidPair]:
-    """Pairs of links with collision geometry of their own that are not neighbours.
+    """Pairs of links of `own_geometries` that are not neighbours; the plant is finalized.
 
     A skin that lies on its link's own geometry makes the outer layer of that geometry soft.
-
-    Args:
-        plant: finalized.
-        neighbours: links that may overlap.
-        own: of `own_geometries`.
-        experiment: gives the depth that is allowed.
-        worn: the skins.
     """
     for a, b in itertools.combinations(own, 2):
         links = plant.get_body(a), plant.get_body(b)

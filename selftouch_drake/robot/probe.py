@@ -22,13 +22,7 @@ from selftouch_drake.robot.skins import SkinModel
 
 
 class Postures:
-    """Drake's view of a robot at one configuration after another, without dynamics.
-
-    Args:
-        experiment: of the robot.
-        skins: its skins.
-        soft: as of `MakeRobot`.
-    """
+    """Drake's view of a robot at one configuration after another; arguments as of `MakeRobot`."""
 
     def __init__(self, experiment: Experiment, skins: Sequence[SkinModel], *, soft: bool):
         builder = DiagramBuilder()
@@ -59,17 +53,13 @@ class ContactProbe:
 
     `hydroelastic` computes contact with rigid touchers, in a tenth of Drake's time. Drake computes
     contact between skins.
-
-    Args:
-        experiment: the experiment whose robot is probed.
-        skins: its skins.
     """
 
     def __init__(self, experiment: Experiment, skins: Sequence[SkinModel]):
         self._postures = Postures(experiment, skins, soft=False)
         self.robot = self._postures.robot
         self._described = experiment, skins
-        self._collisions = CollisionCheck(self.robot)
+        self._collisions = CollisionCheck(self.robot, self._postures.query)
         self._imperfections = ImperfectSkins.of(experiment, skins)
 
     def sensations(self, q: np.ndarray) -> np.ndarray:
@@ -137,8 +127,5 @@ class ContactProbe:
         return postures, SensorModel(postures.robot.skins, postures.robot.touchers)
 
     def collision_depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
-        """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.
-
-        0 where the posture is possible. With a margin (m), less is allowed.
-        """
-        return self._collisions.depth(q, self._postures.query, margin)
+        """`(N,)` m, as `CollisionCheck.depth`."""
+        return self._collisions.depth(q, margin)

@@ -41,13 +41,7 @@ class Shares(NamedTuple):
 
 
 def receptor_shares(wall: HollowSkin, fields: ReceptiveFields, first_receptor: int = 0) -> Shares:
-    """Reads the receptive fields of a skin.
-
-    Args:
-        wall: of the skin.
-        fields: its receptive fields.
-        first_receptor: where its readings start in a sensation.
-    """
+    """Reads the receptive fields of a skin whose readings start at `first_receptor`."""
     centroid = fields.vertices[fields.faces].mean(axis=1)
     ends, faces = _nearest_faces(wall.tet_vertices[wall.tetrahedra], centroid)
     return Shares(
@@ -155,20 +149,10 @@ def _nearer(squares, a, b):
 
 @compiled
 def add_load(shares, tet, place, force, parts, load, loaded, num_loaded):
-    """Spreads a force over the corners of the nearest face.
+    """Spreads a force, N, at a place `(3,)` m in a tetrahedron over corners of the nearest face.
 
-    Args:
-        shares: a `Shares`.
-        tet: the tetrahedron that the place is in.
-        place: `(3,)` m.
-        force: N.
-        parts: `(3,)` scratch.
-        load: `(V,)` N, of each corner, to which is added.
-        loaded: takes the corners that bore nothing before.
-        num_loaded: how many it holds.
-
-    Returns:
-        How many it holds then.
+    It is added to the load `(V,)` N of each corner. The first `num_loaded` entries of `loaded` are
+    the corners that bear something; returns their number then. `parts` is `(3,)` scratch space.
     """
     x, y, z, w, centroid = place[0], place[1], place[2], shares.barycentric, shares.centroid
     best, f = np.inf, 0

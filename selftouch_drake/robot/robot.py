@@ -155,8 +155,8 @@ def MakeRobot(
     `collisions.CollisionCheck` and the dynamic world.
 
     Args:
-        experiment: the experiment.
-        skins: its skins.
+        experiment: names the robot, and what touches.
+        skins: of the experiment.
         scene_graph: of the new plant.
         soft: whether Drake computes contact with the skins.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -22,14 +22,14 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.multibody.tree import RigidBody
 
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.geometry import closed_surface
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.joints import frame_after
 from selftouch_drake.robot.links import FRICTION, as_mesh, find_frame, find_link, in_memory
-from selftouch_drake.robot.pairs import Toucher, WornSkin
+from selftouch_drake.robot.pairs import OwnGeometries, Toucher, WornSkin
 
 # Triangles in one patch, which is pressed on a skin at once; a ball is one patch.
 PATCH = 8
@@ -70,19 +70,12 @@ def add_toucher(
     name: str,
     experiment: Experiment,
     worn: Sequence[WornSkin],
-    own: Mapping[BodyIndex, tuple[GeometryId, ...]],
+    own: OwnGeometries,
 ) -> Toucher:
     """Adds what an experiment calls `name` to a plant: a ball at a frame, or a link made rigid.
 
-    Its geometry is called `touching_NAME`. A link that wears skins touches with these.
-
-    Args:
-        plant: not yet finalized.
-        inspector: of the scene graph that holds its geometry.
-        name: of the toucher.
-        experiment: describes it.
-        worn: the skins.
-        own: of `own_geometries`.
+    A link that wears skins touches with these, else with rigid copies of its `own_geometries`,
+    called `touching_NAME_0` etc.
 
     Raises:
         ExperimentError: the plant has no such frame or link, or the link no closed surface.
