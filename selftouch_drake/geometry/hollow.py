@@ -10,8 +10,11 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.geodesics import neighbouring_vertices
-from selftouch_drake.geometry.intersections import first_self_intersection
-from selftouch_drake.geometry.samples import lengths_and_heights, sample_triangles
+from selftouch_drake.geometry.triangles import (
+    first_self_intersection,
+    lengths_and_heights,
+    sample_triangles,
+)
 from selftouch_drake.lazy import trimesh
 
 # If the normals around a vertex differ by more than this, it is on an edge, which is mitred; else

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.geodesics import neighbouring_vertices
-from selftouch_drake.geometry.samples import sample_triangles
+from selftouch_drake.geometry.triangles import sample_triangles
 from selftouch_drake.lazy import ndimage, trimesh
 
 # Most cells of a grid: about 600 MB.

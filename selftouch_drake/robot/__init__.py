@@ -4,7 +4,7 @@ from selftouch_drake.robot.contact import SensorModel, Touches
 from selftouch_drake.robot.imperfections import ImperfectSkin, ImperfectSkins
 from selftouch_drake.robot.pairs import WornSkin
 from selftouch_drake.robot.robot import MakeRobot, Robot
-from selftouch_drake.robot.simulation import LOG_PERIOD, Log, Simulation
+from selftouch_drake.robot.simulation import LOG_PERIOD, Log, MakeDynamicStation, Simulation
 from selftouch_drake.robot.skin_registration import (
     AddModelsAndSkins,
     AddSkins,
@@ -12,7 +12,6 @@ from selftouch_drake.robot.skin_registration import (
     RegisterSkin,
 )
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.station import MakeDynamicStation
 from selftouch_drake.robot.tactile_skin import SkinReadout, TactileSkin, UnfeltContactWarning
 from selftouch_drake.robot.world import World
 

@@ -15,9 +15,8 @@ import numpy as np
 
 from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.robot.contact import Touches
-from selftouch_drake.robot.receptor_shares import Shares, add_load, feel_loads, receptor_shares
 from selftouch_drake.robot.robot import Robot
-from selftouch_drake.robot.soft_skin import SoftSkin, soft_skin, tets_near
+from selftouch_drake.robot.soft_skin import add_load, feel_loads, soft_skin, tets_near
 from selftouch_drake.robot.touchers import PATCH, rigid_mesh, triangles_in_frame
 
 _LEAST_COSINE = np.cos(5 * np.pi / 8)
@@ -42,13 +41,7 @@ class RigidTouchers:
         self._meshes = {
             t: rigid_mesh(*triangles_in_frame(robot.touchers[t], inspector)) for t in touchers
         }
-        self._skins: dict[int, tuple[SoftSkin, Shares]] = {}
-        for s in pressed:
-            skin = robot.skins[s].model
-            self._skins[s] = (
-                soft_skin(skin.wall, skin.hydroelastic_modulus),
-                receptor_shares(skin.wall, skin.fields, int(ends[s])),
-            )
+        self._skins = {s: soft_skin(robot.skins[s].model, int(ends[s])) for s in pressed}
         self._num_receptors = int(ends[-1])
 
     def touches(self, X_WL: np.ndarray, near: np.ndarray) -> Touches:
@@ -68,15 +61,13 @@ class RigidTouchers:
             t, s = self._pairs[pair].tolist()
             here = slice(*np.searchsorted(number, [pair, pair + 1]))
             frames = s, self._num_skins + t
-            press(
-                *self._skins[s], self._meshes[t], X_WL, *frames, row[here], sensation, total[here]
-            )
+            press(self._skins[s], self._meshes[t], X_WL, *frames, row[here], sensation, total[here])
         return Touches.of(sensation, row, skin, toucher, total)
 
 
 @compiled
-def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total):
-    """Presses a `RigidMesh` on a `SoftSkin` with its `Shares`.
+def press(skin, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total):
+    """Presses a `RigidMesh` on a `SoftSkin`.
 
     This happens at `(R,)` rows of `X_WL`, `(N, L, 3, 4)` m, poses in the world of frames, two of
     which are those of the skin's link and of the mesh. Adds to `sensation` `(N, S)` N, and sets
@@ -88,7 +79,7 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
     box, place, parts = np.empty(6), np.empty(3), np.empty(3)
     # `seen` holds the number of the last search that found each tetrahedron: each is listed once.
     tets, seen, look = np.empty(len(g), dtype=np.int64), np.zeros(len(g), dtype=np.int64), 0
-    load = np.zeros(len(shares.weight_ends) - 1)
+    load = np.zeros(len(skin.weight_ends) - 1)
     loaded = np.empty(len(load), dtype=np.int64)
     for r in range(len(rows)):
         # With literals, numba would compile the called functions twice; the same in `cut`.
@@ -125,10 +116,8 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
                     total[r, 0] += force
                     for i in range(3):
                         total[r, 1 + i] += force * place[i]
-                    num_loaded = add_load(
-                        shares, tet, place, force, parts, load, loaded, num_loaded
-                    )
-        feel_loads(shares, load, loaded, num_loaded, sensation, row)
+                    num_loaded = add_load(skin, tet, place, force, parts, load, loaded, num_loaded)
+        feel_loads(skin, load, loaded, num_loaded, sensation, row)
 
 
 @inner

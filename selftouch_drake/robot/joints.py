@@ -31,11 +31,7 @@ def change_joints(plant: MultibodyPlant, experiment: Experiment) -> None:
     """Moves the joints of a plant according to grown links and shifted zeros.
 
     What hangs on a grown link moves away from the joint that carries the link. The link's own
-    geometry stays as its model has it.
-
-    Args:
-        plant: holds the robot as its model has it, and is not yet finalized.
-        experiment: whose `body_changes` are made.
+    geometry stays as its model has it. The plant is not yet finalized.
 
     Raises:
         ExperimentError: a change names what the robot does not have, or a joint that cannot move.
@@ -151,9 +147,8 @@ def fix_joints(plant: MultibodyPlant, experiment: Experiment, model: RobotModel)
     """Welds joints that do not move at their default positions, and checks those that move.
 
     Each joint that moves gets one actuator, if its model gives it none. Joints move independently:
-    where a model couples joints, `robot.joints` says which ones move; the coupling is ignored.
-
-    The plant holds the robot of the model, and is not yet finalized.
+    where a model couples joints, `robot.joints` says which ones move; the coupling is ignored. The
+    plant holds the robot of the model, and is not yet finalized.
 
     Raises:
         ExperimentError: a part floats freely, or a joint cannot move as it is asked to.

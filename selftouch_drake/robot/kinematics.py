@@ -51,7 +51,8 @@ class Kinematics:
         # At zero the frame that a joint moves lies in the frame it moves in. Both are turned, so
         # that all axes are z.
         X_WJ = [
-            joint.frame_on_parent().CalcPoseInWorld(context) @ _with_z_along(tree.axis(number))
+            joint.frame_on_parent().CalcPoseInWorld(context)
+            @ RigidTransform(RotationMatrix.MakeFromOneVector(tree.axis(number), 2), np.zeros(3))
             for number, joint in enumerate(tree.joints)
         ]
         parent = [tree.carrier(tree.frames(number)[0].body()) for number in range(len(X_WJ))]
@@ -84,10 +85,6 @@ class Kinematics:
     def positions(self, q: np.ndarray) -> np.ndarray:
         """`(N, L, 3)` m, origins of the frames in the world at `q` `(N, J)`."""
         return self.poses(q)[..., 3]
-
-
-def _with_z_along(axis: np.ndarray) -> RigidTransform:
-    return RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), np.zeros(3))
 
 
 def moving_joints(plant: MultibodyPlant) -> list[Joint]:

@@ -211,29 +211,20 @@ def AddTactileSkin(
             "the plant's contact model is kPoint, which no skin can feel; call "
             "plant.set_contact_model(ContactModel.kHydroelasticWithFallback) before Finalize"
         )
-    _leave_out_neighbours(plant, scene_graph, worn)
-    skin = builder.AddNamedSystem(name, TactileSkin(worn))
-    builder.Connect(plant.get_contact_results_output_port(), skin.GetInputPort("contact_results"))
-    builder.Connect(plant.get_body_poses_output_port(), skin.GetInputPort("body_poses"))
-    return skin
-
-
-def _leave_out_neighbours(
-    plant: MultibodyPlant, scene_graph: SceneGraph, worn: Sequence[WornSkin]
-) -> None:
     neighbours, filters = Neighbours(plant, scene_graph, {}), scene_graph.collision_filter_manager()
     # A body that floats or slides on the ground is next to it, and can still touch bodies on it.
     ground = neighbours.of(plant.world_body())
+    moving = [link for link in all_links(plant) if neighbours.of(link) != ground]
     for skin in worn:
-        if neighbours.of(skin.link) == ground:
-            continue
-        near = [
-            plant.GetBodyFrameIdOrThrow(link.index())
-            for link in all_links(plant)
-            if neighbours.of(link) != ground and neighbours.are_neighbours(skin.link, link)
-        ]
-        filters.Apply(
-            CollisionFilterDeclaration().ExcludeBetween(
-                GeometrySet(skin.geometry_id), GeometrySet(near)
-            )
-        )
+        if neighbours.of(skin.link) != ground:
+            near = [
+                plant.GetBodyFrameIdOrThrow(link.index())
+                for link in moving
+                if neighbours.are_neighbours(skin.link, link)
+            ]
+            both = GeometrySet(skin.geometry_id), GeometrySet(near)
+            filters.Apply(CollisionFilterDeclaration().ExcludeBetween(*both))
+    touch = builder.AddNamedSystem(name, TactileSkin(worn))
+    builder.Connect(plant.get_contact_results_output_port(), touch.GetInputPort("contact_results"))
+    builder.Connect(plant.get_body_poses_output_port(), touch.GetInputPort("body_poses"))
+    return touch

@@ -130,17 +130,10 @@ def make_skin(
     smallest_ball: float | None = None,
     motion: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> SkinModel:
-    """One skin of a link of `plant`.
+    """One skin of a link of `plant`, which may be finalized or not.
 
-    Args:
-        name: of the skin, which errors begin with.
-        skin: what it is.
-        plant: with the link, finalized or not.
-        scene_graph: with the link's own geometry.
-        seed: of the receptors' places.
-        smallest_ball: m, radius of the smallest ball that can get into a hollow body; None if
-            nothing can.
-        motion: where the skin went since it was made; see `joints.skin_motion`.
+    The seed chooses the receptors' places. The smallest ball that can get into a hollow body has a
+    radius in m; None if nothing can. The motion since the skin was made is of `skin_motion`.
 
     Raises:
         ExperimentError: the skin cannot be made; the text names the field, the value and the
@@ -153,12 +146,7 @@ def make_skin(
         # Only a hollow body has an inside for a ball to get into.
         inspector = scene_graph.model_inspector()
         filled = own or bool(link_geometries(plant, inspector, link, Role.kProximity))
-        p_LS = place_receptors(
-            surface,
-            skin.num_receptors,
-            seed,
-            unevenness=skin.unevenness,
-        )
+        p_LS = place_receptors(surface, skin.num_receptors, seed, unevenness=skin.unevenness)
         if motion is not None:
             A, b = motion
             p_LS = p_LS @ A.T + b

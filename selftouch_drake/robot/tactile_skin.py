@@ -111,8 +111,7 @@ class SkinReadout(LeafSystem):
         imperfections: what is read of a sensation.
         num_receptors: S.
         num_joints: J.
-        period_s: of the world's discrete steps, 0 for a world without time; delays are rounded to
-            whole steps.
+        period_s: of the world's discrete steps; delays are rounded to whole ones.
     """
 
     def __init__(
@@ -121,16 +120,15 @@ class SkinReadout(LeafSystem):
         *,
         num_receptors: int,
         num_joints: int,
-        period_s: float = 0.0,
+        period_s: float,
     ):
         super().__init__()
         self._imperfections = imperfections
         self._sensation = self.DeclareVectorInputPort("sensation", num_receptors)
         self._q = self.DeclareVectorInputPort("q", num_joints)
         self._delay = np.zeros(num_receptors, dtype=int)
-        if period_s:
-            for columns, skin in imperfections.skins:
-                self._delay[columns] = round(skin.flaws.delay / period_s)
+        for columns, skin in imperfections.skins:
+            self._delay[columns] = round(skin.flaws.delay / period_s)
         self._num_late = int(self._delay.max())
         self.DeclareVectorOutputPort("reading", num_receptors, self._calc_reading)
         if self._num_late:

@@ -11,7 +11,7 @@ from selftouch_drake.experience import random_walk
 from selftouch_drake.experiment import experiment_from_fields, load_experiment
 from selftouch_drake.robot import ImperfectSkins, World
 from selftouch_drake.robot.contact import SensorModel
-from selftouch_drake.robot.probe import Postures
+from selftouch_drake.robot.world import Postures
 
 SHIPPED = ("cube", "torus_two_fingers", "turning_body", "gantry", "two_arms", "infant")
 
