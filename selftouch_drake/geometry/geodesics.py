@@ -42,10 +42,7 @@ def surface_paths(surface: trimesh.Trimesh) -> csr_matrix:
     Straight lines join vertices up to three edges apart. They have so many directions that a path
     is only 1 or 2 % too long. A line counts only if it stays on the surface. Near the rim of a
     patch, where it might leave the patch, only edges and the diagonals of convex pairs of triangles
-    are lines: paths there are up to 5 % too long.
-
-    Args:
-        surface: Closed, or with a rim, in metres.
+    are lines: paths there are up to 5 % too long. The surface, in metres, may have a rim.
     """
     edges = neighbouring_vertices(surface)
     rings = edges + edges @ edges + edges @ edges @ edges

@@ -35,11 +35,9 @@ def touched_patch(
     """Finds the vertices of a surface that belong to the touched patch.
 
     This is a morphological closing of the touched vertices: all vertices within `radius` of a
-    touched one are added, then all within `radius` of the remaining ones are removed again. It
-    fills each gap that holds no disc of this radius, and keeps wider gaps and the outline: the rim
-    does not grow, as it would without the second step. Touches along a line have no area: there the
-    second step is left out, and the patch is a band. Parts smaller than such a disc are then
-    dropped: a few stray touches are not a part of the body.
+    touched one are added, then all within `radius` of the remaining ones are removed again, so that
+    the rim does not grow. Touches along a line have no area: there the second step is left out, and
+    the patch is a band. Parts smaller than a disc of this radius are then dropped.
 
     Args:
         vertices: `(V, 3)` m, of a closed surface, finer than `radius`.

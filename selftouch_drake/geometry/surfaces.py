@@ -13,9 +13,8 @@ from pathlib import Path
 import manifold3d
 import numpy as np
 
-from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
+from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface, from_manifold
 from selftouch_drake.geometry.hollow import point_text
-from selftouch_drake.geometry.solid import from_manifold
 from selftouch_drake.geometry.triangles import first_self_intersection
 from selftouch_drake.lazy import trimesh
 

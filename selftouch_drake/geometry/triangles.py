@@ -63,13 +63,9 @@ def _counted(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def first_self_intersection(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray | None:
-    """Returns a point where two triangles without a common vertex intersect, or None.
+    """Returns a point where two faces `(F, 3)` without a common vertex intersect, or None.
 
-    An edge of one of them then pierces the other. Triangles may have any size, long or compact.
-
-    Args:
-        vertices: `(V, 3)` m.
-        faces: `(F, 3)` indices into `vertices`.
+    An edge of one of them then pierces the other.
     """
     corners = vertices[faces]
     for i, j in _near_pairs(corners):

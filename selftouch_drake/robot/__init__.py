@@ -5,14 +5,16 @@ from selftouch_drake.robot.imperfections import ImperfectSkin, ImperfectSkins
 from selftouch_drake.robot.pairs import WornSkin
 from selftouch_drake.robot.robot import MakeRobot, Robot
 from selftouch_drake.robot.simulation import LOG_PERIOD, Log, MakeDynamicStation, Simulation
-from selftouch_drake.robot.skin_registration import (
+from selftouch_drake.robot.skins import SkinModel
+from selftouch_drake.robot.tactile_skin import (
     AddModelsAndSkins,
     AddSkins,
     AddTactileSkin,
     RegisterSkin,
+    SkinReadout,
+    TactileSkin,
+    UnfeltContactWarning,
 )
-from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.tactile_skin import SkinReadout, TactileSkin, UnfeltContactWarning
 from selftouch_drake.robot.world import World
 
 __all__ = [

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector
-from pydrake.multibody.tree import Frame, RigidBody
+from pydrake.multibody.tree import RigidBody
 
 from selftouch_drake.compiled import compiled
 from selftouch_drake.experiment import ExperimentError
@@ -37,29 +37,29 @@ class CollisionCheck:
     def __init__(self, robot: Robot, query: Callable[[np.ndarray], QueryObject]):
         self._query = query
         inspector = robot.scene_graph.model_inspector()
-        bounds: dict[GeometryId, tuple[np.ndarray, np.ndarray, float]] = {}
-        frames: list[Frame] = []
-        for pair in robot.rigid_pairs:
-            for link, geometries in zip(pair.links, pair.geometry_ids, strict=True):
-                for geometry in geometries:
-                    if geometry not in bounds:
-                        bounds[geometry] = _bound(inspector, geometry, link)
-                        frames.append(link.body_frame())
+        link_of = {
+            geometry: link
+            for pair in robot.rigid_pairs
+            for link, geometries in zip(pair.links, pair.geometry_ids, strict=True)
+            for geometry in geometries
+        }
+        frames = [link.body_frame() for link in link_of.values()]
         self._kinematics = Kinematics.of(robot.plant, frames)
-        self._centre, self._half = (
-            np.array([bound[part] for bound in bounds.values()]).reshape(-1, 3) for part in (0, 1)
-        )
-        number = {geometry: k for k, geometry in enumerate(bounds)}
+        bounds = [_bound(inspector, geometry, link) for geometry, link in link_of.items()]
+        self._centre = np.array([centre for centre, _, _ in bounds]).reshape(-1, 3)
+        self._half = np.array([half for _, half, _ in bounds]).reshape(-1, 3)
+        radius = np.array([radius for _, _, radius in bounds])
+        number = {geometry: k for k, geometry in enumerate(link_of)}
         self._pairs = [
             (a, b, pair.allowed_depth)
             for pair in robot.rigid_pairs
             for a, b in itertools.product(*pair.geometry_ids)
         ]
-        self._ends = np.array([[number[a], number[b]] for a, b, _ in self._pairs]).reshape(-1, 2)
+        ends = [[number[a], number[b]] for a, b, _ in self._pairs]
+        self._ends = np.array(ends, dtype=int).reshape(-1, 2)
         # If their axes are nearer to each other, two capsules overlap by more than allowed.
-        self._near = np.array(
-            [bounds[a][2] + bounds[b][2] - allowed for a, b, allowed in self._pairs]
-        )
+        allowed = np.array([allowed for *_, allowed in self._pairs])
+        self._near = radius[self._ends].sum(axis=1) - allowed
 
     def depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.

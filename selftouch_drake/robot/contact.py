@@ -40,13 +40,8 @@ class Touches:
     ) -> Touches:
         """Sorts contacts and merges those of one toucher with one skin at one instant.
 
-        Args:
-            sensation: `(N, S)` N.
-            row: `(C,)` the instant of each contact.
-            skin: `(C,)` number of the pressed skin.
-            toucher: `(C,)` number of what presses it.
-            total: `(C, 4)` N and N m: force, and the sum of force times position in the frame of
-                the pressed skin's link. Contacts without force are left out.
+        The total of each is `(C, 4)` N and N m: force, and the sum of force times position in the
+        frame of the pressed skin's link. Contacts without force are left out.
         """
         # Mostly there is one contact at an instant, and the instants are in order.
         if not (row[1:] > row[:-1]).all():

@@ -20,7 +20,7 @@ from pydrake.multibody.tree import (
 )
 
 from selftouch_drake.experiment import Experiment, ExperimentError, SkinChange
-from selftouch_drake.robot.links import all_joints, find_joint, find_link
+from selftouch_drake.robot.links import all_joints, find_link, find_named
 from selftouch_drake.robot.models import RobotModel, parse
 
 # rad or m: models that write 1e16 for a joint without limits mean that it has none.
@@ -87,15 +87,12 @@ def _growth(
         for name, share in change.links.items():
             grown = find_link(plant, name, f"changes[{number}].links")
             scale *= 1.0 + share * (grown.index() == link.index())
-    return scale, (1.0 - scale) * _carried_at(plant, link)
-
-
-def _carried_at(plant: MultibodyPlant, link: RigidBody) -> np.ndarray:
-    """`(3,)` m, position in its frame of the joint that carries a link; the origin if none does."""
+    # About the joint that carries the link.
     for joint in all_joints(plant):
         if joint.child_body().index() == link.index():
-            return joint.frame_on_child().GetFixedPoseInBodyFrame().translation()
-    return np.zeros(3)
+            p_LJ = joint.frame_on_child().GetFixedPoseInBodyFrame().translation()
+            return scale, (1.0 - scale) * p_LJ
+    return scale, np.zeros(3)
 
 
 def _replace(plant: MultibodyPlant, joint: Joint, on_parent: Frame, zero: float) -> None:
@@ -189,7 +186,7 @@ def fix_joints(plant: MultibodyPlant, experiment: Experiment, model: RobotModel)
 
 
 def _movable(plant: MultibodyPlant, name: str, field: str) -> Joint:
-    joint = find_joint(plant, name, field)
+    joint = find_named(plant, all_joints(plant), name, field, "joint")
     if not _can_move(joint):
         raise ExperimentError(
             f"{field} is {name!r}, a {joint.type_name()} joint; name joints that turn about one "

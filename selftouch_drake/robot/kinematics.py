@@ -39,24 +39,28 @@ class Kinematics:
 
     @staticmethod
     def of(plant: MultibodyPlant, frames: Sequence[Frame]) -> Kinematics:
-        """Reads a finalized plant whose joints each have one degree of freedom.
-
-        Args:
-            plant: the plant.
-            frames: whose poses are asked for, in this order.
-        """
+        """Reads a finalized plant whose joints each have one degree of freedom."""
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, np.zeros(plant.num_positions()))
-        tree = JointTree(plant)
+        tree = joint_tree(plant)
+        turns = [isinstance(joint, RevoluteJoint) for joint, *_ in tree]
         # At zero the frame that a joint moves lies in the frame it moves in. Both are turned, so
         # that all axes are z.
-        X_WJ = [
-            joint.frame_on_parent().CalcPoseInWorld(context)
-            @ RigidTransform(RotationMatrix.MakeFromOneVector(tree.axis(number), 2), np.zeros(3))
-            for number, joint in enumerate(tree.joints)
-        ]
-        parent = [tree.carrier(tree.frames(number)[0].body()) for number in range(len(X_WJ))]
-        owner = [tree.carrier(frame.body()) for frame in frames]
+        X_WJ = []
+        for (joint, near, *_), turn in zip(tree, turns, strict=True):
+            axis = joint.revolute_axis() if turn else joint.translation_axis()
+            axis = axis if near.index() == joint.frame_on_parent().index() else -axis
+            R_FJ = RotationMatrix.MakeFromOneVector(axis, 2)
+            X_WF = joint.frame_on_parent().CalcPoseInWorld(context)
+            X_WJ.append(X_WF @ RigidTransform(R_FJ, np.zeros(3)))
+
+        def carrier(body: RigidBody) -> int:
+            """The last moving joint on the way from the world to a body; -1 for none."""
+            carriers = [k for k, (*_, moved) in enumerate(tree) if int(body.index()) in moved]
+            return min(carriers, key=lambda k: len(tree[k][3]), default=-1)
+
+        parent = [carrier(near.body()) for _, near, *_ in tree]
+        owner = [carrier(frame.body()) for frame in frames]
 
         def relative(X_WF: RigidTransform, joint: int) -> np.ndarray:
             X = X_WF if joint < 0 else X_WJ[joint].InvertAndCompose(X_WF)
@@ -65,7 +69,7 @@ class Kinematics:
         return Kinematics(
             parent=np.array(parent, dtype=np.int64),
             X_PF=np.array([relative(X, p) for X, p in zip(X_WJ, parent, strict=True)]),
-            turns=np.array([isinstance(joint, RevoluteJoint) for joint in tree.joints]),
+            turns=np.array(turns),
             owner=np.array(owner, dtype=np.int64),
             X_JL=np.array(
                 [
@@ -82,54 +86,23 @@ class Kinematics:
         _all_poses(q, self.parent, self.X_PF, self.turns, self.owner, self.X_JL, X_WL)
         return X_WL
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        """`(N, L, 3)` m, origins of the frames in the world at `q` `(N, J)`."""
-        return self.poses(q)[..., 3]
 
+def joint_tree(plant: MultibodyPlant) -> list[tuple[Joint, Frame, Frame, set[int]]]:
+    """The moving joints of a finalized plant, in the order of its positions.
 
-def moving_joints(plant: MultibodyPlant) -> list[Joint]:
-    """The joints of a finalized plant that move, in the order of its positions."""
-    return sorted(
-        (j for j in all_joints(plant) if j.num_positions()), key=lambda j: j.position_start()
-    )
-
-
-class JointTree:
-    """The moving joints of a plant, each between a body nearer to the world and one farther.
-
-    The farther one is the joint's child, but in a model that is welded to the world by its tip.
-
-    Args:
-        plant: finalized.
+    Returns:
+        Each joint; its frames on the body nearer to the world, and on the farther one; and the
+        indices of all bodies that it moves. The farther one is the joint's child, but in a model
+        that is welded to the world by its tip.
     """
-
-    def __init__(self, plant: MultibodyPlant):
-        self.joints = moving_joints(plant)
-        self._moved = [
-            {int(body) for body in plant.GetBodiesKinematicallyAffectedBy([joint.index()])}
-            for joint in self.joints
-        ]
-
-    def carrier(self, body: RigidBody) -> int:
-        """The number of the last moving joint on the way from the world to `body`; -1 for none."""
-        carriers = [k for k, moved in enumerate(self._moved) if int(body.index()) in moved]
-        return min(carriers, key=lambda k: len(self._moved[k]), default=-1)
-
-    def axis(self, number: int) -> np.ndarray:
-        """`(3,)` unit vector about or along which the farther body moves, in a joint's frame."""
-        joint = self.joints[number]
-        turns = isinstance(joint, RevoluteJoint)
-        axis = joint.revolute_axis() if turns else joint.translation_axis()
-        return axis if self._moves_child(number) else -axis
-
-    def frames(self, number: int) -> tuple[Frame, Frame]:
-        """The frame of a joint on the body nearer to the world, and that on the farther one."""
-        joint = self.joints[number]
-        frames = joint.frame_on_parent(), joint.frame_on_child()
-        return frames if self._moves_child(number) else frames[::-1]
-
-    def _moves_child(self, number: int) -> bool:
-        return int(self.joints[number].child_body().index()) in self._moved[number]
+    tree = []
+    moving = [joint for joint in all_joints(plant) if joint.num_positions()]
+    for joint in sorted(moving, key=lambda joint: joint.position_start()):
+        moved = {int(body) for body in plant.GetBodiesKinematicallyAffectedBy([joint.index()])}
+        near, far = joint.frame_on_parent(), joint.frame_on_child()
+        is_usual = int(far.body().index()) in moved
+        tree.append((joint, near, far, moved) if is_usual else (joint, far, near, moved))
+    return tree
 
 
 @compiled

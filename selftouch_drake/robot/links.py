@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from pydrake.common import MemoryFile
@@ -21,7 +21,7 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Frame, FrameIndex, Joint, RigidBody
+from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 
 from selftouch_drake.experiment import ExperimentError, closest
 from selftouch_drake.lazy import trimesh
@@ -38,18 +38,7 @@ def find_link(plant: MultibodyPlant, name: str, field: str) -> RigidBody:
     Raises:
         ExperimentError: there is none, or several; the text names `field`.
     """
-    return _named(plant, all_links(plant), name, field, "link")
-
-
-def find_frame(plant: MultibodyPlant, name: str, field: str) -> Frame:
-    """The frame called `name`; errors as of `find_link`."""
-    frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
-    return _named(plant, frames, name, field, "frame")
-
-
-def find_joint(plant: MultibodyPlant, name: str, field: str) -> Joint:
-    """The joint called `name`; errors as of `find_link`."""
-    return _named(plant, all_joints(plant), name, field, "joint")
+    return find_named(plant, all_links(plant), name, field, "link")
 
 
 def all_links(plant: MultibodyPlant) -> list[RigidBody]:
@@ -68,8 +57,8 @@ def scoped_name(plant: MultibodyPlant, element: Any) -> str:
     return f"{instance}::{element.name()}"
 
 
-def _named(plant: MultibodyPlant, elements: Iterable, name: str, field: str, kind: str):
-    known = list(elements)
+def find_named(plant: MultibodyPlant, known: Sequence, name: str, field: str, kind: str):
+    """That of some links, frames or joints which is called `name`; errors as of `find_link`."""
     found = [e for e in known if scoped_name(plant, e) == name]
     found = found or [e for e in known if e.name() == name]
     if len(found) == 1:
@@ -129,19 +118,6 @@ def as_mesh(shape: Shape) -> trimesh.Trimesh:
     )
 
 
-def _capsule(shape: Capsule) -> trimesh.Trimesh:
-    # trimesh centres it, as Drake does.
-    return trimesh.creation.capsule(
-        height=shape.length(), radius=shape.radius(), count=(_SECTIONS, _SECTIONS)
-    )
-
-
-def _ellipsoid(shape: Ellipsoid) -> trimesh.Trimesh:
-    ball = trimesh.creation.icosphere(subdivisions=4)
-    ball.apply_scale([shape.a(), shape.b(), shape.c()])
-    return ball
-
-
 def _from_file(shape: Mesh | Convex) -> trimesh.Trimesh:
     # Parsers make no meshes that are held in memory.
     mesh = trimesh.load_mesh(shape.source().path(), process=False)
@@ -155,8 +131,9 @@ _MESHES: dict[type, Callable[[Any], trimesh.Trimesh]] = {
     Sphere: lambda s: trimesh.creation.icosphere(subdivisions=4, radius=s.radius()),
     Box: lambda s: trimesh.creation.box(extents=s.size()),
     Cylinder: lambda s: trimesh.creation.cylinder(s.radius(), s.length(), sections=4 * _SECTIONS),
-    Capsule: _capsule,
-    Ellipsoid: _ellipsoid,
+    # trimesh centres it, as Drake does.
+    Capsule: lambda s: trimesh.creation.capsule(s.length(), s.radius(), count=2 * (_SECTIONS,)),
+    Ellipsoid: lambda s: trimesh.creation.icosphere(4).apply_scale([s.a(), s.b(), s.c()]),
     Mesh: _from_file,
     Convex: _from_file,
 }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import hashlib
 import json
 import logging.handlers
@@ -29,7 +28,7 @@ from pydrake.multibody.parsing import (
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
-from selftouch_drake.experiment import ExperimentError
+from selftouch_drake.experiment import ExperimentError, closest
 from selftouch_drake.files import write_text_whole
 from selftouch_drake.resources import MODELS
 from selftouch_drake.robot.meshes import DRAKE_SUFFIXES, as_obj, cache_folder
@@ -142,25 +141,23 @@ class _Reader:
             path = Path(rest)
         elif scheme in ("package", "model"):
             name, _, inside = rest.partition("/")
-            path = self._root(name, uri, what) / inside
+            if name in self._roots:
+                root = self._roots[name]
+            elif self._drake.Contains(name):
+                with one_line(f"{what} is {uri!r}"):  # Drake downloads what it does not hold.
+                    root = Path(self._drake.GetPath(name))
+            else:
+                known = [*self._roots, *self._drake.GetPackageNames()]
+                hint = closest(name, known) or f"known are {', '.join(known)}"
+                raise ExperimentError(
+                    f"{what} is {uri!r}; there is no package {name!r} in robot.packages: {hint}"
+                )
+            path = root / inside
         else:
             raise ExperimentError(f"{what} is {uri!r}; give a path, or package://NAME/PATH")
         if not path.exists():
             raise ExperimentError(f"{what} is {uri!r}, and {path} does not exist; correct the path")
         return path.resolve()
-
-    def _root(self, name: str, uri: str, what: str) -> Path:
-        if name in self._roots:
-            return self._roots[name]
-        if self._drake.Contains(name):
-            with one_line(f"{what} is {uri!r}"):  # Drake downloads what it does not hold.
-                return Path(self._drake.GetPath(name))
-        known = [*self._roots, *self._drake.GetPackageNames()]
-        close = difflib.get_close_matches(name, known, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
-        raise ExperimentError(
-            f"{what} is {uri!r}; there is no package {name!r} in robot.packages: {hint}"
-        )
 
     def directives(self, path: Path) -> tuple[ModelDirectives, bool]:
         """Directives with absolute files in them, and whether one of these is a copy."""
@@ -186,14 +183,14 @@ class _Reader:
     def model(self, path: Path) -> Path:
         """Reads a model file; returns where Drake is to read it, which may be a copy."""
         with self._reading(path):
-            find_references = _FORMATS.get(path.suffix.lower())
-            if find_references is None:  # Drake says what is wrong with it.
+            suffix = path.suffix.lower()
+            if suffix not in _NAMING:  # Drake says what is wrong with it.
                 return path
             document = _read_xml(path)
-            if path.suffix.lower() == ".xml":
+            if suffix == ".xml":
                 self._join_included(document, document, path.parent)
             places = []
-            for node, folder, taken in find_references(document, path.parent):
+            for node, folder, taken in _references(document, suffix, path.parent):
                 # An attribute, or the text of an element; else it names no file.
                 is_text = isinstance(node, xml.dom.minidom.Attr | xml.dom.minidom.Text)
                 if is_text and (uri := node.nodeValue.strip()):
@@ -248,31 +245,21 @@ def _read_xml(path: Path) -> xml.dom.minidom.Document:
         raise ExperimentError(f"model {path} is not readable XML ({error}); correct it") from None
 
 
-# XML nodes that name other files, the folder in which a relative path starts, and the suffixes that
-# Drake takes; None for a file that is itself a model.
-_References = Iterator[tuple[Any, Path, frozenset[str] | None]]
-
-
-def _urdf_references(document: xml.dom.minidom.Document, folder: Path) -> _References:
-    for tag, taken in (("mesh", DRAKE_SUFFIXES), ("texture", _IMAGES)):
+def _references(
+    document: xml.dom.minidom.Document, suffix: str, folder: Path
+) -> Iterator[tuple[Any, Path, frozenset[str] | None]]:
+    """XML nodes that name other files, where a relative path starts, and what Drake takes."""
+    if suffix == ".xml":
+        for compiler in document.getElementsByTagName("compiler"):
+            meshes = compiler.getAttribute("meshdir") or compiler.getAttribute("assetdir")
+            folder = folder / meshes
+    for tag, attribute, taken in _NAMING[suffix]:
         for element in document.getElementsByTagName(tag):
-            yield element.getAttributeNode("filename"), folder, taken
-
-
-def _sdf_references(document: xml.dom.minidom.Document, folder: Path) -> _References:
-    for parent, taken in (("mesh", DRAKE_SUFFIXES), ("include", None)):
-        for element in document.getElementsByTagName(parent):
-            for uri in element.getElementsByTagName("uri"):
-                yield uri.firstChild, folder, taken
-    for element in document.getElementsByTagName("drake:diffuse_map"):
-        yield element.firstChild, folder, _IMAGES
-
-
-def _mjcf_references(document: xml.dom.minidom.Document, folder: Path) -> _References:
-    for compiler in document.getElementsByTagName("compiler"):
-        folder = folder / (compiler.getAttribute("meshdir") or compiler.getAttribute("assetdir"))
-    for element in document.getElementsByTagName("mesh"):
-        yield element.getAttributeNode("file"), folder, frozenset({".obj"})
+            if attribute:
+                yield element.getAttributeNode(attribute), folder, taken
+            else:
+                for uri in element.getElementsByTagName("uri") or [element]:
+                    yield uri.firstChild, folder, taken
 
 
 def _mjcf_efforts(document: Any) -> dict[str, float]:
@@ -327,10 +314,16 @@ def _limit_efforts(
 
 _ACTUATORS = ("motor", "position", "velocity", "general")
 _IMAGES = frozenset({".png", ".jpg", ".jpeg", ".ktx2"})
-_FORMATS: dict[str, Callable[[xml.dom.minidom.Document, Path], _References]] = {
-    ".urdf": _urdf_references,
-    ".sdf": _sdf_references,
-    ".xml": _mjcf_references,
+# Elements that name other files: by an attribute, or by their own text or that of a <uri> in them;
+# and the suffixes that Drake takes, None for a file that is itself a model.
+_NAMING: dict[str, tuple[tuple[str, str, frozenset[str] | None], ...]] = {
+    ".urdf": (("mesh", "filename", DRAKE_SUFFIXES), ("texture", "filename", _IMAGES)),
+    ".sdf": (
+        ("mesh", "", DRAKE_SUFFIXES),
+        ("include", "", None),
+        ("drake:diffuse_map", "", _IMAGES),
+    ),
+    ".xml": (("mesh", "file", frozenset({".obj"})),),
 }
 
 

@@ -19,7 +19,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, RevoluteJoint, RigidBody
 
 from selftouch_drake.experiment import Experiment, ExperimentError
-from selftouch_drake.robot.kinematics import JointTree
+from selftouch_drake.robot.kinematics import joint_tree
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
 
@@ -99,20 +99,19 @@ class Neighbours:
             for link in all_links(plant)
         }
         context = plant.CreateDefaultContext()
-        tree = JointTree(plant)
-        turns = [isinstance(joint, RevoluteJoint) for joint in tree.joints]
-        frames = [tree.frames(number) for number in range(len(turns))]
-        ends = [(self.of(near.body()), self.of(far.body())) for near, far in frames]
+        tree = joint_tree(plant)
+        turns = [isinstance(joint, RevoluteJoint) for joint, *_ in tree]
+        ends = [(self.of(near.body()), self.of(far.body())) for _, near, far, _ in tree]
         # For each joint the links that it, or a joint before it at the same place, starts from.
         starts: list[set[int]] = []
         for joint, (parent, _) in enumerate(ends):
             starts.append({parent})
-            carried = plant.GetBodiesWeldedTo(frames[joint][0].body())
+            carried = plant.GetBodiesWeldedTo(tree[joint][1].body())
             massless = not sum(body.default_mass() for body in carried)
             for before in range(joint):
                 if ends[before][1] != parent:
                     continue
-                X = frames[joint][0].CalcPose(context, frames[before][1])
+                X = tree[joint][1].CalcPose(context, tree[before][2])
                 at_one_place = np.linalg.norm(X.translation()) < _ONE_PLACE
                 if massless or (turns[before] and turns[joint] and at_one_place):
                     starts[joint] |= starts[before]
@@ -206,6 +205,11 @@ def rigid_pairs(
 
     A skin that lies on its link's own geometry makes the outer layer of that geometry soft.
     """
+    softness: dict[BodyIndex, float] = {}
+    for skin in worn:
+        if skin.model.is_own_geometry:
+            deepest = max(skin.model.wall.thickness, softness.get(skin.link.index(), 0.0))
+            softness[skin.link.index()] = deepest
     for a, b in itertools.combinations(own, 2):
         links = plant.get_body(a), plant.get_body(b)
         if not neighbours.are_neighbours(*links):
@@ -213,18 +217,8 @@ def rigid_pairs(
                 links=links,
                 geometry_ids=(own[a], own[b]),
                 allowed_depth=experiment.robot.collision_depth
-                + sum(_softness(link, worn) for link in links),
+                + sum(softness.get(link.index(), 0.0) for link in links),
             )
-
-
-def _softness(link: RigidBody, worn: Sequence[WornSkin]) -> float:
-    """m, depth of the soft outer layer of a link's own geometry."""
-    thickness = (
-        skin.model.wall.thickness
-        for skin in worn
-        if skin.link.index() == link.index() and skin.model.is_own_geometry
-    )
-    return max(thickness, default=0.0)
 
 
 def leave_to_collide(

@@ -12,7 +12,7 @@ from pydrake.multibody.tree import Joint, PdControllerGains
 
 from selftouch_drake.experiment import ExecutionSettings, Experiment
 from selftouch_drake.robot.joints import change_joints, fix_joints
-from selftouch_drake.robot.kinematics import Kinematics, moving_joints
+from selftouch_drake.robot.kinematics import Kinematics, joint_tree
 from selftouch_drake.robot.links import scoped_name
 from selftouch_drake.robot.models import load_model, parse
 from selftouch_drake.robot.pairs import (
@@ -25,8 +25,8 @@ from selftouch_drake.robot.pairs import (
     rigid_pairs,
     touching_pairs,
 )
-from selftouch_drake.robot.skin_registration import RegisterSkin
 from selftouch_drake.robot.skins import SkinModel
+from selftouch_drake.robot.tactile_skin import RegisterSkin
 from selftouch_drake.robot.touchers import add_toucher
 
 # rad, how far babbling turns a joint that turns without limits.
@@ -100,7 +100,7 @@ class Robot:
 
     def toucher_positions(self, q: np.ndarray) -> np.ndarray:
         """`(N, touchers, 3)` m, the touchers' frames in the world at `q` `(N, J)`."""
-        return self.kinematics.positions(q)[:, len(self.skins) :]
+        return self.kinematics.poses(q)[:, len(self.skins) :, :, 3]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -197,7 +197,7 @@ def MakeRobot(
     return Robot(
         plant=plant,
         scene_graph=scene_graph,
-        joints=tuple(moving_joints(plant)),
+        joints=tuple(joint for joint, *_ in joint_tree(plant)),
         skins=tuple(worn),
         touchers=tuple(touchers),
         touching_pairs=pairs,

@@ -40,13 +40,9 @@ _LEAST_BELIEF = 1e-6
 
 
 def corrected(belief: np.ndarray, felt: float, expected: np.ndarray, period_s: float) -> np.ndarray:
-    """The belief after a sensation.
+    """The belief `(G,)`, probabilities of `OFFSETS`, after a sensation and `period_s` s.
 
-    Args:
-        belief: `(G,)` probability of each of `OFFSETS`.
-        felt: N, strength of the touch.
-        expected: `(G,)` N, the strength expected at each offset.
-        period_s: s since the last update.
+    The touch is felt with a strength in N; expected is `(G,)` N, the strength at each offset.
     """
     error = _ERROR_N + _ERROR_SHARE * expected
     likely = -0.5 * np.square((felt - expected) / error) - np.log(error)

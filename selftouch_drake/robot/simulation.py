@@ -30,9 +30,8 @@ from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.imperfections import ImperfectSkins, slip
 from selftouch_drake.robot.robot import MakeRobot, Robot
 from selftouch_drake.robot.servo import TouchServo
-from selftouch_drake.robot.skin_registration import AddTactileSkin
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.tactile_skin import SkinReadout
+from selftouch_drake.robot.tactile_skin import AddTactileSkin, SkinReadout
 
 # s between two entries of the log.
 LOG_PERIOD = 0.01
@@ -129,22 +128,19 @@ def _add_gravity_compensation(builder: DiagramBuilder, plant: MultibodyPlant) ->
 
 def _export_desired_state(builder: DiagramBuilder, robot: Robot) -> None:
     """One input for all joints; Drake's plant has one for each model in it."""
-    plant, J = robot.plant, robot.num_joints
-    exported = False
-    for instance in {int(j.model_instance()): j.model_instance() for j in robot.joints}.values():
-        places = [
-            plant.get_joint_actuator(a).joint().position_start()
+    plant = robot.plant
+    instances = {int(joint.model_instance()): joint.model_instance() for joint in robot.joints}
+    for number, instance in enumerate(instances.values()):
+        joints = [
+            plant.get_joint_actuator(a).joint().index()
             for a in plant.GetJointActuatorIndices(instance)
         ]
-        of_instance = np.zeros((2 * len(places), 2 * J))
-        of_instance[np.arange(2 * len(places)), [*places, *(J + p for p in places)]] = 1.0
-        selection = builder.AddSystem(MatrixGain(of_instance))
+        selection = builder.AddSystem(MatrixGain(plant.MakeStateSelectorMatrix(joints)))
         builder.Connect(selection.get_output_port(), plant.get_desired_state_input_port(instance))
-        if exported:
+        if number:
             builder.ConnectInput("desired_state", selection.get_input_port())
         else:
             builder.ExportInput(selection.get_input_port(), "desired_state")
-            exported = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

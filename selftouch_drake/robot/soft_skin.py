@@ -12,7 +12,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from selftouch_drake.compiled import compiled, inner
-from selftouch_drake.geometry import HollowSkin
 from selftouch_drake.robot.skins import SkinModel
 
 
@@ -65,8 +64,13 @@ def soft_skin(skin: SkinModel, first_receptor: int = 0) -> SoftSkin:
     ones = np.ones((*corners.shape[:2], 1))
     inverse = np.linalg.inv(np.concatenate([corners, ones], axis=2))
     planes = np.ascontiguousarray(inverse.swapaxes(1, 2))
-    at_corners = pressure_at_vertices(wall, skin.hydroelastic_modulus)[wall.tetrahedra]
-    pressure = np.einsum("tk,tki->ti", at_corners, planes)
+    # As Drake does: zero on the boundary, and in proportion to the distance at mid-depth.
+    num = len(wall.vertices)
+    boundary = np.concatenate([wall.faces, wall.faces + 2 * num])
+    distance, middle = np.zeros(3 * num), slice(num, 2 * num)
+    distance[middle] = distance_to_triangles(wall.tet_vertices[middle], wall.tet_vertices[boundary])
+    at_vertices = skin.hydroelastic_modulus * distance / distance.max()
+    pressure = np.einsum("tk,tki->ti", at_vertices[wall.tetrahedra], planes)
     steepness = np.linalg.norm(pressure[:, :3], axis=1)
     box = np.concatenate([corners.min(axis=1), corners.max(axis=1)], axis=1)
     # Cells as large as tetrahedra hold few, and few hold each.
@@ -93,16 +97,6 @@ def soft_skin(skin: SkinModel, first_receptor: int = 0) -> SoftSkin:
         weight_receptor=fields.vertex_weights.indices.astype(np.int64) + first_receptor,
         weight=np.asarray(fields.vertex_weights.data, dtype=float),
     )
-
-
-def pressure_at_vertices(wall: HollowSkin, modulus: float) -> np.ndarray:
-    """`(V,)` Pa, the pressure that Drake gives each vertex of a skin's tetrahedra."""
-    num = len(wall.vertices)
-    boundary = np.concatenate([wall.faces, wall.faces + 2 * num])
-    distance = np.zeros(3 * num)
-    middle = slice(num, 2 * num)
-    distance[middle] = distance_to_triangles(wall.tet_vertices[middle], wall.tet_vertices[boundary])
-    return modulus * distance / distance.max()
 
 
 def distance_to_triangles(p: np.ndarray, triangles: np.ndarray) -> np.ndarray:

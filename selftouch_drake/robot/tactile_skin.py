@@ -1,19 +1,237 @@
-"""The tactile skin in Drake: the systems that feel."""
+"""The tactile skin in Drake: skins for links of any plant, and the systems that feel."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
+from pydrake.geometry import (
+    AddCompliantHydroelasticProperties,
+    AddContactMaterial,
+    CollisionFilterDeclaration,
+    GeometrySet,
+    ProximityProperties,
+    Rgba,
+    Role,
+    SceneGraph,
+    SceneGraphConfig,
+)
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import ContactResults
-from pydrake.systems.framework import LeafSystem
+from pydrake.multibody.parsing import (
+    LoadModelDirectivesFromString,
+    Parser,
+    ProcessModelDirectives,
+)
+from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
+from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
+from selftouch_drake.experiment import (
+    ExperimentError,
+    Imperfections,
+    Skin,
+    load_skins,
+    skins_from_fields,
+    yaml_sections,
+)
+from selftouch_drake.geometry import vtk_text
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.contact import SensorModel
 from selftouch_drake.robot.imperfections import ImperfectSkins
-from selftouch_drake.robot.pairs import WornSkin
+from selftouch_drake.robot.links import FRICTION, all_links, find_link, in_memory, link_geometries
+from selftouch_drake.robot.models import one_line
+from selftouch_drake.robot.pairs import Neighbours, WornSkin
+from selftouch_drake.robot.skins import SkinModel, make_skin, receptor_seed
+
+# s/m, Hunt and Crossley's: enough that a finger does not bounce.
+_DISSIPATION = 10.0
+# Light grey and opaque, as a skin looks.
+_COLOR = Rgba(0.78, 0.79, 0.82, 1.0)
+
+
+def AddSkins(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    skins: str | Path | Mapping[str, Skin | Mapping[str, Any]],
+    *,
+    seed: int = 0,
+    visible: bool = True,
+) -> tuple[WornSkin, ...]:
+    """Gives links of a plant soft skins, before the plant is finalized.
+
+    A skin whose surface is `collision` or `visual` takes the place of its link's own collision
+    geometry, which would else push away what presses the skin. Call it once per plant, with all
+    skins.
+
+    Args:
+        plant: not yet finalized, registered with `scene_graph`.
+        scene_graph: with the links' own geometry.
+        skins: by name, as the `skins` of an experiment; or a YAML file that has such a mapping.
+        seed: of the receptors' places.
+        visible: whether Meshcat shows the skins' outer surfaces.
+
+    Raises:
+        ExperimentError: a skin cannot be made, or is not perfect; the text names the field, the
+            value and the remedy.
+    """
+    wanted = load_skins(skins) if isinstance(skins, (str, Path)) else skins_from_fields(skins)
+    for name, skin in wanted.items():
+        if skin.imperfections != Imperfections():
+            raise ExperimentError(
+                f"skins.{name}.imperfections is given; leave it out, and connect a SkinReadout to "
+                "the TactileSkin"
+            )
+    models = [
+        make_skin(name, skin, plant, scene_graph, seed=receptor_seed(seed, number))
+        for number, (name, skin) in enumerate(wanted.items())
+    ]
+    inspector = scene_graph.model_inspector()
+    for model in models:
+        if model.is_own_geometry:
+            link = find_link(plant, model.link, f"skins.{model.name}.link")
+            for geometry in link_geometries(plant, inspector, link, Role.kProximity):
+                scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
+    return tuple(RegisterSkin(plant, model, visible=visible) for model in models)
+
+
+def RegisterSkin(
+    plant: MultibodyPlant, model: SkinModel, *, visible: bool = True, soft: bool = True
+) -> WornSkin:
+    """Gives the link of a skin its geometry, before the plant is finalized.
+
+    Args:
+        plant: registered with a scene graph.
+        model: the skin, in the frame of its link.
+        visible: whether Meshcat shows its outer surface.
+        soft: whether Drake computes contact with it; without, a plant takes a tenth of the time to
+            build.
+
+    Raises:
+        ExperimentError: the plant has no such link.
+    """
+    link = find_link(plant, model.link, f"skins.{model.name}.link")
+    name, properties = f"skin_{model.name}", ProximityProperties()
+    if soft:
+        # Where one of Drake's defaults is missing, each context computes the pressure field again.
+        defaults = SceneGraphConfig().default_proximity_properties
+        AddContactMaterial(
+            dissipation=_DISSIPATION,
+            friction=FRICTION,
+            point_stiffness=defaults.point_stiffness,
+            properties=properties,
+        )
+        properties.AddProperty("material", "relaxation_time", defaults.relaxation_time)
+        AddCompliantHydroelasticProperties(
+            resolution_hint=model.wall.thickness,  # asked for, but a mesh has its own resolution
+            hydroelastic_modulus=model.hydroelastic_modulus,
+            properties=properties,
+        )
+    wall = in_memory(vtk_text(model.wall), ".vtk")
+    geometry_id = plant.RegisterCollisionGeometry(link, RigidTransform(), wall, name, properties)
+    if visible:
+        # Drake's renderers, as a camera in a MuJoCo file brings along, want normals.
+        surface = trimesh.Trimesh(model.wall.vertices, model.wall.faces, process=False)
+        text = trimesh.exchange.obj.export_obj(surface, include_normals=True, digits=12)
+        shape = in_memory(text, ".obj")
+        plant.RegisterVisualGeometry(
+            link, RigidTransform(), shape, f"{name}_visual", np.array(_COLOR.rgba)
+        )
+    return WornSkin(model=model, link=link, geometry_id=geometry_id)
+
+
+def AddModelsAndSkins(
+    path: str | Path,
+    parser: Parser,
+    scene_graph: SceneGraph,
+    *,
+    seed: int = 0,
+    visible: bool = True,
+) -> tuple[WornSkin, ...]:
+    """Adds the models and the skins of one YAML file to the plant of a parser.
+
+    The file has Drake's own `directives`, and beside them `skins`, as an experiment has them. A
+    file of a directive may also be a path, which starts at the YAML file.
+
+    Args:
+        path: of the file.
+        parser: of a plant that is not yet finalized; its package map finds `package://` URIs.
+        scene_graph: of the plant.
+        seed: as of `AddSkins`.
+        visible: as of `AddSkins`.
+
+    Raises:
+        ExperimentError: as of `AddSkins`; or the file has other keys, or a model does not parse.
+    """
+    path = Path(path)
+    skins, sections = load_skins(path), yaml_sections(path)
+    if strange := [key for key in sections if key not in _KEYS]:
+        raise ExperimentError(f"unknown key {strange[0]} in {path}; known are {', '.join(_KEYS)}")
+    with one_line(f"directives of {path} cannot be loaded"):
+        directives = LoadModelDirectivesFromString(sections.get("directives", "directives: []"))
+        for directive in directives.directives:
+            entry = directive.add_model or directive.add_directives
+            if entry is not None and "://" not in entry.file:
+                entry.file = f"file://{(path.parent / entry.file).resolve()}"
+        ProcessModelDirectives(directives, parser)
+    return AddSkins(parser.plant(), scene_graph, skins, seed=seed, visible=visible)
+
+
+_KEYS = ("directives", "skins")
+
+
+def AddTactileSkin(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    worn: Sequence[WornSkin],
+    *,
+    name: str = "tactile_skin",
+) -> TactileSkin:
+    """Adds one `TactileSkin` for all skins of a plant to its diagram, and connects it.
+
+    A skin does not feel the links next to its own, into which it reaches at the joint. Drake leaves
+    out links with one joint between them; here also those with several, as hips have in MuJoCo's
+    format.
+
+    Args:
+        builder: of the diagram; of a `RobotDiagramBuilder` its `builder()`.
+        plant: finalized, in the diagram.
+        scene_graph: of the plant.
+        worn: of `AddSkins`.
+        name: of the system.
+
+    Returns:
+        The system, with the output ports `sensation` of all skins and `NAME_sensation` of each.
+
+    Raises:
+        ValueError: the plant computes point contacts, which no skin feels.
+    """
+    if plant.get_contact_model() == ContactModel.kPoint:
+        raise ValueError(
+            "the plant's contact model is kPoint, which no skin can feel; call "
+            "plant.set_contact_model(ContactModel.kHydroelasticWithFallback) before Finalize"
+        )
+    neighbours, filters = Neighbours(plant, scene_graph, {}), scene_graph.collision_filter_manager()
+    # A body that floats or slides on the ground is next to it, and can still touch bodies on it.
+    ground = neighbours.of(plant.world_body())
+    moving = [link for link in all_links(plant) if neighbours.of(link) != ground]
+    for skin in worn:
+        if neighbours.of(skin.link) != ground:
+            near = [
+                plant.GetBodyFrameIdOrThrow(link.index())
+                for link in moving
+                if neighbours.are_neighbours(skin.link, link)
+            ]
+            both = GeometrySet(skin.geometry_id), GeometrySet(near)
+            filters.Apply(CollisionFilterDeclaration().ExcludeBetween(*both))
+    touch = builder.AddNamedSystem(name, TactileSkin(worn))
+    builder.Connect(plant.get_contact_results_output_port(), touch.GetInputPort("contact_results"))
+    builder.Connect(plant.get_body_poses_output_port(), touch.GetInputPort("body_poses"))
+    return touch
 
 
 class UnfeltContactWarning(UserWarning):
@@ -57,13 +275,11 @@ class TactileSkin(LeafSystem):
         self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
         self.DeclareVectorOutputPort("sensation", self._sensor.num_receptors, self._calc_sensation)
         for skin, readings in zip(skins, self._sensor.readings, strict=True):
-            self._declare_part(f"{skin.model.name}_sensation", readings)
+            name, size = f"{skin.model.name}_sensation", skin.model.fields.num_receptors
+            self.DeclareVectorOutputPort(name, size, partial(self._calc_part, readings))
 
-    def _declare_part(self, name: str, readings: slice) -> None:
-        def calc(context, output):
-            output.SetFromVector(self.GetOutputPort("sensation").Eval(context)[readings])
-
-        self.DeclareVectorOutputPort(name, readings.stop - readings.start, calc)
+    def _calc_part(self, readings, context, output):
+        output.SetFromVector(self.GetOutputPort("sensation").Eval(context)[readings])
 
     def _calc_sensation(self, context, output):
         contact = self._contact.Eval(context)

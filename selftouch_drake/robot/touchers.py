@@ -22,13 +22,13 @@ from pydrake.geometry import (
 )
 from pydrake.math import RigidTransform
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import RigidBody
+from pydrake.multibody.tree import FrameIndex, RigidBody
 
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.geometry import closed_surface
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.joints import frame_after
-from selftouch_drake.robot.links import FRICTION, as_mesh, find_frame, find_link, in_memory
+from selftouch_drake.robot.links import FRICTION, as_mesh, find_link, find_named, in_memory
 from selftouch_drake.robot.pairs import OwnGeometries, Toucher, WornSkin
 
 # Triangles in one patch, which is pressed on a skin at once; a ball is one patch.
@@ -82,37 +82,31 @@ def add_toucher(
     """
     described, field, called = experiment.touching[name], f"touching.{name}", f"touching_{name}"
     if described.link is None:
-        frame = find_frame(plant, str(described.frame), f"{field}.frame")
+        frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
+        frame = find_named(plant, frames, str(described.frame), f"{field}.frame", "frame")
         frame = frame_after(plant, experiment, frame)
         ball = Sphere(float(described.radius or 0.0))
         # A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch
         # costs a seventh of what it does with 128, and a sensation differs by a cosine distance of
         # 1e-5 (median) or 8e-4 (95 %), where one target sensation is 1e-2 from the next.
         hint = 2 * ball.radius()
-        X_LF = frame.GetFixedPoseInBodyFrame()
-        ids = (_register(plant, frame.body(), X_LF, ball, called, hint),)
-        return Toucher(name=name, link=frame.body(), frame=frame, geometry_ids=ids)
+        ids = [_register(plant, frame.body(), frame.GetFixedPoseInBodyFrame(), ball, called, hint)]
+        return Toucher(name=name, link=frame.body(), frame=frame, geometry_ids=tuple(ids))
     link = find_link(plant, described.link, f"{field}.link")
-    ids = tuple(skin.geometry_id for skin in worn if skin.link.index() == link.index())
+    ids = [skin.geometry_id for skin in worn if skin.link.index() == link.index()]
     if not ids and link.index() not in own:
         raise ExperimentError(
             f"{field}.link is {described.link!r}, a link without collision geometry; add some in "
             "its model, or give a ball by frame and radius"
         )
-    try:
-        ids = ids or tuple(
-            _register(
-                plant,
-                link,
-                inspector.GetPoseInFrame(geometry),
-                _own_mesh(inspector.GetShape(geometry)),
-                f"{called}_{number}",
-            )
-            for number, geometry in enumerate(own[link.index()])
-        )
-    except ValueError as error:
-        raise ExperimentError(f"{field}.link is {described.link!r}: {error}") from error
-    return Toucher(name=name, link=link, frame=link.body_frame(), geometry_ids=ids)
+    for number, geometry in enumerate(() if ids else own[link.index()]):
+        try:
+            mesh = _own_mesh(inspector.GetShape(geometry))
+        except ValueError as error:
+            raise ExperimentError(f"{field}.link is {described.link!r}: {error}") from error
+        X_LG = inspector.GetPoseInFrame(geometry)
+        ids.append(_register(plant, link, X_LG, mesh, f"{called}_{number}"))
+    return Toucher(name=name, link=link, frame=link.body_frame(), geometry_ids=tuple(ids))
 
 
 def triangles_in_frame(
@@ -120,8 +114,7 @@ def triangles_in_frame(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The triangles that Drake gives a rigid toucher, in its frame.
 
-    Returns:
-        `(V, 3)` m, and `(F, 3)` corners, outward by the right hand.
+    `(V, 3)` m, and `(F, 3)` corners, outward by the right hand.
     """
     X_FL = toucher.frame.GetFixedPoseInBodyFrame().inverse()
     vertices, faces, count = [], [], 0

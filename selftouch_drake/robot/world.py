@@ -133,11 +133,7 @@ class ContactProbe:
 
 
 class World:
-    """Skins, contact without dynamics, and the simulation of one experiment.
-
-    Args:
-        experiment: the experiment.
-    """
+    """Skins, contact without dynamics, and the simulation of one experiment."""
 
     def __init__(self, experiment: Experiment):
         self.experiment = experiment

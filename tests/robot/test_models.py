@@ -215,7 +215,7 @@ def test_prefix_in_a_root_is_python_s(mine, monkeypatch):
         (
             "robot.dmd.yaml",
             ADD_BOX.replace("mine", "min"),
-            "there is no package 'min' in robot.packages: did you mean 'mine'?",
+            "there is no package 'min' in robot.packages: did you mean mine?",
         ),
         (
             "robot.dmd.yaml",
