@@ -83,17 +83,16 @@ def closed_surface(
     """
     if not (math.isfinite(resolution) and resolution > 0):
         raise ValueError(f"surface.resolution is {resolution}; give a positive length in metres")
-    triangles = [_closed_triangles(piece) for piece in pieces if len(piece.faces)]
-    if not triangles:
+    closed = [_closed_triangles(piece) for piece in pieces if len(piece.faces)]
+    if not closed:
         raise ValueError("surface has no triangles; choose a shape, or another link")
-    surface, share = _rounded_surface(np.concatenate(triangles), resolution, thickness, 1.0)
+    triangles = np.concatenate(closed)
+    surface, share = _rounded_surface(triangles, resolution, thickness, 1.0)
     for wider in _WIDER:
         if thickness == 0 or _fits(surface, thickness):
             break
         try:
-            surface, share = _rounded_surface(
-                np.concatenate(triangles), resolution, thickness, wider
-            )
+            surface, share = _rounded_surface(triangles, resolution, thickness, wider)
         except ValueError:
             break  # More rounding would split the surface.
     if share < _MOSTLY_KEPT:

@@ -59,6 +59,15 @@ class HollowSkin:
     tet_vertices: np.ndarray
     tetrahedra: np.ndarray
 
+    def samples(self, spacing: float) -> np.ndarray:
+        """`(N, 3)` m, points on the outer, middle and inner layer of the wall.
+
+        Every point of a layer is within `spacing` m of one of them.
+        """
+        layers = len(self.vertices) * np.arange(3)[:, None, None]
+        triangles = self.tet_vertices[(self.faces + layers).reshape(-1, 3)]
+        return sample_triangles(triangles, spacing)[0]
+
 
 def hollow_skin(
     surface: trimesh.Trimesh, thickness: float, entering_radius: float | None
@@ -272,8 +281,6 @@ def _narrow_place(inner: trimesh.Trimesh, radius: float) -> np.ndarray | None:
 
     Opposite walls face each other, unlike adjacent faces around a corner.
     """
-    if radius <= 0:
-        return None
     into_cavity = -inner.face_normals
     # This bounds the number of samples for balls much smaller than any skin.
     finest = max(_FINEST_SAMPLES, _finest(inner))

@@ -1,7 +1,7 @@
 """The robot in Drake: plant, soft skins, contact, controllers. Only this package knows poses."""
 
 from selftouch_drake.robot.contact import SensorModel, Touches
-from selftouch_drake.robot.imperfections import ImperfectSkin, ImperfectSkins
+from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.pairs import WornSkin
 from selftouch_drake.robot.robot import MakeRobot, Robot
 from selftouch_drake.robot.simulation import LOG_PERIOD, Log, MakeDynamicStation, Simulation
@@ -22,7 +22,6 @@ __all__ = [
     "AddModelsAndSkins",
     "AddSkins",
     "AddTactileSkin",
-    "ImperfectSkin",
     "ImperfectSkins",
     "Log",
     "MakeDynamicStation",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -83,10 +84,8 @@ def _rigid(robot: Robot) -> Iterator[tuple[str, ...]]:
 
 
 def _table(title: str, cells: Sequence[tuple[str, ...]]) -> str:
-    num_columns = max((len(row) for row in cells), default=0)
-    widths = [
-        max(len(row[column]) for row in cells if column < len(row)) for column in range(num_columns)
-    ]
+    columns = itertools.zip_longest(*cells, fillvalue="")
+    widths = [max(map(len, column)) for column in columns]
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=False)).rstrip()
         for row in cells

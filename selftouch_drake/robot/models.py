@@ -7,6 +7,7 @@ import hashlib
 import json
 import logging.handlers
 import math
+import os
 import sys
 import xml.dom.expatbuilder
 import xml.dom.minidom
@@ -30,8 +31,8 @@ from pydrake.multibody.tree import ModelInstanceIndex
 
 from selftouch_drake.experiment import ExperimentError, closest
 from selftouch_drake.files import write_text_whole
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.resources import MODELS
-from selftouch_drake.robot.meshes import DRAKE_SUFFIXES, as_obj, cache_folder
 
 # The package of the shipped models, which is always there.
 SHIPPED = "selftouch_drake"
@@ -76,7 +77,7 @@ def load_model(
     loaded, _ = reader.directives(reader.find(directives, Path.cwd(), what="robot.directives"))
     if reader.num_converted and announce is not None:
         number = f"{reader.num_converted} mesh" + ("es" if reader.num_converted > 1 else "")
-        announce(f"converted {number} to OBJ into {cache_folder() / 'meshes'}")
+        announce(f"converted {number} to OBJ into {_cache_folder() / 'meshes'}")
     return RobotModel(directives=loaded, packages=roots, files=tuple(reader.files))
 
 
@@ -210,7 +211,7 @@ class _Reader:
         self.files |= dict.fromkeys([file, *_buffers(file)])
         if file.suffix.lower() in taken:
             return file
-        place, is_new = as_obj(file)
+        place, is_new = _as_obj(file)
         self.num_converted += is_new
         return place
 
@@ -313,13 +314,15 @@ def _limit_efforts(
 
 
 _ACTUATORS = ("motor", "position", "velocity", "general")
+# What Drake 1.51 and 1.58 take as collision geometry, and draw.
+_DRAKE_SUFFIXES = frozenset({".obj", ".vtk", ".gltf"})
 _IMAGES = frozenset({".png", ".jpg", ".jpeg", ".ktx2"})
 # Elements that name other files: by an attribute, or by their own text or that of a <uri> in them;
 # and the suffixes that Drake takes, None for a file that is itself a model.
 _NAMING: dict[str, tuple[tuple[str, str, frozenset[str] | None], ...]] = {
-    ".urdf": (("mesh", "filename", DRAKE_SUFFIXES), ("texture", "filename", _IMAGES)),
+    ".urdf": (("mesh", "filename", _DRAKE_SUFFIXES), ("texture", "filename", _IMAGES)),
     ".sdf": (
-        ("mesh", "", DRAKE_SUFFIXES),
+        ("mesh", "", _DRAKE_SUFFIXES),
         ("include", "", None),
         ("drake:diffuse_map", "", _IMAGES),
     ),
@@ -344,11 +347,69 @@ def _buffers(path: Path) -> list[Path]:
 
 def _cached_copy(name: str, text: str) -> Path:
     """Keeps a rewritten file in the cache; the same text is the same file."""
-    path = cache_folder() / "models" / hashlib.sha256(text.encode()).hexdigest() / name
+    path = _cache_folder() / "models" / hashlib.sha256(text.encode()).hexdigest() / name
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text_whole(path, text)
     return path
+
+
+def _cache_folder() -> Path:
+    """Where converted files are kept: in `$XDG_CACHE_HOME`, or `~/.cache`."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "selftouch_drake"
+
+
+def _as_obj(path: Path) -> tuple[Path, bool]:
+    """The OBJ file of a mesh in the cache, in metres, and whether it was made just now.
+
+    The same content gives the same file; one that is there is used again.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ExperimentError(
+            f"mesh {path} cannot be read ({error.strerror}); give the path of a mesh file"
+        ) from None
+    digest = hashlib.sha256(path.suffix.lower().encode() + content).hexdigest()
+    converted = _cache_folder() / "meshes" / digest / f"{path.stem}.obj"
+    if converted.is_file():
+        return converted, False
+    text = trimesh.exchange.obj.export_obj(
+        _read_mesh(path), include_normals=False, include_color=False, include_texture=False
+    )
+    converted.parent.mkdir(parents=True, exist_ok=True)
+    write_text_whole(converted, text)
+    return converted, True
+
+
+def _read_mesh(path: Path) -> trimesh.Trimesh:
+    try:
+        scale = _metres_per_unit(path)
+        # Scenes of several pieces become one mesh, each piece in its place.
+        scene: Any = trimesh.load(path, force="scene")
+        mesh = trimesh.util.concatenate(scene.dump())
+    except ExperimentError:
+        raise
+    except Exception as error:  # Each of trimesh's readers fails in its own way.
+        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+        raise ExperimentError(f"mesh {path} cannot be read ({reason}); export it as OBJ") from error
+    if not isinstance(mesh, trimesh.Trimesh) or mesh.is_empty:
+        raise ExperimentError(f"mesh {path} has no triangles; export it as OBJ")
+    return mesh.apply_scale(scale)
+
+
+def _metres_per_unit(path: Path) -> float:
+    """COLLADA states its unit, which trimesh does not apply; other formats are in metres."""
+    if path.suffix.lower() != ".dae":
+        return 1.0
+    try:
+        import collada
+    except ImportError:
+        raise ExperimentError(
+            f"mesh {path} is a COLLADA file, which needs pycollada: "
+            "pip install 'selftouch-drake[collada]'"
+        ) from None
+    return collada.Collada(str(path), ignore=[collada.common.DaeError]).assetInfo.unitmeter or 1.0
 
 
 @contextlib.contextmanager

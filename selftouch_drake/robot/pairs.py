@@ -83,12 +83,7 @@ class Neighbours:
     Next to each other are two links with one joint between them, or several that turn at one place,
     as in a spherical wrist: the links between those have no length. So are links between which
     there are only massless ones, which a parser puts between several joints of one body. The
-    models may name more, in collision filter groups.
-
-    Args:
-        plant: finalized.
-        scene_graph: with the filters of the models.
-        own: of `own_geometries`.
+    models may name more, in collision filter groups of `own_geometries`. The plant is finalized.
     """
 
     def __init__(self, plant: MultibodyPlant, scene_graph: SceneGraph, own: OwnGeometries):
@@ -183,15 +178,13 @@ def own_geometries(plant: MultibodyPlant, scene_graph: SceneGraph) -> OwnGeometr
     A half space, as the floor of a MuJoCo file, is not a part of a robot and is left out.
     """
     inspector = scene_graph.model_inspector()
-    found = {
-        link.index(): tuple(
-            geometry
-            for geometry in link_geometries(plant, inspector, link, Role.kProximity)
-            if not isinstance(inspector.GetShape(geometry), HalfSpace)
-        )
-        for link in all_links(plant)
-    }
-    return {index: geometries for index, geometries in found.items() if geometries}
+    found = {}
+    for link in all_links(plant):
+        geometries = link_geometries(plant, inspector, link, Role.kProximity)
+        solid = [g for g in geometries if not isinstance(inspector.GetShape(g), HalfSpace)]
+        if solid:
+            found[link.index()] = tuple(solid)
+    return found
 
 
 def rigid_pairs(

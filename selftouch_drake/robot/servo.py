@@ -25,8 +25,9 @@ BANDWIDTH = 12.0
 #: rad, the longest offset: 6 cm at an arm's length.
 MAX_OFFSET = 0.08
 
-# rad, standard deviation of the offset before anything is felt.
-_PRIOR = 0.02
+# The belief before anything is felt: the offset has a standard deviation of 0.02 rad.
+_PRIOR = np.exp(-0.5 * np.square(OFFSETS / 0.02))
+_PRIOR /= _PRIOR.sum()
 
 # rad per root of a second: growth of the uncertainty, because the direction across turns.
 _DRIFT = 0.02
@@ -99,7 +100,7 @@ class TouchServo(LeafSystem):
         # The offset at the last update, its rate, and when that was.
         offset = self.DeclareDiscreteState(2 * num_joints + 1)
         self._offset = int(offset)
-        self._belief = int(self.DeclareDiscreteState(_prior()))
+        self._belief = int(self.DeclareDiscreteState(_PRIOR))
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
         self.DeclareVectorOutputPort(
             "desired_state",
@@ -124,7 +125,7 @@ class TouchServo(LeafSystem):
         offset = np.zeros(self._num_joints) if at_rest else self._moved(context)[0]
         held = np.zeros(self._num_joints + 1)
         context.SetDiscreteState(self._offset, np.concatenate([offset, held]))
-        context.SetDiscreteState(self._belief, _prior())
+        context.SetDiscreteState(self._belief, _PRIOR)
 
     def _moved(self, context):
         """The offset now, and its rate."""
@@ -158,8 +159,3 @@ class TouchServo(LeafSystem):
         offset, rate = self._moved(context)
         there = (q + offset).clip(self._lower, self._upper)
         output.SetFromVector(np.concatenate([there, v + rate]))
-
-
-def _prior() -> np.ndarray:
-    belief = np.exp(-0.5 * np.square(OFFSETS / _PRIOR))
-    return belief / belief.sum()

@@ -119,21 +119,19 @@ def triangles_in_frame(
     X_FL = toucher.frame.GetFixedPoseInBodyFrame().inverse()
     vertices, faces, count = [], [], 0
     for geometry in toucher.geometry_ids:
-        own, own_faces = _triangles(inspector.GetShape(geometry))
+        shape = inspector.GetShape(geometry)
+        if isinstance(shape, Sphere):
+            own, own_faces = shape.radius() * _CORNERS, _FACES
+        else:
+            text = shape.source().in_memory().mesh_file.contents().decode()
+            lines = [line.split() for line in text.splitlines()]
+            own = np.array([line[1:] for line in lines if line[0] == "v"], dtype=float)
+            own_faces = np.array([line[1:] for line in lines if line[0] == "f"], dtype=int) - 1
         X_FG = X_FL.multiply(inspector.GetPoseInFrame(geometry))
         vertices.append(X_FG.multiply(own.T).T)
         faces.append(own_faces + count)
         count += len(own)
     return np.concatenate(vertices), np.concatenate(faces)
-
-
-def _triangles(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    if isinstance(shape, Sphere):
-        return shape.radius() * _CORNERS, _FACES
-    lines = shape.source().in_memory().mesh_file.contents().decode().splitlines()
-    vertices = [line.split()[1:] for line in lines if line.startswith("v ")]
-    faces = [line.split()[1:] for line in lines if line.startswith("f ")]
-    return np.array(vertices, dtype=float), np.array(faces, dtype=int) - 1
 
 
 def _register(

@@ -303,3 +303,20 @@ def _contact_surfaces(path, fingertips):
         kind = HydroelasticContactRepresentation.kPolygon
         contacts.append(query.ComputeContactSurfaces(kind))
     return contacts
+
+
+def test_samples_cover_the_three_layers():
+    skin = geometry.hollow_skin(geometry.cube(0.44, resolution=0.05), 0.03, 0.01)
+    spacing = 0.006
+    points = skin.samples(spacing)
+    level = np.abs(points).max(axis=1)
+    layers = np.array([0.22, 0.205, 0.19])
+    assert np.abs(level[:, None] - layers).min(axis=1).max() < 1e-9
+    assert (np.abs(level[:, None] - layers) < 1e-9).sum(axis=0).min() > 6 * (0.38 / 0.01) ** 2
+    for layer in range(3):
+        rng = np.random.default_rng(layer)
+        corners = skin.tet_vertices[skin.faces + layer * len(skin.vertices)]
+        face = rng.integers(len(corners), size=2000)
+        inside = np.einsum("nk,nki->ni", rng.dirichlet(np.ones(3), 2000), corners[face])
+        distance, _ = cKDTree(points).query(inside)
+        assert distance.max() <= spacing
