@@ -51,7 +51,7 @@ from selftouch_drake.robot import (
     AddTactileSkin,
     RegisterSkin,
     SensorModel,
-    TactileSkin,
+    SkinModel,
     WornSkin,
 )
 from selftouch_drake.robot.contact import pressed_faces
@@ -78,10 +78,10 @@ class Row:
         wall = hollow_skin(surface, THICKNESS, None)
         fields = receptive_fields(surface, place_receptors(surface, num_receptors, seed=0))
         builder = DiagramBuilder()
-        plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         plant.set_contact_model(ContactModel.kHydroelastic)
         inertia = SpatialInertia.SolidSphereWithMass(1.0, RADIUS)
-        links, ids, self._tips = [], [], []
+        worn, self._tips = [], []
         # Directions all round, far enough apart that fingertips do not touch each other.
         number = np.arange(num_contacts) + 0.5
         z, turn = 1 - 2 * number / num_contacts, np.pi * (1 + 5**0.5) * number
@@ -91,8 +91,15 @@ class Row:
             link = plant.AddRigidBody(f"skin_{skin}", inertia)
             at = np.array([4 * RADIUS * skin, 0.0, 0.0])
             plant.WeldFrames(plant.world_frame(), link.body_frame(), RigidTransform(at))
-            links.append(link.index())
-            ids.append(RegisterSkin(plant, link, wall, hydroelastic_modulus=MODULUS))
+            model = SkinModel(
+                name=link.name(),
+                link=link.name(),
+                wall=wall,
+                fields=fields,
+                hydroelastic_modulus=MODULUS,
+                is_own_geometry=False,
+            )
+            worn.append(RegisterSkin(plant, model))
             for contact, direction in enumerate(directions):
                 tip = plant.AddRigidBody(f"tip_{skin}_{contact}", inertia)
                 plant.RegisterCollisionGeometry(
@@ -100,13 +107,8 @@ class Row:
                 )
                 self._tips.append((tip, at, direction))
         plant.Finalize()
-        touch = TactileSkin(
-            sensor=SensorModel([fields] * num_skins, ids), links=links, skin_ids=ids
-        )
-        builder.AddSystem(touch)
+        touch = AddTactileSkin(builder, plant, scene_graph, worn)
         contact_port = plant.get_contact_results_output_port()
-        builder.Connect(contact_port, touch.GetInputPort("contact_results"))
-        builder.Connect(plant.get_body_poses_output_port(), touch.GetInputPort("body_poses"))
         self._diagram, self._plant = builder.Build(), plant
         self._context = self._diagram.CreateDefaultContext()
         self._plant_context = plant.GetMyMutableContextFromRoot(self._context)
@@ -189,7 +191,7 @@ class Rest:
 
     def centre_by_sensor(self) -> np.ndarray:
         """`(3,)` m, in the world: the centre of pressure in `Touches`, the truth."""
-        sensor = SensorModel([self.worn.model.fields], [self.worn.geometry_id])
+        sensor = SensorModel([self.worn])
         surfaces = [(0, contact.contact_surface()) for contact in self.contacts]
         touches = sensor.touches(surfaces, self.X_WL.GetAsMatrix34()[None, None])
         return self.X_WL @ touches.p_LC[0]

@@ -70,7 +70,7 @@ def test_the_reference_names_every_command_field_and_metric(site):
     metrics = words(reference / "metrics.html")
     assert [metric.key for metric in METRICS if metric.key not in metrics] == []
     robot = (reference / "api" / "robot.html").read_text(encoding="utf-8")
-    assert 'id="selftouch_drake.robot.TactileSkin.AddToBuilder"' in robot
+    assert 'id="selftouch_drake.robot.AddTactileSkin"' in robot
 
 
 def test_formulas_are_drawn_by_the_browser(site):

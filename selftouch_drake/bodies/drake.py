@@ -18,7 +18,7 @@ from selftouch_drake.agent.touch_profile import TouchProfile
 from selftouch_drake.experience import Contacts
 from selftouch_drake.robot import Log, Simulation, Touches, World
 from selftouch_drake.robot.imperfections import remembered
-from selftouch_drake.robot.servo import OFFSETS, Beside
+from selftouch_drake.robot.servo import OFFSETS
 
 # s between two samples of a babbling robot, in which a fingertip moves by a few millimetres.
 _BABBLING_PERIOD = 0.02
@@ -206,11 +206,10 @@ class DrakeDynamicBody(_Joints):
 
     def follow_beside(self, time_s: np.ndarray, q: np.ndarray, beside: TouchProfile) -> Followed:
         """As `follow`, with the touch servo."""
-        fields = {field.name: getattr(beside, field.name) for field in dataclasses.fields(Beside)}
-        return self._jump_and_follow(time_s, q, Beside(**fields))
+        return self._jump_and_follow(time_s, q, beside)
 
     def _jump_and_follow(
-        self, time_s: np.ndarray, q: np.ndarray, beside: Beside | None = None
+        self, time_s: np.ndarray, q: np.ndarray, beside: TouchProfile | None = None
     ) -> DrakeFollowed:
         v = CubicSpline(time_s, q, bc_type="clamped")(time_s, 1)
         self._simulation.follow(time_s, q, v, jump=True, beside=beside)
@@ -233,7 +232,7 @@ class DrakeDynamicBody(_Joints):
             self._simulation.rest_at(q)
         else:
             duration = float(np.max(np.abs(q - self._at) / self.velocity)) / _SLOWLY
-            self._simulation.lead_to(q, self._simulation.time_s + max(duration, _SETTLED_S))
+            self._simulation.lead_through(q, self._simulation.time_s + max(duration, _SETTLED_S))
             self.robot_s += duration
         self._simulation.take_log()
         self._at = np.array(q, dtype=float)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
@@ -17,8 +17,8 @@ from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
-from selftouch_drake.robot.skins import ARRAYS, SkinModel, make_skins
-from selftouch_drake.robot.world import MakeSkins, drakes_refusals
+from selftouch_drake.robot.models import one_line
+from selftouch_drake.robot.skins import ARRAYS, SkinModel
 from selftouch_drake.threads import OncePerThread
 
 __all__ = [
@@ -79,12 +79,13 @@ def without_robot(experiment: Experiment) -> str | None:
     return None
 
 
-def build_world(experiment: Experiment, make_skins: MakeSkins = make_skins) -> World:
+def build_world(experiment: Experiment, cache: Path | None = None, fingerprint: str = "") -> World:
     """The world of an experiment, with its robot built.
 
     Args:
         experiment: the experiment.
-        make_skins: as of `World`.
+        cache: as of `make_bodies`.
+        fingerprint: as of `make_bodies`.
 
     Raises:
         ExperimentError: Drake refuses it, in its own words, or there is no robot.
@@ -92,8 +93,10 @@ def build_world(experiment: Experiment, make_skins: MakeSkins = make_skins) -> W
     """
     if (reason := without_robot(experiment)) is not None:
         raise ExperimentError(reason)
-    world = World(experiment, make_skins)
-    with drakes_refusals():
+    world = World(experiment)
+    with one_line("robot.directives holds a robot that Drake refuses"):
+        if cache is not None:
+            world.skins = kept_skins(cache, fingerprint, world)
         _ = world.robot
     return world
 
@@ -122,9 +125,7 @@ def make_bodies(
         from selftouch_drake.bodies.making import open_body
 
         return LivingBody(open_body(experiment), calibration)
-    if cache is None:
-        return DrakeBodies(build_world(experiment))
-    return DrakeBodies(build_world(experiment, partial(kept_skins, cache, fingerprint)))
+    return DrakeBodies(build_world(experiment, cache, fingerprint))
 
 
 @OncePerThread
@@ -168,31 +169,29 @@ def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
         look(q)
 
 
-def kept_skins(
-    cache: Path, fingerprint: str, experiment: Experiment, make: MakeSkins = make_skins
-) -> tuple[SkinModel, ...]:
-    """As `make_skins`, whose results are kept for the same experience and program.
+def kept_skins(cache: Path, fingerprint: str, world: World) -> tuple[SkinModel, ...]:
+    """The skins of a world, which are kept for the same experience and program.
 
     Args:
         cache: folder in which they are kept.
         fingerprint: of the experience.
-        experiment: the experiment.
-        make: makes them.
+        world: whose skins are made where they are not kept yet.
     """
 
     def as_arrays() -> dict[str, np.ndarray]:
         return {
             f"{skin.name}_{key}": array
-            for skin in make(experiment)
+            for skin in world.skins
             for key, array in skin.to_arrays().items()
         }
 
     made_from = hashlib.sha256(f"{fingerprint} {_program()}".encode()).hexdigest()[:16]
-    names = [f"{name}_{key}" for name in experiment.skins for key in ARRAYS]
+    wanted = world.experiment.skins
+    names = [f"{name}_{key}" for name in wanted for key in ARRAYS]
     arrays = kept_arrays(cache / f"skins-{made_from}.npz", names, as_arrays)
     return tuple(
         SkinModel.from_arrays(name, skin.link, {key: arrays[f"{name}_{key}"] for key in ARRAYS})
-        for name, skin in experiment.skins.items()
+        for name, skin in wanted.items()
     )
 
 

@@ -67,7 +67,7 @@ def body_files(experiment: Experiment, announce: Callable[[str], None] | None = 
 
     Raises:
         BodyError: a Python file does not exist.
-        ModelError: a file of a model is not found, or cannot be read.
+        ExperimentError: a file of a model is not found, or cannot be read.
     """
     if experiment.has_truth:
         # Others need not wait for Drake.

@@ -17,8 +17,8 @@ from selftouch_drake.envs.postures import possible_posture
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import Simulation, Touches, World
 from selftouch_drake.robot.imperfections import remembered
+from selftouch_drake.robot.models import one_line
 from selftouch_drake.robot.robot import JointLimits
-from selftouch_drake.robot.world import drakes_refusals
 from selftouch_drake.show.meshcat.stage import FeelingRobot, open_meshcat
 from selftouch_drake.show.page.robot_pictures import PostureCamera
 
@@ -103,7 +103,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         self.render_mode = render_mode
         self.world = World(self.experiment)
         log_period = min(self._log_period or self.period_s, self.period_s)
-        with drakes_refusals():
+        with one_line("robot.directives holds a robot that Drake refuses"):
             self._simulation = Simulation(self.experiment, self.world.skins, log_period=log_period)
         robot = self._simulation.robot
         self._range = robot.babbled_range
@@ -156,7 +156,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         time_step = self.experiment.execution.time_step
         until = self._num_steps * self._plant_steps * time_step
         began = self._simulation.time_s
-        self._simulation.lead_to(moved.clip(*self._range), until)
+        self._simulation.lead_through(moved.clip(*self._range), until)
         log = self._simulation.take_log()
         # An entry at the very end of a period may come into the next log.
         looks = [log.felt[log.time_s > began + time_step / 2], self._simulation.felt[None]]

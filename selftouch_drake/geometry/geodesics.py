@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_array, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
@@ -42,14 +42,9 @@ def surface_paths(surface: trimesh.Trimesh) -> csr_matrix:
     Straight lines join vertices up to three edges apart. They have so many directions that a path
     is only 1 or 2 % too long. A line counts only if it stays on the surface. Near the rim of a
     patch, where it might leave the patch, only edges and the diagonals of convex pairs of triangles
-    are lines: paths there are up to 5 % too long.
-
-    Args:
-        surface: Closed, or with a rim, in metres.
+    are lines: paths there are up to 5 % too long. The surface, in metres, may have a rim.
     """
-    num_vertices = len(surface.vertices)
-    ends = np.concatenate([surface.edges_unique, surface.edges_unique[:, ::-1]]).T
-    edges = csr_matrix((np.ones(ends.shape[1]), tuple(ends)), shape=(num_vertices, num_vertices))
+    edges = neighbouring_vertices(surface)
     rings = edges + edges @ edges + edges @ edges @ edges
     i, j = scipy.sparse.triu(rings, k=1).nonzero()
     chord = surface.vertices[j] - surface.vertices[i]
@@ -64,18 +59,28 @@ def surface_paths(surface: trimesh.Trimesh) -> csr_matrix:
     if near_rim.any():
         # Vertices three edges from i are in the patch if i is more than three from the rim.
         on_surface &= ~(near_rim[i] & near_rim[j])
-    is_edge = np.asarray(edges[i, j]).ravel() > 0
+    is_edge = np.isin(
+        np.ravel_multi_index((i, j), edges.shape),
+        np.ravel_multi_index(tuple(surface.edges_unique.T), edges.shape),
+    )
     keep = on_surface | is_edge
     i, j, length = i[keep], j[keep], length[keep]
     if near_rim.any():
         i, j, length = _with_diagonals(i, j, length, surface, near_rim)
     return csr_matrix(
         (np.tile(length, 2), (np.concatenate([i, j]), np.concatenate([j, i]))),
-        shape=(num_vertices, num_vertices),
+        shape=edges.shape,
     )
 
 
-def _near_rim(surface: trimesh.Trimesh, edges: csr_matrix) -> np.ndarray:
+def neighbouring_vertices(surface: trimesh.Trimesh) -> csr_array:
+    """`(V, V)` 1 where an edge joins two vertices."""
+    ends = np.concatenate([surface.edges_unique, surface.edges_unique[:, ::-1]]).T
+    num_vertices = len(surface.vertices)
+    return csr_array((np.ones(ends.shape[1]), tuple(ends)), shape=(num_vertices, num_vertices))
+
+
+def _near_rim(surface: trimesh.Trimesh, edges: csr_array) -> np.ndarray:
     """`(V,)` whether a vertex is at most three edges from the rim."""
     near = np.zeros(len(surface.vertices), dtype=bool)
     near[surface.edges_unique[np.bincount(surface.edges_unique_inverse) == 1]] = True

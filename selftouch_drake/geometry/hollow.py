@@ -9,8 +9,12 @@ import scipy.sparse
 from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
-from selftouch_drake.geometry.intersections import first_self_intersection
-from selftouch_drake.geometry.samples import lengths_and_heights, sample_triangles
+from selftouch_drake.geometry.geodesics import neighbouring_vertices
+from selftouch_drake.geometry.triangles import (
+    first_self_intersection,
+    lengths_and_heights,
+    sample_triangles,
+)
 from selftouch_drake.lazy import trimesh
 
 # If the normals around a vertex differ by more than this, it is on an edge, which is mitred; else
@@ -171,7 +175,7 @@ def _inner_wall(
     # Then a few vertices of a rugged surface are repaired: they move as their neighbours do where
     # the wall folds or crosses itself, and deeper where it is thin.
     steps = inner - vertices
-    neighbours = _neighbours(surface)
+    neighbours = neighbouring_vertices(surface)
     for attempt in range(_MENDINGS):
         bad = np.zeros(len(vertices), dtype=bool)
         bad[faces[folded(vertices + steps)]] = True
@@ -243,13 +247,6 @@ def _laplacian(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
     return scipy.sparse.diags_array(adjacency.sum(axis=1)) - adjacency
 
 
-def _neighbours(surface: trimesh.Trimesh) -> scipy.sparse.csr_array:
-    """Returns `(V, V)`, 1 where an edge joins two vertices."""
-    ends = np.concatenate([surface.edges_unique, surface.edges_unique[:, ::-1]]).T
-    shape = (len(surface.vertices), len(surface.vertices))
-    return scipy.sparse.csr_array((np.ones(len(ends[0])), tuple(ends)), shape=shape)
-
-
 def _three_layers(vertices: np.ndarray, inner_vertices: np.ndarray) -> np.ndarray:
     """Returns `(3 V, 3)` m: the outer vertices, those at mid-depth, the inner ones."""
     return np.concatenate([vertices, (vertices + inner_vertices) / 2, inner_vertices])
@@ -284,8 +281,6 @@ def _narrow_place(inner: trimesh.Trimesh, radius: float) -> np.ndarray | None:
 
     Opposite walls face each other, unlike adjacent faces around a corner.
     """
-    if radius <= 0:
-        return None
     into_cavity = -inner.face_normals
     # This bounds the number of samples for balls much smaller than any skin.
     finest = max(_FINEST_SAMPLES, _finest(inner))

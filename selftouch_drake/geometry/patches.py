@@ -35,11 +35,9 @@ def touched_patch(
     """Finds the vertices of a surface that belong to the touched patch.
 
     This is a morphological closing of the touched vertices: all vertices within `radius` of a
-    touched one are added, then all within `radius` of the remaining ones are removed again. It
-    fills each gap that holds no disc of this radius, and keeps wider gaps and the outline: the rim
-    does not grow, as it would without the second step. Touches along a line have no area: there the
-    second step is left out, and the patch is a band. Parts smaller than such a disc are then
-    dropped: a few stray touches are not a part of the body.
+    touched one are added, then all within `radius` of the remaining ones are removed again, so that
+    the rim does not grow. Touches along a line have no area: there the second step is left out, and
+    the patch is a band. Parts smaller than a disc of this radius are then dropped.
 
     Args:
         vertices: `(V, 3)` m, of a closed surface, finer than `radius`.
@@ -91,11 +89,7 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
     Returns:
         `(b0, b1, b2)`: a sphere has (1, 0, 1), a torus (1, 2, 1), a disc (1, 0, 0), an open tube
         (1, 1, 0).
-
-    Raises:
-        ValueError: If an edge belongs to more than two triangles.
     """
-    faces = np.asarray(faces).reshape(-1, 3)
     if not len(faces):
         return 0, 0, 0
     edges, edge_of, count = np.unique(
@@ -104,11 +98,6 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
         return_inverse=True,
         return_counts=True,
     )
-    if count.max() > 2:
-        raise ValueError(
-            f"faces has an edge of {count.max()} triangles; give a surface, in which each edge "
-            "belongs to one or two"
-        )
     corners = np.unique(faces)
     part, _ = parts_by_vertex(faces, corners[-1] + 1)
     num_parts = len(np.unique(part[corners]))

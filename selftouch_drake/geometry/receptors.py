@@ -136,20 +136,15 @@ def place_receptors(
         found = dijkstra(paths, indices=vertex, limit=nearest.max())
         return np.minimum(nearest, found, out=nearest)
 
+    along = surface.vertices @ np.random.default_rng([seed, 1]).standard_normal(3)
     receptors = farthest_points(
         distance_from,
         num_receptors,
         first=int(np.random.default_rng(seed).integers(len(surface.vertices))),
-        weight=_crowding(surface.vertices, unevenness, seed),
+        # From 1 on one side of the surface to `1 - unevenness` on the other.
+        weight=1 - unevenness * (along - along.min()) / np.ptp(along),
     )
     return surface.vertices[receptors]
-
-
-def _crowding(vertices: np.ndarray, unevenness: float, seed: int) -> np.ndarray:
-    """`(V,)` 1 on one side of the surface, falling to `1 - unevenness` on the other."""
-    side = np.random.default_rng([seed, 1]).standard_normal(3)
-    along = vertices @ side
-    return 1 - unevenness * (along - along.min()) / np.ptp(along)
 
 
 def receptive_fields(

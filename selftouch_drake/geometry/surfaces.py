@@ -13,9 +13,9 @@ from pathlib import Path
 import manifold3d
 import numpy as np
 
-from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
+from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface, from_manifold
 from selftouch_drake.geometry.hollow import point_text
-from selftouch_drake.geometry.intersections import first_self_intersection
+from selftouch_drake.geometry.triangles import first_self_intersection
 from selftouch_drake.lazy import trimesh
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl")
@@ -231,7 +231,7 @@ def mesh_file(
         manifold = _to_manifold(surface)
         for _ in range(3):  # The first split leaves longer edges inside large triangles.
             manifold = manifold.refine_to_length(1.4 * resolution)
-        surface = _from_manifold(manifold)
+        surface = from_manifold(manifold)
     crossing = first_self_intersection(surface.vertices, surface.faces)
     if crossing is not None:
         raise ValueError(
@@ -288,7 +288,7 @@ def _mesh(vertices: np.ndarray, faces: np.ndarray) -> trimesh.Trimesh:
 
 
 def _split_edges(surface: trimesh.Trimesh, *, pieces: int) -> trimesh.Trimesh:
-    return _from_manifold(_to_manifold(surface).refine(pieces))
+    return from_manifold(_to_manifold(surface).refine(pieces))
 
 
 def _to_manifold(surface: trimesh.Trimesh) -> manifold3d.Manifold:
@@ -299,12 +299,6 @@ def _to_manifold(surface: trimesh.Trimesh) -> manifold3d.Manifold:
             np.ascontiguousarray(surface.faces, dtype=np.uint64),
         )
     )
-
-
-def _from_manifold(manifold: manifold3d.Manifold) -> trimesh.Trimesh:
-    mesh = manifold.to_mesh64()
-    # A copy: a view would keep manifold3d's mesh alive, which warns when Python exits.
-    return _mesh(mesh.vert_properties[:, :3].copy(), mesh.tri_verts.astype(np.int64))
 
 
 def _equilateral_area(edge: float) -> float:

@@ -1,14 +1,15 @@
 """The robot in Drake: plant, soft skins, contact, controllers. Only this package knows poses."""
 
 from selftouch_drake.robot.contact import SensorModel, Touches
-from selftouch_drake.robot.imperfections import ImperfectSkin, ImperfectSkins
+from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.pairs import WornSkin
 from selftouch_drake.robot.robot import MakeRobot, Robot
-from selftouch_drake.robot.simulation import LOG_PERIOD, Log, Simulation
-from selftouch_drake.robot.skin_registration import AddModelsAndSkins, AddSkins, AddTactileSkin
+from selftouch_drake.robot.simulation import LOG_PERIOD, Log, MakeDynamicStation, Simulation
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.station import MakeDynamicStation
 from selftouch_drake.robot.tactile_skin import (
+    AddModelsAndSkins,
+    AddSkins,
+    AddTactileSkin,
     RegisterSkin,
     SkinReadout,
     TactileSkin,
@@ -21,7 +22,6 @@ __all__ = [
     "AddModelsAndSkins",
     "AddSkins",
     "AddTactileSkin",
-    "ImperfectSkin",
     "ImperfectSkins",
     "Log",
     "MakeDynamicStation",

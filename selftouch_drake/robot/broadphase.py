@@ -12,7 +12,6 @@ from __future__ import annotations
 import numpy as np
 
 from selftouch_drake.compiled import compiled, inner
-from selftouch_drake.robot.pairs import Toucher
 from selftouch_drake.robot.robot import Robot
 from selftouch_drake.robot.touchers import triangles_in_frame
 
@@ -28,17 +27,23 @@ class BroadPhase:
     def __init__(self, robot: Robot):
         self._tree = tree = robot.kinematics
         self._pairs = np.array(robot.touching_pairs, dtype=np.int64).reshape(-1, 2)
-        num_skins = len(robot.skins)
-        self._boxes = np.empty((num_skins, 6))
-        for box, skin, X_JL in zip(self._boxes, robot.skins, tree.X_JL[:num_skins], strict=True):
-            corners = _moved(X_JL, skin.model.wall.tet_vertices)
-            box[:] = *corners.min(axis=0), *corners.max(axis=0)
-        self._balls = np.array(
-            [
-                _ball(_moved(X_JF, _corners(toucher, robot)))
-                for X_JF, toucher in zip(tree.X_JL[num_skins:], robot.touchers, strict=True)
-            ]
-        )
+        walls = {skin.geometry_id: skin.model.wall.tet_vertices for skin in robot.skins}
+        inspector = robot.scene_graph.model_inspector()
+        shapes = list(walls.values())
+        for toucher in robot.touchers:
+            worn = [walls[geometry] for geometry in toucher.geometry_ids if geometry in walls]
+            shapes.append(np.concatenate(worn or [triangles_in_frame(toucher, inspector)[0]]))
+        # In the frames of the joints that move them.
+        shapes = [
+            p_LQ @ X_JL[:, :3].T + X_JL[:, 3] for X_JL, p_LQ in zip(tree.X_JL, shapes, strict=True)
+        ]
+        bounds = np.array([np.append(p.min(axis=0), p.max(axis=0)) for p in shapes])
+        self._boxes = bounds[: len(walls)].copy()
+        # Centre and radius of a ball that holds all points of a toucher.
+        self._balls = np.empty((len(robot.touchers), 4))
+        self._balls[:, :3] = (bounds[len(walls) :, :3] + bounds[len(walls) :, 3:]) / 2
+        for ball, points in zip(self._balls, shapes[len(walls) :], strict=True):
+            ball[3] = np.linalg.norm(points - ball[:3], axis=1).max() + _ROUNDING
 
     def near(self, q: np.ndarray) -> np.ndarray:
         """`(N, P)` bool, which of the touching pairs might touch at `q` `(N, J)`."""
@@ -50,25 +55,6 @@ class BroadPhase:
             self._pairs, self._balls, self._boxes, found,
         )  # fmt: skip
         return found[: len(q)]
-
-
-def _moved(X_AB: np.ndarray, p_BQ: np.ndarray) -> np.ndarray:
-    """`(N, 3)` points in frame A, given in frame B, by its pose `(3, 4)`."""
-    return p_BQ @ X_AB[:, :3].T + X_AB[:, 3]
-
-
-def _corners(toucher: Toucher, robot: Robot) -> np.ndarray:
-    """`(N, 3)` m, the corners of what a toucher presses, in its frame."""
-    worn = [s.model.wall.tet_vertices for s in robot.skins if s.geometry_id in toucher.geometry_ids]
-    if worn:
-        return np.concatenate(worn)
-    return triangles_in_frame(toucher, robot.scene_graph.model_inspector())[0]
-
-
-def _ball(points: np.ndarray) -> np.ndarray:
-    """`(4,)` m, centre and radius of a ball that holds all points `(N, 3)`."""
-    middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    return np.append(middle, np.linalg.norm(points - middle, axis=1).max() + _ROUNDING)
 
 
 @compiled

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 from pydrake.geometry import GeometryId, QueryObject, SceneGraphInspector
-from pydrake.multibody.tree import Frame, RigidBody
+from pydrake.multibody.tree import RigidBody
 
 from selftouch_drake.compiled import compiled
 from selftouch_drake.experiment import ExperimentError
@@ -28,49 +28,43 @@ class CollisionCheck:
 
     Args:
         robot: the robot.
+        query: called with one `(J,)` configuration, gives Drake's query object there.
 
     Raises:
         ExperimentError: a link has a geometry without extent, as a half space.
     """
 
-    def __init__(self, robot: Robot):
+    def __init__(self, robot: Robot, query: Callable[[np.ndarray], QueryObject]):
+        self._query = query
         inspector = robot.scene_graph.model_inspector()
-        bounds: dict[GeometryId, tuple[np.ndarray, np.ndarray, float]] = {}
-        frames: list[Frame] = []
-        for pair in robot.rigid_pairs:
-            for link, geometries in zip(pair.links, pair.geometry_ids, strict=True):
-                for geometry in geometries:
-                    if geometry not in bounds:
-                        bounds[geometry] = _bound(inspector, geometry, link)
-                        frames.append(link.body_frame())
+        link_of = {
+            geometry: link
+            for pair in robot.rigid_pairs
+            for link, geometries in zip(pair.links, pair.geometry_ids, strict=True)
+            for geometry in geometries
+        }
+        frames = [link.body_frame() for link in link_of.values()]
         self._kinematics = Kinematics.of(robot.plant, frames)
-        self._centre, self._half = (
-            np.array([bound[part] for bound in bounds.values()]).reshape(-1, 3) for part in (0, 1)
-        )
-        number = {geometry: k for k, geometry in enumerate(bounds)}
+        bounds = [_bound(inspector, geometry, link) for geometry, link in link_of.items()]
+        self._centre = np.array([centre for centre, _, _ in bounds]).reshape(-1, 3)
+        self._half = np.array([half for _, half, _ in bounds]).reshape(-1, 3)
+        radius = np.array([radius for _, _, radius in bounds])
+        number = {geometry: k for k, geometry in enumerate(link_of)}
         self._pairs = [
             (a, b, pair.allowed_depth)
             for pair in robot.rigid_pairs
             for a, b in itertools.product(*pair.geometry_ids)
         ]
-        self._ends = np.array([[number[a], number[b]] for a, b, _ in self._pairs]).reshape(-1, 2)
+        ends = [[number[a], number[b]] for a, b, _ in self._pairs]
+        self._ends = np.array(ends, dtype=int).reshape(-1, 2)
         # If their axes are nearer to each other, two capsules overlap by more than allowed.
-        self._near = np.array(
-            [bounds[a][2] + bounds[b][2] - allowed for a, b, allowed in self._pairs]
-        )
+        allowed = np.array([allowed for *_, allowed in self._pairs])
+        self._near = radius[self._ends].sum(axis=1) - allowed
 
-    def depth(
-        self, q: np.ndarray, query: Callable[[np.ndarray], QueryObject], margin: float = 0.0
-    ) -> np.ndarray:
+    def depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
         """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.
 
-        Args:
-            q: configurations, rad or m.
-            query: called with one `(J,)` configuration, gives Drake's query object there.
-            margin: m, by which less is allowed.
-
-        Returns:
-            0 where the posture is possible.
+        0 where the posture is possible. With a margin (m), less is allowed.
         """
         depth = np.zeros(len(q))
         if not self._pairs:
@@ -82,7 +76,7 @@ class CollisionCheck:
         _axes_apart(p_WC, half_W, self._ends, apart)
         near = np.argwhere(apart < self._near + margin).tolist()
         for row, some in itertools.groupby(near, key=lambda row_and_pair: row_and_pair[0]):
-            found = query(q[row])
+            found = self._query(q[row])
             for _, pair in some:
                 first, second, allowed = self._pairs[pair]
                 distance = found.ComputeSignedDistancePairClosestPoints(first, second).distance
@@ -92,13 +86,9 @@ class CollisionCheck:
 
 @compiled
 def _axes_apart(centre, half, ends, apart):
-    """Writes the distances between the axes of pairs of capsules, which are line segments.
+    """Writes the distances `apart` `(N, P)` m between pairs `ends` `(P, 2)` of line segments.
 
-    Args:
-        centre: `(N, G, 3)` m, of the axes.
-        half: `(N, G, 3)` m, from there to an end.
-        ends: `(P, 2)` capsules of each pair.
-        apart: `(N, P)` m, written.
+    These are the axes of capsules, from centre - half to centre + half, both `(N, G, 3)` m.
     """
     for row in range(len(centre)):
         for pair in range(len(ends)):

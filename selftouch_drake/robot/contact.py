@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import ContactSurface, GeometryId
+from pydrake.geometry import ContactSurface
 
-from selftouch_drake.geometry import ReceptiveFields
+from selftouch_drake.robot.pairs import Toucher, WornSkin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,13 +40,8 @@ class Touches:
     ) -> Touches:
         """Sorts contacts and merges those of one toucher with one skin at one instant.
 
-        Args:
-            sensation: `(N, S)` N.
-            row: `(C,)` the instant of each contact.
-            skin: `(C,)` number of the pressed skin.
-            toucher: `(C,)` number of what presses it.
-            total: `(C, 4)` N and N m: force, and the sum of force times position in the frame of
-                the pressed skin's link. Contacts without force are left out.
+        The total of each is `(C, 4)` N and N m: force, and the sum of force times position in the
+        frame of the pressed skin's link. Contacts without force are left out.
         """
         # Mostly there is one contact at an instant, and the instants are in order.
         if not (row[1:] > row[:-1]).all():
@@ -115,28 +110,17 @@ class SensorModel:
     each other, both feel the contact.
 
     Args:
-        fields: receptive fields of each skin, in the frame of its link.
-        skin_ids: geometry of each skin.
-        toucher_ids: geometries of each toucher.
+        skins: in the order of their readings.
+        touchers: what else has a number as `Touches.toucher`; all others are -1.
     """
 
-    def __init__(
-        self,
-        fields: Sequence[ReceptiveFields],
-        skin_ids: Sequence[GeometryId],
-        toucher_ids: Sequence[Iterable[GeometryId]] = (),
-    ):
-        self._fields = tuple(fields)
-        self._skin_of = {geometry_id: k for k, geometry_id in enumerate(skin_ids)}
-        self._toucher_of: Mapping[GeometryId, int] = {
-            geometry_id: t
-            for t, ids in enumerate(toucher_ids)
-            for geometry_id in ids
-            if geometry_id not in self._skin_of
-        }
-        self._num_touchers = len(toucher_ids)
-        self._spread = [f.vertex_weights.T.tocsr() for f in fields]
-        ends = itertools.accumulate((f.num_receptors for f in fields), initial=0)
+    def __init__(self, skins: Sequence[WornSkin], touchers: Sequence[Toucher] = ()):
+        self._fields = [skin.model.fields for skin in skins]
+        self._skin_of = {skin.geometry_id: k for k, skin in enumerate(skins)}
+        self._toucher_of = {g: t for t, each in enumerate(touchers) for g in each.geometry_ids}
+        self._toucher_of |= {g: len(touchers) + skin for g, skin in self._skin_of.items()}
+        self._spread = [f.vertex_weights.T.tocsr() for f in self._fields]
+        ends = itertools.accumulate((f.num_receptors for f in self._fields), initial=0)
         #: The slice of a sensation that holds the readings of each skin.
         self.readings = [slice(a, b) for a, b in itertools.pairwise(ends)]
         #: S, number of receptors of all skins together.
@@ -165,14 +149,9 @@ class SensorModel:
                     corner.ravel(), (force[:, None] * part).ravel(), self._spread[skin].shape[1]
                 )
                 sensation[row, self.readings[skin]] += self._spread[skin] @ load
-                contacts.append((row, skin, self._presser(pressing)))
+                # Without a number is, for instance, the floor of a user's own diagram.
+                contacts.append((row, skin, self._toucher_of.get(pressing, -1)))
                 totals.append([force.sum(), *force @ p_LQ])
         row_of, skin_of, toucher_of = np.array(contacts, dtype=int).reshape(-1, 3).T
         total = np.array(totals).reshape(-1, 4)
         return Touches.of(sensation, row_of, skin_of, toucher_of, total)
-
-    def _presser(self, geometry_id: GeometryId) -> int:
-        if (skin := self._skin_of.get(geometry_id)) is not None:
-            return self._num_touchers + skin
-        # Not named in the experiment, for instance the floor of a user's own diagram.
-        return self._toucher_of.get(geometry_id, -1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -23,29 +24,28 @@ def describe(world: World) -> str:
 def description(world: World) -> list[tuple[str, list[tuple[str, ...]]]]:
     """Title and rows of the joints, the skins, what touches them, and rigid links."""
     robot = world.robot
+    rigid = "No links can run into each other: they have no collision geometry that could"
+    if number := len(robot.rigid_pairs):
+        rigid = f"{_counted(number, 'pair', 'pairs')} of rigid links must not run into each other"
     return [
         (_counted(robot.num_joints, "joint moves", "joints move"), list(_joints(world))),
         (_counted(len(robot.skins), "skin", "skins"), list(_skins(robot))),
         ("What touches what", list(_touching(robot))),
-        (_rigid_title(len(robot.rigid_pairs)), list(_rigid(robot))),
+        (rigid, list(_rigid(robot))),
     ]
 
 
 def _joints(world: World) -> Iterator[tuple[str, ...]]:
     robot, limits = world.robot, world.limits
     for j, joint in enumerate(robot.joints):
-        unit = "rad" if robot.turns[j] else "m"
-        low, high = robot.lower[j], robot.upper[j]
-        span = f"{low:.3g} to {high:.3g} {unit}"
-        if not (np.isfinite(low) and np.isfinite(high)):
-            span = "no limits; babbles within one turn"
-        effort = limits.torque[j]
-        force = f"{effort:.3g} {'N·m' if robot.turns[j] else 'N'}"
+        moves, unit, force = ("turns", "rad", "N·m") if robot.turns[j] else ("slides", "m", "N")
+        low, high, effort = robot.lower[j], robot.upper[j], limits.torque[j]
+        limited = np.isfinite(low) and np.isfinite(high)
         yield (
             scoped_name(robot.plant, joint),
-            "turns" if robot.turns[j] else "slides",
-            span,
-            force if np.isfinite(effort) else "any effort",
+            moves,
+            f"{low:.3g} to {high:.3g} {unit}" if limited else "no limits; babbles within one turn",
+            f"{effort:.3g} {force}" if np.isfinite(effort) else "any effort",
         )
 
 
@@ -75,12 +75,6 @@ def _touching(robot: Robot) -> Iterator[tuple[str, ...]]:
         )
 
 
-def _rigid_title(number: int) -> str:
-    if not number:
-        return "No links can run into each other: they have no collision geometry that could"
-    return f"{_counted(number, 'pair', 'pairs')} of rigid links must not run into each other"
-
-
 def _rigid(robot: Robot) -> Iterator[tuple[str, ...]]:
     for pair in robot.rigid_pairs[:_MOST_PAIRS]:
         a, b = (link.name() for link in pair.links)
@@ -90,10 +84,8 @@ def _rigid(robot: Robot) -> Iterator[tuple[str, ...]]:
 
 
 def _table(title: str, cells: Sequence[tuple[str, ...]]) -> str:
-    num_columns = max((len(row) for row in cells), default=0)
-    widths = [
-        max(len(row[column]) for row in cells if column < len(row)) for column in range(num_columns)
-    ]
+    columns = itertools.zip_longest(*cells, fillvalue="")
+    widths = [max(map(len, column)) for column in columns]
     lines = [
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=False)).rstrip()
         for row in cells

@@ -15,9 +15,8 @@ import numpy as np
 
 from selftouch_drake.compiled import compiled, inner
 from selftouch_drake.robot.contact import Touches
-from selftouch_drake.robot.receptor_shares import Shares, add_load, feel_loads, receptor_shares
 from selftouch_drake.robot.robot import Robot
-from selftouch_drake.robot.soft_skin import SoftSkin, soft_skin, tets_near
+from selftouch_drake.robot.soft_skin import add_load, feel_loads, soft_skin, tets_near
 from selftouch_drake.robot.touchers import PATCH, rigid_mesh, triangles_in_frame
 
 _LEAST_COSINE = np.cos(5 * np.pi / 8)
@@ -26,9 +25,6 @@ _LEAST_COSINE = np.cos(5 * np.pi / 8)
 class RigidTouchers:
     """Contact of the rigid touchers of a robot with its skins, at given poses.
 
-    Args:
-        robot: the robot.
-
     Attributes:
         is_rigid: `(P,)` bool, for each touching pair, whether the toucher is rigid (not a skin).
     """
@@ -36,20 +32,16 @@ class RigidTouchers:
     def __init__(self, robot: Robot):
         self._pairs = np.array(robot.touching_pairs, dtype=int).reshape(-1, 2)
         self._num_skins = len(robot.skins)
-        self.is_rigid = np.array([_is_rigid(robot, t) for t in self._pairs[:, 0]])
+        worn = {skin.geometry_id for skin in robot.skins}
+        rigid = [worn.isdisjoint(toucher.geometry_ids) for toucher in robot.touchers]
+        self.is_rigid = np.array(rigid)[self._pairs[:, 0]]
         ends = np.cumsum([0, *(skin.model.fields.num_receptors for skin in robot.skins)])
         touchers, pressed = (set(column.tolist()) for column in self._pairs[self.is_rigid].T)
         inspector = robot.scene_graph.model_inspector()
         self._meshes = {
             t: rigid_mesh(*triangles_in_frame(robot.touchers[t], inspector)) for t in touchers
         }
-        self._skins: dict[int, tuple[SoftSkin, Shares]] = {}
-        for s in pressed:
-            skin = robot.skins[s].model
-            self._skins[s] = (
-                soft_skin(skin.wall, skin.hydroelastic_modulus),
-                receptor_shares(skin.wall, skin.fields, int(ends[s])),
-            )
+        self._skins = {s: soft_skin(robot.skins[s].model, int(ends[s])) for s in pressed}
         self._num_receptors = int(ends[-1])
 
     def touches(self, X_WL: np.ndarray, near: np.ndarray) -> Touches:
@@ -69,32 +61,17 @@ class RigidTouchers:
             t, s = self._pairs[pair].tolist()
             here = slice(*np.searchsorted(number, [pair, pair + 1]))
             frames = s, self._num_skins + t
-            press(
-                *self._skins[s], self._meshes[t], X_WL, *frames, row[here], sensation, total[here]
-            )
+            press(self._skins[s], self._meshes[t], X_WL, *frames, row[here], sensation, total[here])
         return Touches.of(sensation, row, skin, toucher, total)
 
 
-def _is_rigid(robot: Robot, toucher: int) -> bool:
-    worn = {skin.geometry_id for skin in robot.skins}
-    return not worn.intersection(robot.touchers[toucher].geometry_ids)
-
-
 @compiled
-def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total):
-    """Presses a rigid mesh on a skin in several rows of poses.
+def press(skin, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total):
+    """Presses a `RigidMesh` on a `SoftSkin`.
 
-    Args:
-        skin: a `SoftSkin`.
-        shares: the `Shares` of its receptors.
-        mesh: a `RigidMesh`.
-        X_WL: `(N, L, 3, 4)` poses of frames in the world, m.
-        skin_frame: the number of the frame of the skin's link.
-        mesh_frame: the number of the frame of the mesh.
-        rows: `(R,)` rows of `X_WL`.
-        sensation: `(N, receptors)` N; the readings are added to it.
-        total: `(R, 4)` N and N m; set to the force of each contact, and the sum of force times
-            position in the frame of the skin's link.
+    This happens at `(R,)` rows of `X_WL`, `(N, L, 3, 4)` m, poses in the world of frames, two of
+    which are those of the skin's link and of the mesh. Adds to `sensation` `(N, S)` N, and sets
+    `total` `(R, 4)` as `Touches.of` takes it.
     """
     g, X = skin.pressure, np.empty((3, 4))
     p, planes = np.empty((3 * PATCH, 3)), np.empty((PATCH, 4))
@@ -102,7 +79,7 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
     box, place, parts = np.empty(6), np.empty(3), np.empty(3)
     # `seen` holds the number of the last search that found each tetrahedron: each is listed once.
     tets, seen, look = np.empty(len(g), dtype=np.int64), np.zeros(len(g), dtype=np.int64), 0
-    load = np.zeros(len(shares.weight_ends) - 1)
+    load = np.zeros(len(skin.weight_ends) - 1)
     loaded = np.empty(len(load), dtype=np.int64)
     for r in range(len(rows)):
         # With literals, numba would compile the called functions twice; the same in `cut`.
@@ -139,10 +116,8 @@ def press(skin, shares, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, tot
                     total[r, 0] += force
                     for i in range(3):
                         total[r, 1 + i] += force * place[i]
-                    num_loaded = add_load(
-                        shares, tet, place, force, parts, load, loaded, num_loaded
-                    )
-        feel_loads(shares, load, loaded, num_loaded, sensation, row)
+                    num_loaded = add_load(skin, tet, place, force, parts, load, loaded, num_loaded)
+        feel_loads(skin, load, loaded, num_loaded, sensation, row)
 
 
 @inner
@@ -215,21 +190,12 @@ def _reach_into(planes, tet, p, num_points, above):
 
 @compiled
 def cut(above, a, b, c, polygons, piece):
-    """Cuts a triangle by the four planes of a tetrahedron.
+    """Cuts a triangle by the four planes of a tetrahedron; returns whether anything is left.
 
     A point of the triangle has coordinates u and v: corner a plus u times the edge to b plus v
-    times the edge to c.
-
-    Args:
-        above: `(4, V)` heights of points over the four planes, positive inside.
-        a: column of the first corner in `above`.
-        b: column of the second corner.
-        c: column of the third corner.
-        polygons: `(2, 8, 2)` scratch space.
-        piece: `(3,)` set to the area in (u, v), 1/2 if all is inside, and the centroid (u, v).
-
-    Returns:
-        Whether anything is left of the triangle.
+    times the edge to c. The corners are columns of `above` `(4, V)`, heights over the four planes,
+    positive inside. `polygons` is `(2, 8, 2)` scratch space. `piece` `(3,)` is set to the area in
+    (u, v), 1/2 if all is inside, and the centroid (u, v).
     """
     for k in range(4):
         if above[k, a] <= 0 and above[k, b] <= 0 and above[k, c] <= 0:

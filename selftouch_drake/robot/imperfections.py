@@ -9,7 +9,6 @@ import numpy as np
 from scipy.special import ndtri
 
 from selftouch_drake.experiment import Experiment, Imperfections, SkinChange
-from selftouch_drake.geometry import ReceptiveFields
 from selftouch_drake.robot.skins import SkinModel
 
 # In standard deviations of the additive noise; see `Imperfections.threshold`.
@@ -70,13 +69,15 @@ class ImperfectSkin:
     def of(experiment: Experiment, number: int, skin: SkinModel) -> ImperfectSkin | None:
         """The imperfections of skin `number` of `experiment`; None if it is perfect."""
         flaws = experiment.skins[skin.name].imperfections
-        fields, num_receptors = skin.fields, skin.fields.num_receptors
+        num_receptors = skin.fields.num_receptors
         changes = [
             change.skins[skin.name]
             for change in experiment.body_changes
             if skin.name in change.skins
         ]
-        if flaws == Imperfections() and not any(map(_rewires, changes)):
+        rewired = any(c.dead or c.new or c.swapped for c in changes)
+        rewired |= any(c.dead_share or c.swapped_share for c in changes)
+        if flaws == Imperfections() and not rewired:
             return None
         # The first skin keeps the stream of versions with one skin.
         which = (number,) if number else ()
@@ -89,9 +90,10 @@ class ImperfectSkin:
             drawn = np.random.default_rng(experiment.random_stream("changes", number, when))
             _rewire(change, source, alive, drawn)
         (seed,) = experiment.random_stream("skin", 1, *which).generate_state(1, np.uint64)
-        return ImperfectSkin(
-            flaws=flaws, leak=_leak(fields), source=source, alive=alive, seed=int(seed)
-        )
+        leak = (skin.fields.vertex_weights.T @ skin.fields.vertex_weights).toarray()
+        np.fill_diagonal(leak, 0.0)
+        leak /= leak.sum(axis=1, keepdims=True)
+        return ImperfectSkin(flaws=flaws, leak=leak, source=source, alive=alive, seed=int(seed))
 
     @property
     def threshold(self) -> float:
@@ -100,14 +102,9 @@ class ImperfectSkin:
         return _SILENCE * self.flaws.additive_noise if given is None else given
 
     def __call__(self, sensation: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """The readings if a perfect skin feels `sensation`.
+        """`(N, S)` N, readings if a perfect skin feels `sensation` `(N, S)` N at `q` `(N, J)`.
 
-        Args:
-            sensation: `(N, S)` N.
-            q: `(N, J)` rad or m, the configurations in which it is felt.
-
-        Returns:
-            `(N, S)` N, not negative; rows of zeros where nothing is felt.
+        None is negative.
         """
         flaws = self.flaws
         read = np.array(sensation, dtype=float)
@@ -132,12 +129,6 @@ class ImperfectSkin:
         return read
 
 
-def _rewires(change: SkinChange) -> bool:
-    """Whether a change affects the readings, not only the place of the skin."""
-    fields = (change.dead, change.dead_share, change.new, change.swapped, change.swapped_share)
-    return any(fields)
-
-
 def _rewire(
     change: SkinChange, source: np.ndarray, alive: np.ndarray, chance: np.random.Generator
 ) -> None:
@@ -151,12 +142,6 @@ def _rewire(
     alive[change.dead] = False
     num_dead = round(change.dead_share * num_receptors)
     alive[chance.choice(num_receptors, num_dead, replace=False)] = False
-
-
-def _leak(fields: ReceptiveFields) -> np.ndarray:
-    overlap = (fields.vertex_weights.T @ fields.vertex_weights).toarray()
-    np.fill_diagonal(overlap, 0.0)
-    return overlap / overlap.sum(axis=1, keepdims=True)
 
 
 def remembered(experiment: Experiment, q: np.ndarray) -> np.ndarray:

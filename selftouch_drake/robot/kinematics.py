@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Frame, Joint, RevoluteJoint, RigidBody
+from pydrake.multibody.tree import Frame, Joint, RevoluteJoint, RigidBody
 
 from selftouch_drake.compiled import compiled, inner
+from selftouch_drake.robot.links import all_joints
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,24 +39,28 @@ class Kinematics:
 
     @staticmethod
     def of(plant: MultibodyPlant, frames: Sequence[Frame]) -> Kinematics:
-        """Reads a finalized plant whose joints each have one degree of freedom.
-
-        Args:
-            plant: the plant.
-            frames: whose poses are asked for, in this order.
-        """
+        """Reads a finalized plant whose joints each have one degree of freedom."""
         context = plant.CreateDefaultContext()
         plant.SetPositions(context, np.zeros(plant.num_positions()))
-        tree = JointTree(plant)
-        joints = tree.joints
+        tree = joint_tree(plant)
+        turns = [isinstance(joint, RevoluteJoint) for joint, *_ in tree]
         # At zero the frame that a joint moves lies in the frame it moves in. Both are turned, so
         # that all axes are z.
-        X_WJ = [
-            joint.frame_on_parent().CalcPoseInWorld(context) @ _with_z_along(tree.axis(joint))
-            for joint in joints
-        ]
-        parent = [tree.carrier(tree.frames(joint)[0].body()) for joint in joints]
-        owner = [tree.carrier(frame.body()) for frame in frames]
+        X_WJ = []
+        for (joint, near, *_), turn in zip(tree, turns, strict=True):
+            axis = joint.revolute_axis() if turn else joint.translation_axis()
+            axis = axis if near.index() == joint.frame_on_parent().index() else -axis
+            R_FJ = RotationMatrix.MakeFromOneVector(axis, 2)
+            X_WF = joint.frame_on_parent().CalcPoseInWorld(context)
+            X_WJ.append(X_WF @ RigidTransform(R_FJ, np.zeros(3)))
+
+        def carrier(body: RigidBody) -> int:
+            """The last moving joint on the way from the world to a body; -1 for none."""
+            carriers = [k for k, (*_, moved) in enumerate(tree) if int(body.index()) in moved]
+            return min(carriers, key=lambda k: len(tree[k][3]), default=-1)
+
+        parent = [carrier(near.body()) for _, near, *_ in tree]
+        owner = [carrier(frame.body()) for frame in frames]
 
         def relative(X_WF: RigidTransform, joint: int) -> np.ndarray:
             X = X_WF if joint < 0 else X_WJ[joint].InvertAndCompose(X_WF)
@@ -65,7 +69,7 @@ class Kinematics:
         return Kinematics(
             parent=np.array(parent, dtype=np.int64),
             X_PF=np.array([relative(X, p) for X, p in zip(X_WJ, parent, strict=True)]),
-            turns=np.array([isinstance(joint, RevoluteJoint) for joint in joints]),
+            turns=np.array(turns),
             owner=np.array(owner, dtype=np.int64),
             X_JL=np.array(
                 [
@@ -75,11 +79,6 @@ class Kinematics:
             ).reshape(-1, 3, 4),
         )
 
-    @property
-    def num_joints(self) -> int:
-        """J."""
-        return len(self.parent)
-
     def poses(self, q: np.ndarray) -> np.ndarray:
         """`(N, L, 3, 4)` poses of the frames in the world at `q` `(N, J)`."""
         q = np.ascontiguousarray(q, dtype=float)
@@ -87,75 +86,23 @@ class Kinematics:
         _all_poses(q, self.parent, self.X_PF, self.turns, self.owner, self.X_JL, X_WL)
         return X_WL
 
-    def positions(self, q: np.ndarray) -> np.ndarray:
-        """`(N, L, 3)` m, origins of the frames in the world at `q` `(N, J)`."""
-        return self.poses(q)[..., 3]
 
+def joint_tree(plant: MultibodyPlant) -> list[tuple[Joint, Frame, Frame, set[int]]]:
+    """The moving joints of a finalized plant, in the order of its positions.
 
-def _with_z_along(axis: np.ndarray) -> RigidTransform:
-    return RigidTransform(RotationMatrix.MakeFromOneVector(axis, 2), np.zeros(3))
-
-
-def moving_joints(plant: MultibodyPlant) -> list[Joint]:
-    """The joints of a finalized plant that move, in the order of its positions."""
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
-    return sorted((j for j in joints if j.num_positions()), key=lambda j: j.position_start())
-
-
-class JointTree:
-    """The moving joints of a plant, each between a body nearer to the world and one farther.
-
-    The farther one is the joint's child, but in a model that is welded to the world by its tip.
-
-    Args:
-        plant: finalized.
+    Returns:
+        Each joint; its frames on the body nearer to the world, and on the farther one; and the
+        indices of all bodies that it moves. The farther one is the joint's child, but in a model
+        that is welded to the world by its tip.
     """
-
-    def __init__(self, plant: MultibodyPlant):
-        self.joints = moving_joints(plant)
-        self._number = {joint.index(): k for k, joint in enumerate(self.joints)}
-        at_body: dict[BodyIndex, list[Joint]] = defaultdict(list)
-        for index in plant.GetJointIndices():
-            joint = plant.get_joint(index)
-            at_body[joint.parent_body().index()].append(joint)
-            at_body[joint.child_body().index()].append(joint)
-        # Of each body the joint on its way to the world, and the next body on it.
-        self._inboard: dict[BodyIndex, tuple[Joint, BodyIndex]] = {}
-        world = plant.world_body().index()
-        reached = [world]
-        for near in reached:
-            for joint in at_body[near]:
-                ends = joint.parent_body().index(), joint.child_body().index()
-                far = ends[1] if ends[0] == near else ends[0]
-                if far != world and far not in self._inboard:
-                    self._inboard[far] = joint, near
-                    reached.append(far)
-
-    def carrier(self, body: RigidBody) -> int:
-        """The number of the last moving joint on the way from the world to `body`; -1 for none."""
-        index = body.index()
-        while index in self._inboard:
-            joint, near = self._inboard[index]
-            if joint.index() in self._number:
-                return self._number[joint.index()]
-            index = near
-        return -1
-
-    def moves_child(self, joint: Joint) -> bool:
-        """Whether a joint's child is farther from the world than its parent."""
-        inboard = self._inboard.get(joint.child_body().index())
-        return inboard is not None and inboard[0].index() == joint.index()
-
-    def axis(self, joint: Joint) -> np.ndarray:
-        """`(3,)` unit vector about or along which the farther body moves, in a joint's frame."""
-        turns = isinstance(joint, RevoluteJoint)
-        axis = joint.revolute_axis() if turns else joint.translation_axis()
-        return axis if self.moves_child(joint) else -axis
-
-    def frames(self, joint: Joint) -> tuple[Frame, Frame]:
-        """The frame of a joint on the body nearer to the world, and that on the farther one."""
-        frames = joint.frame_on_parent(), joint.frame_on_child()
-        return frames if self.moves_child(joint) else frames[::-1]
+    tree = []
+    moving = [joint for joint in all_joints(plant) if joint.num_positions()]
+    for joint in sorted(moving, key=lambda joint: joint.position_start()):
+        moved = {int(body) for body in plant.GetBodiesKinematicallyAffectedBy([joint.index()])}
+        near, far = joint.frame_on_parent(), joint.frame_on_child()
+        is_usual = int(far.body().index()) in moved
+        tree.append((joint, near, far, moved) if is_usual else (joint, far, near, moved))
+    return tree
 
 
 @compiled

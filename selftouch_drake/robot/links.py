@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-import numpy as np
+from pydrake.common import MemoryFile
 from pydrake.geometry import (
     Box,
     Capsule,
@@ -13,18 +13,21 @@ from pydrake.geometry import (
     Cylinder,
     Ellipsoid,
     GeometryId,
+    InMemoryMesh,
     Mesh,
     Role,
     SceneGraphInspector,
     Shape,
     Sphere,
 )
-from pydrake.multibody.plant import MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Frame, FrameIndex, Joint, RigidBody
+from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
+from pydrake.multibody.tree import BodyIndex, Joint, RigidBody
 
 from selftouch_drake.experiment import ExperimentError, closest
 from selftouch_drake.lazy import trimesh
 
+# Slippery, like the skin of an exploring finger: friction changes no reading, only the effort.
+FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
 # Faces for a quarter of a round primitive's outline; the shape is triangulated anew later.
 _SECTIONS = 32
 
@@ -35,24 +38,17 @@ def find_link(plant: MultibodyPlant, name: str, field: str) -> RigidBody:
     Raises:
         ExperimentError: there is none, or several; the text names `field`.
     """
-    return _named(plant, all_links(plant), name, field, "link")
-
-
-def find_frame(plant: MultibodyPlant, name: str, field: str) -> Frame:
-    """The frame called `name`; errors as of `find_link`."""
-    frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
-    return _named(plant, frames, name, field, "frame")
-
-
-def find_joint(plant: MultibodyPlant, name: str, field: str) -> Joint:
-    """The joint called `name`; errors as of `find_link`."""
-    joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
-    return _named(plant, joints, name, field, "joint")
+    return find_named(plant, all_links(plant), name, field, "link")
 
 
 def all_links(plant: MultibodyPlant) -> list[RigidBody]:
     """Every body of a plant, the world first."""
     return [plant.get_body(BodyIndex(index)) for index in range(plant.num_bodies())]
+
+
+def all_joints(plant: MultibodyPlant) -> list[Joint]:
+    """Every joint of a plant, in the order of their indices."""
+    return [plant.get_joint(index) for index in plant.GetJointIndices()]
 
 
 def scoped_name(plant: MultibodyPlant, element: Any) -> str:
@@ -61,8 +57,8 @@ def scoped_name(plant: MultibodyPlant, element: Any) -> str:
     return f"{instance}::{element.name()}"
 
 
-def _named(plant: MultibodyPlant, elements: Iterable, name: str, field: str, kind: str):
-    known = list(elements)
+def find_named(plant: MultibodyPlant, known: Sequence, name: str, field: str, kind: str):
+    """That of some links, frames or joints which is called `name`; errors as of `find_link`."""
     found = [e for e in known if scoped_name(plant, e) == name]
     found = found or [e for e in known if e.name() == name]
     if len(found) == 1:
@@ -103,6 +99,11 @@ def pieces_in_link(
     return pieces
 
 
+def in_memory(text: str, suffix: str) -> Mesh:
+    """Drake's shape of the content of a mesh file."""
+    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, suffix, "mesh")))
+
+
 def as_mesh(shape: Shape) -> trimesh.Trimesh:
     """A shape of Drake's as a triangle mesh in its own frame.
 
@@ -117,38 +118,22 @@ def as_mesh(shape: Shape) -> trimesh.Trimesh:
     )
 
 
-def _capsule(shape: Capsule) -> trimesh.Trimesh:
-    # trimesh centres it, as Drake does.
-    return trimesh.creation.capsule(
-        height=shape.length(), radius=shape.radius(), count=(_SECTIONS, _SECTIONS)
-    )
-
-
-def _ellipsoid(shape: Ellipsoid) -> trimesh.Trimesh:
-    ball = trimesh.creation.icosphere(subdivisions=4)
-    ball.apply_scale([shape.a(), shape.b(), shape.c()])
-    return ball
-
-
 def _from_file(shape: Mesh | Convex) -> trimesh.Trimesh:
     # Parsers make no meshes that are held in memory.
     mesh = trimesh.load_mesh(shape.source().path(), process=False)
     if not isinstance(mesh, trimesh.Trimesh):
         mesh = mesh.to_mesh()
-    mesh = trimesh.Trimesh(mesh.vertices * np.asarray(_scale3(shape)), mesh.faces)
+    mesh = trimesh.Trimesh(mesh.vertices * shape.scale3(), mesh.faces)
     return mesh.convex_hull if isinstance(shape, Convex) else mesh
-
-
-def _scale3(shape: Mesh | Convex) -> np.ndarray:
-    return np.asarray(shape.scale3() if hasattr(shape, "scale3") else [shape.scale()] * 3)
 
 
 _MESHES: dict[type, Callable[[Any], trimesh.Trimesh]] = {
     Sphere: lambda s: trimesh.creation.icosphere(subdivisions=4, radius=s.radius()),
     Box: lambda s: trimesh.creation.box(extents=s.size()),
     Cylinder: lambda s: trimesh.creation.cylinder(s.radius(), s.length(), sections=4 * _SECTIONS),
-    Capsule: _capsule,
-    Ellipsoid: _ellipsoid,
+    # trimesh centres it, as Drake does.
+    Capsule: lambda s: trimesh.creation.capsule(s.length(), s.radius(), count=2 * (_SECTIONS,)),
+    Ellipsoid: lambda s: trimesh.creation.icosphere(4).apply_scale([s.a(), s.b(), s.c()]),
     Mesh: _from_file,
     Convex: _from_file,
 }

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
-import functools
 import hashlib
 import json
-import logging
+import logging.handlers
 import math
+import os
 import sys
 import xml.dom.expatbuilder
 import xml.dom.minidom
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,6 @@ from pydrake.common.yaml import yaml_dump_typed
 from pydrake.multibody.parsing import (
     LoadModelDirectives,
     ModelDirectives,
-    ModelInstanceInfo,
     PackageMap,
     Parser,
     ProcessModelDirectives,
@@ -31,16 +29,13 @@ from pydrake.multibody.parsing import (
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import ModelInstanceIndex
 
+from selftouch_drake.experiment import ExperimentError, closest
 from selftouch_drake.files import write_text_whole
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.resources import MODELS
-from selftouch_drake.robot.meshes import DRAKE_SUFFIXES, MeshError, as_obj, cache_folder
 
 # The package of the shipped models, which is always there.
 SHIPPED = "selftouch_drake"
-
-
-class ModelError(ValueError):
-    """A user's mistake in a robot's models: the text names the file and the remedy."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,24 +69,23 @@ def load_model(
         announce: called with one line if meshes were converted.
 
     Raises:
-        ModelError: a file or a package is not found, or cannot be read.
-        MeshError: a mesh cannot be converted.
+        ExperimentError: a file or a package is not found or cannot be read, or a mesh cannot be
+            converted.
     """
-    finder = _Finder(_package_roots(packages))
-    path = finder.path(directives, Path.cwd(), what="robot.directives")
-    reader = _Reader(finder)
-    loaded, _ = reader.directives(path)
+    roots = _package_roots(packages)
+    reader = _Reader(roots)
+    loaded, _ = reader.directives(reader.find(directives, Path.cwd(), what="robot.directives"))
     if reader.num_converted and announce is not None:
         number = f"{reader.num_converted} mesh" + ("es" if reader.num_converted > 1 else "")
-        announce(f"converted {number} to OBJ into {cache_folder() / 'meshes'}")
-    return RobotModel(directives=loaded, packages=finder.roots, files=tuple(reader.files))
+        announce(f"converted {number} to OBJ into {_cache_folder() / 'meshes'}")
+    return RobotModel(directives=loaded, packages=roots, files=tuple(reader.files))
 
 
-def parse(plant: MultibodyPlant, model: RobotModel) -> list[ModelInstanceInfo]:
+def parse(plant: MultibodyPlant, model: RobotModel) -> None:
     """Adds a robot to a plant.
 
     Raises:
-        ModelError: a model does not parse; the text is Drake's own, in one line.
+        ExperimentError: a model does not parse; the text is Drake's own, in one line.
     """
     parser = Parser(plant)
     for name, root in model.packages.items():
@@ -102,22 +96,6 @@ def parse(plant: MultibodyPlant, model: RobotModel) -> list[ModelInstanceInfo]:
         if info.model_path.endswith(".xml"):
             efforts = _mjcf_efforts(_read_xml(Path(info.model_path)))
             _limit_efforts(plant, info.model_instance, efforts)
-    return loaded
-
-
-def digests(files: Iterable[Path]) -> dict[str, str]:
-    """SHA-256 of the content of each file, by its path."""
-    result = {}
-    for path in files:
-        stat = path.stat()
-        result[str(path)] = _digest(path, stat.st_mtime_ns, stat.st_size)
-    return result
-
-
-# By what changes with the content, because a robot is loaded several times in one run.
-@functools.lru_cache(maxsize=4096)
-def _digest(path: Path, mtime_ns: int, size: int) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
 def _package_roots(packages: Mapping[str, str]) -> dict[str, Path]:
@@ -126,57 +104,15 @@ def _package_roots(packages: Mapping[str, str]) -> dict[str, Path]:
     for name, given in packages.items():
         field = f"robot.packages.{name}"
         if name in roots or own.Contains(name):
-            raise ModelError(f"{field} is a package that always exists; give it another name")
+            raise ExperimentError(f"{field} is a package that always exists; give it another name")
         root = Path(given.replace("{prefix}", sys.prefix)).expanduser().resolve()
         if not root.is_dir():
-            raise ModelError(
+            raise ExperimentError(
                 f"{field} is {given!r}, and {root} is not a folder; give the folder of the "
                 "package, or install the package"
             )
         roots[name] = root
     return roots
-
-
-class _Finder:
-    """Finds the files that URIs and paths name."""
-
-    def __init__(self, roots: Mapping[str, Path]):
-        self.roots = roots
-        self._drake = PackageMap()
-
-    def path(self, uri: str, folder: Path, *, what: str) -> Path:
-        """The file that `uri` names; a relative path starts at `folder`.
-
-        Raises:
-            ModelError: the package is unknown, or there is no such file; the text begins with
-                `what`.
-        """
-        scheme, separator, rest = uri.partition("://")
-        if not separator:
-            path = folder / uri
-        elif scheme == "file":
-            path = Path(rest)
-        elif scheme in ("package", "model"):
-            name, _, inside = rest.partition("/")
-            path = self._root(name, uri, what) / inside
-        else:
-            raise ModelError(f"{what} is {uri!r}; give a path, or package://NAME/PATH")
-        if not path.exists():
-            raise ModelError(f"{what} is {uri!r}, and {path} does not exist; correct the path")
-        return path.resolve()
-
-    def _root(self, name: str, uri: str, what: str) -> Path:
-        if name in self.roots:
-            return self.roots[name]
-        if self._drake.Contains(name):
-            with one_line(f"{what} is {uri!r}"):  # Drake downloads what it does not hold.
-                return Path(self._drake.GetPath(name))
-        known = [*self.roots, *self._drake.GetPackageNames()]
-        close = difflib.get_close_matches(name, known, n=1)
-        hint = f"did you mean {close[0]!r}?" if close else f"known are {', '.join(known)}"
-        raise ModelError(
-            f"{what} is {uri!r}; there is no package {name!r} in robot.packages: {hint}"
-        )
 
 
 class _Reader:
@@ -186,11 +122,43 @@ class _Reader:
     converted mesh. What names a copied file is copied in its turn.
     """
 
-    def __init__(self, finder: _Finder):
-        self._find = finder.path
+    def __init__(self, roots: Mapping[str, Path]):
+        self._roots, self._drake = roots, PackageMap()
         self._open: list[Path] = []
         self.files: dict[Path, None] = {}  # an ordered set
         self.num_converted = 0
+
+    def find(self, uri: str, folder: Path, *, what: str) -> Path:
+        """The file that `uri` names; a relative path starts at `folder`.
+
+        Raises:
+            ExperimentError: the package is unknown, or there is no such file; the text begins with
+                `what`.
+        """
+        scheme, separator, rest = uri.partition("://")
+        if not separator:
+            path = folder / uri
+        elif scheme == "file":
+            path = Path(rest)
+        elif scheme in ("package", "model"):
+            name, _, inside = rest.partition("/")
+            if name in self._roots:
+                root = self._roots[name]
+            elif self._drake.Contains(name):
+                with one_line(f"{what} is {uri!r}"):  # Drake downloads what it does not hold.
+                    root = Path(self._drake.GetPath(name))
+            else:
+                known = [*self._roots, *self._drake.GetPackageNames()]
+                hint = closest(name, known) or f"known are {', '.join(known)}"
+                raise ExperimentError(
+                    f"{what} is {uri!r}; there is no package {name!r} in robot.packages: {hint}"
+                )
+            path = root / inside
+        else:
+            raise ExperimentError(f"{what} is {uri!r}; give a path, or package://NAME/PATH")
+        if not path.exists():
+            raise ExperimentError(f"{what} is {uri!r}, and {path} does not exist; correct the path")
+        return path.resolve()
 
     def directives(self, path: Path) -> tuple[ModelDirectives, bool]:
         """Directives with absolute files in them, and whether one of these is a copy."""
@@ -202,7 +170,7 @@ class _Reader:
                 entry = directive.add_model or directive.add_directives
                 if entry is None:
                     continue
-                file = place = self._find(entry.file, path.parent, what=f"file in {path}")
+                file = place = self.find(entry.file, path.parent, what=f"file in {path}")
                 if directive.add_model:
                     place = self.model(file)
                 else:
@@ -216,18 +184,18 @@ class _Reader:
     def model(self, path: Path) -> Path:
         """Reads a model file; returns where Drake is to read it, which may be a copy."""
         with self._reading(path):
-            find_references = _FORMATS.get(path.suffix.lower())
-            if find_references is None:  # Drake says what is wrong with it.
+            suffix = path.suffix.lower()
+            if suffix not in _NAMING:  # Drake says what is wrong with it.
                 return path
             document = _read_xml(path)
-            if path.suffix.lower() == ".xml":
+            if suffix == ".xml":
                 self._join_included(document, document, path.parent)
             places = []
-            for node, folder, taken in find_references(document, path.parent):
+            for node, folder, taken in _references(document, suffix, path.parent):
                 # An attribute, or the text of an element; else it names no file.
                 is_text = isinstance(node, xml.dom.minidom.Attr | xml.dom.minidom.Text)
                 if is_text and (uri := node.nodeValue.strip()):
-                    file = self._find(uri, folder, what=f"file in {path}")
+                    file = self.find(uri, folder, what=f"file in {path}")
                     places.append((node, file, self._place(file, taken)))
         if all(file == place for _, file, place in places):
             return path
@@ -243,7 +211,7 @@ class _Reader:
         self.files |= dict.fromkeys([file, *_buffers(file)])
         if file.suffix.lower() in taken:
             return file
-        place, is_new = as_obj(file)
+        place, is_new = _as_obj(file)
         self.num_converted += is_new
         return place
 
@@ -251,7 +219,7 @@ class _Reader:
         """Puts what MJCF files include in its place; all paths start at the main file."""
         for include in list(part.getElementsByTagName("include")):
             name = include.getAttribute("file")
-            file = self._find(name, folder, what="file of an <include>")
+            file = self.find(name, folder, what="file of an <include>")
             with self._reading(file):
                 root: Any = _read_xml(file).documentElement
                 included = document.importNode(root, True)
@@ -263,7 +231,7 @@ class _Reader:
     @contextlib.contextmanager
     def _reading(self, path: Path) -> Iterator[None]:
         if path in self._open:
-            raise ModelError(f"{path} includes itself; remove that include")
+            raise ExperimentError(f"{path} includes itself; remove that include")
         self.files[path] = None
         self._open.append(path)
         yield
@@ -275,34 +243,24 @@ def _read_xml(path: Path) -> xml.dom.minidom.Document:
         # Without namespaces, because models use prefixes that they do not declare.
         return xml.dom.expatbuilder.parse(str(path), namespaces=False)
     except (ExpatError, ValueError, OSError) as error:
-        raise ModelError(f"model {path} is not readable XML ({error}); correct it") from None
+        raise ExperimentError(f"model {path} is not readable XML ({error}); correct it") from None
 
 
-# XML nodes that name other files, the folder in which a relative path starts, and the suffixes that
-# Drake takes; None for a file that is itself a model.
-_References = Iterator[tuple[Any, Path, frozenset[str] | None]]
-
-
-def _urdf_references(document: xml.dom.minidom.Document, folder: Path) -> _References:
-    for tag, taken in (("mesh", DRAKE_SUFFIXES), ("texture", _IMAGES)):
+def _references(
+    document: xml.dom.minidom.Document, suffix: str, folder: Path
+) -> Iterator[tuple[Any, Path, frozenset[str] | None]]:
+    """XML nodes that name other files, where a relative path starts, and what Drake takes."""
+    if suffix == ".xml":
+        for compiler in document.getElementsByTagName("compiler"):
+            meshes = compiler.getAttribute("meshdir") or compiler.getAttribute("assetdir")
+            folder = folder / meshes
+    for tag, attribute, taken in _NAMING[suffix]:
         for element in document.getElementsByTagName(tag):
-            yield element.getAttributeNode("filename"), folder, taken
-
-
-def _sdf_references(document: xml.dom.minidom.Document, folder: Path) -> _References:
-    for parent, taken in (("mesh", DRAKE_SUFFIXES), ("include", None)):
-        for element in document.getElementsByTagName(parent):
-            for uri in element.getElementsByTagName("uri"):
-                yield uri.firstChild, folder, taken
-    for element in document.getElementsByTagName("drake:diffuse_map"):
-        yield element.firstChild, folder, _IMAGES
-
-
-def _mjcf_references(document: xml.dom.minidom.Document, folder: Path) -> _References:
-    for compiler in document.getElementsByTagName("compiler"):
-        folder = folder / (compiler.getAttribute("meshdir") or compiler.getAttribute("assetdir"))
-    for element in document.getElementsByTagName("mesh"):
-        yield element.getAttributeNode("file"), folder, frozenset({".obj"})
+            if attribute:
+                yield element.getAttributeNode(attribute), folder, taken
+            else:
+                for uri in element.getElementsByTagName("uri") or [element]:
+                    yield uri.firstChild, folder, taken
 
 
 def _mjcf_efforts(document: Any) -> dict[str, float]:
@@ -356,11 +314,19 @@ def _limit_efforts(
 
 
 _ACTUATORS = ("motor", "position", "velocity", "general")
+# What Drake 1.51 and 1.58 take as collision geometry, and draw.
+_DRAKE_SUFFIXES = frozenset({".obj", ".vtk", ".gltf"})
 _IMAGES = frozenset({".png", ".jpg", ".jpeg", ".ktx2"})
-_FORMATS: dict[str, Callable[[xml.dom.minidom.Document, Path], _References]] = {
-    ".urdf": _urdf_references,
-    ".sdf": _sdf_references,
-    ".xml": _mjcf_references,
+# Elements that name other files: by an attribute, or by their own text or that of a <uri> in them;
+# and the suffixes that Drake takes, None for a file that is itself a model.
+_NAMING: dict[str, tuple[tuple[str, str, frozenset[str] | None], ...]] = {
+    ".urdf": (("mesh", "filename", _DRAKE_SUFFIXES), ("texture", "filename", _IMAGES)),
+    ".sdf": (
+        ("mesh", "", _DRAKE_SUFFIXES),
+        ("include", "", None),
+        ("drake:diffuse_map", "", _IMAGES),
+    ),
+    ".xml": (("mesh", "file", frozenset({".obj"})),),
 }
 
 
@@ -372,29 +338,78 @@ def _buffers(path: Path) -> list[Path]:
         buffers = json.loads(path.read_bytes()).get("buffers", [])
         names = [buffer.get("uri", "data:") for buffer in buffers]
     except (ValueError, AttributeError) as error:
-        raise ModelError(f"mesh {path} is not readable glTF ({error}); export it again") from None
+        raise ExperimentError(
+            f"mesh {path} is not readable glTF ({error}); export it again"
+        ) from None
     files = [path.parent / unquote(name) for name in names if not name.startswith("data:")]
     return [file.resolve() for file in files if file.is_file()]
 
 
 def _cached_copy(name: str, text: str) -> Path:
     """Keeps a rewritten file in the cache; the same text is the same file."""
-    path = cache_folder() / "models" / hashlib.sha256(text.encode()).hexdigest() / name
+    path = _cache_folder() / "models" / hashlib.sha256(text.encode()).hexdigest() / name
     if not path.is_file():
         path.parent.mkdir(parents=True, exist_ok=True)
         write_text_whole(path, text)
     return path
 
 
-class _Records(logging.Handler):
-    """Keeps what is logged."""
+def _cache_folder() -> Path:
+    """Where converted files are kept: in `$XDG_CACHE_HOME`, or `~/.cache`."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "selftouch_drake"
 
-    def __init__(self):
-        super().__init__()
-        self.records: list[logging.LogRecord] = []
 
-    def emit(self, record: logging.LogRecord) -> None:
-        self.records.append(record)
+def _as_obj(path: Path) -> tuple[Path, bool]:
+    """The OBJ file of a mesh in the cache, in metres, and whether it was made just now.
+
+    The same content gives the same file; one that is there is used again.
+    """
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ExperimentError(
+            f"mesh {path} cannot be read ({error.strerror}); give the path of a mesh file"
+        ) from None
+    digest = hashlib.sha256(path.suffix.lower().encode() + content).hexdigest()
+    converted = _cache_folder() / "meshes" / digest / f"{path.stem}.obj"
+    if converted.is_file():
+        return converted, False
+    text = trimesh.exchange.obj.export_obj(
+        _read_mesh(path), include_normals=False, include_color=False, include_texture=False
+    )
+    converted.parent.mkdir(parents=True, exist_ok=True)
+    write_text_whole(converted, text)
+    return converted, True
+
+
+def _read_mesh(path: Path) -> trimesh.Trimesh:
+    try:
+        scale = _metres_per_unit(path)
+        # Scenes of several pieces become one mesh, each piece in its place.
+        scene: Any = trimesh.load(path, force="scene")
+        mesh = trimesh.util.concatenate(scene.dump())
+    except ExperimentError:
+        raise
+    except Exception as error:  # Each of trimesh's readers fails in its own way.
+        reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
+        raise ExperimentError(f"mesh {path} cannot be read ({reason}); export it as OBJ") from error
+    if not isinstance(mesh, trimesh.Trimesh) or mesh.is_empty:
+        raise ExperimentError(f"mesh {path} has no triangles; export it as OBJ")
+    return mesh.apply_scale(scale)
+
+
+def _metres_per_unit(path: Path) -> float:
+    """COLLADA states its unit, which trimesh does not apply; other formats are in metres."""
+    if path.suffix.lower() != ".dae":
+        return 1.0
+    try:
+        import collada
+    except ImportError:
+        raise ExperimentError(
+            f"mesh {path} is a COLLADA file, which needs pycollada: "
+            "pip install 'selftouch-drake[collada]'"
+        ) from None
+    return collada.Collada(str(path), ignore=[collada.common.DaeError]).assetInfo.unitmeter or 1.0
 
 
 @contextlib.contextmanager
@@ -402,20 +417,24 @@ def one_line(what: str) -> Iterator[None]:
     """Makes one line of what Drake raises, and keeps what it logs from the terminal.
 
     Drake warns of everything in a model that it does not use, as of the whole `contact` of MJCF.
+
+    Raises:
+        ExperimentError: Drake raised something; the text is `what` and Drake's own.
     """
     log = logging.getLogger("drake")
-    kept, propagates = _Records(), log.propagate
+    kept, propagates = logging.handlers.BufferingHandler(sys.maxsize), log.propagate
     log.addHandler(kept)
     log.propagate = False
     try:
         yield
-    except (MeshError, ModelError):
+    except ExperimentError:
         raise
-    # Some of Drake's checks log what is wrong and then raise SystemExit.
-    except (Exception, SystemExit) as error:
-        errors = [r.getMessage() for r in kept.records if r.levelno >= logging.ERROR]
+    # What pydrake makes of C++ exceptions; some of Drake's checks log what is wrong and then raise
+    # SystemExit.
+    except (RuntimeError, ValueError, IndexError, SystemExit) as error:
+        errors = [r.getMessage() for r in kept.buffer if r.levelno >= logging.ERROR]
         reason = " ".join("; ".join(errors or [str(error)]).split())
-        raise ModelError(f"{what}: {reason[:500]}") from error
+        raise ExperimentError(f"{what}: {reason[:500]}") from error
     finally:
         log.removeHandler(kept)
         log.propagate = propagates

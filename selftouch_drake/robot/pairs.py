@@ -17,13 +17,14 @@ from pydrake.geometry import (
 )
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, RevoluteJoint, RigidBody
-from pydrake.systems.framework import Context
 
 from selftouch_drake.experiment import Experiment, ExperimentError
-from selftouch_drake.robot.kinematics import JointTree
+from selftouch_drake.robot.kinematics import joint_tree
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
 
+#: The collision geometries that the models give links.
+OwnGeometries = Mapping[BodyIndex, tuple[GeometryId, ...]]
 # m; joints nearer to each other than this turn at one place.
 _ONE_PLACE = 0.01
 
@@ -82,20 +83,10 @@ class Neighbours:
     Next to each other are two links with one joint between them, or several that turn at one place,
     as in a spherical wrist: the links between those have no length. So are links between which
     there are only massless ones, which a parser puts between several joints of one body. The
-    models may name more, in collision filter groups.
-
-    Args:
-        plant: finalized.
-        scene_graph: with the filters of the models.
-        own: of `own_geometries`.
+    models may name more, in collision filter groups of `own_geometries`. The plant is finalized.
     """
 
-    def __init__(
-        self,
-        plant: MultibodyPlant,
-        scene_graph: SceneGraph,
-        own: Mapping[BodyIndex, tuple[GeometryId, ...]],
-    ):
+    def __init__(self, plant: MultibodyPlant, scene_graph: SceneGraph, own: OwnGeometries):
         self._inspector, self._own = scene_graph.model_inspector(), own
         # A group is called after its first link.
         self._group = {
@@ -103,23 +94,21 @@ class Neighbours:
             for link in all_links(plant)
         }
         context = plant.CreateDefaultContext()
-        tree = JointTree(plant)
-        turns = [isinstance(joint, RevoluteJoint) for joint in tree.joints]
-        frames = [tree.frames(joint) for joint in tree.joints]
-        ends = [(self.of(near.body()), self.of(far.body())) for near, far in frames]
+        tree = joint_tree(plant)
+        turns = [isinstance(joint, RevoluteJoint) for joint, *_ in tree]
+        ends = [(self.of(near.body()), self.of(far.body())) for _, near, far, _ in tree]
         # For each joint the links that it, or a joint before it at the same place, starts from.
         starts: list[set[int]] = []
         for joint, (parent, _) in enumerate(ends):
             starts.append({parent})
-            carried = plant.GetBodiesWeldedTo(frames[joint][0].body())
+            carried = plant.GetBodiesWeldedTo(tree[joint][1].body())
             massless = not sum(body.default_mass() for body in carried)
             for before in range(joint):
-                at_one_place = (
-                    turns[before]
-                    and turns[joint]
-                    and _are_at_one_place(frames[before][1], frames[joint][0], context)
-                )
-                if ends[before][1] == parent and (massless or at_one_place):
+                if ends[before][1] != parent:
+                    continue
+                X = tree[joint][1].CalcPose(context, tree[before][2])
+                at_one_place = np.linalg.norm(X.translation()) < _ONE_PLACE
+                if massless or (turns[before] and turns[joint] and at_one_place):
                     starts[joint] |= starts[before]
         self._adjacent = {
             pair
@@ -144,10 +133,6 @@ class Neighbours:
         ends = self._own.get(a.index()), self._own.get(b.index())
         # A filter group has all geometries of a link, or none.
         return all(ends) and self._inspector.CollisionFiltered(*(ids[0] for ids in ends if ids))
-
-
-def _are_at_one_place(a: Frame, b: Frame, context: Context) -> bool:
-    return float(np.linalg.norm(b.CalcPose(context, a).translation())) < _ONE_PLACE
 
 
 def touching_pairs(
@@ -187,43 +172,37 @@ def touching_pairs(
     return pairs
 
 
-def own_geometries(
-    plant: MultibodyPlant, scene_graph: SceneGraph
-) -> dict[BodyIndex, tuple[GeometryId, ...]]:
+def own_geometries(plant: MultibodyPlant, scene_graph: SceneGraph) -> OwnGeometries:
     """The collision geometries of each link that has any, before skins and touchers are added.
 
     A half space, as the floor of a MuJoCo file, is not a part of a robot and is left out.
     """
     inspector = scene_graph.model_inspector()
-    found = {
-        link.index(): tuple(
-            geometry
-            for geometry in link_geometries(plant, inspector, link, Role.kProximity)
-            if not isinstance(inspector.GetShape(geometry), HalfSpace)
-        )
-        for link in all_links(plant)
-    }
-    return {index: geometries for index, geometries in found.items() if geometries}
+    found = {}
+    for link in all_links(plant):
+        geometries = link_geometries(plant, inspector, link, Role.kProximity)
+        solid = [g for g in geometries if not isinstance(inspector.GetShape(g), HalfSpace)]
+        if solid:
+            found[link.index()] = tuple(solid)
+    return found
 
 
 def rigid_pairs(
     plant: MultibodyPlant,
     neighbours: Neighbours,
-    own: Mapping[BodyIndex, tuple[GeometryId, ...]],
+    own: OwnGeometries,
     experiment: Experiment,
     worn: Sequence[WornSkin],
 ) -> Iterator[RigidPair]:
-    """Pairs of links with collision geometry of their own that are not neighbours.
+    """Pairs of links of `own_geometries` that are not neighbours; the plant is finalized.
 
     A skin that lies on its link's own geometry makes the outer layer of that geometry soft.
-
-    Args:
-        plant: finalized.
-        neighbours: links that may overlap.
-        own: of `own_geometries`.
-        experiment: gives the depth that is allowed.
-        worn: the skins.
     """
+    softness: dict[BodyIndex, float] = {}
+    for skin in worn:
+        if skin.model.is_own_geometry:
+            deepest = max(skin.model.wall.thickness, softness.get(skin.link.index(), 0.0))
+            softness[skin.link.index()] = deepest
     for a, b in itertools.combinations(own, 2):
         links = plant.get_body(a), plant.get_body(b)
         if not neighbours.are_neighbours(*links):
@@ -231,18 +210,8 @@ def rigid_pairs(
                 links=links,
                 geometry_ids=(own[a], own[b]),
                 allowed_depth=experiment.robot.collision_depth
-                + sum(_softness(link, worn) for link in links),
+                + sum(softness.get(link.index(), 0.0) for link in links),
             )
-
-
-def _softness(link: RigidBody, worn: Sequence[WornSkin]) -> float:
-    """m, depth of the soft outer layer of a link's own geometry."""
-    thickness = (
-        skin.model.wall.thickness
-        for skin in worn
-        if skin.link.index() == link.index() and skin.model.is_own_geometry
-    )
-    return max(thickness, default=0.0)
 
 
 def leave_to_collide(

@@ -2,24 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import GeometryId, HydroelasticContactRepresentation, SceneGraph
+from pydrake.geometry import HydroelasticContactRepresentation, SceneGraph
 from pydrake.multibody.plant import ContactModel, DiscreteContactApproximation, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, Joint, PdControllerGains
+from pydrake.multibody.tree import Joint, PdControllerGains
 
-from selftouch_drake.experiment import (
-    ExecutionSettings,
-    Experiment,
-    ExperimentError,
-    ToucherSettings,
-)
-from selftouch_drake.robot.changes import change_joints, frame_after
-from selftouch_drake.robot.fixed_joints import fix_joints
-from selftouch_drake.robot.kinematics import Kinematics, moving_joints
-from selftouch_drake.robot.links import find_frame, find_link, scoped_name
+from selftouch_drake.experiment import ExecutionSettings, Experiment
+from selftouch_drake.robot.joints import change_joints, fix_joints
+from selftouch_drake.robot.kinematics import Kinematics, joint_tree
+from selftouch_drake.robot.links import scoped_name
 from selftouch_drake.robot.models import load_model, parse
 from selftouch_drake.robot.pairs import (
     Neighbours,
@@ -31,9 +25,9 @@ from selftouch_drake.robot.pairs import (
     rigid_pairs,
     touching_pairs,
 )
-from selftouch_drake.robot.skin_registration import wear
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.touchers import register_ball, register_shapes
+from selftouch_drake.robot.tactile_skin import RegisterSkin
+from selftouch_drake.robot.touchers import add_toucher
 
 # rad, how far babbling turns a joint that turns without limits.
 TURN = 2 * np.pi
@@ -106,7 +100,7 @@ class Robot:
 
     def toucher_positions(self, q: np.ndarray) -> np.ndarray:
         """`(N, touchers, 3)` m, the touchers' frames in the world at `q` `(N, J)`."""
-        return self.kinematics.positions(q)[:, len(self.skins) :]
+        return self.kinematics.poses(q)[:, len(self.skins) :, :, 3]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -161,8 +155,8 @@ def MakeRobot(
     `collisions.CollisionCheck` and the dynamic world.
 
     Args:
-        experiment: the experiment.
-        skins: its skins.
+        experiment: names the robot, and what touches.
+        skins: of the experiment.
         scene_graph: of the new plant.
         soft: whether Drake computes contact with the skins.
 
@@ -185,10 +179,10 @@ def MakeRobot(
     fix_joints(plant, experiment, model)
     own = own_geometries(plant, scene_graph)
 
-    worn = [wear(plant, skin, visible=False, soft=soft) for skin in skins]
+    worn = [RegisterSkin(plant, skin, visible=False, soft=soft) for skin in skins]
     touchers = [
-        _add_toucher(plant, scene_graph, name, toucher, worn, own, experiment)
-        for name, toucher in experiment.touching.items()
+        add_toucher(plant, scene_graph.model_inspector(), name, experiment, worn, own)
+        for name in experiment.touching
     ]
     gains = PdControllerGains(p=experiment.execution.stiffness, d=experiment.execution.damping)
     for actuator in plant.GetJointActuatorIndices():
@@ -203,42 +197,10 @@ def MakeRobot(
     return Robot(
         plant=plant,
         scene_graph=scene_graph,
-        joints=tuple(moving_joints(plant)),
+        joints=tuple(joint for joint, *_ in joint_tree(plant)),
         skins=tuple(worn),
         touchers=tuple(touchers),
         touching_pairs=pairs,
         rigid_pairs=rigid,
         kinematics=Kinematics.of(plant, frames),
     )
-
-
-def _add_toucher(
-    plant: MultibodyPlant,
-    scene_graph: SceneGraph,
-    name: str,
-    described: ToucherSettings,
-    worn: Sequence[WornSkin],
-    own: Mapping[BodyIndex, tuple[GeometryId, ...]],
-    experiment: Experiment,
-) -> Toucher:
-    field = f"touching.{name}"
-    if described.link is None:
-        frame = find_frame(plant, str(described.frame), f"{field}.frame")
-        frame = frame_after(plant, experiment, frame)
-        ids = (register_ball(plant, name, frame, float(described.radius or 0.0)),)
-        return Toucher(name=name, link=frame.body(), frame=frame, geometry_ids=ids)
-    link = find_link(plant, described.link, f"{field}.link")
-    ids = tuple(skin.geometry_id for skin in worn if skin.link.index() == link.index())
-    if not ids:
-        if link.index() not in own:
-            raise ExperimentError(
-                f"{field}.link is {described.link!r}, a link without collision geometry; add some "
-                "in its model, or give a ball by frame and radius"
-            )
-        try:
-            ids = register_shapes(
-                plant, name, link, own[link.index()], scene_graph.model_inspector()
-            )
-        except ValueError as error:
-            raise ExperimentError(f"{field}.link is {described.link!r}: {error}") from error
-    return Toucher(name=name, link=link, frame=link.body_frame(), geometry_ids=ids)

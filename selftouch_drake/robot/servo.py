@@ -7,7 +7,7 @@ sensations along the motion (a histogram filter, Thrun, Burgard, Fox: Probabilis
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from pydrake.common.value import Value
@@ -25,8 +25,9 @@ BANDWIDTH = 12.0
 #: rad, the longest offset: 6 cm at an arm's length.
 MAX_OFFSET = 0.08
 
-# rad, standard deviation of the offset before anything is felt.
-_PRIOR = 0.02
+# The belief before anything is felt: the offset has a standard deviation of 0.02 rad.
+_PRIOR = np.exp(-0.5 * np.square(OFFSETS / 0.02))
+_PRIOR /= _PRIOR.sum()
 
 # rad per root of a second: growth of the uncertainty, because the direction across turns.
 _DRIFT = 0.02
@@ -39,38 +40,10 @@ _ERROR_N, _ERROR_SHARE, _WEIGHT = 0.3, 0.2, 0.5
 _LEAST_BELIEF = 1e-6
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Beside:
-    """The sensations beside a path.
-
-    K places along the path, J joints, G places across it (`OFFSETS`).
-
-    Attributes:
-        time_s: `(K,)` s, time of each place.
-        across: `(K, J)` unit length, direction across the skin, in scaled configurations.
-        joint_scale: `(J,)` rad per rad or m, factors of scaled configurations.
-        strength: `(K, G)` N, strength of the touch; null where the servo should rest.
-    """
-
-    time_s: np.ndarray
-    across: np.ndarray
-    joint_scale: np.ndarray
-    strength: np.ndarray
-
-    def at(self, time_s: float) -> tuple[np.ndarray, np.ndarray]:
-        """`(J,)` the direction across, and `(G,)` N the strength beside the path, at a time."""
-        place = max(int(np.searchsorted(self.time_s, time_s, side="right")) - 1, 0)
-        return self.across[place], self.strength[place]
-
-
 def corrected(belief: np.ndarray, felt: float, expected: np.ndarray, period_s: float) -> np.ndarray:
-    """The belief after a sensation.
+    """The belief `(G,)`, probabilities of `OFFSETS`, after a sensation and `period_s` s.
 
-    Args:
-        belief: `(G,)` probability of each of `OFFSETS`.
-        felt: N, strength of the touch.
-        expected: `(G,)` N, the strength expected at each offset.
-        period_s: s since the last update.
+    The touch is felt with a strength in N; expected is `(G,)` N, the strength at each offset.
     """
     error = _ERROR_N + _ERROR_SHARE * expected
     likely = -0.5 * np.square((felt - expected) / error) - np.log(error)
@@ -103,7 +76,10 @@ class TouchServo(LeafSystem):
 
     - desired_state: `(2J,)` rad or m, and their rates; input as planned, output with the offset.
     - sensation: `(S,)` N.
-    - beside: a `Beside` over the context's time; `()` to keep the offset.
+    - beside: what is felt beside the path, across which `OFFSETS` lie, as attributes: `time_s`
+      `(K,)` s of the context, of places along the path; `across` `(K, J)` unit directions across
+      the skin, in configurations scaled by `joint_scale` `(J,)`; `strength` `(K, G)` N of the
+      touch, 0 where the servo rests. An agent's `TouchProfile` is one; `()` keeps the offset.
 
     The offset, its rate and the belief are discrete state. The offset never exceeds `MAX_OFFSET`,
     and never leads out of the limits of the joints.
@@ -124,7 +100,7 @@ class TouchServo(LeafSystem):
         # The offset at the last update, its rate, and when that was.
         offset = self.DeclareDiscreteState(2 * num_joints + 1)
         self._offset = int(offset)
-        self._belief = int(self.DeclareDiscreteState(_prior()))
+        self._belief = int(self.DeclareDiscreteState(_PRIOR))
         self.DeclarePeriodicDiscreteUpdateEvent(PERIOD, 0.0, self._update)
         self.DeclareVectorOutputPort(
             "desired_state",
@@ -137,7 +113,7 @@ class TouchServo(LeafSystem):
             },
         )
 
-    def Begin(self, context: Context, beside: Beside | None, *, at_rest: bool) -> None:
+    def Begin(self, context: Context, beside: Any, *, at_rest: bool) -> None:
         """Begins a motion at time 0: gives this system's context what is beside its path.
 
         Where the robot is put at rest, the offset is 0, else as it was.
@@ -149,7 +125,7 @@ class TouchServo(LeafSystem):
         offset = np.zeros(self._num_joints) if at_rest else self._moved(context)[0]
         held = np.zeros(self._num_joints + 1)
         context.SetDiscreteState(self._offset, np.concatenate([offset, held]))
-        context.SetDiscreteState(self._belief, _prior())
+        context.SetDiscreteState(self._belief, _PRIOR)
 
     def _moved(self, context):
         """The offset now, and its rate."""
@@ -161,8 +137,11 @@ class TouchServo(LeafSystem):
         beside, time_s = self._beside.Eval(context), context.get_time()
         offset, _ = self._moved(context)
         rate, belief = np.zeros(self._num_joints), context.get_discrete_state(self._belief).value()
-        across, expected = beside.at(time_s) if beside else (None, None)
-        if expected is not None and expected.any():
+        expected = np.zeros(0)
+        if beside:
+            place = max(int(np.searchsorted(beside.time_s, time_s, side="right")) - 1, 0)
+            across, expected = beside.across[place], beside.strength[place]
+        if expected.any():
             felt = float(np.linalg.norm(self._sensation.Eval(context)))
             belief = corrected(belief, felt, expected, PERIOD)
             # Out of touch, the mean of two sides is neither.
@@ -180,8 +159,3 @@ class TouchServo(LeafSystem):
         offset, rate = self._moved(context)
         there = (q + offset).clip(self._lower, self._upper)
         output.SetFromVector(np.concatenate([there, v + rate]))
-
-
-def _prior() -> np.ndarray:
-    belief = np.exp(-0.5 * np.square(OFFSETS / _PRIOR))
-    return belief / belief.sum()

@@ -1,25 +1,146 @@
-"""One simulation of a robot that follows commands: for plans, live play and babbling."""
+"""A robot under dynamics that follows commands: for plans, live play and babbling."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from pydrake.geometry import Meshcat
+from pydrake.geometry import (
+    CollisionFilterDeclaration,
+    GeometrySet,
+    Meshcat,
+    MeshcatVisualizer,
+    SceneGraph,
+)
+from pydrake.multibody.plant import MultibodyPlant
 from pydrake.systems.analysis import Simulator
-from pydrake.systems.framework import DiagramBuilder
-from pydrake.systems.primitives import LogVectorOutput, TrajectorySource
+from pydrake.systems.controllers import InverseDynamics
+from pydrake.systems.framework import Diagram, DiagramBuilder
+from pydrake.systems.primitives import (
+    Demultiplexer,
+    LogVectorOutput,
+    MatrixGain,
+    TrajectorySource,
+)
 from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake.experiment import Experiment
-from selftouch_drake.robot.imperfections import slip
-from selftouch_drake.robot.servo import Beside, TouchServo
+from selftouch_drake.robot.imperfections import ImperfectSkins, slip
+from selftouch_drake.robot.robot import MakeRobot, Robot
+from selftouch_drake.robot.servo import TouchServo
 from selftouch_drake.robot.skins import SkinModel
-from selftouch_drake.robot.station import MakeDynamicStation
+from selftouch_drake.robot.tactile_skin import AddTactileSkin, SkinReadout
 
 # s between two entries of the log.
 LOG_PERIOD = 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Station:
+    """A diagram and the robot in it.
+
+    The diagram has the ports
+
+    - input `desired_state` `(2J,)` rad or m and their rates, which joint controllers follow,
+    - outputs `state` `(2J,)`, `sensation` `(S,)` N, `torque` `(J,)` N·m or N, `contact_results` and
+      `query_object`.
+    """
+
+    diagram: Diagram
+    robot: Robot
+
+
+def MakeDynamicStation(
+    experiment: Experiment, skins: Sequence[SkinModel], meshcat: Meshcat | None = None
+) -> Station:
+    """A world with dynamics: gravity, effort limits, contact forces and joint control.
+
+    Each actuator is a PD controller inside the plant; gravity is compensated from a model of the
+    robot, as the controllers of real robots do. Rigid parts of the robot push each other away,
+    unless the outer layer of one is a soft skin.
+    """
+    builder = DiagramBuilder()
+    scene_graph = builder.AddNamedSystem("scene_graph", SceneGraph())
+    robot = MakeRobot(experiment, skins, scene_graph)
+    _let_rigid_parts_meet(robot, scene_graph)
+    plant = builder.AddSystem(robot.plant)
+    builder.Connect(
+        plant.get_geometry_pose_output_port(),
+        scene_graph.get_source_pose_port(plant.get_source_id()),
+    )
+    builder.Connect(scene_graph.get_query_output_port(), plant.get_geometry_query_input_port())
+    _add_gravity_compensation(builder, plant)
+    _export_desired_state(builder, robot)
+    touch = AddTactileSkin(builder, plant, scene_graph, robot.skins)
+    builder.ExportOutput(plant.get_state_output_port(), "state")
+    sensation = touch.GetOutputPort("sensation")
+    if imperfections := ImperfectSkins.of(experiment, skins):
+        readout = builder.AddNamedSystem(
+            "readout",
+            SkinReadout(
+                imperfections,
+                num_receptors=sensation.size(),
+                num_joints=robot.num_joints,
+                period_s=plant.time_step(),
+            ),
+        )
+        builder.Connect(sensation, readout.GetInputPort("sensation"))
+        configuration = builder.AddSystem(Demultiplexer([robot.num_joints] * 2))
+        builder.Connect(plant.get_state_output_port(), configuration.get_input_port())
+        builder.Connect(configuration.get_output_port(0), readout.GetInputPort("q"))
+        sensation = readout.get_output_port()
+    builder.ExportOutput(sensation, "sensation")
+    to_joints = builder.AddNamedSystem("torque", MatrixGain(plant.MakeActuationMatrix()))
+    builder.Connect(plant.get_net_actuation_output_port(), to_joints.get_input_port())
+    builder.ExportOutput(to_joints.get_output_port(), "torque")
+    builder.ExportOutput(plant.get_contact_results_output_port(), "contact_results")
+    builder.ExportOutput(scene_graph.get_query_output_port(), "query_object")
+    if meshcat is not None:
+        MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
+    return Station(diagram=builder.Build(), robot=robot)
+
+
+def _let_rigid_parts_meet(robot: Robot, scene_graph: SceneGraph) -> None:
+    """Lifts the filter between rigid parts, unless the outer layer of one is a soft skin."""
+    soft = {int(skin.link.index()) for skin in robot.skins if skin.model.is_own_geometry}
+    filters = scene_graph.collision_filter_manager()
+    for pair in robot.rigid_pairs:
+        if not soft & {int(link.index()) for link in pair.links}:
+            a, b = (GeometrySet(list(ids)) for ids in pair.geometry_ids)
+            filters.Apply(CollisionFilterDeclaration().AllowBetween(a, b))
+
+
+def _add_gravity_compensation(builder: DiagramBuilder, plant: MultibodyPlant) -> None:
+    gravity = builder.AddNamedSystem(
+        "gravity_compensation",
+        InverseDynamics(plant, InverseDynamics.InverseDynamicsMode.kGravityCompensation),
+    )
+    builder.Connect(plant.get_state_output_port(), gravity.get_input_port_estimated_state())
+    # From joints to actuators, which may have another order.
+    to_actuators = builder.AddNamedSystem(
+        "actuation", MatrixGain(np.linalg.inv(plant.MakeActuationMatrix()))
+    )
+    builder.Connect(gravity.get_output_port_generalized_force(), to_actuators.get_input_port())
+    builder.Connect(to_actuators.get_output_port(), plant.get_actuation_input_port())
+
+
+def _export_desired_state(builder: DiagramBuilder, robot: Robot) -> None:
+    """One input for all joints; Drake's plant has one for each model in it."""
+    plant = robot.plant
+    instances = {int(joint.model_instance()): joint.model_instance() for joint in robot.joints}
+    for number, instance in enumerate(instances.values()):
+        joints = [
+            plant.get_joint_actuator(a).joint().index()
+            for a in plant.GetJointActuatorIndices(instance)
+        ]
+        selection = builder.AddSystem(MatrixGain(plant.MakeStateSelectorMatrix(joints)))
+        builder.Connect(selection.get_output_port(), plant.get_desired_state_input_port(instance))
+        if number:
+            builder.ConnectInput("desired_state", selection.get_input_port())
+        else:
+            builder.ExportInput(selection.get_input_port(), "desired_state")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,14 +169,14 @@ class Simulation:
 
     Attributes:
         robot: the robot.
-        log_period: s, between two entries of the log.
         slip: `(J,)` rad or m, by how much joints read more than their true position.
+        log_period: s, between two entries of the log.
 
     Args:
-        experiment: the experiment whose robot acts.
-        skins: its skins.
+        experiment: whose robot acts.
+        skins: of the robot.
         meshcat: where to show it.
-        log_period: s, between two entries of the log.
+        log_period: as above.
     """
 
     def __init__(
@@ -158,7 +279,7 @@ class Simulation:
         v: np.ndarray,
         *,
         jump: bool = False,
-        beside: Beside | None = None,
+        beside: Any = None,
     ) -> None:
         """Begins a motion at time 0, from where the robot is.
 
@@ -167,22 +288,21 @@ class Simulation:
             q: `(T, J)` rad or m, as the joints read.
             v: `(T, J)` rad/s or m/s.
             jump: whether the robot is put at rest where the motion starts.
-            beside: what would be felt beside it, for the touch servo; it keeps its offset without.
+            beside: what would be felt beside it, as `TouchServo` takes it; without, the servo keeps
+                its offset.
         """
         q = q - self.slip
         path = PiecewisePolynomial.CubicHermite(time_s, q.T, v.T)
         self._begin(path, q[0] if jump else None, beside)
 
-    def lead_to(self, q: np.ndarray, time_s: float) -> None:
-        """As `lead_through`, to one configuration `(J,)`."""
-        self.lead_through(np.asarray(q)[None], np.array([time_s]))
-
-    def lead_through(self, q: np.ndarray, time_s: np.ndarray) -> None:
+    def lead_through(self, q: np.ndarray, time_s: np.ndarray | float) -> None:
         """Leads the joints through `(n, J)` q, as they read, at constant velocities between them.
 
-        They are led from where they are commanded to be, and pass each q at its time `(n,)` s. Time
-        and the log go on, as they do not where a motion begins.
+        They are led from where they are commanded to be, and pass each q at its time `(n,)` s; it
+        may be one q `(J,)` and its time. Time and the log go on, as they do not where a motion
+        begins.
         """
+        q, time_s = np.atleast_2d(q), np.atleast_1d(time_s)
         # Then the command rests: the last node holds for a while.
         nodes = np.concatenate([self.q_commanded[None], q, q[-1:]]) - self.slip
         times = np.concatenate([[self.time_s], time_s, time_s[-1:] + LOG_PERIOD])
@@ -224,9 +344,7 @@ class Simulation:
         # What was computed from the path before is void.
         self._context.SetTime(self.time_s)
 
-    def _begin(
-        self, path: PiecewisePolynomial, q: np.ndarray | None, beside: Beside | None = None
-    ) -> None:
+    def _begin(self, path: PiecewisePolynomial, q: np.ndarray | None, beside: Any = None) -> None:
         if self._servo is not None:
             servo_context = self._servo.GetMyMutableContextFromRoot(self._context)
             self._servo.Begin(servo_context, beside, at_rest=q is not None)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,20 +29,12 @@ from selftouch_drake.geometry import (
 )
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.randomness import random_stream
-from selftouch_drake.robot.changes import skin_motion
+from selftouch_drake.robot.joints import skin_motion
 from selftouch_drake.robot.links import find_link, link_geometries, pieces_in_link
 from selftouch_drake.robot.models import load_model, parse
 
 # The surfaces that are the link's own.
 _ROLES = {"collision": Role.kProximity, "visual": Role.kIllustration}
-_MAKE: dict[str, Callable[..., trimesh.Trimesh]] = {
-    "sphere": surfaces.sphere,
-    "cube": surfaces.cube,
-    "torus": surfaces.torus,
-    "ellipsoid": surfaces.ellipsoid,
-    "cylinder": surfaces.cylinder,
-    "capsule": surfaces.capsule,
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,29 +59,22 @@ class SkinModel:
     is_own_geometry: bool
 
     def to_arrays(self) -> dict[str, np.ndarray]:
-        """All but the texts, as a file holds it."""
-        fields, weights = vars(self.fields), self.fields.vertex_weights
-        return {
-            **{f"wall_{name}": np.array(getattr(self.wall, name)) for name in _WALL},
-            **{f"fields_{name}": np.array(fields[name]) for name in _FIELDS},
-            **{f"weights_{name}": getattr(weights, name) for name in _WEIGHTS},
-            "hydroelastic_modulus": np.array(self.hydroelastic_modulus),
-            "is_own_geometry": np.array(self.is_own_geometry),
-        }
+        """All but the texts, by the names of `ARRAYS`."""
+        return {name: np.asarray(operator.attrgetter(name)(self)) for name in ARRAYS}
 
     @staticmethod
     def from_arrays(name: str, link: str, arrays: Mapping[str, np.ndarray]) -> SkinModel:
         """The skin of `to_arrays`."""
-        wall: dict[str, Any] = {key: arrays[f"wall_{key}"] for key in _WALL}
-        fields: dict[str, Any] = {key: arrays[f"fields_{key}"] for key in _FIELDS}
+        wall: dict[str, Any] = {key: arrays[f"wall.{key}"] for key in _WALL}
+        fields: dict[str, Any] = {key: arrays[f"fields.{key}"] for key in _FIELDS}
         shape = len(fields["vertices"]), len(fields["p_LS"])
-        weights = csr_matrix(tuple(arrays[f"weights_{key}"] for key in _WEIGHTS), shape)
-        radius, thickness = float(fields["radius"]), float(wall["thickness"])
+        weights = csr_matrix(tuple(arrays[key] for key in _WEIGHTS), shape)
+        wall["thickness"], fields["radius"] = float(wall["thickness"]), float(fields["radius"])
         return SkinModel(
             name=name,
             link=link,
-            wall=HollowSkin(**wall | {"thickness": thickness}),
-            fields=ReceptiveFields(**fields | {"radius": radius}, vertex_weights=weights),
+            wall=HollowSkin(**wall),
+            fields=ReceptiveFields(**fields, vertex_weights=weights),
             hydroelastic_modulus=float(arrays["hydroelastic_modulus"]),
             is_own_geometry=bool(arrays["is_own_geometry"]),
         )
@@ -96,12 +82,12 @@ class SkinModel:
 
 _WALL = [field.name for field in dataclasses.fields(HollowSkin)]
 _FIELDS = [f.name for f in dataclasses.fields(ReceptiveFields) if f.name != "vertex_weights"]
-_WEIGHTS = ("data", "indices", "indptr")
+_WEIGHTS = [f"fields.vertex_weights.{name}" for name in ("data", "indices", "indptr")]
 #: Names of the arrays of `SkinModel.to_arrays`.
 ARRAYS = (
-    *(f"wall_{name}" for name in _WALL),
-    *(f"fields_{name}" for name in _FIELDS),
-    *(f"weights_{name}" for name in _WEIGHTS),
+    *(f"wall.{name}" for name in _WALL),
+    *(f"fields.{name}" for name in _FIELDS),
+    *_WEIGHTS,
     "hydroelastic_modulus",
     "is_own_geometry",
 )
@@ -134,12 +120,6 @@ def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:
     )
 
 
-def receptor_skin(skins: tuple[SkinModel, ...]) -> np.ndarray:
-    """`(S,)` int8, the number of the skin that each reading of a sensation comes from."""
-    sizes = [skin.fields.num_receptors for skin in skins]
-    return np.repeat(np.arange(len(skins), dtype=np.int8), sizes)
-
-
 def make_skin(
     name: str,
     skin: Skin,
@@ -150,17 +130,10 @@ def make_skin(
     smallest_ball: float | None = None,
     motion: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> SkinModel:
-    """One skin of a link of `plant`.
+    """One skin of a link of `plant`, which may be finalized or not.
 
-    Args:
-        name: of the skin, which errors begin with.
-        skin: what it is.
-        plant: with the link, finalized or not.
-        scene_graph: with the link's own geometry.
-        seed: of the receptors' places.
-        smallest_ball: m, radius of the smallest ball that can get into a hollow body; None if
-            nothing can.
-        motion: where the skin went since it was made; see `changes.skin_motion`.
+    The seed chooses the receptors' places. The smallest ball that can get into a hollow body has a
+    radius in m; None if nothing can. The motion since the skin was made is of `skin_motion`.
 
     Raises:
         ExperimentError: the skin cannot be made; the text names the field, the value and the
@@ -173,12 +146,7 @@ def make_skin(
         # Only a hollow body has an inside for a ball to get into.
         inspector = scene_graph.model_inspector()
         filled = own or bool(link_geometries(plant, inspector, link, Role.kProximity))
-        p_LS = place_receptors(
-            surface,
-            skin.num_receptors,
-            seed,
-            unevenness=skin.unevenness,
-        )
+        p_LS = place_receptors(surface, skin.num_receptors, seed, unevenness=skin.unevenness)
         if motion is not None:
             A, b = motion
             p_LS = p_LS @ A.T + b
@@ -236,7 +204,7 @@ def _outer_surface(
         )
     else:
         dimensions = [getattr(wanted, name) for name in SHAPES[wanted.shape]]
-        surface = _MAKE[wanted.shape](*dimensions, resolution=wanted.resolution)
+        surface = getattr(surfaces, wanted.shape)(*dimensions, resolution=wanted.resolution)
     if any(wanted.translation) or any(wanted.rpy_deg):
         X_LA = RigidTransform(RollPitchYaw(np.radians(wanted.rpy_deg)), wanted.translation)
         surface = trimesh.Trimesh(X_LA.multiply(surface.vertices.T).T, surface.faces, process=False)

@@ -1,107 +1,241 @@
-"""The tactile skin in Drake: hydroelastic geometry on a link, and the systems that feel it."""
+"""The tactile skin in Drake: skins for links of any plant, and the systems that feel."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-from pydrake.common import MemoryFile
 from pydrake.common.value import Value
 from pydrake.geometry import (
     AddCompliantHydroelasticProperties,
     AddContactMaterial,
-    GeometryId,
-    InMemoryMesh,
-    Mesh,
+    CollisionFilterDeclaration,
+    GeometrySet,
     ProximityProperties,
     Rgba,
+    Role,
+    SceneGraph,
     SceneGraphConfig,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import ContactModel, ContactResults, CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import BodyIndex, RigidBody
+from pydrake.multibody.parsing import (
+    LoadModelDirectivesFromString,
+    Parser,
+    ProcessModelDirectives,
+)
+from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from selftouch_drake.geometry import HollowSkin, ReceptiveFields, vtk_text
+from selftouch_drake.experiment import (
+    ExperimentError,
+    Imperfections,
+    Skin,
+    load_skins,
+    skins_from_fields,
+    yaml_sections,
+)
+from selftouch_drake.geometry import vtk_text
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.contact import SensorModel
 from selftouch_drake.robot.imperfections import ImperfectSkins
+from selftouch_drake.robot.links import FRICTION, all_links, find_link, in_memory, link_geometries
+from selftouch_drake.robot.models import one_line
+from selftouch_drake.robot.pairs import Neighbours, WornSkin
+from selftouch_drake.robot.skins import SkinModel, make_skin, receptor_seed
 
-# Slippery, like the skin of an exploring finger: friction changes no reading, only the effort.
-SKIN_FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
 # s/m, Hunt and Crossley's: enough that a finger does not bounce.
-SKIN_DISSIPATION = 10.0
+_DISSIPATION = 10.0
 # Light grey and opaque, as a skin looks.
 _COLOR = Rgba(0.78, 0.79, 0.82, 1.0)
 
 
-class UnfeltContactWarning(UserWarning):
-    """Something presses a skin with a contact that the skin cannot feel."""
+def AddSkins(
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    skins: str | Path | Mapping[str, Skin | Mapping[str, Any]],
+    *,
+    seed: int = 0,
+    visible: bool = True,
+) -> tuple[WornSkin, ...]:
+    """Gives links of a plant soft skins, before the plant is finalized.
+
+    A skin whose surface is `collision` or `visual` takes the place of its link's own collision
+    geometry, which would else push away what presses the skin. Call it once per plant, with all
+    skins.
+
+    Args:
+        plant: not yet finalized, registered with `scene_graph`.
+        scene_graph: with the links' own geometry.
+        skins: by name, as the `skins` of an experiment; or a YAML file that has such a mapping.
+        seed: of the receptors' places.
+        visible: whether Meshcat shows the skins' outer surfaces.
+
+    Raises:
+        ExperimentError: a skin cannot be made, or is not perfect; the text names the field, the
+            value and the remedy.
+    """
+    wanted = load_skins(skins) if isinstance(skins, (str, Path)) else skins_from_fields(skins)
+    for name, skin in wanted.items():
+        if skin.imperfections != Imperfections():
+            raise ExperimentError(
+                f"skins.{name}.imperfections is given; leave it out, and connect a SkinReadout to "
+                "the TactileSkin"
+            )
+    models = [
+        make_skin(name, skin, plant, scene_graph, seed=receptor_seed(seed, number))
+        for number, (name, skin) in enumerate(wanted.items())
+    ]
+    inspector = scene_graph.model_inspector()
+    for model in models:
+        if model.is_own_geometry:
+            link = find_link(plant, model.link, f"skins.{model.name}.link")
+            for geometry in link_geometries(plant, inspector, link, Role.kProximity):
+                scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
+    return tuple(RegisterSkin(plant, model, visible=visible) for model in models)
 
 
 def RegisterSkin(
-    plant: MultibodyPlant,
-    body: RigidBody,
-    skin: HollowSkin,
-    *,
-    hydroelastic_modulus: float,
-    X_LS: RigidTransform | None = None,
-    name: str = "skin",
-    visible: bool = True,
-) -> GeometryId:
-    """Gives `body` a soft hollow skin as compliant hydroelastic collision geometry.
+    plant: MultibodyPlant, model: SkinModel, *, visible: bool = True, soft: bool = True
+) -> WornSkin:
+    """Gives the link of a skin its geometry, before the plant is finalized.
 
     Args:
-        plant: a plant that is registered with a scene graph and not yet finalized.
-        body: the body to be covered, frame L.
-        skin: the hollow skin.
-        hydroelastic_modulus: Pa.
-        X_LS: the skin's frame S on the body; by default they are one.
-        name: of the geometry, unique on the body.
+        plant: registered with a scene graph.
+        model: the skin, in the frame of its link.
         visible: whether Meshcat shows its outer surface.
+        soft: whether Drake computes contact with it; without, a plant takes a tenth of the time to
+            build.
 
     Raises:
-        ValueError: the modulus is not positive.
+        ExperimentError: the plant has no such link.
     """
-    if not hydroelastic_modulus > 0:
-        raise ValueError(f"hydroelastic_modulus is {hydroelastic_modulus}; give a number above 0")
-    X_LS = X_LS or RigidTransform()
-    properties = ProximityProperties()
-    # Where one of Drake's defaults is missing, each context computes the pressure field again.
-    defaults = SceneGraphConfig().default_proximity_properties
-    AddContactMaterial(
-        dissipation=SKIN_DISSIPATION,
-        friction=SKIN_FRICTION,
-        point_stiffness=defaults.point_stiffness,
-        properties=properties,
-    )
-    properties.AddProperty("material", "relaxation_time", defaults.relaxation_time)
-    AddCompliantHydroelasticProperties(
-        resolution_hint=skin.thickness,  # asked for, but a mesh has its own resolution
-        hydroelastic_modulus=hydroelastic_modulus,
-        properties=properties,
-    )
-    mesh = wall_mesh(skin, name)
-    geometry_id = plant.RegisterCollisionGeometry(body, X_LS, mesh, name, properties)
+    link = find_link(plant, model.link, f"skins.{model.name}.link")
+    name, properties = f"skin_{model.name}", ProximityProperties()
+    if soft:
+        # Where one of Drake's defaults is missing, each context computes the pressure field again.
+        defaults = SceneGraphConfig().default_proximity_properties
+        AddContactMaterial(
+            dissipation=_DISSIPATION,
+            friction=FRICTION,
+            point_stiffness=defaults.point_stiffness,
+            properties=properties,
+        )
+        properties.AddProperty("material", "relaxation_time", defaults.relaxation_time)
+        AddCompliantHydroelasticProperties(
+            resolution_hint=model.wall.thickness,  # asked for, but a mesh has its own resolution
+            hydroelastic_modulus=model.hydroelastic_modulus,
+            properties=properties,
+        )
+    wall = in_memory(vtk_text(model.wall), ".vtk")
+    geometry_id = plant.RegisterCollisionGeometry(link, RigidTransform(), wall, name, properties)
     if visible:
-        outer = Mesh(InMemoryMesh(mesh_file=MemoryFile(_obj_text(skin), ".obj", name)))
-        plant.RegisterVisualGeometry(body, X_LS, outer, f"{name}_visual", np.array(_COLOR.rgba))
-    return geometry_id
+        # Drake's renderers, as a camera in a MuJoCo file brings along, want normals.
+        surface = trimesh.Trimesh(model.wall.vertices, model.wall.faces, process=False)
+        text = trimesh.exchange.obj.export_obj(surface, include_normals=True, digits=12)
+        shape = in_memory(text, ".obj")
+        plant.RegisterVisualGeometry(
+            link, RigidTransform(), shape, f"{name}_visual", np.array(_COLOR.rgba)
+        )
+    return WornSkin(model=model, link=link, geometry_id=geometry_id)
 
 
-def wall_mesh(skin: HollowSkin, name: str) -> Mesh:
-    """The tetrahedra of a skin as Drake's shape."""
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(vtk_text(skin), ".vtk", name)))
+def AddModelsAndSkins(
+    path: str | Path,
+    parser: Parser,
+    scene_graph: SceneGraph,
+    *,
+    seed: int = 0,
+    visible: bool = True,
+) -> tuple[WornSkin, ...]:
+    """Adds the models and the skins of one YAML file to the plant of a parser.
+
+    The file has Drake's own `directives`, and beside them `skins`, as an experiment has them. A
+    file of a directive may also be a path, which starts at the YAML file.
+
+    Args:
+        path: of the file.
+        parser: of a plant that is not yet finalized; its package map finds `package://` URIs.
+        scene_graph: of the plant.
+        seed: as of `AddSkins`.
+        visible: as of `AddSkins`.
+
+    Raises:
+        ExperimentError: as of `AddSkins`; or the file has other keys, or a model does not parse.
+    """
+    path = Path(path)
+    skins, sections = load_skins(path), yaml_sections(path)
+    if strange := [key for key in sections if key not in _KEYS]:
+        raise ExperimentError(f"unknown key {strange[0]} in {path}; known are {', '.join(_KEYS)}")
+    with one_line(f"directives of {path} cannot be loaded"):
+        directives = LoadModelDirectivesFromString(sections.get("directives", "directives: []"))
+        for directive in directives.directives:
+            entry = directive.add_model or directive.add_directives
+            if entry is not None and "://" not in entry.file:
+                entry.file = f"file://{(path.parent / entry.file).resolve()}"
+        ProcessModelDirectives(directives, parser)
+    return AddSkins(parser.plant(), scene_graph, skins, seed=seed, visible=visible)
 
 
-def _obj_text(skin: HollowSkin) -> str:
-    # Drake's renderers, as a camera in a MuJoCo file brings along, refuse meshes without normals.
-    normals = trimesh.Trimesh(skin.vertices, skin.faces, process=False).vertex_normals
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in skin.vertices.tolist()]
-    lines += [f"vn {x:.6g} {y:.6g} {z:.6g}" for x, y, z in normals.tolist()]
-    lines += ["f " + " ".join(f"{v + 1}//{v + 1}" for v in face) for face in skin.faces.tolist()]
-    return "\n".join(lines) + "\n"
+_KEYS = ("directives", "skins")
+
+
+def AddTactileSkin(
+    builder: DiagramBuilder,
+    plant: MultibodyPlant,
+    scene_graph: SceneGraph,
+    worn: Sequence[WornSkin],
+    *,
+    name: str = "tactile_skin",
+) -> TactileSkin:
+    """Adds one `TactileSkin` for all skins of a plant to its diagram, and connects it.
+
+    A skin does not feel the links next to its own, into which it reaches at the joint. Drake leaves
+    out links with one joint between them; here also those with several, as hips have in MuJoCo's
+    format.
+
+    Args:
+        builder: of the diagram; of a `RobotDiagramBuilder` its `builder()`.
+        plant: finalized, in the diagram.
+        scene_graph: of the plant.
+        worn: of `AddSkins`.
+        name: of the system.
+
+    Returns:
+        The system, with the output ports `sensation` of all skins and `NAME_sensation` of each.
+
+    Raises:
+        ValueError: the plant computes point contacts, which no skin feels.
+    """
+    if plant.get_contact_model() == ContactModel.kPoint:
+        raise ValueError(
+            "the plant's contact model is kPoint, which no skin can feel; call "
+            "plant.set_contact_model(ContactModel.kHydroelasticWithFallback) before Finalize"
+        )
+    neighbours, filters = Neighbours(plant, scene_graph, {}), scene_graph.collision_filter_manager()
+    # A body that floats or slides on the ground is next to it, and can still touch bodies on it.
+    ground = neighbours.of(plant.world_body())
+    moving = [link for link in all_links(plant) if neighbours.of(link) != ground]
+    for skin in worn:
+        if neighbours.of(skin.link) != ground:
+            near = [
+                plant.GetBodyFrameIdOrThrow(link.index())
+                for link in moving
+                if neighbours.are_neighbours(skin.link, link)
+            ]
+            both = GeometrySet(skin.geometry_id), GeometrySet(near)
+            filters.Apply(CollisionFilterDeclaration().ExcludeBetween(*both))
+    touch = builder.AddNamedSystem(name, TactileSkin(worn))
+    builder.Connect(plant.get_contact_results_output_port(), touch.GetInputPort("contact_results"))
+    builder.Connect(plant.get_body_poses_output_port(), touch.GetInputPort("body_poses"))
+    return touch
+
+
+class UnfeltContactWarning(UserWarning):
+    """Something presses a skin with a contact that the skin cannot feel."""
 
 
 class TactileSkin(LeafSystem):
@@ -118,7 +252,7 @@ class TactileSkin(LeafSystem):
         - body_poses
         output_ports:
         - sensation
-        - NAME_sensation (one per name)
+        - NAME_sensation (one per skin)
 
     - contact_results: `ContactResults` of the plant, hydroelastic.
     - body_poses: `list[RigidTransform]` of the plant, so that the skins may move.
@@ -129,39 +263,23 @@ class TactileSkin(LeafSystem):
     that is written in Python it can neither be cloned nor converted to another scalar type.
 
     Args:
-        sensor: what the skins feel where contact surfaces press.
-        links: the body that wears each skin.
-        skin_ids: each skin's geometry.
-        X_LS: each skin's frame on its body; by default they are one.
-        names: of the skins that have a port of their own; by default none has.
+        skins: in the order of their readings; call `AddTactileSkin` for one that is connected.
     """
 
-    def __init__(
-        self,
-        *,
-        sensor: SensorModel,
-        links: Sequence[BodyIndex],
-        skin_ids: Sequence[GeometryId],
-        X_LS: Sequence[RigidTransform] | None = None,
-        names: Sequence[str] = (),
-    ):
+    def __init__(self, skins: Sequence[WornSkin]):
         super().__init__()
-        self._sensor = sensor
-        self._worn = list(
-            zip(map(int, links), X_LS or [RigidTransform()] * len(links), strict=True)
-        )
-        self._skin_ids = frozenset(skin_ids)
+        self._sensor = SensorModel(skins)
+        self._links = [int(skin.link.index()) for skin in skins]
+        self._skin_ids = frozenset(skin.geometry_id for skin in skins)
         self._contact = self.DeclareAbstractInputPort("contact_results", Value(ContactResults()))
         self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
-        self.DeclareVectorOutputPort("sensation", sensor.num_receptors, self._calc_sensation)
-        for name, readings in zip(names, sensor.readings, strict=False):
-            self._declare_part(f"{name}_sensation", readings)
+        self.DeclareVectorOutputPort("sensation", self._sensor.num_receptors, self._calc_sensation)
+        for skin, readings in zip(skins, self._sensor.readings, strict=True):
+            name, size = f"{skin.model.name}_sensation", skin.model.fields.num_receptors
+            self.DeclareVectorOutputPort(name, size, partial(self._calc_part, readings))
 
-    def _declare_part(self, name: str, readings: slice) -> None:
-        def calc(context, output):
-            output.SetFromVector(self.GetOutputPort("sensation").Eval(context)[readings])
-
-        self.DeclareVectorOutputPort(name, readings.stop - readings.start, calc)
+    def _calc_part(self, readings, context, output):
+        output.SetFromVector(self.GetOutputPort("sensation").Eval(context)[readings])
 
     def _calc_sensation(self, context, output):
         contact = self._contact.Eval(context)
@@ -171,8 +289,8 @@ class TactileSkin(LeafSystem):
             for i in range(contact.num_hydroelastic_contacts())
         )
         poses = self._poses.Eval(context)
-        X_WS = [poses[link].multiply(X_LS).GetAsMatrix34() for link, X_LS in self._worn]
-        output.SetFromVector(self._sensor.touches(surfaces, np.array([X_WS])).sensation[0])
+        X_WL = [poses[link].GetAsMatrix34() for link in self._links]
+        output.SetFromVector(self._sensor.touches(surfaces, np.array([X_WL])).sensation[0])
 
     def _warn_of_points(self, contact: ContactResults) -> None:
         for i in range(contact.num_point_pair_contacts()):
@@ -185,67 +303,6 @@ class TactileSkin(LeafSystem):
                     stacklevel=2,
                 )
                 return
-
-    @staticmethod
-    def AddToBuilder(
-        builder: DiagramBuilder,
-        plant: MultibodyPlant,
-        *,
-        fields: ReceptiveFields,
-        body: RigidBody,
-        skin_id: GeometryId,
-        X_LS: RigidTransform | None = None,
-        name: str | None = None,
-    ) -> TactileSkin:
-        """Adds a skin for `body` to a diagram and connects it to `plant`.
-
-        Args:
-            builder: of the diagram.
-            plant: finalized, in the diagram.
-            fields: the receptors' fields, in the skin's frame S.
-            body: the body that wears the skin.
-            skin_id: its geometry, of `RegisterSkin`.
-            X_LS: as given to `RegisterSkin`.
-            name: of the system; by default `tactile_skin_` and the body's name.
-
-        Raises:
-            ValueError: the plant computes point contacts, which no skin feels.
-        """
-        skin = TactileSkin(
-            sensor=SensorModel([fields], [skin_id]),
-            links=[body.index()],
-            skin_ids=[skin_id],
-            X_LS=[X_LS or RigidTransform()],
-        )
-        return connected(builder, plant, skin, name or f"tactile_skin_{body.name()}")
-
-
-def connected(
-    builder: DiagramBuilder, plant: MultibodyPlant, skin: TactileSkin, name: str
-) -> TactileSkin:
-    """Adds a `TactileSkin` to a diagram and connects it to its plant.
-
-    Raises:
-        ValueError: the plant computes point contacts, which no skin feels.
-    """
-    if plant.get_contact_model() == ContactModel.kPoint:
-        raise ValueError(
-            "the plant's contact model is kPoint, which no skin can feel; call "
-            "plant.set_contact_model(ContactModel.kHydroelasticWithFallback) before Finalize"
-        )
-    builder.AddNamedSystem(_free_name(builder, name), skin)
-    builder.Connect(plant.get_contact_results_output_port(), skin.GetInputPort("contact_results"))
-    builder.Connect(plant.get_body_poses_output_port(), skin.GetInputPort("body_poses"))
-    return skin
-
-
-def _free_name(builder: DiagramBuilder, name: str) -> str:
-    """A name that is free in the diagram: the second skin of a body is called `name_2`."""
-    number, free = 1, name
-    while builder.HasSubsystemNamed(free):
-        number += 1
-        free = f"{name}_{number}"
-    return free
 
 
 class SkinReadout(LeafSystem):
@@ -270,8 +327,7 @@ class SkinReadout(LeafSystem):
         imperfections: what is read of a sensation.
         num_receptors: S.
         num_joints: J.
-        period_s: of the world's discrete steps, 0 for a world without time; delays are rounded to
-            whole steps.
+        period_s: of the world's discrete steps; delays are rounded to whole ones.
     """
 
     def __init__(
@@ -280,16 +336,15 @@ class SkinReadout(LeafSystem):
         *,
         num_receptors: int,
         num_joints: int,
-        period_s: float = 0.0,
+        period_s: float,
     ):
         super().__init__()
         self._imperfections = imperfections
         self._sensation = self.DeclareVectorInputPort("sensation", num_receptors)
         self._q = self.DeclareVectorInputPort("q", num_joints)
         self._delay = np.zeros(num_receptors, dtype=int)
-        if period_s:
-            for columns, skin in imperfections.skins:
-                self._delay[columns] = round(skin.flaws.delay / period_s)
+        for columns, skin in imperfections.skins:
+            self._delay[columns] = round(skin.flaws.delay / period_s)
         self._num_late = int(self._delay.max())
         self.DeclareVectorOutputPort("reading", num_receptors, self._calc_reading)
         if self._num_late:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from pydrake.common import MemoryFile
 from pydrake.geometry import (
     AddContactMaterial,
     AddRigidHydroelasticProperties,
@@ -15,7 +14,6 @@ from pydrake.geometry import (
     Cylinder,
     Ellipsoid,
     GeometryId,
-    InMemoryMesh,
     Mesh,
     ProximityProperties,
     SceneGraphInspector,
@@ -23,22 +21,16 @@ from pydrake.geometry import (
     Sphere,
 )
 from pydrake.math import RigidTransform
-from pydrake.multibody.plant import CoulombFriction, MultibodyPlant
-from pydrake.multibody.tree import Frame, RigidBody
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import FrameIndex, RigidBody
 
+from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.geometry import closed_surface
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.robot.links import as_mesh
-from selftouch_drake.robot.pairs import Toucher
+from selftouch_drake.robot.joints import frame_after
+from selftouch_drake.robot.links import FRICTION, as_mesh, find_link, find_named, in_memory
+from selftouch_drake.robot.pairs import OwnGeometries, Toucher, WornSkin
 
-# Prefix of the name of every toucher's geometry.
-_PREFIX = "touching_"
-# As the skin's: friction changes no reading, only the effort.
-FRICTION = CoulombFriction(static_friction=0.2, dynamic_friction=0.2)
-# A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch costs a
-# seventh of what it does with 128, and a sensation differs by a cosine distance of 1e-5 (median) or
-# 8e-4 (95 %), where one target sensation is 1e-2 from the next.
-_DIAMETERS = 1.0
 # Triangles in one patch, which is pressed on a skin at once; a ball is one patch.
 PATCH = 8
 # Faces round a cylinder.
@@ -72,45 +64,49 @@ class RigidMesh(NamedTuple):
     areas: np.ndarray
 
 
-def register_ball(plant: MultibodyPlant, name: str, frame: Frame, radius: float) -> GeometryId:
-    """Gives a frame's link a rigid ball about the frame's origin, called `touching_NAME`.
-
-    Args:
-        plant: not yet finalized.
-        name: of the toucher.
-        frame: fixed to a link.
-        radius: m.
-    """
-    X_LG = frame.GetFixedPoseInBodyFrame()
-    hint = 2 * radius * _DIAMETERS
-    return _register(plant, frame.body(), X_LG, Sphere(radius), f"{_PREFIX}{name}", hint)
-
-
-def register_shapes(
+def add_toucher(
     plant: MultibodyPlant,
-    name: str,
-    link: RigidBody,
-    geometries: Iterable[GeometryId],
     inspector: SceneGraphInspector,
-) -> tuple[GeometryId, ...]:
-    """Gives a link rigid copies of its collision geometries, called `touching_NAME_0` etc.
+    name: str,
+    experiment: Experiment,
+    worn: Sequence[WornSkin],
+    own: OwnGeometries,
+) -> Toucher:
+    """Adds what an experiment calls `name` to a plant: a ball at a frame, or a link made rigid.
 
-    Args:
-        plant: not yet finalized.
-        name: of the toucher.
-        link: the link.
-        geometries: its own, from its model.
-        inspector: of the scene graph that holds them.
+    A link that wears skins touches with these, else with rigid copies of its `own_geometries`,
+    called `touching_NAME_0` etc.
 
     Raises:
-        ValueError: a geometry has no closed surface, as a half space.
+        ExperimentError: the plant has no such frame or link, or the link no closed surface.
     """
-    ids = []
-    for number, geometry in enumerate(geometries):
-        mesh = _own_mesh(inspector.GetShape(geometry))
+    described, field, called = experiment.touching[name], f"touching.{name}", f"touching_{name}"
+    if described.link is None:
+        frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
+        frame = find_named(plant, frames, str(described.frame), f"{field}.frame", "frame")
+        frame = frame_after(plant, experiment, frame)
+        ball = Sphere(float(described.radius or 0.0))
+        # A ball's triangles are as long as it is wide, so that Drake cuts it into eight: a touch
+        # costs a seventh of what it does with 128, and a sensation differs by a cosine distance of
+        # 1e-5 (median) or 8e-4 (95 %), where one target sensation is 1e-2 from the next.
+        hint = 2 * ball.radius()
+        ids = [_register(plant, frame.body(), frame.GetFixedPoseInBodyFrame(), ball, called, hint)]
+        return Toucher(name=name, link=frame.body(), frame=frame, geometry_ids=tuple(ids))
+    link = find_link(plant, described.link, f"{field}.link")
+    ids = [skin.geometry_id for skin in worn if skin.link.index() == link.index()]
+    if not ids and link.index() not in own:
+        raise ExperimentError(
+            f"{field}.link is {described.link!r}, a link without collision geometry; add some in "
+            "its model, or give a ball by frame and radius"
+        )
+    for number, geometry in enumerate(() if ids else own[link.index()]):
+        try:
+            mesh = _own_mesh(inspector.GetShape(geometry))
+        except ValueError as error:
+            raise ExperimentError(f"{field}.link is {described.link!r}: {error}") from error
         X_LG = inspector.GetPoseInFrame(geometry)
-        ids.append(_register(plant, link, X_LG, mesh, f"{_PREFIX}{name}_{number}"))
-    return tuple(ids)
+        ids.append(_register(plant, link, X_LG, mesh, f"{called}_{number}"))
+    return Toucher(name=name, link=link, frame=link.body_frame(), geometry_ids=tuple(ids))
 
 
 def triangles_in_frame(
@@ -118,27 +114,24 @@ def triangles_in_frame(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The triangles that Drake gives a rigid toucher, in its frame.
 
-    Returns:
-        `(V, 3)` m, and `(F, 3)` corners, outward by the right hand.
+    `(V, 3)` m, and `(F, 3)` corners, outward by the right hand.
     """
     X_FL = toucher.frame.GetFixedPoseInBodyFrame().inverse()
     vertices, faces, count = [], [], 0
     for geometry in toucher.geometry_ids:
-        own, own_faces = _triangles(inspector.GetShape(geometry))
+        shape = inspector.GetShape(geometry)
+        if isinstance(shape, Sphere):
+            own, own_faces = shape.radius() * _CORNERS, _FACES
+        else:
+            text = shape.source().in_memory().mesh_file.contents().decode()
+            lines = [line.split() for line in text.splitlines()]
+            own = np.array([line[1:] for line in lines if line[0] == "v"], dtype=float)
+            own_faces = np.array([line[1:] for line in lines if line[0] == "f"], dtype=int) - 1
         X_FG = X_FL.multiply(inspector.GetPoseInFrame(geometry))
         vertices.append(X_FG.multiply(own.T).T)
         faces.append(own_faces + count)
         count += len(own)
     return np.concatenate(vertices), np.concatenate(faces)
-
-
-def _triangles(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    if isinstance(shape, Sphere):
-        return shape.radius() * _CORNERS, _FACES
-    lines = shape.source().in_memory().mesh_file.contents().decode().splitlines()
-    vertices = [line.split()[1:] for line in lines if line.startswith("v ")]
-    faces = [line.split()[1:] for line in lines if line.startswith("f ")]
-    return np.array(vertices, dtype=float), np.array(faces, dtype=int) - 1
 
 
 def _register(
@@ -174,8 +167,7 @@ def _own_mesh(shape: Shape) -> Mesh:
             surface = closed_surface([surface], resolution=finest)
     lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in surface.vertices.tolist()]
     lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in surface.faces.tolist()]
-    text = "\n".join(lines) + "\n"
-    return Mesh(InMemoryMesh(mesh_file=MemoryFile(text, ".obj", "touching")))
+    return in_memory("\n".join(lines) + "\n", ".obj")
 
 
 def _ellipsoid(semi_axes: Sequence[float]) -> trimesh.Trimesh:

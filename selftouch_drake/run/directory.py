@@ -199,7 +199,7 @@ class RunDirectory:
         """Refuses a world whose models differ from those at the start of the run.
 
         Raises:
-            ModelError: a model is not found.
+            ExperimentError: a model is not found.
             RunError: the content of a model differs; the text names the model.
         """
         there = set(self.digests().values())

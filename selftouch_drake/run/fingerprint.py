@@ -35,8 +35,7 @@ def model_digests(
 
     Raises:
         BodyError: the Python file of a body is not there.
-        ExperimentError: the mesh file of a skin is not there.
-        ModelError: a file is not found, or cannot be read.
+        ExperimentError: a file is not found, or cannot be read.
     """
     files = body_files(experiment, announce)
     meshes = _skin_meshes(experiment)

@@ -159,7 +159,7 @@ def make_world(run: RunDirectory) -> World:
 def keep_bodies(run: RunDirectory, bodies: Bodies) -> None:
     """Makes `bodies` those that `run_bodies` returns; skins are kept for other processes."""
     if (world := bodies.world) is not None:
-        kept_skins(run.cache, run.fingerprint(), run.experiment, lambda _: world.skins)
+        kept_skins(run.cache, run.fingerprint(), world)
     if isinstance(bodies, LivingBody):
         bodies.recall(run.known_calibration())
     bodies_of.keep(bodies, run.experiment.after(0), run.fingerprint())

@@ -86,7 +86,7 @@ class RobotShape:
 
     def joints(self, q: np.ndarray) -> np.ndarray:
         """`(N, J, 3)` m, the joints in the world at `q` `(N, J)`."""
-        return self._kinematics.positions(q)[:, : self._ends[0]]
+        return self._kinematics.poses(q)[:, : self._ends[0], :, 3]
 
     def at(self, q: np.ndarray) -> DrawnRobot:
         """The robot at `(J,)` q."""

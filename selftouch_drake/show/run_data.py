@@ -19,10 +19,9 @@ from selftouch_drake.evaluation import (
 )
 from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
-from selftouch_drake.experiment import Experiment
+from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.files import load_arrays
 from selftouch_drake.robot import Robot, Touches, World
-from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.artifacts import (
     load_body,
     load_execution,
@@ -93,7 +92,7 @@ class RunData:
             return self._known_world
         try:
             return make_world(self.run)
-        except ModelError as error:
+        except ExperimentError as error:
             raise MissingError(str(error)) from None
 
     @property

@@ -6,8 +6,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import SimplifiedWarning, capsule, closed_surface, hollow_skin, sphere
-from selftouch_drake.geometry.intersections import first_self_intersection
-from selftouch_drake.geometry.samples import sample_triangles
+from selftouch_drake.geometry.triangles import first_self_intersection, sample_triangles
 
 
 def _assert_closed_and_even(surface, resolution):

@@ -20,8 +20,7 @@ from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
 from selftouch_drake import geometry
-from selftouch_drake.geometry.intersections import first_self_intersection
-from selftouch_drake.geometry.samples import sample_triangles
+from selftouch_drake.geometry.triangles import first_self_intersection, sample_triangles
 from selftouch_drake.resources import EXPERIMENTS
 
 STANDARD_BODIES = {

@@ -81,11 +81,6 @@ def test_holes_of_ragged_patches_are_those_of_the_definition(seed):
     assert betti_of_patch(faces) == _betti_by_rank(faces)
 
 
-def test_an_edge_of_three_triangles_is_refused():
-    with pytest.raises(ValueError, match=r"^faces has an edge of 3 triangles; give a surface"):
-        betti_of_patch(np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]]))
-
-
 FINE = sphere(0.25, resolution=0.012)
 
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from selftouch_drake import geometry
-from selftouch_drake.geometry.intersections import first_self_intersection
+from selftouch_drake.geometry.triangles import first_self_intersection
 
 # surface, Euler number, volume in m³, half extents in m
 STANDARD_BODIES = {

@@ -10,8 +10,8 @@ from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience import random_walk
 from selftouch_drake.experiment import experiment_from_fields, load_experiment
 from selftouch_drake.robot import ImperfectSkins, World
-from selftouch_drake.robot.probe import Postures
-from selftouch_drake.robot.station import sensor_model
+from selftouch_drake.robot.contact import SensorModel
+from selftouch_drake.robot.world import Postures
 
 SHIPPED = ("cube", "torus_two_fingers", "turning_body", "gantry", "two_arms", "infant")
 
@@ -28,7 +28,7 @@ class DrakesPostures:
     def __init__(self, world):
         self._postures = Postures(world.experiment, world.skins, soft=True)
         self.query, self.robot = self._postures.query, self._postures.robot
-        self._sensor = sensor_model(self.robot)
+        self._sensor = SensorModel(self.robot.skins)
         self._imperfections = ImperfectSkins.of(world.experiment, world.skins)
 
     def sensations(self, q):

@@ -14,12 +14,18 @@ from scipy.spatial import Delaunay, cKDTree
 from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.geometry import hollow_skin, place_receptors, receptive_fields, surfaces
+from selftouch_drake.robot import SkinModel
+from selftouch_drake.robot.contact import SensorModel
 from selftouch_drake.robot.hydroelastic import cut
-from selftouch_drake.robot.probe import Postures
-from selftouch_drake.robot.receptor_shares import add_load, feel_loads, receptor_shares
-from selftouch_drake.robot.soft_skin import distance_to_triangles, soft_skin, tets_near
-from selftouch_drake.robot.station import sensor_model
+from selftouch_drake.robot.soft_skin import (
+    add_load,
+    distance_to_triangles,
+    feel_loads,
+    soft_skin,
+    tets_near,
+)
 from selftouch_drake.robot.touchers import rigid_mesh
+from selftouch_drake.robot.world import Postures
 
 # 100,000 touches of each robot take hours: SELFTOUCH_MANY_TOUCHES=100000.
 NUM_TOUCHES = int(os.environ.get("SELFTOUCH_MANY_TOUCHES", "200"))
@@ -48,7 +54,8 @@ def drake_touches(world, q):
             HydroelasticContactRepresentation.kPolygon
         )
     )
-    return sensor_model(postures.robot).touches(surfaces, world.robot.skin_positions(q))
+    sensor = SensorModel(postures.robot.skins, postures.robot.touchers)
+    return sensor.touches(surfaces, world.robot.skin_positions(q))
 
 
 def assert_same_touches(touches, expected):
@@ -86,7 +93,21 @@ def test_touches_are_those_of_drake(name):
 def wall():
     """The wall of a torus: round, and hollow on one side."""
     surface = surfaces.torus(0.1, 0.05, resolution=0.03)
-    return hollow_skin(surface, 0.02, 0.0)
+    return hollow_skin(surface, 0.02, None)
+
+
+@pytest.fixture(scope="module")
+def model(wall):
+    """A skin of that wall, with 30 receptors."""
+    surface = trimesh.Trimesh(wall.vertices, wall.faces, process=False)
+    return SkinModel(
+        name="torus",
+        link="torus",
+        wall=wall,
+        fields=receptive_fields(surface, place_receptors(surface, 30, seed=1)),
+        hydroelastic_modulus=3e4,
+        is_own_geometry=False,
+    )
 
 
 def anywhere_inside(wall, num_points, seed=0):
@@ -147,8 +168,8 @@ def test_distance_is_that_to_the_nearest_of_all_triangles(wall):
     np.testing.assert_array_equal(distance_to_triangles(points, triangles), alone)
 
 
-def test_pressure_is_linear_from_none_at_the_boundary_to_the_modulus(wall):
-    skin = soft_skin(wall, 3e4)
+def test_pressure_is_linear_from_none_at_the_boundary_to_the_modulus(wall, model):
+    skin = soft_skin(model)
     for corner in range(4):
         p = skin.corners[:, corner]
         pressure = np.einsum("ti,ti->t", skin.pressure[:, :3], p) + skin.pressure[:, 3]
@@ -159,8 +180,8 @@ def test_pressure_is_linear_from_none_at_the_boundary_to_the_modulus(wall):
         assert pressure.max() < (1 + 1e-9) * 3e4
 
 
-def test_the_grid_finds_every_tetrahedron_whose_box_meets_a_box(wall):
-    skin = soft_skin(wall, 3e4)
+def test_the_grid_finds_every_tetrahedron_whose_box_meets_a_box(wall, model):
+    skin = soft_skin(model)
     rng = np.random.default_rng(0)
     seen, tets = np.zeros(len(skin.box), dtype=int), np.empty(len(skin.box), dtype=int)
     centres, _ = anywhere_inside(wall, 300)
@@ -176,17 +197,15 @@ def test_the_grid_finds_every_tetrahedron_whose_box_meets_a_box(wall):
         assert np.isin(np.flatnonzero(inside), found).all()
 
 
-def test_receptors_feel_as_their_fields_say(wall):
-    surface = trimesh.Trimesh(wall.vertices, wall.faces, process=False)
-    fields = receptive_fields(surface, place_receptors(surface, 30, seed=1))
-    shares = receptor_shares(wall, fields, 5)
+def test_receptors_feel_as_their_fields_say(wall, model):
+    fields, skin = model.fields, soft_skin(model, 5)
     points, tets = anywhere_inside(wall, 3000)
     force = np.random.default_rng(1).uniform(0.1, 2, len(points))
     felt = np.zeros((len(points), 5 + 30 + 2))
     load, loaded, parts = np.zeros(len(fields.vertices)), np.empty(9, dtype=int), np.empty(3)
     for row, (p, tet) in enumerate(zip(points, tets, strict=True)):
-        num_loaded = add_load(shares, tet, p, force[row], parts, load, loaded, 0)
-        feel_loads(shares, load, loaded, num_loaded, felt, row)
+        num_loaded = add_load(skin, tet, p, force[row], parts, load, loaded, 0)
+        feel_loads(skin, load, loaded, num_loaded, felt, row)
         assert not load.any()
     expected = fields.weights_at(points).toarray() * force[:, None]
     np.testing.assert_allclose(felt[:, 5:35], expected, rtol=0, atol=1e-12)
@@ -194,16 +213,14 @@ def test_receptors_feel_as_their_fields_say(wall):
     assert not felt[:, [0, 4, 35, 36]].any()
 
 
-def test_few_faces_are_left_to_search(wall):
-    surface = trimesh.Trimesh(wall.vertices, wall.faces, process=False)
-    fields = receptive_fields(surface, place_receptors(surface, 30, seed=1))
-    shares = receptor_shares(wall, fields)
+def test_few_faces_are_left_to_search(wall, model):
+    fields, skin = model.fields, soft_skin(model)
     points, tets = anywhere_inside(wall, 3000)
     _, nearest = cKDTree(fields.vertices[fields.faces].mean(axis=1)).query(points)
     for face, tet in zip(nearest, tets, strict=True):
-        few = shares.nearest_faces[shares.nearest_ends[tet] : shares.nearest_ends[tet + 1]]
+        few = skin.nearest_faces[skin.nearest_ends[tet] : skin.nearest_ends[tet + 1]]
         assert face in few
-    assert np.diff(shares.nearest_ends).mean() < len(fields.faces) / 20
+    assert np.diff(skin.nearest_ends).mean() < len(fields.faces) / 20
 
 
 def test_patches_hold_every_face_once():

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.experience import random_walk
 from selftouch_drake.experiment import Imperfections, JointSettings, load_experiment
-from selftouch_drake.robot import ImperfectSkin, ImperfectSkins, Simulation, World
-from selftouch_drake.robot.imperfections import remembered, slip, standard_noise
+from selftouch_drake.robot import ImperfectSkins, Simulation, World
+from selftouch_drake.robot.imperfections import ImperfectSkin, remembered, slip, standard_noise
 
 WORST = {
     "cross_talk": 0.1,

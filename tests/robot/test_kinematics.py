@@ -60,7 +60,7 @@ def test_skins_and_touchers_of_shipped_robots_are_where_drake_puts_them(world):
         robot.skin_positions(q), robot.kinematics.poses(q)[:, : len(links)]
     )
     np.testing.assert_array_equal(
-        robot.toucher_positions(q), robot.kinematics.positions(q)[:, len(links) :]
+        robot.toucher_positions(q), robot.kinematics.poses(q)[..., 3][:, len(links) :]
     )
 
 

@@ -31,9 +31,10 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from selftouch_drake import geometry
 from selftouch_drake.robot import (
+    AddTactileSkin,
     RegisterSkin,
     SensorModel,
-    TactileSkin,
+    SkinModel,
 )
 
 SURFACES = {
@@ -45,8 +46,6 @@ MODULUS = 3.0e4
 TIP_RADIUS = 0.01
 # Where a fingertip is out of the way.
 AWAY = RigidTransform([5.0, 0.0, 0.0])
-# Where a skin is on its link.
-X_LS = RigidTransform(RotationMatrix.MakeXRotation(0.7), [0.1, -0.2, 0.3])
 GRAVITY = 9.81
 
 seeds = st.integers(0, 2**32 - 1)
@@ -60,18 +59,25 @@ def _rigid(resolution_hint: float, friction: float) -> ProximityProperties:
     return properties
 
 
-def _skin(surface, *, thickness=0.03, num_receptors=100):
-    wall = geometry.hollow_skin(surface, thickness, TIP_RADIUS)
+def _skin(surface, *, link="covered", thickness=0.03, num_receptors=100):
     p_LS = geometry.place_receptors(surface, num_receptors, seed=0)
-    return wall, geometry.receptive_fields(surface, p_LS)
+    return SkinModel(
+        name=link,
+        link=link,
+        wall=geometry.hollow_skin(surface, thickness, TIP_RADIUS),
+        fields=geometry.receptive_fields(surface, p_LS),
+        hydroelastic_modulus=MODULUS,
+        is_own_geometry=False,
+    )
 
 
 class TouchRig:
     """A free body with a skin and two free fingertips, to be put anywhere in a plant of its own."""
 
-    def __init__(self, surface, *, X_LS=None, **skin):
+    def __init__(self, surface, **skin):
         self.surface = surface
-        self.wall, self.fields = _skin(surface, **skin)
+        model = _skin(surface, **skin)
+        self.fields = model.fields
         builder = DiagramBuilder()
         # A continuous plant: its contact results belong to the state, and at rest to it alone.
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
@@ -80,16 +86,14 @@ class TouchRig:
             plant.AddRigidBody(name, SpatialInertia.SolidSphereWithMass(1.0, 0.1))
             for name in ("covered", "tip_0", "tip_1")
         ]
-        skin_id = RegisterSkin(plant, covered, self.wall, hydroelastic_modulus=MODULUS, X_LS=X_LS)
+        worn = RegisterSkin(plant, model)
         for tip in tips:
             shape, properties = Sphere(TIP_RADIUS), _rigid(0.01, friction=0.2)
             plant.RegisterCollisionGeometry(tip, RigidTransform(), shape, "tip", properties)
         plant.Finalize()
-        self._touch = TactileSkin.AddToBuilder(
-            builder, plant, fields=self.fields, body=covered, skin_id=skin_id, X_LS=X_LS
-        )
-        self._sensor = SensorModel([self.fields], [skin_id])
-        self._skin_id, self._scene_graph = skin_id, scene_graph
+        self._touch = AddTactileSkin(builder, plant, scene_graph, [worn])
+        self._sensor = SensorModel([worn])
+        self._skin_id, self._scene_graph = worn.geometry_id, scene_graph
         self._plant, self._bodies = plant, (covered, *tips)
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
@@ -127,7 +131,7 @@ class TouchRig:
         return RigidTransform(_random_rotation(rng), p_BQ + (TIP_RADIUS - depth) * normal)
 
     def _read(self, system):
-        return system.get_output_port().Eval(system.GetMyContextFromRoot(self._context))
+        return system.get_output_port(0).Eval(system.GetMyContextFromRoot(self._context))
 
 
 @functools.cache
@@ -204,16 +208,6 @@ def test_a_rigid_motion_of_body_and_finger_changes_nothing(shape, seed):
     np.testing.assert_allclose(kinematic, there, rtol=0, atol=1e-12 * here.max())
 
 
-def test_a_skin_may_have_a_pose_on_its_link():
-    posed, rng = TouchRig(SURFACES["torus"](), X_LS=X_LS), np.random.default_rng(0)
-    for _ in range(20):
-        X_SF = rig("torus").touch(rng)
-        here = rig("torus").feel(X_SF)
-        assert here.max() > 0
-        there = posed.feel(X_LS @ X_SF, X_WB=RigidTransform(_random_rotation(rng), [1.0, 2, 3]))
-        np.testing.assert_allclose(there, here, rtol=0, atol=1e-9 * here.max())
-
-
 @settings(max_examples=20, deadline=None)
 @given(shape=shapes, seed=seeds)
 def test_a_fingertip_in_the_cavity_feels_nothing(shape, seed):
@@ -268,9 +262,9 @@ class Scale:
     MASS, SIZE = 0.2, (0.08, 0.08, 0.04)
 
     def __init__(self, joint):
-        wall, fields = _skin(geometry.cube(0.44))
+        model = _skin(geometry.cube(0.44))
         builder = DiagramBuilder()
-        plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.004)
+        plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.004)
         covered = plant.AddRigidBody("covered", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
         world_frame, frame = plant.world_frame(), covered.body_frame()
         if joint == "weld":
@@ -282,16 +276,14 @@ class Scale:
             joint = plant.AddJoint(kind("joint", world_frame, frame, np.array(axis)))
             actuator = plant.AddJointActuator("actuator", joint)
             actuator.set_controller_gains(PdControllerGains(p=1e6, d=1e4))
-        skin_id = RegisterSkin(plant, covered, wall, hydroelastic_modulus=MODULUS)
+        worn = RegisterSkin(plant, model)
         self._block = plant.AddRigidBody(
             "block", SpatialInertia.SolidBoxWithMass(self.MASS, *self.SIZE)
         )
         shape, properties = Box(*self.SIZE), _rigid(0.1, friction=0.5)
         plant.RegisterCollisionGeometry(self._block, RigidTransform(), shape, "block", properties)
         plant.Finalize()
-        self._touch = TactileSkin.AddToBuilder(
-            builder, plant, fields=fields, body=covered, skin_id=skin_id
-        )
+        self._touch = AddTactileSkin(builder, plant, scene_graph, [worn])
         self._source = None
         if plant.num_actuators():
             self._source = builder.AddSystem(
@@ -301,7 +293,7 @@ class Scale:
                 self._source.get_output_port(),
                 plant.get_desired_state_input_port(covered.model_instance()),
             )
-        self._plant, self._fields = plant, fields
+        self._plant, self._fields = plant, model.fields
         self._simulator = Simulator(builder.Build())
         self.context = self._simulator.get_mutable_context()
         plant_context = plant.GetMyMutableContextFromRoot(self.context)
@@ -316,7 +308,7 @@ class Scale:
         """Simulates on and returns the sensation."""
         self._simulator.AdvanceTo(time_s)
         touch_context = self._touch.GetMyContextFromRoot(self.context)
-        return self._touch.get_output_port().Eval(touch_context)
+        return self._touch.get_output_port(0).Eval(touch_context)
 
     def felt_on(self, sensation):
         """`(n, 3)` m, the receptors that feel, in the frame of the link."""
@@ -367,29 +359,27 @@ def test_a_weight_on_a_skin_that_tilts_is_felt_as_its_weight():
 def test_stacked_heads_feel_what_they_bear():
     """Two heads with skins, 2 kg and 1 kg, on vertical rails over a rigid floor."""
     builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.005)
-    wall, fields = _skin(geometry.cube(0.2, resolution=0.1), num_receptors=60)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.005)
+    surface = geometry.cube(0.2, resolution=0.1)
     floor = Box(1.0, 1.0, 0.2)
     X_WF = RigidTransform([0, 0, -0.2])
     plant.RegisterCollisionGeometry(plant.world_body(), X_WF, floor, "floor", _rigid(1.0, 0.2))
-    touches = []
+    worn = []
     for name, mass, height in (("lower", 2.0, 0.001), ("upper", 1.0, 0.203)):
         head = plant.AddRigidBody(name, SpatialInertia.SolidSphereWithMass(mass, 0.1))
         rail = PrismaticJoint(name, plant.world_frame(), head.body_frame(), np.array([0, 0, 1.0]))
         plant.AddJoint(rail).set_default_translation(height)
-        skin_id = RegisterSkin(plant, head, wall, hydroelastic_modulus=MODULUS)
-        touches.append((head, skin_id))
+        worn.append(RegisterSkin(plant, _skin(surface, link=name, num_receptors=60)))
     plant.Finalize()
-    lower, upper = [
-        TactileSkin.AddToBuilder(builder, plant, fields=fields, body=head, skin_id=skin_id)
-        for head, skin_id in touches
-    ]
+    touch = AddTactileSkin(builder, plant, scene_graph, worn)
     simulator = Simulator(builder.Build())
     simulator.AdvanceTo(1.0)
     context = simulator.get_context()
+    touch_context = touch.GetMyContextFromRoot(context)
     lower_felt, upper_felt = (
-        s.get_output_port().Eval(s.GetMyContextFromRoot(context)) for s in (lower, upper)
+        touch.GetOutputPort(f"{name}_sensation").Eval(touch_context) for name in ("lower", "upper")
     )
+    fields = worn[0].model.fields
     top = fields.p_LS[:, 2] > 0.09
     bottom = fields.p_LS[:, 2] < -0.09
     assert upper_felt.sum() == pytest.approx(1.0 * GRAVITY, rel=0.01)

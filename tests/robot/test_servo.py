@@ -6,11 +6,11 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import ConstantVectorSource, LogVectorOutput
 
+from selftouch_drake.agent.touch_profile import TouchProfile
 from selftouch_drake.robot.servo import (
     BANDWIDTH,
     MAX_OFFSET,
     OFFSETS,
-    Beside,
     TouchServo,
     corrected,
     shifted,
@@ -29,7 +29,7 @@ def strength(x, time_s=0.0, slipped=0.0):
 def beside(expected=None):
     """Strengths beside a plan that stays at 0."""
     felt = strength(OFFSETS, TIME_S[:, None])
-    return Beside(
+    return TouchProfile(
         time_s=TIME_S,
         across=np.tile([1.0, 0.0], (len(TIME_S), 1)),
         joint_scale=np.ones(2),

@@ -199,7 +199,7 @@ def test_joints_are_led_on_from_where_they_are_commanded_to_be(world):
     simulation.rest_at(middle)
     simulation.take_log()
     for k in range(1, 4):
-        simulation.lead_to(middle + 0.01 * k, 0.05 * k)
+        simulation.lead_through(middle + 0.01 * k, 0.05 * k)
         np.testing.assert_allclose(simulation.q_commanded, middle + 0.01 * k, atol=1e-12)
     assert simulation.time_s == 0.05 * 3
     assert simulation.v.shape == (J,)

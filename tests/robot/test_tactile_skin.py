@@ -12,15 +12,13 @@ from pydrake.geometry import (
     Role,
     Sphere,
 )
-from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.math import RigidTransform
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from selftouch_drake import geometry
-from selftouch_drake.robot import RegisterSkin, TactileSkin, UnfeltContactWarning
-
-X_LS = RigidTransform(RotationMatrix.MakeZRotation(0.5), [0.1, 0.2, 0.3])
+from selftouch_drake.robot import AddTactileSkin, RegisterSkin, SkinModel, UnfeltContactWarning
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +26,15 @@ def skin():
     surface = geometry.sphere(0.1)
     wall = geometry.hollow_skin(surface, 0.03, None)
     p_LS = geometry.place_receptors(surface, 20, seed=0)
-    return wall, geometry.receptive_fields(surface, p_LS)
+    fields = geometry.receptive_fields(surface, p_LS)
+    return SkinModel(
+        name="palm",
+        link="body",
+        wall=wall,
+        fields=fields,
+        hydroelastic_modulus=3e4,
+        is_own_geometry=False,
+    )
 
 
 class Plant:
@@ -46,21 +52,11 @@ class Plant:
         self.plant.RegisterCollisionGeometry(
             self.finger, RigidTransform(), Sphere(0.02), "tip", CoulombFriction(0.5, 0.5)
         )
-        self.skin_id = RegisterSkin(
-            self.plant, self.body, skin[0], hydroelastic_modulus=3e4, **more
-        )
-        self.fields = skin[1]
+        self.worn = RegisterSkin(self.plant, skin, **more)
         self.plant.Finalize()
 
-    def add_skin(self, **more):
-        return TactileSkin.AddToBuilder(
-            self.builder,
-            self.plant,
-            fields=self.fields,
-            body=self.body,
-            skin_id=self.skin_id,
-            **more,
-        )
+    def add_skin(self):
+        return AddTactileSkin(self.builder, self.plant, self.scene_graph, [self.worn])
 
 
 def test_a_plant_with_point_contact_is_refused(skin):
@@ -98,32 +94,23 @@ def test_a_contact_that_no_skin_feels_is_warned_of(skin, pressing):
     np.testing.assert_array_equal(felt, 0.0)
 
 
-def test_several_skins_in_one_diagram_have_names_of_their_own(skin):
-    made = Plant(skin)
-    names = [made.add_skin().get_name() for _ in range(3)]
-    assert names == ["tactile_skin_body", "tactile_skin_body_2", "tactile_skin_body_3"]
-    assert made.add_skin(name="palm").get_name() == "palm"
-    made.builder.Build()
-
-
 def test_a_skin_is_drawn_where_it_is(skin):
-    made = Plant(skin, X_LS=X_LS, name="palm")
+    made = Plant(skin)
     inspector = made.scene_graph.model_inspector()
     frame = made.plant.GetBodyFrameIdOrThrow(made.body.index())
     (drawn,) = inspector.GetGeometries(frame, Role.kIllustration)
     (felt,) = inspector.GetGeometries(frame, Role.kProximity)
-    assert felt == made.skin_id
+    assert felt == made.worn.geometry_id
     for geometry_id in (drawn, felt):
-        X_LG = inspector.GetPoseInFrame(geometry_id)
-        np.testing.assert_allclose(X_LG.GetAsMatrix34(), X_LS.GetAsMatrix34())
+        assert inspector.GetPoseInFrame(geometry_id).IsExactlyIdentity()
     file = inspector.GetShape(drawn).source().in_memory().mesh_file
     surface = trimesh.load_mesh(
         trimesh.util.wrap_as_stream(file.contents()), file_type="obj", process=False
     )
-    np.testing.assert_allclose(surface.vertices, skin[0].vertices, atol=1e-12)
+    np.testing.assert_allclose(surface.vertices, skin.wall.vertices, atol=1e-12)
     assert surface.is_watertight
     assert surface.volume > 0
-    assert inspector.GetName(drawn).endswith("palm_visual")
+    assert inspector.GetName(drawn).endswith("skin_palm_visual")
 
 
 def test_a_skin_may_be_invisible(skin):
@@ -132,30 +119,21 @@ def test_a_skin_may_be_invisible(skin):
     assert not inspector.GetAllGeometryIds(Role.kIllustration)
 
 
-@pytest.mark.parametrize("modulus", [0.0, -1.0, float("nan")])
-def test_a_modulus_is_positive(skin, modulus):
-    plant, _ = AddMultibodyPlantSceneGraph(DiagramBuilder(), time_step=0.01)
-    body = plant.AddRigidBody("body", SpatialInertia.SolidBoxWithMass(1.0, 1.0, 1.0, 1.0))
-    message = f"^hydroelastic_modulus is {modulus}; give a number above 0$"
-    with pytest.raises(ValueError, match=message):
-        RegisterSkin(plant, body, skin[0], hydroelastic_modulus=modulus)
-
-
 def test_what_no_experiment_names_is_felt_too(skin):
     # As the floor of a diagram of one's own: hydroelastic, and of no toucher's geometry.
     builder = DiagramBuilder()
-    plant, _ = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
     properties = ProximityProperties()
     AddRigidHydroelasticProperties(0.5, properties)
     plant.RegisterCollisionGeometry(
         plant.world_body(), RigidTransform([0, 0, -0.5]), Box(1, 1, 1), "floor", properties
     )
     body = plant.AddRigidBody("body", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
-    skin_id = RegisterSkin(plant, body, skin[0], hydroelastic_modulus=3e4)
+    worn = RegisterSkin(plant, skin)
     plant.Finalize()
-    touch = TactileSkin.AddToBuilder(builder, plant, fields=skin[1], body=body, skin_id=skin_id)
+    touch = AddTactileSkin(builder, plant, scene_graph, [worn])
     context = builder.Build().CreateDefaultContext()
     pose = RigidTransform([0, 0, 0.09])
     plant.SetFreeBodyPose(plant.GetMyMutableContextFromRoot(context), body, pose)
-    felt = touch.get_output_port().Eval(touch.GetMyContextFromRoot(context))
+    felt = touch.GetOutputPort("sensation").Eval(touch.GetMyContextFromRoot(context))
     assert felt.sum() > 1.0

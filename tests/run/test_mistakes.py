@@ -116,7 +116,7 @@ def test_the_small_robot_is_right(babble, tmp_path):
         (
             "{robot: {directives: package://mein/small.dmd.yaml}}",
             "robot.directives is 'package://mein/small.dmd.yaml'; there is no package 'mein' in "
-            "robot.packages: did you mean 'mine'?",
+            "robot.packages: did you mean mine?",
         ),
         (
             "{robot: {directives: package://mine/smal.dmd.yaml}}",

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from selftouch_drake.geometry.samples import sample_triangles
+from selftouch_drake.geometry.triangles import sample_triangles
 
 # Compact, long, flat to the point of being a line, tiny, and far from the origin.
 TRIANGLES = np.array(
