@@ -22,8 +22,8 @@ from selftouch_drake.experiment import load_experiment, parse_overrides, shipped
 from selftouch_drake.resources import EXPERIMENTS, MODELS, SWEEPS, shipped
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.metrics import METRICS
-from selftouch_drake.threads import Threads
 
 
 def files_below(folder):
@@ -327,8 +327,7 @@ def test_what_was_never_touched_is_named_in_one_line(capfd, tmp_path):
     overrides = parse_overrides(SMALL) | {"skins": {"spot": spot}}
     experiment = load_experiment("cube", overrides)
     directory = RunDirectory.create(tmp_path / "run", experiment)
-    with Threads(1) as executor:
-        status = exit_status(lambda: stages.babble(directory, executor, stages.silent))
+    status = exit_status(lambda: stages.babble(directory, InTurn(), stages.silent))
     assert status == 0
     (line,) = capfd.readouterr().err.strip().splitlines()
     assert line == (

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.threads import Threads, in_slices
+from selftouch_drake.threads import in_slices, thread_pool
 
 #: Initial learning rates: of hidden layers, whose steps are orthogonal, and of all other weights.
 #: Measured on torus, cube and sphere: half or twice either rate gives a higher loss.
@@ -132,7 +132,7 @@ def train(
     hidden = range(1, len(network.weights) - 1)
     first = [np.zeros_like(p) for p in parameters]
     second = [np.zeros_like(p) for p in parameters]
-    with Threads() as pool:
+    with thread_pool() as pool:
         for step in range(num_steps):
             gradients = _gradients(network, x, draw(), loss_slope, pool)
             rate = min(1.0, (step + 1) / (_WARM_UP * num_steps))

@@ -7,10 +7,8 @@ first: if the experience of a walk exists, it is complete, and so is its truth.
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, TypeVar
 
@@ -19,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from selftouch_drake.files import written_whole
-from selftouch_drake.threads import Threads
+from selftouch_drake.threads import mapped
 
 if TYPE_CHECKING:
     import pyarrow.dataset
@@ -27,8 +25,8 @@ if TYPE_CHECKING:
 # A vector column of a shard, or its contacts.
 Part = TypeVar("Part", np.ndarray, "Contacts")
 
-# Shards that are read ahead, side by side.
-_AHEAD = 2
+# Shards that are read side by side.
+_AT_ONCE = 2
 
 # What Arrow raises for damaged files; the last for names in a footer, which has no checksum.
 UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
@@ -271,12 +269,10 @@ class ExperienceReader:
     def batches(self, column: str) -> Iterator[np.ndarray]:
         """The rows `(N, width)` of a vector column, one array per shard."""
         width = None
-        with Threads(_AHEAD) as pool:
-            reads = deque(pool.submit(_vector_rows, path, column) for path in self._paths[:_AHEAD])
-            for path, after in zip_longest(self._paths, self._paths[_AHEAD:]):
-                rows = reads.popleft().result()
-                if after:
-                    reads.append(pool.submit(_vector_rows, after, column))
+        for first in range(0, len(self._paths), _AT_ONCE):
+            paths = self._paths[first : first + _AT_ONCE]
+            read = mapped(lambda path: _vector_rows(path, column), paths)
+            for path, rows in zip(paths, read, strict=True):
                 if width not in (None, rows.shape[1]):
                     raise StoreError(
                         f"{path} has {rows.shape[1]} numbers per row in {column}, earlier shards "

@@ -1,3 +1,6 @@
+import gc
+import threading
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +61,21 @@ def test_what_was_written_is_read_in_walk_order(tmp_path):
             np.testing.assert_array_equal(batch, rows)
     for found, shard in zip(truth.contacts(), shards, strict=True):
         assert_same(found, shard.contacts)
+
+
+def test_reading_that_is_left_off_holds_no_threads_and_lets_garbage_be_freed(tmp_path):
+    for walk in range(5):
+        write_shard(tmp_path, _shard(walk), fingerprint=PRINT)
+    before, forgotten = threading.enumerate(), []
+    batches = ExperienceReader(tmp_path / "experience").batches("q")
+    forgotten += [forgotten, batches]
+    freed = weakref.ref(batches)
+    next(batches)
+    assert gc.isenabled()
+    assert set(threading.enumerate()) <= set(before)
+    del batches, forgotten
+    gc.collect()
+    assert freed() is None
 
 
 def assert_same(found, expected):

@@ -32,11 +32,10 @@ from selftouch_drake.run.artifacts import (
     was_executed,
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.executors import local_executor
+from selftouch_drake.run.executors import InTurn, local_executor
 from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
-from selftouch_drake.threads import Threads
 
 SMALL = {
     "babbling": {"num_samples": 3000, "walk_size": 1500},
@@ -52,8 +51,7 @@ def learned(tmp_path_factory):
     experiment = load_experiment("cube", SMALL)
     run = RunDirectory.create(tmp_path_factory.mktemp("runs") / "cube", experiment)
     world = stages.make_world(run)
-    with Threads(1) as executor:
-        stages.babble(run, executor)
+    stages.babble(run, InTurn())
     stages.learn(run)
     return run, world
 
