@@ -26,15 +26,12 @@ def vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def touch_density(vertices: np.ndarray, faces: np.ndarray, touches: np.ndarray) -> np.ndarray:
-    """How often each place of a surface was touched, blurred over a few centimetres.
+    """`(V,)` touches / cm² at each place of a surface, blurred over a few centimetres.
 
     Args:
         vertices: `(V, 3)` m, of the outer surface.
         faces: `(F, 3)` its triangles, outward.
         touches: `(V,)` how many contacts were nearest to each vertex, as `TouchCounts` counts.
-
-    Returns:
-        `(V,)` touches / cm².
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     tree, area = cKDTree(vertices), vertex_areas(vertices, faces)

@@ -36,15 +36,9 @@ def force_metrics(run: RunDirectory) -> tuple[float, float]:
 def warn_of_untouched(
     run: RunDirectory, by_skin: Mapping[str, int], by_toucher: Mapping[str, int]
 ) -> None:
-    """Warns of skins without a touch, and of touchers that never touched.
+    """Warns of skins without a touch, and of touchers that never touched, in one line.
 
-    Args:
-        run: the run.
-        by_skin: touches of each skin, as of `touch_counts`.
-        by_toucher: touches by each toucher.
-
-    Warns:
-        NeverTouchedWarning: in one line, if there is such a skin or toucher.
+    The numbers of touches are those of `touch_counts`.
     """
     never = [f"skins.{name} was never touched" for name, number in by_skin.items() if not number]
     never += [f"touching.{name} never touched" for name, number in by_toucher.items() if not number]
@@ -58,11 +52,7 @@ def warn_of_untouched(
 
 
 def warn_of_changes(run: RunDirectory) -> None:
-    """Warns that all touches are learned from as one body's, if the body changes on the way.
-
-    Warns:
-        ChangedBodyWarning: in one line.
-    """
+    """Warns that all touches are learned from as one body's, if the body changes on the way."""
     num_samples = run.experiment.babbling.num_samples
     when = [one.after for one in run.experiment.changes if 0 < one.after < num_samples]
     if when:

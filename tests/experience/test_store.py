@@ -104,20 +104,6 @@ def test_contacts_are_taken_by_row_in_any_order(tmp_path):
         reader.take_contacts(np.array([3, 12]))
 
 
-def test_rows_are_taken_by_number_in_any_order(tmp_path):
-    for walk in range(3):
-        write_shard(tmp_path, _shard(walk, num_rows=3 + walk), fingerprint=PRINT)
-    reader = ExperienceReader(tmp_path / "experience")
-    whole = reader.read("q")
-    for rows in ([11, 0, 4, 4, 3, 2], [5], [], range(12)):
-        wanted = np.array(rows, dtype=int)
-        np.testing.assert_array_equal(reader.take("q", wanted), whole[wanted])
-    with pytest.raises(
-        StoreError, match=r"experience has 12 rows, but row 12 is needed; it belongs"
-    ):
-        reader.take("q", np.array([3, 12]))
-
-
 def test_the_files_have_the_schema_that_others_rely_on(tmp_path):
     shard = _shard(walk=12)
     write_shard(tmp_path, shard, fingerprint=PRINT)
