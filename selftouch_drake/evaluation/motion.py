@@ -29,17 +29,14 @@ def random_pairs(
     Both are on one part of the body that was recovered: no touch leads from part to part. They are
     as many as the experiment evaluates by default.
     """
-    num_targets, part = representation.num_targets, representation.part
+    part = representation.part
     random = np.random.default_rng(experiment.random_stream("pairs"))
-    # The goals of a start are all kernels but itself.
-    column, start = np.arange(num_targets - 1), np.arange(num_targets)[:, None]
-    goals = column + (column >= start)
-    within = (part[goals] == part[start]) & (part[start] < representation.num_parts)
-    codes = np.flatnonzero(within)
+    within = (part[:, None] == part) & (part < representation.num_parts)
+    np.fill_diagonal(within, False)
+    pairs = np.argwhere(within)
     asked = experiment.evaluation.num_pairs if num_pairs is None else num_pairs
-    chosen = codes[random.choice(len(codes), size=min(asked, len(codes)), replace=False)]
-    starts = chosen // (num_targets - 1)
-    return list(zip(starts.tolist(), goals.ravel()[chosen].tolist(), strict=True))
+    chosen = random.choice(len(pairs), size=min(asked, len(pairs)), replace=False)
+    return [(start, goal) for start, goal in pairs[chosen].tolist()]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

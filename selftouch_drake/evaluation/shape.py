@@ -35,12 +35,8 @@ def trustworthiness(near: np.ndarray, true: np.ndarray, num_neighbours: int = 12
         or so for neighbours drawn at random.
     """
     K, k = len(true), num_neighbours
-    nearest = _nearest(near, k)
-    excess = 0
-    for kernel, order in enumerate(_nearest(true, K - 1)):
-        rank = np.empty(K, dtype=int)
-        rank[order] = np.arange(1, K)
-        excess += np.maximum(rank[nearest[kernel]] - k, 0).sum()
+    rank = np.argsort(_nearest(true, K), axis=1) + 1
+    excess = np.maximum(np.take_along_axis(rank, _nearest(near, k), axis=1) - k, 0).sum()
     return float(1 - 2 * excess / (K * k * (2 * K - 3 * k - 1)))
 
 

@@ -78,7 +78,7 @@ def collect_walk(
 ) -> Shard:
     """Walks until `num_rows` touching configurations that the body can take are found.
 
-    After `most_s` of the body's own time, the walk ends with what it has.
+    After `most_s` s of the body's own time, the walk ends with what it has.
 
     Raises:
         NeverTouchesError: there was no touch in `PATIENCE` steps.
@@ -219,18 +219,15 @@ def stored_walks(
 
     Arguments and errors are those of `collect`.
     """
-    moments = sorted({0, *(change.after for change in experiment.changes)})
-    bodies = [experiment.after(moment) for moment in moments]
-    first_rows = np.cumsum([0, *walk_sizes(experiment)[:-1]])
-    body = np.searchsorted(moments, first_rows, side="right") - 1
-    counts, missing = WalkCounts(), list[Walk]()
+    counts, missing, first = WalkCounts(), list[Walk](), 0
     for number, num_rows, known in _walks(experiment, folder, fingerprint):
         truth = folder / "truth" / shard_name(number)
         if known is None or (experiment.has_truth and not truth.exists()):
-            missing.append(Walk(number, num_rows, bodies[body[number]]))
+            missing.append(Walk(number, num_rows, experiment.after(first)))
         else:
             counts += known
             progress(known.num_rows)
+        first += num_rows
     return counts, missing
 
 

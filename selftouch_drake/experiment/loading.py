@@ -10,13 +10,7 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from selftouch_drake.experiment.errors import ExperimentError, closest, explained, shown
-from selftouch_drake.experiment.schema import (
-    WITHOUT,
-    Experiment,
-    Name,
-    Skin,
-    is_printable,
-)
+from selftouch_drake.experiment.schema import WITHOUT, Experiment, Name, Skin, is_printable
 from selftouch_drake.resources import EXPERIMENTS, shipped
 
 _EXPERIMENT = TypeAdapter(Experiment)

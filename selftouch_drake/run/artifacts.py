@@ -7,6 +7,7 @@ experience; those of another experience or version are refused with the remedy.
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -23,12 +24,9 @@ from selftouch_drake.agent.representation import (
     to_networkx,
     without_vectors,
 )
-from selftouch_drake.files import (
-    load_arrays,
-    save_arrays,
-    written_whole,
-)
+from selftouch_drake.files import load_arrays, save_arrays, written_whole
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
+from selftouch_drake.run.metrics import keys_of
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.shape import Body, RecoveredPart
@@ -86,12 +84,10 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
     return representation
 
 
-def save_learned(
-    run: RunDirectory, representation: QuotientRepresentation, body: Body, forget=lambda: None
-) -> None:
+def save_learned(run: RunDirectory, representation: QuotientRepresentation, body: Body) -> None:
     """Saves what was learned, embedded in the body: everything or nothing.
 
-    When the new files are complete, just before they replace the old ones, it calls `forget`.
+    Metrics of the old learning and everything that was made from it are dropped.
     """
     stamp = run.stamp()
     # The old files stay as they are until the new ones are complete.
@@ -102,7 +98,10 @@ def save_learned(
             (run.body_distances, {"distances": body.distances.astype(np.float32)}),
         ):
             save_arrays(files.enter_context(written_whole(file)), arrays | stamp)
-        forget()
+        run.drop_metrics(keys_of("learn", "evaluate"))
+        shutil.rmtree(run.path / "plans", ignore_errors=True)
+        run.rehearsal.unlink(missing_ok=True)
+        run.trials.unlink(missing_ok=True)
 
 
 def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Body:

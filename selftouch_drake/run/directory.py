@@ -69,7 +69,7 @@ class RunDirectory:
 
     experience = Inside("experience", "The agent's experience, in shards.")
     met = Inside("met", "Touches that were met in practice and execution, in shards.")
-    added = Inside("added", "Those that `learn --add` has added to the experience, in shards.")
+    added = Inside("added", "Touches that `learn --add` added to the experience, in shards.")
     truth = Inside("truth", "The truth, in shards; only the experimenter may read it.")
     skin = Inside("skin.npz", "Receptors and outer surfaces of the skins; part of the truth.")
     calibration = Inside(
@@ -80,7 +80,7 @@ class RunDirectory:
     rehearsal = Inside("rehearsal.npz", "What the agent remembers of its rehearsals.")
     trials = Inside("trials.npz", "The result of each random pair.")
     topology = Inside("topology.npz", "The persistence diagram of the recovered body.")
-    body_distances = Inside("body_distances.npz", "Distances between kernels along that body.")
+    body_distances = Inside("body_distances.npz", "Distances of kernels on the recovered body.")
     life = Inside("life.npz", "The life of the agent, as curves.")
     cache = Inside("cache", "What commands keep to start sooner; it may be removed at any time.")
     figures = Inside("figures", "Pictures.")
@@ -92,11 +92,12 @@ class RunDirectory:
         """Begins a run of `experiment`, or resumes a run of the same experiment."""
         if (path / "experiment.yaml").exists():
             run = RunDirectory.open(path)
-            if difference := _first_difference(run.experiment, experiment):
-                name, there, here = difference
-                raise RunError(
-                    f"{path} was begun with {name} {there!r}, not {here!r}; choose another --out"
-                )
+            there, here = _all_fields(run.experiment), _all_fields(experiment)
+            for name in {**there, **here}:
+                if (old := there.get(name)) != (new := here.get(name)):
+                    raise RunError(
+                        f"{path} was begun with {name} {old!r}, not {new!r}; choose another --out"
+                    )
             return run
         # A killed start leaves its orphan, and no run yet.
         if path.exists() and not (
@@ -168,10 +169,7 @@ class RunDirectory:
         file = self.path / _MODELS
         if not file.exists():
             return model_digests(self.experiment)
-        try:
-            digests = json.loads(file.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError):
-            digests = None
+        digests = _read_json(file)
         if not (isinstance(digests, dict) and all(isinstance(d, str) for d in digests.values())):
             raise RunError(f"{file} is damaged; run the experiment again with another --out")
         return digests
@@ -230,10 +228,7 @@ class RunDirectory:
         file = self.path / "metrics.json"
         if not file.exists():
             return {}
-        try:
-            found = json.loads(file.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError):
-            found = None
+        found = _read_json(file)
         if not isinstance(found, dict):
             raise RunError(f"{file} is damaged; delete it and evaluate again")
         if found.pop("made_for", None) != str(self.body_stamp()["made_for"]):
@@ -284,6 +279,14 @@ class RunDirectory:
             raise RunError(f"{file} belongs to another experiment or version; {remedy}")
 
 
+def _read_json(file: Path) -> Any:
+    """What a file holds; None if it is damaged."""
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError):
+        return None
+
+
 def _as_plain(value: Any) -> Any:
     """What numpy computed, as plain numbers and lists."""
     if isinstance(value, np.generic | np.ndarray):
@@ -291,13 +294,7 @@ def _as_plain(value: Any) -> Any:
     raise TypeError(f"{value!r} is no metric; give numbers, text, lists or mappings")
 
 
-def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, Any] | None:
-    a, b = fields_of(there), fields_of(here)
-    for key in ("skins", "touching"):
-        # The order of skins is that of the readings in a sensation.
-        a[f"the order of {key}"] = list(getattr(there, key))
-        b[f"the order of {key}"] = list(getattr(here, key))
-    for name in {**a, **b}:
-        if a.get(name) != b.get(name):
-            return name, a.get(name), b.get(name)
-    return None
+def _all_fields(experiment: Experiment) -> dict[str, Any]:
+    # The order of skins is that of the readings in a sensation.
+    order = {f"the order of {key}": list(getattr(experiment, key)) for key in ("skins", "touching")}
+    return fields_of(experiment) | order

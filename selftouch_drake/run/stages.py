@@ -7,7 +7,6 @@ needs, so that the others start sooner.
 
 from __future__ import annotations
 
-import shutil
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -26,12 +25,7 @@ from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.bodies.embodiment import World, pilot_in
 from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.evaluation.coverage import touch_counts
-from selftouch_drake.experience import (
-    ExperienceReader,
-    collect,
-    how_to_collect,
-    require_complete,
-)
+from selftouch_drake.experience import ExperienceReader, collect, how_to_collect, require_complete
 from selftouch_drake.experience.collect import robot_s
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.artifacts import (
@@ -46,13 +40,8 @@ from selftouch_drake.run.artifacts import (
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.imported import timed, write_trajectory
-from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.run.naming import free_start
-from selftouch_drake.run.touches import (
-    force_metrics,
-    warn_of_changes,
-    warn_of_untouched,
-)
+from selftouch_drake.run.touches import force_metrics, warn_of_changes, warn_of_untouched
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
 from selftouch_drake.run.worlds import babbling_body, keep_bodies, make_world, run_bodies
 
@@ -173,7 +162,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     )
     representation = body.embed(learned.representation)
     body.warn_of_misfit()
-    save_learned(run, representation, body, forget=lambda: _forget_learning(run))
+    save_learned(run, representation, body)
     sizes = np.diff(representation.kernel_offsets)
     bridges = learned.bridges.tolist()
     run.add_metrics(
@@ -203,14 +192,6 @@ def get_ready(run: RunDirectory) -> None:
         agent = Agent.learn(q[:num_touches], sensation[:num_touches], num_targets=_READY_TARGETS)
         pilot = pilot_in(bodies, agent, run.experiment)
         pilot.execute(pilot.plan(*agent.representation.edges[0].tolist()).motion)
-
-
-def _forget_learning(run: RunDirectory) -> None:
-    """Drops the metrics of the old learning, and everything that was made from it."""
-    run.drop_metrics(keys_of("learn", "evaluate"))
-    shutil.rmtree(run.path / "plans", ignore_errors=True)
-    run.rehearsal.unlink(missing_ok=True)
-    run.trials.unlink(missing_ok=True)
 
 
 def plan(run: RunDirectory, *targets: int) -> Motion:

@@ -24,7 +24,8 @@ from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.bodies.drake import DrakeFollowed
 from selftouch_drake.bodies.embodiment import Bodies, pilot_in
-from selftouch_drake.evaluation import (
+from selftouch_drake.evaluation.executed import ExecutedTruth, ExecutionJudge
+from selftouch_drake.evaluation.motion import (
     MotionScore,
     calibration,
     cosine_distance,
@@ -33,7 +34,6 @@ from selftouch_drake.evaluation import (
     score_motion,
     summarise,
 )
-from selftouch_drake.evaluation.executed import ExecutedTruth, ExecutionJudge
 from selftouch_drake.files import content_digest
 from selftouch_drake.run.artifacts import load_agent, save_plan
 from selftouch_drake.run.directory import RunDirectory
@@ -131,6 +131,7 @@ class FirstTries:
         predicted = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
         predicted &= motion.predicted_spread > 0
         planned, felt = self._slowly(motion)
+        impossible = 0 if felt is None else int(np.sum(~felt.reached))
         truth = None
         if self._judge is not None and isinstance(followed, DrakeFollowed):
             truth = self._judge.truth(execution, followed.log)
@@ -146,7 +147,7 @@ class FirstTries:
             num_slides=len(query.agent.memory.slides.ends),
             error=cosine_distance(execution.felt[predicted], motion.predicted[predicted]),
             spread=motion.predicted_spread[predicted],
-            impossible_planned=0 if felt is None else int(np.sum(~felt.reached)),
+            impossible_planned=impossible,
             truth=truth,
         )
         return first, judge(execution, representation)
