@@ -386,7 +386,7 @@ def plan(directory: RunDirectory, targets: list) -> None:
     elif q_start is None:
         motion = stages.plan(directory, *targets)
     else:
-        motion = stages.plan_from(directory, np.array(q_start), targets[-1])
+        motion = stages.plan(directory, targets[-1], q_start=np.array(q_start))
     click.echo(f"route: {_route(motion)}\nduration: {motion.time_s[-1]:.2f} s")
     click.echo(f"plan: {directory.plan(*targets)}")
     if directory.experiment.imported is not None:

@@ -101,24 +101,21 @@ def summarise(scores: Sequence[MotionScore | None], prefix: str) -> dict[str, fl
     }
 
 
-def calibration(errors: list[np.ndarray], spreads: list[np.ndarray]) -> dict[float, float]:
+def calibration(errors: list[np.ndarray]) -> dict[float, float]:
     """Checks predicted uncertainty: the share of errors within bands of half and 90 % of them.
 
     The factor from spread to band is learned from the first half of the motions, such that it holds
     the wanted share of their errors (split conformal prediction), and judged by the second half.
 
     Args:
-        errors: one array `(T,)` per motion, of cosine distances from predicted to felt.
-        spreads: one array `(T,)` per motion, predicted before; positive.
+        errors: one array `(T,)` per motion, of cosine distances from predicted to felt, over the
+            spreads that were predicted before.
 
     Returns:
         For each wanted share the share found; nothing with fewer than two motions.
     """
     half = len(errors) // 2
-    if half == 0:
-        return {}
-    ratios = [error / spread for error, spread in zip(errors, spreads, strict=True)]
-    known, new = np.concatenate(ratios[:half]), np.concatenate(ratios[half:])
+    known, new = (np.concatenate([np.zeros(0), *part]) for part in (errors[:half], errors[half:]))
     if not (known.size and new.size):
         return {}
     return {share: float(np.mean(new <= np.quantile(known, share))) for share in (0.5, 0.9)}

@@ -165,7 +165,11 @@ class RunDirectory:
         save_arrays(self.calibration, calibration.to_arrays() | self.body_stamp())
 
     def digests(self) -> Digests:
-        """The content of the robot's models and meshes at the start of the run."""
+        """The content of the robot's models and meshes at the start of the run.
+
+        Raises:
+            RunError: the file that holds them is damaged.
+        """
         file = self.path / _MODELS
         if not file.exists():
             return model_digests(self.experiment)

@@ -21,7 +21,6 @@ from selftouch_drake.evaluation import (
     neighbour_agreement,
     parts_on_skins,
     shape_rms_fraction,
-    touch_density,
     true_parts,
     trustworthiness,
 )
@@ -45,10 +44,7 @@ def score_body(
     fields = [skin.fields for skin in world.skins]
     counts = TouchCounts(fields, ExperienceReader(run.truth).contacts())
     metrics: Metrics = coverage(
-        [
-            (skin.vertices, skin.faces, touch_density(skin.vertices, skin.faces, touches))
-            for skin, touches in zip(fields, counts.counts, strict=True)
-        ]
+        [(s.vertices, s.faces, n) for s, n in zip(fields, counts.counts, strict=True)]
     )
     contacts = ExperienceReader(run.truth).take_contacts(representation.kernel_row)
     truth = kernel_truth(representation, contacts)

@@ -24,8 +24,7 @@ from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.bodies.embodiment import World, pilot_in
 from selftouch_drake.bodies.living import LivingBody
-from selftouch_drake.evaluation.coverage import touch_counts
-from selftouch_drake.experience import ExperienceReader, collect, how_to_collect, require_complete
+from selftouch_drake.experience import collect, how_to_collect, require_complete
 from selftouch_drake.experience.collect import robot_s
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.artifacts import (
@@ -41,7 +40,7 @@ from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.imported import timed, write_trajectory
 from selftouch_drake.run.naming import free_start
-from selftouch_drake.run.touches import force_metrics, warn_of_changes, warn_of_untouched
+from selftouch_drake.run.touches import touch_metrics, warn_of_changes
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
 from selftouch_drake.run.worlds import babbling_body, keep_bodies, make_world, run_bodies
 
@@ -110,13 +109,9 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
         **({"babbling_robot_s": counts.robot_s} if counts.robot_s else {}),
         "babbling_wall_s": wall_before + time.perf_counter() - began,
     }
-    by_skin, by_toucher = dict[str, int](), dict[str, int]()
-    if (world := bodies.world) is not None:
-        by_skin, by_toucher = touch_counts(ExperienceReader(run.truth), world.robot)
-        found["babbling_touches_by_skin"] = by_skin
-        found["babbling_force_median_N"], found["babbling_force_max_N"] = force_metrics(run)
+    if bodies.world is not None:
+        found |= touch_metrics(run, bodies.world)
     run.add_metrics(found)
-    warn_of_untouched(run, by_skin, by_toucher)
 
 
 def _save_skins(run: RunDirectory, world: World) -> None:
@@ -194,19 +189,24 @@ def get_ready(run: RunDirectory) -> None:
         pilot.execute(pilot.plan(*agent.representation.edges[0].tolist()).motion)
 
 
-def plan(run: RunDirectory, *targets: int) -> Motion:
+def plan(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) -> Motion:
     """Plans through target sensations, from a configuration of the first; keeps the plan.
 
-    That of an imported run is kept as CSV as well.
+    From any `(J,)` `q_start`, touching or not, it plans to a single target; then the file of the
+    plan names both. The plan of an imported run is kept as CSV as well.
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
-        ValueError: no plan exists.
+        ValueError: no plan exists, or `q_start` is not a configuration within the limits.
     """
     pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
     _require_targets(run, targets)
-    motion = pilot.plan(*targets).motion
-    _keep_plan(run, motion, *targets)
+    if q_start is None:
+        motion = pilot.plan(*targets).motion
+        _keep_plan(run, motion, *targets)
+    else:
+        motion = pilot.plan_from(q_start, *targets).motion
+        _keep_plan(run, motion, free_start(q_start), *targets)
     return motion
 
 
@@ -237,19 +237,6 @@ def _keep_plan(run: RunDirectory, motion: Motion, *targets: int | str, **numbers
     save_plan(run, motion, *targets, **numbers)
     if (imported := run.experiment.imported) is not None:
         write_trajectory(run.plan(*targets).with_suffix(".csv"), motion, imported.joints)
-
-
-def plan_from(run: RunDirectory, q_start: np.ndarray, goal: int) -> Motion:
-    """As `plan`, from any `(J,)` configuration, touching or not; the file of the plan names it.
-
-    Raises:
-        ValueError: `q_start` is not a configuration within the limits, or no plan exists.
-    """
-    pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
-    _require_targets(run, (0, goal))
-    motion = pilot.plan_from(q_start, goal).motion
-    _keep_plan(run, motion, free_start(q_start), goal)
-    return motion
 
 
 def execute(run: RunDirectory, *targets: int | str) -> Try:
@@ -347,8 +334,8 @@ def has_evaluated(run: RunDirectory) -> bool:
 def _require_targets(run: RunDirectory, targets: Sequence[int | str]) -> None:
     """Refuses target sensations that a run does not have."""
     num_targets = run.experiment.representation.num_targets
-    names = ("--from", "--to") if len(targets) == 2 else ("--through",) * len(targets)
-    for name, target in zip(names, targets, strict=True):
+    names = ["--from", "--to"] if len(targets) < 3 else ["--through"] * len(targets)
+    for name, target in zip(names[-len(targets) :], targets, strict=True):
         if isinstance(target, int) and not 0 <= target < num_targets:
             raise RunError(
                 f"{name} is {target}; this run has target sensations 0 to {num_targets - 1}"

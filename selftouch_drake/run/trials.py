@@ -7,10 +7,10 @@ order, because each remembers the earlier ones. Only the parts of their scores s
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import closing
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -60,8 +60,7 @@ class FirstTry:
         query_s: s, duration of planning.
         jerk_reduction: of the plan, in motor space.
         num_slides: ways that practice found for steps of the plan.
-        error: `(n,)` cosine distances from predicted to felt.
-        spread: `(n,)` predicted scales of these errors.
+        errors: `(n,)` cosine distances from predicted to felt, in their predicted scales.
         impossible_planned: samples of the plan at which the body cannot be.
         truth: of the execution; None if nobody knows it.
     """
@@ -75,8 +74,7 @@ class FirstTry:
     query_s: float
     jerk_reduction: float
     num_slides: int
-    error: np.ndarray
-    spread: np.ndarray
+    errors: np.ndarray
     impossible_planned: int
     truth: ExecutedTruth | None
 
@@ -145,8 +143,8 @@ class FirstTries:
             query_s=query.seconds,
             jerk_reduction=jerk_reduction(query.plan, representation.joint_scale),
             num_slides=len(query.agent.memory.slides.ends),
-            error=cosine_distance(execution.felt[predicted], motion.predicted[predicted]),
-            spread=motion.predicted_spread[predicted],
+            errors=cosine_distance(execution.felt[predicted], motion.predicted[predicted])
+            / motion.predicted_spread[predicted],
             impossible_planned=impossible,
             truth=truth,
         )
@@ -195,10 +193,13 @@ def try_pairs(
     max_tries = run.experiment.execution.max_tries
     pairs = random_pairs(run.experiment, agent.representation)
     trials, without_way = list[Trial](), list[tuple[int, int]]()
-    with closing(_in_order(run, learned, pairs, executor or InTurn())) as found:
+    executor, waiting, ahead = executor or InTurn(), iter(pairs), deque[Future[Any]]()
+    try:
         for number, (start, goal) in enumerate(pairs):
             progress(number / len(pairs), f"sensation {start} to {goal}")
-            if (result := next(found)) is None:
+            for pair in islice(waiting, _MOST_AHEAD + 1 - len(ahead)):
+                ahead.append(executor.submit(_first_try, run, learned, *pair))
+            if (result := ahead.popleft().result()) is None:
                 without_way.append((start, goal))
                 continue
             first, known = result
@@ -215,21 +216,6 @@ def try_pairs(
                     off_skin_kept_s=tries.off_skin_s(kept),
                 )
             )
-    return trials, without_way
-
-
-def _in_order(
-    run: RunDirectory, learned: str, pairs: Sequence[tuple[int, int]], executor: Executor
-) -> Generator[tuple[FirstTry, Try] | None, None, None]:
-    """Yields the first try of each pair; the executor works on a few pairs ahead."""
-    ahead = deque[Future[Any]]()
-    try:
-        for pair in pairs:
-            ahead.append(executor.submit(_first_try, run, learned, *pair))
-            if len(ahead) > _MOST_AHEAD:
-                yield ahead.popleft().result()
-        while ahead:
-            yield ahead.popleft().result()
     except BrokenExecutor:
         raise ChildProcessError(
             "an evaluating process was killed, perhaps because memory ran out; repeat the command"
@@ -237,6 +223,7 @@ def _in_order(
     finally:
         for future in ahead:
             future.cancel()
+    return trials, without_way
 
 
 def _first_try(
@@ -258,7 +245,7 @@ def trial_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
     if not trials:
         return {}
     query_ms = 1e3 * np.array([trial.query_s for trial in trials])
-    within = calibration([trial.error for trial in trials], [trial.spread for trial in trials])
+    within = calibration([trial.errors for trial in trials])
     metrics: dict[str, Any] = {
         **summarise([trial.unpractised for trial in trials], "unpractised"),
         **summarise([trial.unpractised_executed for trial in trials], "unpractised_execution"),
