@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning import polyline
-from selftouch_drake.agent.planning.timing import commanded, speed_shares
+from selftouch_drake.agent.planning.timing import speed_shares
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.evaluation.motion import JERK_SPACING, jerk
 from selftouch_drake.robot import Log, World
@@ -132,7 +132,7 @@ def limit_shares(
     time_s, q, v = motion.time_s, motion.q, motion.v
     velocity, acceleration = speed_shares(time_s, q, v, limits.velocity, limits.acceleration)
     times = np.append(np.arange(time_s[0], time_s[-1], 1.0 / _CHECK_RATE_HZ), time_s[-1])
-    positions = np.concatenate([commanded(time_s, q, v)(times), q_measured])
+    positions = np.concatenate([CubicHermiteSpline(time_s, q, v)(times), q_measured])
     # A joint without limits uses no share of them.
     ends = np.isfinite(limits.upper) & np.isfinite(limits.lower)
     upper, lower = np.where(ends, limits.upper, np.inf), np.where(ends, limits.lower, -1.0)
