@@ -63,7 +63,7 @@ from selftouch_drake.experience.exploration import Exploration
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.first_tries import FirstTries
+from selftouch_drake.run.trials import FirstTries
 from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, PINK, VERMILION, styled
 
 #: Numbers of touches, and simulated minutes, at which a life is scored.

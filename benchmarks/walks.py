@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.bodies.embodiment import body_of
-from selftouch_drake.evaluation import TouchCounts, coverage, touch_density
+from selftouch_drake.evaluation import TouchCounts, coverage
 from selftouch_drake.experience import ExperienceReader, collect
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
@@ -43,7 +43,7 @@ def measure(name: str, walk: dict, num_samples: int, executor) -> str:
         force = ExperienceReader(run.experience).read("sensation").sum(axis=1)
     covered = coverage(
         [
-            (skin.vertices, skin.faces, touch_density(skin.vertices, skin.faces, number))
+            (skin.vertices, skin.faces, number)
             for skin, number in zip(fields, touched.counts, strict=True)
         ]
     )

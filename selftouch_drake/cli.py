@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 
 def _fields(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, Any]:
-    from selftouch_drake.experiment import parse_overrides
+    from selftouch_drake.experiment import parse_fields
 
-    return parse_overrides(text)
+    return parse_fields(text)
 
 
 def _numbers(kind: type) -> Callable[..., list | None]:
@@ -112,7 +112,11 @@ def of_a_run(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def opened(run: Path, **options: Any) -> None:
-        command(directory=_open(run), **options)
+        from selftouch_drake.run.directory import RunDirectory
+
+        directory = RunDirectory.open(run)
+        click.get_current_context().with_resource(directory.writing())
+        command(directory=directory, **options)
 
     return RUN(opened)
 
@@ -382,7 +386,7 @@ def plan(directory: RunDirectory, targets: list) -> None:
     elif q_start is None:
         motion = stages.plan(directory, *targets)
     else:
-        motion = stages.plan_from(directory, np.array(q_start), targets[-1])
+        motion = stages.plan(directory, targets[-1], q_start=np.array(q_start))
     click.echo(f"route: {_route(motion)}\nduration: {motion.time_s[-1]:.2f} s")
     click.echo(f"plan: {directory.plan(*targets)}")
     if directory.experiment.imported is not None:
@@ -514,7 +518,9 @@ def play(run: Path, port: int | None) -> None:
 
     Open the printed address in a browser. End with the button on the page or with Ctrl-C.
     """
-    directory = _open(run, writing=False)
+    from selftouch_drake.run.directory import RunDirectory
+
+    directory = RunDirectory.open(run)
 
     from selftouch_drake.show.outputs import play as show
 
@@ -568,8 +574,8 @@ def robot(experiment: str, overrides: dict[str, Any], show: bool) -> None:
 
     EXPERIMENT is the name of a shipped experiment (by default cube), a YAML file or a run.
     """
+    from selftouch_drake.bodies.embodiment import build_world
     from selftouch_drake.robot.describe import describe
-    from selftouch_drake.run.stages import build_world
 
     if (Path(experiment) / "experiment.yaml").is_file():
         experiment = str(Path(experiment) / "experiment.yaml")
@@ -746,15 +752,6 @@ def _begin(
     return directory
 
 
-def _open(run: Path, *, writing: bool = True) -> RunDirectory:
-    from selftouch_drake.run.directory import RunDirectory
-
-    directory = RunDirectory.open(run)
-    if writing:
-        click.get_current_context().with_resource(directory.writing())
-    return directory
-
-
 def _babble(directory, executor, scheduler: str | None) -> None:
     from selftouch_drake.run import stages
     from selftouch_drake.run.executors import dask_executor
@@ -790,18 +787,18 @@ def _print_headline(directory) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from selftouch_drake.run.metrics import headline
+    from selftouch_drake.run.metrics import MOTION_COLUMNS, motions, tiles
 
-    found, console = headline(directory.metrics()), Console()
-    body = Table("metric", "value", title=directory.experiment.name, title_justify="left")
-    for tile in found.tiles:
-        body.add_row(tile.name, tile.value)
-    console.print(body)
-    if found.motions:
-        motions = Table(*found.columns)
-        for row in found.motions:
-            motions.add_row(row.name, *row.cells)
-        console.print(motions)
+    found, console = directory.metrics(), Console()
+    table = Table("metric", "value", title=directory.experiment.name, title_justify="left")
+    for tile in tiles(found):
+        table.add_row(tile.name, tile.value)
+    console.print(table)
+    if rows := motions(found):
+        table = Table(*MOTION_COLUMNS)
+        for row in rows:
+            table.add_row(row.name, *row.cells)
+        console.print(table)
 
 
 if __name__ == "__main__":

@@ -6,9 +6,6 @@ import contextlib
 import functools
 import hashlib
 import os
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -49,28 +46,16 @@ def remove_unfinished(folder: Path) -> None:
         aside.unlink(missing_ok=True)
 
 
-def require_writable(folder: Path) -> None:
-    """Refuses a folder in which nothing can be written, before any work is done for it.
-
-    Raises:
-        PermissionError: naming the folder.
-    """
-    if not os.access(folder, os.W_OK, effective_ids=True):
-        raise PermissionError(f"{folder} cannot be written; make it writable, or work on a copy")
-
-
 @contextlib.contextmanager
 def locked(folder: Path, refusal: Exception) -> Iterator[None]:
     """Locks a folder for one writer; the lock ends with its process, however that ends.
 
-    Args:
-        folder: the folder.
-        refusal: raised if another process writes there.
-
     Raises:
-        PermissionError: nothing can be written there.
+        PermissionError: nothing can be written there; the text names the folder.
+        Exception: `refusal`, if another process writes there.
     """
-    require_writable(folder)
+    if not os.access(folder, os.W_OK, effective_ids=True):
+        raise PermissionError(f"{folder} cannot be written; make it writable, or work on a copy")
     lock = FileLock(folder / ".lock")
     try:
         lock.acquire(timeout=0)
@@ -110,13 +95,9 @@ def save_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 def load_arrays(path: Path, names: Iterable[str] = ()) -> dict[str, np.ndarray]:
     """Reads all arrays of an `.npz` file; nothing is ever unpickled.
 
-    Args:
-        path: the file.
-        names: arrays that must be there.
-
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: the file is damaged, or lacks one of `names`; the text names it.
+        ValueError: it is damaged, or lacks one of the arrays `names`; the text names it.
     """
     try:
         # A bare array (.npy) opens too, without the `files` of an archive.
@@ -124,7 +105,8 @@ def load_arrays(path: Path, names: Iterable[str] = ()) -> dict[str, np.ndarray]:
             arrays = {name: archive[name] for name in archive.files}
     except FileNotFoundError:
         raise
-    except _UNREADABLE as error:
+    # For truncated, damaged and foreign files, numpy raises a dozen kinds of errors.
+    except Exception as error:
         reason = " ".join(str(error).split())[:200].rstrip(".") or type(error).__name__
         raise ValueError(f"{path} is damaged ({reason}); make it again") from None
     if missing := [name for name in names if name not in arrays]:
@@ -139,11 +121,6 @@ def kept_arrays(
 
     If the file is missing or damaged, they are made and kept for the next time, unless nothing can
     be written there. The name of the file must say what they are made from.
-
-    Args:
-        path: the file.
-        names: of the arrays.
-        make: makes them.
     """
     try:
         return load_arrays(path, names)
@@ -152,19 +129,3 @@ def kept_arrays(
     with contextlib.suppress(OSError):
         save_arrays(path, arrays)
     return arrays
-
-
-# What numpy raises, in practice, for truncated, damaged and foreign files.
-_UNREADABLE = (
-    AttributeError,
-    EOFError,
-    KeyError,
-    NotImplementedError,
-    OSError,
-    RuntimeError,
-    tokenize.TokenError,
-    TypeError,
-    ValueError,
-    zipfile.BadZipFile,
-    zlib.error,
-)

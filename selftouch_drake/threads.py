@@ -4,56 +4,50 @@ from __future__ import annotations
 
 import gc
 import threading
-import weakref
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any, Generic, TypeVar
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 Value = TypeVar("Value")
 
-# Reentrant, because a collection may find forgotten threads at any moment.
-_lock, _pools = threading.RLock(), 0
 
-
-class Threads(ThreadPoolExecutor):
-    """Threads that leave the caller's garbage alone.
+@contextmanager
+def thread_pool(num_threads: int | None = None) -> Iterator[ThreadPoolExecutor]:
+    """Threads for work that releases the GIL; no garbage is collected meanwhile.
 
     A collection frees objects in whichever thread it happens to start. Drake's Meshcat ends the
     process unless the thread that opened it also frees it, and a diagram that draws in it is
-    garbage only a collection finds. Until all such threads have ended, collections therefore skip
-    the objects that are older than the first.
+    garbage only a collection finds. A generator must not hold such threads while it yields: it may
+    never go on.
 
     Args:
         num_threads: one for each core that this process may use by default.
     """
+    # Not numba's threads: its OpenMP layer breaks after a fork.
+    from joblib import cpu_count
 
-    def __init__(self, num_threads: int | None = None, **kwargs: Any):
-        # Not numba's threads: its OpenMP layer breaks after a fork.
-        from joblib import cpu_count
-
-        _skip_older(1)
-        # When they are shut down, or forgotten.
-        self._skip_no_more = weakref.finalize(self, _skip_older, -1)
-        super().__init__(num_threads or cpu_count(), **kwargs)
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Ends the threads once they have worked through what was submitted."""
-        super().shutdown(wait=wait, cancel_futures=cancel_futures)
-        self._skip_no_more()
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        with ThreadPoolExecutor(num_threads or cpu_count()) as pool:
+            yield pool
+    finally:
+        if collects:
+            gc.enable()
 
 
-def mapped(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
-    """Yields the result of each item, in order, of work that releases the GIL."""
-    with Threads() as pool:
-        yield from pool.map(work, items)
+def mapped(work: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
+    """The result of each item, in order, of work that releases the GIL."""
+    with thread_pool() as pool:
+        return list(pool.map(work, items))
 
 
 def in_slices(work: Callable[[slice], object], num_rows: int, most: int) -> None:
     """Calls `work` with slices of at most `most` of `num_rows` rows; it releases the GIL."""
-    for _ in mapped(work, [slice(start, start + most) for start in range(0, num_rows, most)]):
-        pass
+    mapped(work, [slice(start, start + most) for start in range(0, num_rows, most)])
 
 
 class OncePerThread(Generic[Value]):
@@ -85,13 +79,3 @@ class OncePerThread(Generic[Value]):
     def keep(self, value: Value, *arguments: Any) -> None:
         """Has this thread keep a result that was made elsewhere."""
         self._last.arguments, self._last.value = arguments, value
-
-
-def _skip_older(pools: int) -> None:
-    global _pools
-    with _lock:
-        if not _pools:
-            gc.freeze()
-        _pools += pools
-        if not _pools:
-            gc.unfreeze()

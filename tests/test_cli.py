@@ -18,12 +18,12 @@ from commands import SMALL, refused, selftouch
 from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.agent.representation.graphs import connected_edges
 from selftouch_drake.cli import _route, exit_status
-from selftouch_drake.experiment import load_experiment, parse_overrides, shipped_experiments
+from selftouch_drake.experiment import load_experiment, parse_fields
 from selftouch_drake.resources import EXPERIMENTS, MODELS, SWEEPS, shipped
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.metrics import METRICS
-from selftouch_drake.threads import Threads
 
 
 def files_below(folder):
@@ -35,7 +35,7 @@ def files_below(folder):
 # `icub` needs a package of its own, and hours; it has a test of its own. Of some, another has the
 # same robot, and only the surface differs.
 ELSEWHERE = ("cube", "icub", "cylinder", "double_torus", "ellipsoid", "sphere_two_fingers", "torus")
-SMOKED = [name for name in shipped_experiments() if name not in ELSEWHERE]
+SMOKED = [name for name in shipped(EXPERIMENTS) if name not in ELSEWHERE]
 
 
 @pytest.mark.slow
@@ -285,7 +285,7 @@ def test_a_list_of_experiments_needs_no_drake():
     done = subprocess.run([sys.executable, "-c", code, *heavy], capture_output=True, text=True)
     *lines, loaded = done.stdout.splitlines()
     listed = [line.split(maxsplit=1) for line in lines if line.startswith("  ")]
-    assert [name for name, _ in listed] == [*shipped_experiments(), *shipped(SWEEPS)]
+    assert [name for name, _ in listed] == [*shipped(EXPERIMENTS), *shipped(SWEEPS)]
     assert all(meaning.endswith((".", "?")) for _, meaning in listed)
     assert loaded == "[]"
 
@@ -324,11 +324,10 @@ def test_what_was_never_touched_is_named_in_one_line(capfd, tmp_path):
     # A skin of a few square centimetres at the shoulder, where the fingertip hardly ever comes.
     surface = {"shape": "sphere", "radius": 0.02, "resolution": 0.01}
     spot = {"link": "shoulder", "surface": surface, "thickness": 0.008, "num_receptors": 4}
-    overrides = parse_overrides(SMALL) | {"skins": {"spot": spot}}
+    overrides = parse_fields(SMALL) | {"skins": {"spot": spot}}
     experiment = load_experiment("cube", overrides)
     directory = RunDirectory.create(tmp_path / "run", experiment)
-    with Threads(1) as executor:
-        status = exit_status(lambda: stages.babble(directory, executor, stages.silent))
+    status = exit_status(lambda: stages.babble(directory, InTurn(), stages.silent))
     assert status == 0
     (line,) = capfd.readouterr().err.strip().splitlines()
     assert line == (

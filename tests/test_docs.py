@@ -17,8 +17,8 @@ from selftouch_drake.experiment import (
     experiment_from_fields,
     load_experiment,
     load_skins,
-    shipped_experiments,
 )
+from selftouch_drake.resources import EXPERIMENTS, shipped
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.naming import default_path
 from selftouch_drake.sweep.design import load_sweep
@@ -105,7 +105,7 @@ def test_commands_are_understood():
                 continue
             try:
                 given = cli.commands[name].make_context(name, arguments).params
-                if given.get("experiment") in shipped_experiments():
+                if given.get("experiment") in shipped(EXPERIMENTS):
                     load_experiment(given["experiment"], given["overrides"])
             except click.MissingParameter:
                 continue  # the name of a command alone, in a sentence
@@ -126,7 +126,7 @@ def test_commands_that_make_a_run_work_one_after_another(tmp_path, monkeypatch):
             if words[1:2] not in (["run"], ["babble"]):
                 continue
             given = cli.commands[words[1]].make_context(words[1], words[2:]).params
-            if given["experiment"] in shipped_experiments():
+            if given["experiment"] in shipped(EXPERIMENTS):
                 changes = given["overrides"]
                 experiment = load_experiment(given["experiment"], changes)
                 path = given["out"] or default_path(experiment.name, changes)

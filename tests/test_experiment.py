@@ -18,10 +18,10 @@ from selftouch_drake.experiment import (
     experiment_from_fields,
     load_experiment,
     merged,
-    parse_overrides,
-    shipped_experiments,
+    parse_fields,
 )
 from selftouch_drake.randomness import STREAMS
+from selftouch_drake.resources import EXPERIMENTS, shipped
 
 TOP_FIELDS = (
     "name, seed, robot, skins, touching, joints, babbling, "
@@ -31,7 +31,7 @@ SURFACE_FIELDS = (
     "shape, radius, side, major_radius, minor_radius, height, length, semi_axes, mesh, scale, "
     "translation, rpy_deg, resolution"
 )
-SHIPPED = ", ".join(shipped_experiments())
+SHIPPED = ", ".join(shipped(EXPERIMENTS))
 BALL = {"shape": "sphere", "radius": 0.25}
 # The least that an experiment has to say.
 LEAST = {
@@ -42,7 +42,7 @@ LEAST = {
 }
 
 
-@pytest.mark.parametrize("name", shipped_experiments())
+@pytest.mark.parametrize("name", shipped(EXPERIMENTS))
 def test_shipped_experiments_load(name):
     experiment = load_experiment(name)
     assert experiment.name == name
@@ -51,7 +51,7 @@ def test_shipped_experiments_load(name):
 
 def test_every_robot_of_the_plan_is_shipped():
     hands = ("", "_two_fingers")
-    assert set(shipped_experiments()) >= {
+    assert set(shipped(EXPERIMENTS)) >= {
         *(f"{shape}{hand}" for shape in ("sphere", "cube", "torus") for hand in hands),
         *("ellipsoid", "cylinder", "double_torus", "sphere_two_wide_fingers"),
         *("turning_body", "gantry", "two_arms"),
@@ -239,7 +239,7 @@ BALL_OR_LINK = "give frame and radius for a ball, or link for a link's own geome
 )
 def test_a_mistake_is_named_by_field_value_and_remedy(text, message):
     with pytest.raises(ExperimentError) as error:
-        experiment_from_fields(merged(LEAST, parse_overrides(text)))
+        experiment_from_fields(merged(LEAST, parse_fields(text)))
     assert str(error.value) == message
 
 
@@ -282,14 +282,14 @@ def test_what_has_to_be_positive_is_positive(field):
 )
 def test_overrides_that_are_not_a_mapping_are_refused(text, message):
     with pytest.raises(ExperimentError) as error:
-        parse_overrides(text)
+        parse_fields(text)
     assert str(error.value) == message
 
 
 @pytest.mark.parametrize("text", ["seed: 2026-13-45", "seed: !!bool x", "seed: !!timestamp x"])
 def test_what_yaml_itself_stumbles_over_is_not_yaml(text):
     with pytest.raises(ExperimentError, match=r"^--set is not YAML: "):
-        parse_overrides(text)
+        parse_fields(text)
 
 
 @pytest.mark.parametrize(
@@ -344,7 +344,7 @@ def test_a_file_that_contains_itself_is_reported(tmp_path):
     path = tmp_path / "mine.yaml"
     path.write_text("&a {joints: *a}")
     with pytest.raises(ExperimentError) as error:
-        load_experiment(path, parse_overrides("&b {joints: *b}"))
+        load_experiment(path, parse_fields("&b {joints: *b}"))
     assert str(error.value) == f"experiment {path} contains itself; leave out the alias"
 
 
@@ -358,7 +358,7 @@ def test_a_file_without_a_name_is_called_as_the_file(tmp_path):
 
 
 def test_overrides_are_laid_over_the_file_field_by_field():
-    changed = load_experiment("cube", parse_overrides("{skins: {body: {num_receptors: 50}}}"))
+    changed = load_experiment("cube", parse_fields("{skins: {body: {num_receptors: 50}}}"))
     cube = load_experiment("cube")
     body = dataclasses.replace(cube.skins["body"], num_receptors=50)
     assert changed == dataclasses.replace(cube, skins={"body": body})
@@ -374,7 +374,7 @@ def test_overrides_are_laid_over_the_file_field_by_field():
     ],
 )
 def test_a_surface_is_replaced_whole(text, surface):
-    overrides = parse_overrides(f"skins: {{body: {{surface: {text}}}}}")
+    overrides = parse_fields(f"skins: {{body: {{surface: {text}}}}}")
     assert load_experiment("cube", overrides).skins["body"].surface == surface
 
 
@@ -401,7 +401,7 @@ def test_paths_start_at_the_experiment_file(tmp_path, monkeypatch):
 
 def test_paths_of_the_command_line_start_where_one_is(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    overrides = parse_overrides(
+    overrides = parse_fields(
         "{robot: {directives: me.dmd.yaml}, skins: {body: {surface: {mesh: duck.obj}}}}"
     )
     experiment = load_experiment("double_torus", overrides)
@@ -410,7 +410,7 @@ def test_paths_of_the_command_line_start_where_one_is(tmp_path, monkeypatch):
 
 
 def test_numbers_may_be_written_as_people_do():
-    fields = parse_overrides(
+    fields = parse_fields(
         "skins: {body: {hydroelastic_modulus: 3e4, thickness: 0.02, num_receptors: 0x20}}"
     )
     assert experiment_from_fields(merged(LEAST, fields)).skins["body"] == Skin(
@@ -560,7 +560,7 @@ tokens = st.sampled_from(
 @settings(max_examples=20, deadline=None)
 @given(text=st.lists(tokens, max_size=12).map("".join) | st.text(max_size=40))
 def test_any_text_loads_or_is_refused(text, tmp_path_factory):
-    _loads_or_is_refused(lambda: experiment_from_fields(parse_overrides(text)))
+    _loads_or_is_refused(lambda: experiment_from_fields(parse_fields(text)))
     path = tmp_path_factory.getbasetemp() / "any.yaml"
     path.write_bytes(text.encode("utf-8", "surrogatepass"))
     _loads_or_is_refused(lambda: load_experiment(path))

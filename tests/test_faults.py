@@ -21,7 +21,7 @@ from filelock import FileLock
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.bodies.embodiment import body_of
 from selftouch_drake.experience import ExperienceReader, StoreError, collect, require_complete
-from selftouch_drake.experiment import load_experiment, parse_overrides
+from selftouch_drake.experiment import load_experiment, parse_fields
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_representation, save_memory
@@ -386,7 +386,7 @@ def test_a_shard_too_many_is_refused(run):
 @pytest.mark.slow
 def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(finished_run, tmp_path):
     distributed = pytest.importorskip("distributed")
-    experiment = load_experiment("cube", parse_overrides(SMALL))
+    experiment = load_experiment("cube", parse_fields(SMALL))
     run = RunDirectory.create(tmp_path / "run", experiment)
     stored = []
     with (

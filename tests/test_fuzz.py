@@ -38,7 +38,7 @@ from selftouch_drake.experiment import (
     dump_experiment,
     experiment_from_fields,
     load_experiment,
-    parse_overrides,
+    parse_fields,
 )
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.geometry import mesh_file
@@ -257,9 +257,7 @@ def again(experiment):
 @fuzz
 @given(text=texts)
 def test_any_override(text):
-    again(
-        loaded_or_refused(lambda: load_experiment("cube", parse_overrides(text)), ExperimentError)
-    )
+    again(loaded_or_refused(lambda: load_experiment("cube", parse_fields(text)), ExperimentError))
 
 
 @fuzz

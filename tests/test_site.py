@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from selftouch_drake.cli import cli
-from selftouch_drake.experiment import Babbling, Skin
+from selftouch_drake.experiment import Babbling, Experiment, Skin
+from selftouch_drake.run.directory import Inside, RunDirectory
 from selftouch_drake.run.metrics import METRICS
 
 ROOT = Path(__file__).parents[1]
@@ -57,7 +58,7 @@ def test_nothing_is_loaded_from_the_network(site):
     assert found == []
 
 
-def test_the_reference_names_every_command_field_and_metric(site):
+def test_the_reference_names_every_command_field_metric_and_file(site):
     reference = site / "reference"
     commands = words(reference / "cli.html")
     assert [name for name in cli.commands if f"selftouch {name}" not in commands] == []
@@ -69,6 +70,10 @@ def test_the_reference_names_every_command_field_and_metric(site):
         assert [name for name in names if name not in fields] == []
     metrics = words(reference / "metrics.html")
     assert [metric.key for metric in METRICS if metric.key not in metrics] == []
+    files, run = words(reference / "files.html"), RunDirectory(Path(), Experiment())
+    inside = [name for name, entry in vars(RunDirectory).items() if isinstance(entry, Inside)]
+    assert "representation" in inside
+    assert [name for name in inside if getattr(run, name).name not in files] == []
     robot = (reference / "api" / "robot.html").read_text(encoding="utf-8")
     assert 'id="selftouch_drake.robot.AddTactileSkin"' in robot
 

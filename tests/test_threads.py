@@ -1,8 +1,11 @@
 import gc
 import threading
 import weakref
+from concurrent.futures import ThreadPoolExecutor
 
-from selftouch_drake.threads import Threads, mapped
+import pytest
+
+from selftouch_drake.threads import in_slices, mapped, thread_pool
 
 
 class Loop:
@@ -12,6 +15,17 @@ class Loop:
         self.itself = self
 
 
+@pytest.fixture
+def collecting():
+    """Collects at every opportunity, whatever other tests have left."""
+    before, threshold = gc.isenabled(), gc.get_threshold()
+    gc.enable()
+    gc.set_threshold(700, 10, 10)
+    yield
+    gc.set_threshold(*threshold)
+    (gc.enable if before else gc.disable)()
+
+
 def freed_in():
     """A new loop, already garbage, and a list of the threads that have freed it."""
     threads: list[str] = []
@@ -19,32 +33,41 @@ def freed_in():
     return threads
 
 
+def work(_=None):
+    """Makes more objects than may be made without a collection."""
+    return len([[] for _ in range(100_000)])
+
+
 def test_results_come_in_order():
-    assert list(mapped(lambda i: i * i, range(100))) == [i * i for i in range(100)]
+    assert mapped(lambda i: i * i, range(100)) == [i * i for i in range(100)]
 
 
-def test_garbage_is_freed_where_it_was_made():
+def test_slices_are_every_row_once():
+    rows = []
+    in_slices(lambda some: rows.extend(range(10)[some]), 10, 4)
+    assert sorted(rows) == list(range(10))
+
+
+def test_garbage_is_not_freed_by_threads_that_work(collecting):
     threads = freed_in()
-    with Threads(1) as outer:
-        with Threads(1) as inner:
-            inner.submit(gc.collect).result()
-        outer.submit(gc.collect).result()
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(work).result()
+    assert len(threads) == 1
+    assert threads[0] != threading.current_thread().name
+    threads = freed_in()
+    with thread_pool(1) as outer:
+        mapped(work, range(2))
+        outer.submit(mapped, work, range(2)).result()
+        outer.submit(work).result()
         assert threads == []
     gc.collect()
     assert threads == [threading.current_thread().name]
 
 
-def test_threads_that_are_forgotten_keep_nothing_from_being_freed():
-    Threads(1).submit(gc.collect).result()
-    assert gc.get_freeze_count() == 0
-
-
-def test_threads_free_their_own_garbage():
-    def make_and_free():
-        threads = freed_in()
-        gc.collect()
-        return threads
-
-    with Threads(1) as pool:
-        assert len(pool.submit(make_and_free).result()) == 1
-    assert gc.get_freeze_count() == 0
+def test_garbage_is_collected_again_after_an_error(collecting):
+    with pytest.raises(ZeroDivisionError):
+        mapped(lambda number: 1 // number, [1, 0])
+    assert gc.isenabled()
+    gc.disable()
+    mapped(abs, [1])
+    assert not gc.isenabled()

@@ -14,9 +14,9 @@ import click
 
 from selftouch_drake import experiment
 from selftouch_drake.cli import cli
-from selftouch_drake.experiment import Experiment, shipped_experiments
+from selftouch_drake.experiment import Experiment
 from selftouch_drake.resources import EXPERIMENTS, SWEEPS, shipped, summary
-from selftouch_drake.run.directory import RunDirectory
+from selftouch_drake.run.directory import Inside, RunDirectory
 from selftouch_drake.run.metrics import METRICS
 
 #: Packages of the API reference with their titles: what a program outside of this one may use.
@@ -92,7 +92,7 @@ def experiment_fields() -> str:
         "Shipped experiments:\n",
         *_table(
             ("name", "robot"),
-            [(f"`{n}`", summary(EXPERIMENTS / f"{n}.yaml")) for n in shipped_experiments()],
+            [(f"`{n}`", summary(EXPERIMENTS / f"{n}.yaml")) for n in shipped(EXPERIMENTS)],
         ),
     ]
     for prefix, schema in _schemas(Experiment, ""):
@@ -105,7 +105,7 @@ def experiment_fields() -> str:
         ]
         text += _table(("field", "type", "default", "meaning"), rows)
     text += ["\n## Shipped experiments\n"]
-    for name in shipped_experiments():
+    for name in shipped(EXPERIMENTS):
         text += [f"### {name}\n", f"```yaml\n{_content(EXPERIMENTS / f'{name}.yaml')}```\n"]
     text += ["\n## Shipped sweeps\n"]
     for name in shipped(SWEEPS):
@@ -147,9 +147,9 @@ def files() -> str:
     run = RunDirectory(Path(), Experiment())
     rows = [(f"`{name}`", meaning) for name, meaning in _OTHER_FILES.items()]
     for name, entry in vars(RunDirectory).items():
-        if isinstance(entry, property):
+        if isinstance(entry, Inside):
             path = getattr(run, name)
-            rows.append((f"`{path}{'' if path.suffix else '/'}`", inspect.getdoc(entry) or ""))
+            rows.append((f"`{path}{'' if path.suffix else '/'}`", entry.meaning))
     text = [
         "# Files of a run\n",
         "A run is a directory of plain files: YAML, JSON, Parquet, NumPy and HTML. "

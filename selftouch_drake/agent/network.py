@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.threads import Threads, in_slices
+from selftouch_drake.threads import in_slices, thread_pool
 
 #: Initial learning rates: of hidden layers, whose steps are orthogonal, and of all other weights.
 #: Measured on torus, cube and sphere: half or twice either rate gives a higher loss.
@@ -127,7 +127,7 @@ def train(
     hidden = range(1, len(network.weights) - 1)
     first = [np.zeros_like(p) for p in parameters]
     second = [np.zeros_like(p) for p in parameters]
-    with Threads() as pool:
+    with thread_pool() as pool:
         for step in range(num_steps):
             rows = draw()
             # Always two halves, so that sums have the same order on any number of cores.

@@ -2,15 +2,7 @@
 
 from selftouch_drake.evaluation.coverage import coverage, touch_density
 from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
-from selftouch_drake.evaluation.motion import (
-    MotionScore,
-    calibration,
-    cosine_distance,
-    jerk_reduction,
-    random_pairs,
-    score_motion,
-    summarise,
-)
+from selftouch_drake.evaluation.motion import cosine_distance, jerk_reduction, random_pairs
 from selftouch_drake.evaluation.parts import TouchCounts, TruePart, true_parts
 from selftouch_drake.evaluation.shape import (
     align,
@@ -24,11 +16,9 @@ from selftouch_drake.evaluation.shape import (
 
 __all__ = [
     "KernelTruth",
-    "MotionScore",
     "TouchCounts",
     "TruePart",
     "align",
-    "calibration",
     "cosine_distance",
     "coverage",
     "distance_distortion",
@@ -37,10 +27,8 @@ __all__ = [
     "neighbour_agreement",
     "parts_on_skins",
     "random_pairs",
-    "score_motion",
     "shape_errors",
     "shape_rms_fraction",
-    "summarise",
     "touch_density",
     "true_parts",
     "trustworthiness",

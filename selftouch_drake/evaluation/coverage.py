@@ -1,4 +1,4 @@
-"""Coverage of the skins by babbling, and how often each skin was touched, and by what."""
+"""Coverage of the skins by babbling."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.robot import Robot
 
 # cm², of a fingertip's print: within it, touches count for the same place.
 PRINT_AREA = np.pi
@@ -26,15 +24,12 @@ def vertex_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def touch_density(vertices: np.ndarray, faces: np.ndarray, touches: np.ndarray) -> np.ndarray:
-    """How often each place of a surface was touched, blurred over a few centimetres.
+    """`(V,)` touches / cm² at each place of a surface, blurred over a few centimetres.
 
     Args:
         vertices: `(V, 3)` m, of the outer surface.
         faces: `(F, 3)` its triangles, outward.
         touches: `(V,)` how many contacts were nearest to each vertex, as `TouchCounts` counts.
-
-    Returns:
-        `(V,)` touches / cm².
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     tree, area = cKDTree(vertices), vertex_areas(vertices, faces)
@@ -53,13 +48,11 @@ def coverage(skins: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> dict
 
     The share of the skins' area where a fingertip's print was touched at least n times, and
     evenness: the entropy of touches over area, as a share of the largest possible; 1 is even.
-
-    Args:
-        skins: of each its vertices `(V, 3)` m, its faces `(F, 3)` and its `touch_density` `(V,)`.
+    Of each skin it takes what `touch_density` takes.
     """
     area = np.concatenate([vertex_areas(vertices, faces) for vertices, faces, _ in skins])
     area /= area.sum()
-    density = np.concatenate([d for _, _, d in skins])
+    density = np.concatenate([touch_density(*skin) for skin in skins])
     touches = area * density / np.sum(area * density)
     present = touches > 0
     divergence = np.sum(touches[present] * np.log(touches[present] / area[present]))
@@ -68,23 +61,3 @@ def coverage(skins: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> dict
         for n in (10, 100)
     }
     return {**shares, "coverage_evenness": float(1 - divergence / np.log(1 / area.min()))}
-
-
-def touch_counts(truth: ExperienceReader, robot: Robot) -> tuple[dict[str, int], dict[str, int]]:
-    """Number of touches of each skin and by each toucher; a touch of two skins counts for both."""
-    skins = [skin.model.name for skin in robot.skins]
-    touchers = [toucher.name for toucher in robot.touchers]
-    of_skin, by_toucher = np.zeros(len(skins), int), np.zeros(len(touchers) + len(skins), int)
-    for contacts in truth.contacts():
-        for found, counts in ((contacts.skin, of_skin), (contacts.toucher, by_toucher)):
-            pairs = np.unique(contacts.row * len(counts) + found)
-            counts += np.bincount(pairs % len(counts), minlength=len(counts))
-    # A link that touches with its own skin is numbered as that skin.
-    for number, toucher in enumerate(robot.touchers):
-        for skin, worn in enumerate(robot.skins):
-            if worn.geometry_id in toucher.geometry_ids:
-                by_toucher[number] += by_toucher[len(touchers) + skin]
-    return (
-        dict(zip(skins, of_skin.tolist(), strict=True)),
-        dict(zip(touchers, by_toucher[: len(touchers)].tolist(), strict=True)),
-    )

@@ -42,9 +42,6 @@ class KernelTruth:
         """The same kernels at the places of the skins' surfaces where receptors feel them.
 
         A contact lies inside the skin, which gives way: 1.5 cm deep in a skin of 3 cm.
-
-        Args:
-            fields: of each skin.
         """
         positions = self.positions.copy()
         for number, field in enumerate(fields):
@@ -57,10 +54,8 @@ class KernelTruth:
 def kernel_truth(representation: QuotientRepresentation, contacts: Contacts) -> KernelTruth:
     """Where each motor kernel set truly touches.
 
-    Args:
-        representation: K kernels of R configurations in all.
-        contacts: those of each row of `kernel_q`, R in all, as `ExperienceReader.take_contacts`
-            gives them for `kernel_row`.
+    The contacts are those of each row of `kernel_q`, as `ExperienceReader.take_contacts` gives them
+    for `kernel_row`.
 
     Raises:
         ValueError: there are contacts of another number of rows, or a kernel has none at all.

@@ -93,15 +93,8 @@ def true_parts(
     """The parts that an agent could find: connected patches of skin that were touched.
 
     What is smaller than a disc as wide as kernels are apart is neither a hole nor a part; and parts
-    with too few kernels for a shape are left out, as the agent leaves them out.
-
-    Args:
-        fields: of each skin.
-        counts: of the touches.
-        truth: where the kernels are.
-
-    Returns:
-        The parts, the one with the most kernels first.
+    with too few kernels for a shape are left out, as the agent leaves them out. The one with the
+    most kernels comes first.
     """
     patch_of = np.full(counts.ends[-1], -1)
     num_patches = 0
@@ -109,7 +102,8 @@ def true_parts(
         num_kernels = max(int(np.sum(truth.skin == skin)), 1)
         touched = counts.counts[skin] > 0
         area = vertex_areas(field.vertices, field.faces)[touched].sum()
-        radius = max(np.sqrt(area / num_kernels), 1.5 * _edge(field))
+        a, b, _ = field.vertices[field.faces].swapaxes(0, 1)
+        radius = max(np.sqrt(area / num_kernels), 1.5 * np.linalg.norm(b - a, axis=1).mean())
         mask = touched_patch(field.vertices, field.faces, counts.counts[skin], radius=radius)
         inside = field.faces[mask[field.faces].all(axis=1)]
         label, _ = parts_by_vertex(inside, len(field.vertices))
@@ -143,14 +137,7 @@ def true_parts(
 def _joined_patches(
     patch_of: np.ndarray, counts: TouchCounts, num_patches: int, fields: Sequence[ReceptiveFields]
 ) -> np.ndarray:
-    """`(patches,)` the number of the part that each patch belongs to.
-
-    Args:
-        patch_of: `(V,)` the patch of each vertex, -1 for none.
-        counts: of the touches.
-        num_patches: how many there are.
-        fields: of each skin.
-    """
+    """`(patches,)` the part of each patch; a vertex is on one of `(V,)` `patch_of`, or -1."""
     in_field = block_diag([field.vertex_weights > 0 for field in fields], format="csr").astype(int)
     touches = np.concatenate(counts.counts)
     a, b = np.concatenate([counts.together, counts.together[:, ::-1]]).T
@@ -183,8 +170,3 @@ def _nearest_patch(
             nearest = tree.query(field.vertices[at[lost] - counts.ends[number]])[1]
             found[lost] = patch_of[known[nearest]]
     return found
-
-
-def _edge(field: ReceptiveFields) -> float:
-    a, b, _ = field.vertices[field.faces].swapaxes(0, 1)
-    return float(np.linalg.norm(b - a, axis=1).mean())

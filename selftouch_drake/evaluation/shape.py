@@ -11,12 +11,7 @@ from selftouch_drake.evaluation.kernels import KernelTruth
 
 
 def neighbour_agreement(set_distance: np.ndarray, positions: np.ndarray) -> float:
-    """Share of the 6 nearest kernels that are truly among the 12 nearest.
-
-    Args:
-        set_distance: `(K, K)` rad.
-        positions: `(K, 3)` m, true positions of the kernels.
-    """
+    """Share of the 6 nearest kernels by `(K, K)` rad that are truly, `(K, 3)` m, among 12."""
     found = _nearest(set_distance, 6)
     true = _nearest(cdist(positions, positions), 12)
     hits = [np.isin(a, b).mean() for a, b in zip(found, true, strict=True)]
@@ -40,24 +35,16 @@ def trustworthiness(near: np.ndarray, true: np.ndarray, num_neighbours: int = 12
         or so for neighbours drawn at random.
     """
     K, k = len(true), num_neighbours
-    nearest = _nearest(near, k)
-    excess = 0
-    for kernel, order in enumerate(_nearest(true, K - 1)):
-        rank = np.empty(K, dtype=int)
-        rank[order] = np.arange(1, K)
-        excess += np.maximum(rank[nearest[kernel]] - k, 0).sum()
+    rank = np.argsort(_nearest(true, K), axis=1) + 1
+    excess = np.maximum(np.take_along_axis(rank, _nearest(near, k), axis=1) - k, 0).sum()
     return float(1 - 2 * excess / (K * k * (2 * K - 3 * k - 1)))
 
 
 def distance_distortion(found: np.ndarray, true: np.ndarray) -> tuple[float, float]:
-    """How much distances along the recovered body are off, as a share, after one scale for all.
+    """How much `(K, K)` distances along the recovered body are off, after one scale for all.
 
-    Args:
-        found: `(K, K)` any unit.
-        true: `(K, K)` m; pairs at distance 0 are left out.
-
-    Returns:
-        The median over pairs of kernels, and what nineteen pairs of twenty are below.
+    The shares are the median over pairs of kernels, and what nineteen pairs of twenty are below;
+    pairs that are truly at distance 0 are left out.
     """
     pairs = np.triu(true, 1) > 0
     ratio = found[pairs] / true[pairs]
@@ -66,12 +53,10 @@ def distance_distortion(found: np.ndarray, true: np.ndarray) -> tuple[float, flo
 
 
 def align(source: np.ndarray, target: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
-    """Moves, turns, mirrors and scales `source` onto `target` `(K, 3)` (Procrustes).
+    """Moves, turns, mirrors and scales `(K, d)` `source` onto `(K, 3)` `target` (Procrustes).
 
-    Args:
-        source: `(K, d)`; what has less than three coordinates lies in the plane of the first.
-        target: `(K, 3)`.
-        points: `(N, d)` what is moved in this way instead of `source`.
+    What has less than three coordinates lies in the plane of the first. Instead of `source`,
+    `(N, d)` points may be moved in this way.
     """
     missing = ((0, 0), (0, target.shape[1] - source.shape[1]))
     moved = np.pad(source if points is None else points, missing)
@@ -93,12 +78,9 @@ def shape_rms_fraction(embedding: np.ndarray, positions: np.ndarray) -> float:
 def parts_on_skins(part: np.ndarray, truth: KernelTruth) -> dict[int, np.ndarray]:
     """The kernels by which the agent's body shows each skin: of the part with most of its kernels.
 
-    Args:
-        part: `(K,)` the part of each kernel, as the agent found it.
-        truth: where the kernels truly are.
-
     Returns:
-        `(n,)` kernels by the number of each skin that some part has enough on for a shape.
+        `(n,)` kernels by the number of each skin that some part, `(K,)` as the agent found it, has
+        enough on for a shape.
     """
     found = {}
     for skin in np.unique(truth.skin):
@@ -111,16 +93,10 @@ def parts_on_skins(part: np.ndarray, truth: KernelTruth) -> dict[int, np.ndarray
 
 
 def shape_errors(positions: np.ndarray, part: np.ndarray, truth: KernelTruth) -> dict[int, float]:
-    """How far the recovered body is off, skin by skin.
+    """`shape_rms_fraction` of the part that shows each skin, of `parts_on_skins`, if recovered.
 
-    Args:
-        positions: `(K, 3)` where the agent lays out the kernels, each part in a pose of its own;
-            NaN in parts that it did not recover.
-        part: `(K,)` the part of each kernel.
-        truth: where the kernels truly are.
-
-    Returns:
-        For each skin that was recovered, `shape_rms_fraction` of the part that shows it.
+    The `(K, 3)` positions are where the agent lays out the kernels, each part in a pose of its own;
+    NaN in parts that it did not recover.
     """
     return {
         skin: shape_rms_fraction(positions[kernels], truth.positions[kernels])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,7 @@ from selftouch_drake.experience.store import (
     WalkCounts,
     read_counts,
     shard_name,
+    shards_of,
     write_shard,
 )
 from selftouch_drake.experience.walk import RandomWalk
@@ -77,12 +78,7 @@ def collect_walk(
 ) -> Shard:
     """Walks until `num_rows` touching configurations that the body can take are found.
 
-    Args:
-        body: the body.
-        experiment: the experiment.
-        walk: number of the walk.
-        num_rows: number of touches to keep.
-        most_s: s of the body's own time, after which it ends with what it has.
+    After `most_s` s of the body's own time, the walk ends with what it has.
 
     Raises:
         NeverTouchesError: there was no touch in `PATIENCE` steps.
@@ -96,18 +92,7 @@ def collect_walk(
 def keep_touches(
     next_steps: Callable[[], Felt], body: Body, walk: int, num_rows: int, most_s: float = np.inf
 ) -> Shard:
-    """Keeps touching configurations that the body can take, until there are `num_rows`.
-
-    Args:
-        next_steps: moves the body by some steps.
-        body: the body.
-        walk: number of the walk.
-        num_rows: number of touches to keep.
-        most_s: as of `collect_walk`.
-
-    Raises:
-        NeverTouchesError: there was no touch in `PATIENCE` steps.
-    """
+    """As `collect_walk`, of a walk whose `next_steps` move the body by some steps."""
     kept_step, kept_felt = [], list[Felt]()
     num_kept = num_steps = last_touch = num_impossible = 0
     began = robot_s(body)
@@ -174,10 +159,10 @@ def collect(
     Walks that are already stored are kept. Every executor gives the same bytes.
 
     Args:
-        experiment: the experiment.
+        experiment: decides the walks.
         folder: of the run; the workers write shards into it.
         fingerprint: of the experience; every shard carries it.
-        executor: where the walks run; its workers must have access to the folder.
+        executor: where the walks run.
         body_of: makes the body of an experiment and a fingerprint, in whichever process walks.
         progress: called with the number of new rows each time a walk is stored.
 
@@ -230,37 +215,35 @@ def stored_walks(
     fingerprint: str,
     progress: Callable[[int], None] = lambda num_rows: None,
 ) -> tuple[WalkCounts, list[Walk]]:
-    """Steps of the walks that a run has stored, and the walks that are missing.
+    """What the walks took that a run has stored, and the walks that are missing.
 
-    Args:
-        experiment: the experiment.
-        folder: of the run.
-        fingerprint: of the experience.
-        progress: called with the number of rows of each walk that is stored.
-
-    Raises:
-        StoreError: a stored shard is damaged, or belongs to another experiment.
+    Arguments and errors are those of `collect`.
     """
-    sizes = walk_sizes(experiment)
-    moments = sorted({0, *(change.after for change in experiment.changes)})
-    bodies = [experiment.after(moment) for moment in moments]
-    first_rows = np.cumsum([0, *sizes[:-1]])
-    body = np.searchsorted(moments, first_rows, side="right") - 1
-    counts, missing = WalkCounts(), list[Walk]()
-    timed = experiment.babbling.robot_hours is not None
-    for number, num_rows in enumerate(sizes):
-        if time_left(experiment, counts) <= 0:
-            break
-        known = read_counts(
-            folder, number, num_rows=num_rows, fingerprint=fingerprint, or_fewer=timed
-        )
+    counts, missing, first = WalkCounts(), list[Walk](), 0
+    for number, num_rows, known in _walks(experiment, folder, fingerprint):
         truth = folder / "truth" / shard_name(number)
         if known is None or (experiment.has_truth and not truth.exists()):
-            missing.append(Walk(number, num_rows, bodies[body[number]]))
+            missing.append(Walk(number, num_rows, experiment.after(first)))
         else:
             counts += known
             progress(known.num_rows)
+        first += num_rows
     return counts, missing
+
+
+def _walks(
+    experiment: Experiment, run: Path, fingerprint: str, folder: str = "experience"
+) -> Iterator[tuple[int, int, WalkCounts | None]]:
+    """Number and size of each walk until time is up, and what it took if it is stored."""
+    counts, timed = WalkCounts(), experiment.babbling.robot_hours is not None
+    for walk, num_rows in enumerate(walk_sizes(experiment)):
+        if time_left(experiment, counts) <= 0:
+            return
+        known = read_counts(
+            run, walk, num_rows=num_rows, fingerprint=fingerprint, folder=folder, or_fewer=timed
+        )
+        yield walk, num_rows, known
+        counts += known or WalkCounts()
 
 
 def how_to_collect(experiment: Experiment, folder: Path) -> str:
@@ -278,31 +261,18 @@ def require_complete(
     Raises:
         StoreError: a shard is missing, damaged, or belongs to another experiment.
     """
-    sizes = walk_sizes(experiment)
-    shards = folder / ("truth" if truth else "experience")
-    counts, timed = WalkCounts(), experiment.babbling.robot_hours is not None
-    for walk, num_rows in enumerate(sizes):
-        if time_left(experiment, counts) <= 0:
-            sizes = sizes[:walk]
-            break
-        known = read_counts(
-            folder,
-            walk,
-            num_rows=num_rows,
-            fingerprint=fingerprint,
-            folder=shards.name,
-            or_fewer=timed,
-        )
+    shards, num_walks = folder / ("truth" if truth else "experience"), 0
+    for walk, _, known in _walks(experiment, folder, fingerprint, shards.name):
         if known is None:
             raise StoreError(
                 f"{shards / shard_name(walk)} is missing; collect it again with "
                 f"`{how_to_collect(experiment, folder)}`"
             )
-        counts += known
-    if len(list(shards.glob("part-*.parquet"))) > len(sizes):
+        num_walks = walk + 1
+    if len(shards_of(shards)) > num_walks:
         raise StoreError(
-            f"{shards} holds more shards than the {len(sizes)} of this run; remove "
-            f"{shard_name(len(sizes))} and those after it"
+            f"{shards} holds more shards than the {num_walks} of this run; remove "
+            f"{shard_name(num_walks)} and those after it"
         )
 
 

@@ -7,28 +7,29 @@ first: if the experience of a walk exists, it is complete, and so is its truth.
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from selftouch_drake.files import written_whole
-from selftouch_drake.threads import Threads
+from selftouch_drake.threads import mapped
 
 if TYPE_CHECKING:
     import pyarrow.dataset
 
-# A vector column of a shard, or its contacts.
-Part = TypeVar("Part", np.ndarray, "Contacts")
+# Shards that are read side by side.
+_AT_ONCE = 2
 
-# Shards that are read ahead, side by side.
-_AHEAD = 2
+# The columns of the truth.
+_CONTACTS = {
+    **dict.fromkeys(("skin", "toucher"), pa.list_(pa.int8())),
+    "p_LC": pa.list_(pa.list_(pa.float32(), 3)),
+}
 
 # What Arrow raises for damaged files; the last for names in a footer, which has no checksum.
 UNREADABLE = (pa.ArrowException, OSError, UnicodeDecodeError)
@@ -151,11 +152,7 @@ def shard_name(walk: int) -> str:
 def write_shard(run: Path, shard: Shard, *, fingerprint: str, folder: str = "experience") -> None:
     """Writes the experience of one walk, and the truth if it is known, into the run directory.
 
-    Args:
-        run: the run directory.
-        shard: the touches.
-        fingerprint: of the experience.
-        folder: for the experience.
+    The experience goes into `folder`, with its fingerprint.
     """
     metadata = {
         b"selftouch.fingerprint": fingerprint.encode(),
@@ -195,15 +192,9 @@ def read_counts(
     folder: str = "experience",
     or_fewer: bool = False,
 ) -> WalkCounts | None:
-    """What a walk took that is already stored in `folder`, or None if it is not.
+    """What a walk took that is already stored in `folder` of a run, or None if it is not.
 
-    Args:
-        run: the run directory.
-        walk: number of the walk.
-        num_rows: its number of touches.
-        fingerprint: of the experience.
-        folder: `experience` or `truth`.
-        or_fewer: whether it may have ended with fewer touches, because time was up.
+    It has `num_rows` touches, or may have ended with fewer, because time was up.
 
     Raises:
         StoreError: the shard is damaged, or of another experiment.
@@ -217,7 +208,7 @@ def read_counts(
         raise StoreError(f"{path} belongs to another experiment; choose another --out")
     found = parquet.metadata.num_rows
     if found != num_rows and not (or_fewer and found < num_rows):
-        raise StoreError(f"{path} has {parquet.metadata.num_rows} rows, not {num_rows}; delete it")
+        raise StoreError(f"{path} has {found} rows, not {num_rows}; delete it")
     try:
         return WalkCounts(
             int(metadata[b"selftouch.num_steps"]),
@@ -271,12 +262,10 @@ class ExperienceReader:
     def batches(self, column: str) -> Iterator[np.ndarray]:
         """The rows `(N, width)` of a vector column, one array per shard."""
         width = None
-        with Threads(_AHEAD) as pool:
-            reads = deque(pool.submit(_vector_rows, path, column) for path in self._paths[:_AHEAD])
-            for path, after in zip_longest(self._paths, self._paths[_AHEAD:]):
-                rows = reads.popleft().result()
-                if after:
-                    reads.append(pool.submit(_vector_rows, after, column))
+        for first in range(0, len(self._paths), _AT_ONCE):
+            paths = self._paths[first : first + _AT_ONCE]
+            read = mapped(lambda path: _vector_rows(path, column), paths)
+            for path, rows in zip(paths, read, strict=True):
                 if width not in (None, rows.shape[1]):
                     raise StoreError(
                         f"{path} has {rows.shape[1]} numbers per row in {column}, earlier shards "
@@ -293,13 +282,13 @@ class ExperienceReader:
         """
         for path in self._paths:
             parquet = _open(path)
-            if not _holds_contacts(parquet.schema_arrow):
+            if any(_type(parquet.schema_arrow, name) != kind for name, kind in _CONTACTS.items()):
                 raise StoreError(f"{path} has no contacts; give a folder of shards of the truth")
             try:
-                table = parquet.read(["skin", "toucher", "p_LC"]).combine_chunks()
+                table = parquet.read([*_CONTACTS])
             except UNREADABLE as error:
                 raise _damaged(path, error) from None
-            skin, toucher, p_LC = (_one_chunk(table.column(name)) for name in table.column_names)
+            skin, toucher, p_LC = (_one_chunk(table.column(name)) for name in _CONTACTS)
             lengths = [np.diff(lists.offsets.to_numpy()) for lists in (skin, toucher, p_LC)]
             values = [lists.flatten() for lists in (skin, toucher, p_LC)]
             nulls = sum(a.null_count for a in (skin, toucher, p_LC, *values))
@@ -315,46 +304,27 @@ class ExperienceReader:
     def take_contacts(self, rows: np.ndarray) -> Contacts:
         """The contacts of some touches, in memory that does not grow with the store.
 
-        Args:
-            rows: `(R,)` numbers of touches, in any order.
+        The `(R,)` numbers of the touches may be in any order.
 
         Raises:
-            StoreError: a number of a row is too large, or a shard is damaged.
+            StoreError: one is too large, or a shard is damaged.
         """
-        parts, order = self._taken(rows, self.contacts())
-        return Contacts.joined(parts)[order]
-
-    def touches(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays per shard."""
-        return zip(self.batches("sensation"), self.batches("q"), strict=True)
-
-    def take(self, column: str, rows: np.ndarray) -> np.ndarray:
-        """The rows `(R, width)` of the given numbers, in memory that does not grow with the store.
-
-        Args:
-            column: a vector column.
-            rows: `(R,)` numbers of rows, in any order.
-
-        Raises:
-            StoreError: a number of a row is too large.
-        """
-        parts, order = self._taken(rows, self.batches(column))
-        return np.concatenate(parts)[order]
-
-    def _taken(self, rows: np.ndarray, shards: Iterable[Part]) -> tuple[list[Part], np.ndarray]:
-        """The given rows of each shard, ascending, and the order that makes them `rows`."""
         order = np.argsort(rows, kind="stable")
         taken, first, parts = 0, 0, []
-        for shard in shards:
-            end = int(np.searchsorted(rows, first + len(shard), sorter=order))
-            parts.append(shard[rows[order[taken:end]] - first])
-            taken, first = end, first + len(shard)
+        for contacts in self.contacts():
+            end = int(np.searchsorted(rows, first + len(contacts), sorter=order))
+            parts.append(contacts[rows[order[taken:end]] - first])
+            taken, first = end, first + len(contacts)
         if taken < len(rows):
             raise StoreError(
                 f"{self._paths[0].parent} has {first} rows, but row {max(rows)} is needed; it "
                 "belongs to another experiment: babble again"
             )
-        return parts, np.argsort(order, kind="stable")
+        return Contacts.joined(parts)[np.argsort(order, kind="stable")]
+
+    def touches(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays per shard."""
+        return zip(self.batches("sensation"), self.batches("q"), strict=True)
 
     def read(self, column: str) -> np.ndarray:
         """All rows `(N, width)` of a vector column."""
@@ -370,32 +340,14 @@ def _lists(offsets: np.ndarray, values: pa.Array) -> pa.ListArray:
     return pa.ListArray.from_arrays(pa.array(offsets.astype(np.int32)), values)
 
 
-def _one_chunk(column: pa.ChunkedArray) -> pa.ListArray:
+def _one_chunk(column: pa.ChunkedArray) -> pa.Array:
     joined = column.combine_chunks()
     return joined.chunk(0) if isinstance(joined, pa.ChunkedArray) else joined
 
 
-def _holds_contacts(schema: pa.Schema) -> bool:
-    """Whether a schema is that of a shard of the truth."""
-    kinds = {"skin": pa.int8(), "toucher": pa.int8(), "p_LC": pa.list_(pa.float32(), 3)}
-    return all(
-        schema.names.count(name) == 1
-        and pa.types.is_list(schema.field(name).type)
-        and schema.field(name).type.value_type == kind
-        for name, kind in kinds.items()
-    )
-
-
-def _holds_vectors(schema: pa.Schema, column: str) -> bool:
-    """Whether a column is one of float32 vectors of one or more numbers."""
-    if schema.names.count(column) != 1:
-        return False
-    kind = schema.field(column).type
-    return (
-        pa.types.is_fixed_size_list(kind)
-        and pa.types.is_float32(kind.value_type)
-        and kind.list_size > 0
-    )
+def _type(schema: pa.Schema, column: str) -> pa.DataType:
+    """The type of a column; null unless there is exactly one of that name."""
+    return schema.field(column).type if schema.names.count(column) == 1 else pa.null()
 
 
 def _open(path: Path) -> pq.ParquetFile:
@@ -408,14 +360,14 @@ def _open(path: Path) -> pq.ParquetFile:
 def _vector_rows(path: Path, column: str) -> np.ndarray:
     """The rows `(N, width)` of a vector column of one shard."""
     parquet = _open(path)
-    if not _holds_vectors(parquet.schema_arrow, column):
+    kind = _type(parquet.schema_arrow, column)
+    fits = pa.types.is_fixed_size_list(kind) and pa.types.is_float32(kind.value_type)
+    if not fits or not kind.list_size:
         raise StoreError(f"{path} has no column {column}; give a folder of such shards")
     try:
-        vectors = parquet.read([column]).column(column).combine_chunks()
+        vectors = _one_chunk(parquet.read([column]).column(column))
     except UNREADABLE as error:
         raise _damaged(path, error) from None
-    if isinstance(vectors, pa.ChunkedArray):
-        vectors = vectors.chunk(0)
     numbers = vectors.flatten()
     num_rows = parquet.metadata.num_rows
     if len(vectors) != num_rows or vectors.null_count or numbers.null_count:

@@ -8,8 +8,6 @@ from selftouch_drake.experiment.loading import (
     load_skins,
     merged,
     parse_fields,
-    parse_overrides,
-    shipped_experiments,
     skins_from_fields,
     yaml_sections,
 )
@@ -53,8 +51,6 @@ __all__ = [
     "load_skins",
     "merged",
     "parse_fields",
-    "parse_overrides",
-    "shipped_experiments",
     "shown",
     "skins_from_fields",
     "yaml_sections",

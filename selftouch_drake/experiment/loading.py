@@ -10,22 +10,11 @@ import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from selftouch_drake.experiment.errors import ExperimentError, closest, explained, shown
-from selftouch_drake.experiment.schema import (
-    WITHOUT,
-    Experiment,
-    Name,
-    Skin,
-    is_printable,
-)
+from selftouch_drake.experiment.schema import WITHOUT, Experiment, Name, Skin, is_printable
 from selftouch_drake.resources import EXPERIMENTS, shipped
 
 _EXPERIMENT = TypeAdapter(Experiment)
 _SKINS = TypeAdapter(dict[Name, Skin])
-
-
-def shipped_experiments() -> list[str]:
-    """The names of the experiments that come with the package."""
-    return shipped(EXPERIMENTS)
 
 
 def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = None) -> Experiment:
@@ -48,11 +37,6 @@ def load_experiment(source: str | Path, overrides: Mapping[str, Any] | None = No
     except RecursionError:
         raise ExperimentError(f"experiment {path} contains itself; leave out the alias") from None
     return experiment_from_fields({"name": path.stem, **fields})
-
-
-def parse_overrides(text: str) -> dict[str, Any]:
-    """Reads the YAML mapping of a `--set` option."""
-    return parse_fields(text, what="--set")
 
 
 def experiment_from_fields(fields: Mapping[str, Any]) -> Experiment:
@@ -138,8 +122,8 @@ def merged(base: dict[str, Any], over: dict[str, Any]) -> dict[str, Any]:
     return result
 
 
-def parse_fields(text: str | bytes, *, what: str) -> dict[str, Any]:
-    """Reads a YAML mapping; `what` names it in errors.
+def parse_fields(text: str | bytes, *, what: str = "--set") -> dict[str, Any]:
+    """Reads a YAML mapping, as that of `--set`; `what` names it in errors.
 
     Raises:
         ExperimentError: it is not YAML, not a mapping, or contains a key twice.

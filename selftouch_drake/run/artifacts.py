@@ -6,11 +6,12 @@ experience; those of another experience or version are refused with the remedy.
 
 from __future__ import annotations
 
-import functools
+import re
+import shutil
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,12 +24,9 @@ from selftouch_drake.agent.representation import (
     to_networkx,
     without_vectors,
 )
-from selftouch_drake.files import (
-    load_arrays,
-    save_arrays,
-    written_whole,
-)
+from selftouch_drake.files import load_arrays, save_arrays, written_whole
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
+from selftouch_drake.run.metrics import keys_of
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.shape import RecoveredBody, RecoveredPart
@@ -87,18 +85,11 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
 
 
 def save_learned(
-    run: RunDirectory,
-    representation: QuotientRepresentation,
-    body: RecoveredBody,
-    forget=lambda: None,
+    run: RunDirectory, representation: QuotientRepresentation, body: RecoveredBody
 ) -> None:
-    """Saves what was learned: everything or nothing.
+    """Saves what was learned, embedded in the body: everything or nothing.
 
-    Args:
-        run: the run.
-        representation: embedded in the body.
-        body: as recovered from it.
-        forget: called when the new files are complete, just before they replace the old ones.
+    Metrics of the old learning and everything that was made from it are dropped.
     """
     stamp = run.stamp()
     # The old files stay as they are until the new ones are complete.
@@ -109,7 +100,10 @@ def save_learned(
             (run.body_distances, {"distances": body.distances.astype(np.float32)}),
         ):
             save_arrays(files.enter_context(written_whole(file)), arrays | stamp)
-        forget()
+        run.drop_metrics(keys_of("learn", "evaluate"))
+        shutil.rmtree(run.path / "plans", ignore_errors=True)
+        run.rehearsal.unlink(missing_ok=True)
+        run.trials.unlink(missing_ok=True)
 
 
 def load_body(run: RunDirectory, representation: QuotientRepresentation) -> RecoveredBody:
@@ -123,14 +117,15 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Reco
     from selftouch_drake.agent.shape import RecoveredBody  # not needed to plan
 
     remedy = f"run `selftouch learn {run.path}`"
-    read: list[dict[str, np.ndarray]] = []
+    arrays: dict[str, np.ndarray] = {}
     for file, names in ((run.topology, ["num_parts"]), (run.body_distances, ["distances"])):
         try:
-            read.append(load_arrays(file, names))
+            read = load_arrays(file, names)
         except FileNotFoundError:
             raise MissingError(f"{file} is missing; {remedy}") from None
-        run.require_stamp(file, read[-1])
-    arrays, distances = read[0], read[1]["distances"]
+        run.require_stamp(file, read)
+        arrays |= read
+    distances = arrays["distances"]
     num_kernels = representation.num_targets
     if distances.shape != (num_kernels, num_kernels):
         raise RunError(
@@ -200,8 +195,9 @@ def load_execution(run: RunDirectory, *targets: int | str) -> Execution:
 
 def stored_pairs(run: RunDirectory) -> list[tuple[int, int]]:
     """Start and goal of all stored plans between two target sensations, in order."""
-    names = (path.stem.split("-") for path in (run.path / "plans").glob("*-*.npz"))
-    return sorted((int(n[0]), int(n[1])) for n in names if len(n) == 2 and all(map(_digits, n)))
+    names = (path.stem for path in (run.path / "plans").glob("*-*.npz"))
+    pairs = (re.fullmatch("([0-9]+)-([0-9]+)", name) for name in names)
+    return sorted((int(pair[1]), int(pair[2])) for pair in pairs if pair)
 
 
 def was_executed(run: RunDirectory, *targets: int | str) -> bool:
@@ -231,13 +227,7 @@ def _load_plan(run: RunDirectory, kind, targets: tuple[int | str, ...]):
             f"{run.path} has not executed its {what}; run `selftouch execute {run.path} {options}`"
         )
     with _read_as("a plan", file, f"make it again {remedy}"):
-        plan = kind.from_arrays(arrays)
-    motion = plan.motion if kind is Execution else plan
-    if motion.predicted.shape[1] != run.num_receptors:
-        raise RunError(
-            f"{file} belongs to a skin with another number of receptors; make it again {remedy}"
-        )
-    return plan
+        return kind.from_arrays(arrays)
 
 
 @contextmanager
@@ -263,36 +253,31 @@ def _described(start: int | str, *goals: int | str) -> tuple[str, str]:
     return f"plan from {start} to {goals[0]}", f"--from {start} --to {goals[0]}"
 
 
-def _digits(text: str) -> bool:
-    return text.isascii() and text.isdigit()
-
-
-def _named(number: int, name: str) -> str:
-    """The name of an array of one part; names of the first part have no number."""
-    return name if number == 0 else f"part_{number}_{name}"
+def _prefix(number: int) -> str:
+    """What the names of the arrays of a part begin with; those of the first have no number."""
+    return f"part_{number}_" if number else ""
 
 
 def _topology_arrays(body: RecoveredBody) -> dict[str, np.ndarray]:
     """The parts of a body, without what the representation and the distances hold."""
     arrays = {"num_parts": np.array(len(body.parts))}
     for number, part in enumerate(body.parts):
-        name = functools.partial(_named, number)
-        arrays[name("doubt")] = np.array(part.doubt or "")
-        arrays[name("kernels")] = part.kernels
-        arrays[name("pieces")] = np.pad(part.pieces, ((0, 0), (0, 3 - part.pieces.shape[1])))
-        arrays[name("skin_dimension")] = np.array(part.skin)
-        arrays[name("embedding_dimension")] = np.array(part.space)
-        arrays[name("stress")] = np.array(part.embedding.stress)
-        arrays[name("spectrum")] = part.embedding.spectrum
+        found: dict[str, Any] = {
+            "doubt": part.doubt or "",
+            "kernels": part.kernels,
+            "pieces": np.pad(part.pieces, ((0, 0), (0, 3 - part.pieces.shape[1]))),
+            "skin_dimension": part.skin,
+            "embedding_dimension": part.space,
+            "stress": part.embedding.stress,
+            "spectrum": part.embedding.spectrum,
+        }
         if part.dimension is not None:
-            arrays[name("dimension")] = np.array(part.dimension)
-        if part.topology is None:
-            continue
-        found = part.topology
-        arrays[name("betti")] = np.array(found.betti)
-        arrays[name("scales")] = np.array([found.margin, found.scale, found.spacing])
-        for dimension, bars in enumerate(found.diagram):
-            arrays[name(f"diagram_{dimension}")] = bars
+            found["dimension"] = part.dimension
+        if (holes := part.topology) is not None:
+            found["betti"] = holes.betti
+            found["scales"] = [holes.margin, holes.scale, holes.spacing]
+            found |= {f"diagram_{d}": bars for d, bars in enumerate(holes.diagram)}
+        arrays |= {f"{_prefix(number)}{name}": np.array(value) for name, value in found.items()}
     return arrays
 
 
@@ -301,38 +286,36 @@ def _part_from(
 ) -> RecoveredPart:
     from selftouch_drake.agent.shape import Embedding, RecoveredPart, Topology
 
-    def array(name: str) -> np.ndarray:
-        return arrays[_named(number, name)]
-
-    def has(name: str) -> bool:
-        return _named(number, name) in arrays
-
-    kernels = array("kernels")
-    found = None
-    if has("betti"):
-        margin, scale, spacing = array("scales").tolist()
-        components, loops, voids = array("betti").tolist()
-        h0, h1, h2 = (array(f"diagram_{dimension}") for dimension in range(3))
-        found = Topology(
+    prefix = _prefix(number)
+    of = {
+        name.removeprefix(prefix): array
+        for name, array in arrays.items()
+        if name.startswith(prefix)
+    }
+    kernels, holes = of["kernels"], None
+    if "betti" in of:
+        margin, scale, spacing = of["scales"].tolist()
+        components, loops, voids = of["betti"].tolist()
+        holes = Topology(
             betti=(components, loops, voids),
             margin=margin,
             scale=scale,
             spacing=spacing,
-            diagram=(h0, h1, h2),
+            diagram=(of["diagram_0"], of["diagram_1"], of["diagram_2"]),
         )
-    skin, space = int(array("skin_dimension")), int(array("embedding_dimension"))
+    space = int(of["embedding_dimension"])
     return RecoveredPart(
-        doubt=str(array("doubt")) or None,
+        doubt=str(of["doubt"]) or None,
         kernels=kernels,
         distances=distances[np.ix_(kernels, kernels)],
-        skin=skin,
+        skin=int(of["skin_dimension"]),
         space=space,
         embedding=Embedding(
             positions=representation.embedding[kernels, :space],
-            stress=float(array("stress")),
-            spectrum=array("spectrum"),
+            stress=float(of["stress"]),
+            spectrum=of["spectrum"],
         ),
-        pieces=array("pieces")[:, :space],
-        topology=found,
-        dimension=float(array("dimension")) if has("dimension") else None,
+        pieces=of["pieces"][:, :space],
+        topology=holes,
+        dimension=float(of["dimension"]) if "dimension" in of else None,
     )

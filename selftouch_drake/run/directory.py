@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from selftouch_drake.files import (
 from selftouch_drake.run.fingerprint import (
     Digests,
     experience_fingerprint,
-    learning_fingerprint,
+    fingerprint_of,
     model_digests,
 )
 from selftouch_drake.run.naming import fields_of
@@ -47,11 +47,11 @@ class MissingError(RunError):
     """Something was not made yet, or cannot be; the text says why, and what makes it."""
 
 
-class _Inside:
-    """The path of a file or folder of a run."""
+class Inside:
+    """The path of a file or folder of a run, and what is in it."""
 
-    def __init__(self, name: str):
-        self._name = name
+    def __init__(self, name: str, meaning: str):
+        self._name, self.meaning = name, meaning
 
     def __get__(self, run: RunDirectory, kind: type) -> Path:
         return run.path / self._name
@@ -67,55 +67,41 @@ class RunDirectory:
     path: Path
     experiment: Experiment
 
-    #: Folder of the agent's experience, in shards.
-    experience = _Inside("experience")
-    #: Folder of touches that were met in practice and execution, and of those that `learn --add`
-    #: has added to the experience.
-    met = _Inside("met")
-    added = _Inside("added")
-    #: Folder of the truth, in shards; only the experimenter may read it.
-    truth = _Inside("truth")
-    #: Receptors and outer surfaces of the skins; part of the truth.
-    skin = _Inside("skin.npz")
-    #: How raw readings become sensations, of a run whose robot is not Drake's.
-    calibration = _Inside("calibration.npz")
-    #: Where nothing was felt, of an imported run.
-    free = _Inside("free.npz")
-    #: What the agent learned.
-    representation = _Inside("representation.npz")
-    #: What the agent remembers of its rehearsals.
-    rehearsal = _Inside("rehearsal.npz")
-    #: The result of each random pair.
-    trials = _Inside("trials.npz")
-    #: The persistence diagram of the recovered body.
-    topology = _Inside("topology.npz")
-    #: Distances between kernels along the recovered body.
-    body_distances = _Inside("body_distances.npz")
-    #: The life of the agent, as curves.
-    life = _Inside("life.npz")
-    #: Folder of what commands keep to start sooner; it may be removed at any time.
-    cache = _Inside("cache")
-    #: Folder of pictures.
-    figures = _Inside("figures")
-    #: The recording of one plan.
-    playback = _Inside("playback.html")
-    #: The report of the run.
-    report = _Inside("report.html")
+    experience = Inside("experience", "The agent's experience, in shards.")
+    met = Inside("met", "Touches that were met in practice and execution, in shards.")
+    added = Inside("added", "Touches that `learn --add` added to the experience, in shards.")
+    truth = Inside("truth", "The truth, in shards; only the experimenter may read it.")
+    skin = Inside("skin.npz", "Receptors and outer surfaces of the skins; part of the truth.")
+    calibration = Inside(
+        "calibration.npz", "How raw readings become sensations, if the robot is not Drake's."
+    )
+    free = Inside("free.npz", "Where nothing was felt, of an imported run.")
+    representation = Inside("representation.npz", "What the agent learned.")
+    rehearsal = Inside("rehearsal.npz", "What the agent remembers of its rehearsals.")
+    trials = Inside("trials.npz", "The result of each random pair.")
+    topology = Inside("topology.npz", "The persistence diagram of the recovered body.")
+    body_distances = Inside("body_distances.npz", "Distances of kernels on the recovered body.")
+    life = Inside("life.npz", "The life of the agent, as curves.")
+    cache = Inside("cache", "What commands keep to start sooner; it may be removed at any time.")
+    figures = Inside("figures", "Pictures.")
+    playback = Inside("playback.html", "The recording of one plan.")
+    report = Inside("report.html", "The report of the run.")
 
     @staticmethod
     def create(path: Path, experiment: Experiment) -> RunDirectory:
         """Begins a run of `experiment`, or resumes a run of the same experiment."""
         if (path / "experiment.yaml").exists():
             run = RunDirectory.open(path)
-            if difference := _first_difference(run.experiment, experiment):
-                name, there, here = difference
-                raise RunError(
-                    f"{path} was begun with {name} {there!r}, not {here!r}; choose another --out"
-                )
+            there, here = _all_fields(run.experiment), _all_fields(experiment)
+            for name in {**there, **here}:
+                if (old := there.get(name)) != (new := here.get(name)):
+                    raise RunError(
+                        f"{path} was begun with {name} {old!r}, not {new!r}; choose another --out"
+                    )
             return run
         # A killed start leaves its orphan, and no run yet.
         if path.exists() and not (
-            path.is_dir() and all(_of_a_killed_start(found) for found in path.iterdir())
+            path.is_dir() and all(p.name == _MODELS or p.match(_ORPHAN) for p in path.iterdir())
         ):
             raise RunError(f"{path} is neither a run nor empty; choose another --out")
         digests = model_digests(experiment)
@@ -187,10 +173,7 @@ class RunDirectory:
         file = self.path / _MODELS
         if not file.exists():
             return model_digests(self.experiment)
-        try:
-            digests = json.loads(file.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError):
-            digests = None
+        digests = _read_json(file)
         if not (isinstance(digests, dict) and all(isinstance(d, str) for d in digests.values())):
             raise RunError(f"{file} is damaged; run the experiment again with another --out")
         return digests
@@ -249,13 +232,10 @@ class RunDirectory:
         file = self.path / "metrics.json"
         if not file.exists():
             return {}
-        try:
-            found = json.loads(file.read_text(encoding="utf-8"))
-        except (ValueError, RecursionError):
-            found = None
+        found = _read_json(file)
         if not isinstance(found, dict):
             raise RunError(f"{file} is damaged; delete it and evaluate again")
-        if found.pop("made_for", None) != self._experience_stamp():
+        if found.pop("made_for", None) != str(self.body_stamp()["made_for"]):
             raise RunError(
                 f"{file} belongs to another experiment or version; delete it, then babble and "
                 "evaluate again: stored walks are kept"
@@ -271,8 +251,7 @@ class RunDirectory:
         self._write_metrics({k: v for k, v in self.metrics().items() if k not in names})
 
     def _write_metrics(self, metrics: dict[str, Any]) -> None:
-        made_for = {"made_for": self._experience_stamp()}
-        text = json.dumps(made_for | metrics, indent=2, default=_as_plain)
+        text = json.dumps(self.body_stamp() | metrics, indent=2, default=_as_plain)
         write_text_whole(self.path / "metrics.json", text + "\n")
 
     def fingerprint(self) -> str:
@@ -281,7 +260,7 @@ class RunDirectory:
 
     def learning_fingerprint(self) -> str:
         """Identifies what decides what is learned: the experience and the representation."""
-        return learning_fingerprint(self.experiment, self.fingerprint())
+        return fingerprint_of([self.fingerprint(), asdict(self.experiment.representation)])
 
     def stamp(self) -> dict[str, np.ndarray]:
         """The array that marks files of learning: their format and their experience."""
@@ -289,30 +268,27 @@ class RunDirectory:
 
     def body_stamp(self) -> dict[str, np.ndarray]:
         """The array that marks files of the body, which exist before learning."""
-        return {"made_for": np.array(self._experience_stamp())}
-
-    def _experience_stamp(self) -> str:
-        return f"format {RUN_FORMAT}, {self.fingerprint()}"
+        return {"made_for": np.array(f"format {RUN_FORMAT}, {self.fingerprint()}")}
 
     def require_stamp(
-        self, file: Path, arrays: dict[str, np.ndarray] | None = None, *, remedy: str = ""
+        self, file: Path, arrays: Mapping[str, np.ndarray], *, remedy: str = ""
     ) -> None:
-        """Refuses a file that belongs to another experience or was made by another version.
-
-        Args:
-            file: a file of learning, or one that follows from it.
-            arrays: its content, if it was read already.
-            remedy: what to do; by default, to learn again.
+        """Refuses the arrays of a file that follows from learning, unless they carry its stamp.
 
         Raises:
-            FileNotFoundError: there is no such file.
-            RunError: it carries another stamp, or none.
-            ValueError: the file is damaged.
+            RunError: they carry another, or none; the remedy is to learn again by default.
         """
-        found = (load_arrays(file) if arrays is None else arrays).get("made_for")
-        if found is None or str(found) != str(self.stamp()["made_for"]):
+        if str(arrays.get("made_for")) != str(self.stamp()["made_for"]):
             remedy = remedy or f"run `selftouch learn {self.path}`"
             raise RunError(f"{file} belongs to another experiment or version; {remedy}")
+
+
+def _read_json(file: Path) -> Any:
+    """What a file holds; None if it is damaged."""
+    try:
+        return json.loads(file.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError):
+        return None
 
 
 def _as_plain(value: Any) -> Any:
@@ -322,20 +298,7 @@ def _as_plain(value: Any) -> Any:
     raise TypeError(f"{value!r} is no metric; give numbers, text, lists or mappings")
 
 
-def _of_a_killed_start(path: Path) -> bool:
-    return path.name == _MODELS or path.match(_ORPHAN)
-
-
-def _first_difference(there: Experiment, here: Experiment) -> tuple[str, Any, Any] | None:
-    def all_of(experiment: Experiment) -> dict[str, Any]:
-        # The order of skins is that of the readings in a sensation.
-        order = {
-            f"the order of {key}": list(getattr(experiment, key)) for key in ("skins", "touching")
-        }
-        return fields_of(experiment) | order
-
-    a, b = all_of(there), all_of(here)
-    for name in {**a, **b}:
-        if a.get(name) != b.get(name):
-            return name, a.get(name), b.get(name)
-    return None
+def _all_fields(experiment: Experiment) -> dict[str, Any]:
+    # The order of skins is that of the readings in a sensation.
+    order = {f"the order of {key}": list(getattr(experiment, key)) for key in ("skins", "touching")}
+    return fields_of(experiment) | order

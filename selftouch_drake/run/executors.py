@@ -73,9 +73,6 @@ class InTurn(Executor):
 def dask_executor(address: str) -> Iterator[Executor]:
     """The workers of a Dask scheduler, as an executor; they must see the run directory.
 
-    Args:
-        address: of the scheduler, as in `tcp://10.0.0.1:8786`.
-
     Raises:
         ValueError: Dask is not installed, or no scheduler answers there.
     """

@@ -1,4 +1,4 @@
-"""Short texts that identify everything that decides the experience of a run, and its learning.
+"""Short texts that identify everything that decides the experience of a run.
 
 The content of models and meshes counts, not their path: a run may move to another machine, and an
 edited model cannot mix two robots in one store.
@@ -29,9 +29,7 @@ def model_digests(
 ) -> dict[str, str]:
     """Digests of every file that decides the robot and its skins, as it is now.
 
-    Args:
-        experiment: whose directives, models and meshes are read.
-        announce: called with one line if meshes were converted for Drake.
+    If meshes are converted for Drake, `announce` is called with one line.
 
     Raises:
         BodyError: the Python file of a body is not there.
@@ -52,11 +50,7 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     """Identifies what decides the experience: seed, robot, skins, what touches and babbling.
 
     Noise of the joints and changes of the body count if there are any, and under dynamics the joint
-    controllers do.
-
-    Args:
-        experiment: the experiment.
-        digests: of its files, as `model_digests` returns them.
+    controllers do. The digests are those of `model_digests`.
     """
     fields = dataclasses.asdict(experiment)
     for name, mesh in _skin_meshes(experiment).items():
@@ -84,12 +78,7 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
         kept["changes"] = fields["changes"]
     if experiment.babbling.mode == "dynamic":
         kept["controller"] = {key: fields["execution"][key] for key in _CONTROLLER}
-    return _digest(kept)
-
-
-def learning_fingerprint(experiment: Experiment, experience: str) -> str:
-    """Identifies what decides what is learned: the experience and the representation."""
-    return _digest([experience, dataclasses.asdict(experiment.representation)])
+    return fingerprint_of(kept)
 
 
 def _skin_meshes(experiment: Experiment) -> dict[str, Path]:
@@ -101,5 +90,6 @@ def _skin_meshes(experiment: Experiment) -> dict[str, Path]:
     }
 
 
-def _digest(fields: Any) -> str:
+def fingerprint_of(fields: Any) -> str:
+    """Identifies fields by a short text."""
     return hashlib.sha256(json.dumps(fields, sort_keys=True).encode()).hexdigest()[:16]

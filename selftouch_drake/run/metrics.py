@@ -46,54 +46,38 @@ METRICS = _table()
 _BY_KEY = {metric.key: metric for metric in METRICS}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Reading:
     """One metric of a run, as text.
 
     Attributes:
         name: its key in `metrics.json`; among what summarises a run, in a few words.
         value: the number with its unit, as text.
-        meaning: one line.
-        target: which value is good; empty if no value is better than another.
+        metric: what the table says about it.
     """
 
     name: str
     value: str
-    meaning: str
-    target: str = ""
+    metric: Metric
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class MotionRow:
-    """How good the agent's motions are, of one kind.
+    """How good the agent's motions between random pairs of sensations are, of one kind.
 
     Attributes:
         name: of the kind, as in `before practice`.
-        cells: one text for each of `Headline.columns` but the first; empty if unknown.
         explanation: what kind of motion it is.
+        cells: one text for each of `MOTION_COLUMNS` but the first; empty if unknown.
     """
 
     name: str
-    cells: tuple[str, ...]
     explanation: str
+    cells: list[str]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Headline:
-    """What summarises a run.
-
-    Attributes:
-        tiles: what the agent knows of its body; what is unknown is left out.
-        motions: its motions between random pairs of sensations, one kind in each row; empty if it
-            has made none.
-        columns: the heading of each column of `motions`, that of the names first.
-    """
-
-    tiles: list[Reading]
-    motions: list[MotionRow]
-    columns: tuple[str, ...] = ("motions", "contact", "worst", "reached", "prediction error")
-
-
+#: The headings of rows of motions.
+MOTION_COLUMNS = ("motions", "contact", "worst", "reached", "prediction error")
 # The few metrics that summarise what the agent knows of its body, in a few words.
 _TILES = {
     "surface_rms_fraction": "shape error",
@@ -131,45 +115,37 @@ def keys_of(*stages: str) -> frozenset[str]:
 
 
 def readings(metrics: Mapping[str, Any]) -> dict[str, list[Reading]]:
-    """All metrics of a run by section, in order; sections without a metric are left out.
+    """All metrics of a run by section, in order, unknown ones last; no section is empty.
 
-    Args:
-        metrics: as `RunDirectory.metrics` returns them. Unknown ones come last.
+    They are as `RunDirectory.metrics` returns them.
     """
     found: dict[str, list[Reading]] = {}
-    for metric in METRICS:
+    unknown = [Metric("Others", "", key, "", "", "") for key in metrics if key not in _BY_KEY]
+    for metric in (*METRICS, *unknown):
         if metric.key in metrics:
-            reading = _reading(metric, metrics[metric.key])
+            reading = _reading(metric, metrics, metric.key)
             found.setdefault(metric.section, []).append(reading)
-    others = [
-        Reading(name=key, value=_text(value, ""), meaning="")
-        for key, value in metrics.items()
-        if key not in _BY_KEY
-    ]
-    return found | ({"Others": others} if others else {})
+    return found
 
 
-def headline(metrics: Mapping[str, Any]) -> Headline:
-    """What summarises a run, as far as it is known."""
-    tiles = [
-        _reading(_BY_KEY[key], metrics[key], name) for key, name in _TILES.items() if key in metrics
-    ]
-    motions = []
+def tiles(metrics: Mapping[str, Any]) -> list[Reading]:
+    """What the agent of a run knows of its body, as far as it is known."""
+    return [_reading(_BY_KEY[k], metrics, name) for k, name in _TILES.items() if k in metrics]
+
+
+def motions(metrics: Mapping[str, Any]) -> list[MotionRow]:
+    """The motions of the agent of a run, one kind in each row; empty if it has made none."""
+    rows = []
     for kind, (name, explanation) in _MOTIONS.items():
         keys = [f"{kind}_{ending}" for ending in _OF_MOTIONS]
-        if any(key in metrics for key in keys):
-            cells = tuple(_text(metrics[k], _BY_KEY[k].unit) if k in metrics else "" for k in keys)
-            motions.append(MotionRow(name=name, cells=cells, explanation=explanation))
-    return Headline(tiles=tiles, motions=motions)
+        cells = [_text(metrics[k], _BY_KEY[k].unit) if k in metrics else "" for k in keys]
+        if any(cells):
+            rows.append(MotionRow(name, explanation, cells))
+    return rows
 
 
-def _reading(metric: Metric, value: Any, name: str = "") -> Reading:
-    return Reading(
-        name=name or metric.key,
-        value=_text(value, metric.unit),
-        meaning=metric.meaning,
-        target=metric.target,
-    )
+def _reading(metric: Metric, metrics: Mapping[str, Any], name: str) -> Reading:
+    return Reading(name, _text(metrics[metric.key], metric.unit), metric)
 
 
 def _text(value: Any, unit: str) -> str:

@@ -17,12 +17,7 @@ _LONGEST = 60
 
 
 def default_path(name: str, changes: Mapping[str, Any]) -> Path:
-    """The default run directory of an experiment: `runs/NAME`, plus the changed fields.
-
-    Args:
-        name: of the experiment.
-        changes: the fields that were laid over it, as in `{"skins": {"body": {"mesh": ...}}}`.
-    """
+    """The default run directory of an experiment: `runs/NAME`, plus the changed fields."""
     fields = {field: value for field, value in changes.items() if field != "name"}
     words = [f"{field.rpartition('.')[2]}={value}" for field, value in leaves(fields).items()]
     text = re.sub(r"[^\w.=-]+", "_", "-".join(words))

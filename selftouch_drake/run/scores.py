@@ -21,7 +21,6 @@ from selftouch_drake.evaluation import (
     neighbour_agreement,
     parts_on_skins,
     shape_rms_fraction,
-    touch_density,
     true_parts,
     trustworthiness,
 )
@@ -41,26 +40,22 @@ def score_body(
 
     With several fingers on one hand, a kernel is a pose of the hand and not a place on a skin: all
     metrics that compare places are absent.
-
-    Args:
-        run: the run, with its truth.
-        world: its world.
-        representation: of the agent.
-        body: as `learn` recovered it.
     """
     fields = [skin.fields for skin in world.skins]
     counts = TouchCounts(fields, ExperienceReader(run.truth).contacts())
     metrics: Metrics = coverage(
-        [
-            (skin.vertices, skin.faces, touch_density(skin.vertices, skin.faces, touches))
-            for skin, touches in zip(fields, counts.counts, strict=True)
-        ]
+        [(s.vertices, s.faces, n) for s, n in zip(fields, counts.counts, strict=True)]
     )
     contacts = ExperienceReader(run.truth).take_contacts(representation.kernel_row)
     truth = kernel_truth(representation, contacts)
     if not truth.is_surface:
         return metrics
-    bodies = {body.metric: body} | _by_other_metrics(run, representation, body.metric)
+    wanted = run.experiment.evaluation.shape_metrics
+    bodies = {body.metric: body} | {
+        name: recover(representation, name, seed=run.experiment.seed, holes=False)
+        for name in SHAPE_METRICS
+        if name in (SHAPE_METRICS if wanted is None else wanted) and name != body.metric
+    }
     parts = true_parts(fields, counts, truth)
     return {
         **metrics,
@@ -75,9 +70,7 @@ def score_body(
 def found_metrics(run: RunDirectory, body: RecoveredBody) -> Metrics:
     """What the agent found out about its body: one number for one part, a list for several."""
     holes = [part.topology for part in body.parts]
-    betti = [None if found is None else list(found.betti) for found in holes]
     margins = [found.margin for found in holes if found is not None]
-    dimensions = [part.dimension for part in body.parts]
     metrics: Metrics = {"parts_found": len(body.parts)}
     if any(part.doubt for part in body.parts):
         metrics["shape_doubt_by_part"] = [part.doubt for part in body.parts]
@@ -90,8 +83,8 @@ def found_metrics(run: RunDirectory, body: RecoveredBody) -> Metrics:
         part.embedding.fourth_eigenvalue for part in body.parts
     )
     by_part: dict[str, list[Any]] = {
-        "topology_betti": betti,
-        "intrinsic_dimension": dimensions,
+        "topology_betti": [None if found is None else list(found.betti) for found in holes],
+        "intrinsic_dimension": [part.dimension for part in body.parts],
         "skin_dimension": [part.skin for part in body.parts],
         "embedding_dimension": [part.space for part in body.parts],
     }
@@ -112,10 +105,7 @@ def confidence_metrics(body: RecoveredBody) -> Metrics:
 def part_metrics(body: RecoveredBody, parts: Sequence[TruePart], *, several: bool) -> Metrics:
     """The true parts, each beside the part of the agent's body that has most of its kernels.
 
-    Args:
-        body: K kernels.
-        parts: of the truth.
-        several: whether the body or the robot has several parts, so that lists make sense.
+    Lists make sense where the body or the robot has several.
     """
     metrics: Metrics = {"parts_true": len(parts)}
     if several:
@@ -130,19 +120,6 @@ def part_metrics(body: RecoveredBody, parts: Sequence[TruePart], *, several: boo
 
 def _several(run: RunDirectory, body: RecoveredBody) -> bool:
     return len(body.parts) > 1 or len(run.experiment.skins) > 1
-
-
-def _by_other_metrics(
-    run: RunDirectory, representation: QuotientRepresentation, chosen: str
-) -> dict[str, RecoveredBody]:
-    wanted = run.experiment.evaluation.shape_metrics
-    asked = SHAPE_METRICS if wanted is None else wanted
-    seed = run.experiment.seed
-    return {
-        name: recover(representation, name, seed=seed, holes=False)
-        for name in SHAPE_METRICS
-        if name in asked and name != chosen
-    }
 
 
 def _place_metrics(

@@ -7,7 +7,6 @@ needs, so that the others start sooner.
 
 from __future__ import annotations
 
-import shutil
 import time
 import warnings
 from collections.abc import Callable, Sequence
@@ -19,20 +18,13 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.bodies.embodiment import World, build_world, pilot_in
+from selftouch_drake.bodies.embodiment import World, pilot_in
 from selftouch_drake.bodies.living import LivingBody
-from selftouch_drake.evaluation.coverage import touch_counts
-from selftouch_drake.experience import (
-    ExperienceReader,
-    collect,
-    how_to_collect,
-    require_complete,
-)
+from selftouch_drake.experience import collect, how_to_collect, require_complete
 from selftouch_drake.experience.collect import robot_s
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.artifacts import (
@@ -47,36 +39,10 @@ from selftouch_drake.run.artifacts import (
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.imported import timed, write_trajectory
-from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.run.naming import free_start
-from selftouch_drake.run.touches import (
-    force_metrics,
-    warn_of_changes,
-    warn_of_untouched,
-)
+from selftouch_drake.run.touches import touch_metrics, warn_of_changes
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
 from selftouch_drake.run.worlds import babbling_body, keep_bodies, make_world, run_bodies
-
-__all__ = [
-    "Progress",
-    "babble",
-    "build_world",
-    "evaluate",
-    "execute",
-    "get_ready",
-    "has_babbled",
-    "has_evaluated",
-    "has_learned",
-    "keep_bodies",
-    "learn",
-    "make_world",
-    "plan",
-    "plan_from",
-    "plan_imported",
-    "rehearse",
-    "run_bodies",
-    "silent",
-]
 
 # Enough to plan a step, and learned in a second.
 _READY_TOUCHES, _READY_TARGETS = 1000, 50
@@ -111,7 +77,12 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
         run.keep_calibration(bodies.calibrate(run.experiment))
     keep_bodies(run, bodies)
     body, wanted, stored = bodies.babbling, run.experiment.babbling.num_samples, 0
-    _require_time(run, body)
+    hours = run.experiment.babbling.robot_hours
+    if hours is not None and not hasattr(body, "robot_s"):
+        raise RunError(
+            f"babbling.robot_hours is {hours:g}, but the body is set to its postures and keeps no "
+            "time: leave it out, or give babbling.mode: dynamic"
+        )
 
     def count(num_rows: int) -> None:
         nonlocal stored
@@ -120,11 +91,8 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
         of_robot = f", {lived / 3600:.2f} h of the robot" if lived else ""
         progress(stored / wanted, f"{stored:,} of {wanted:,} touches{of_robot}")
 
-    how: dict[str, Any] = {
-        "fingerprint": run.fingerprint(),
-        "body_of": partial(babbling_body, run),
-        "progress": count,
-    }
+    how: dict[str, Any] = {"fingerprint": run.fingerprint(), "progress": count}
+    how["body_of"] = partial(babbling_body, run)
     if run.experiment.babbling.strategy == "active":
         # Other stages need not wait for its imports.
         from selftouch_drake.experience.exploration import Exploration, explore
@@ -133,7 +101,7 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
     else:
         executor = executor if body.jumps else InTurn()
         counts = collect(run.experiment, run.path, executor=executor, **how)
-    found = {
+    found: dict[str, Any] = {
         "babbling_num_samples": counts.num_rows,
         "babbling_num_steps": counts.num_steps,
         "babbling_touch_rate": counts.num_rows / counts.num_steps,
@@ -141,30 +109,9 @@ def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -
         **({"babbling_robot_s": counts.robot_s} if counts.robot_s else {}),
         "babbling_wall_s": wall_before + time.perf_counter() - began,
     }
-    if bodies.world is None:
-        run.add_metrics(found)
-        return
-    median, largest = force_metrics(run)
-    by_skin, by_toucher = touch_counts(ExperienceReader(run.truth), bodies.world.robot)
-    run.add_metrics(
-        found
-        | {
-            "babbling_touches_by_skin": by_skin,
-            "babbling_force_median_N": median,
-            "babbling_force_max_N": largest,
-        }
-    )
-    warn_of_untouched(run, by_skin, by_toucher)
-
-
-def _require_time(run: RunDirectory, body: Body) -> None:
-    """Refuses a limit of time for a body that has no time of its own."""
-    hours = run.experiment.babbling.robot_hours
-    if hours is not None and not hasattr(body, "robot_s"):
-        raise RunError(
-            f"babbling.robot_hours is {hours:g}, but the body is set to its postures and keeps no "
-            "time: leave it out, or give babbling.mode: dynamic"
-        )
+    if bodies.world is not None:
+        found |= touch_metrics(run, bodies.world)
+    run.add_metrics(found)
 
 
 def _save_skins(run: RunDirectory, world: World) -> None:
@@ -210,7 +157,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     )
     representation = body.embed(learned.representation)
     body.warn_of_misfit()
-    save_learned(run, representation, body, forget=lambda: _forget_learning(run))
+    save_learned(run, representation, body)
     sizes = np.diff(representation.kernel_offsets)
     bridges = learned.bridges.tolist()
     run.add_metrics(
@@ -231,10 +178,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
 
 
 def get_ready(run: RunDirectory) -> None:
-    """Has a worker do everything that `evaluate` needs once, in small.
-
-    Then numba has compiled it, while this worker has nothing else to do.
-    """
+    """Has an idle worker do all that `evaluate` needs in small, so that numba compiles it."""
     bodies = run_bodies(run)
     sensation, q = next(run.touches().touches())
     num_touches = min(len(q), _READY_TOUCHES)
@@ -245,32 +189,29 @@ def get_ready(run: RunDirectory) -> None:
         pilot.execute(pilot.plan(*agent.representation.edges[0].tolist()).motion)
 
 
-def _forget_learning(run: RunDirectory) -> None:
-    """Drops the metrics of the old learning, and everything that was made from it."""
-    run.drop_metrics(keys_of("learn", "evaluate"))
-    shutil.rmtree(run.path / "plans", ignore_errors=True)
-    run.rehearsal.unlink(missing_ok=True)
-    run.trials.unlink(missing_ok=True)
-
-
-def plan(run: RunDirectory, *targets: int) -> Motion:
+def plan(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) -> Motion:
     """Plans through target sensations, from a configuration of the first; keeps the plan.
+
+    From any `(J,)` `q_start`, touching or not, it plans to a single target; then the file of the
+    plan names both. The plan of an imported run is kept as CSV as well.
 
     Raises:
         RunError: there is no such target sensation, or nothing was learned.
-        ValueError: no plan exists.
+        ValueError: no plan exists, or `q_start` is not a configuration within the limits.
     """
     pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
     _require_targets(run, targets)
-    motion = pilot.plan(*targets).motion
-    save_plan(run, motion, *targets)
-    if run.experiment.imported is not None:
-        _write_trajectory(run, motion, *targets)
+    if q_start is None:
+        motion = pilot.plan(*targets).motion
+        _keep_plan(run, motion, *targets)
+    else:
+        motion = pilot.plan_from(q_start, *targets).motion
+        _keep_plan(run, motion, free_start(q_start), *targets)
     return motion
 
 
 def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
-    """Plans through target sensations of an imported run; keeps the plan, as CSV as well.
+    """Plans through target sensations of an imported run, as `plan`, in no body.
 
     The plan starts at the touch of the first target from which it strays least from what was
     recorded. Without a model of the robot, nobody knows whether its rigid parts run into each other
@@ -278,10 +219,6 @@ def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
 
     Returns:
         The motion, and how far it strays; see `Recorded.novelty`.
-
-    Raises:
-        RunError: there is no such target sensation, or nothing was learned.
-        ValueError: no plan exists.
     """
     imported = run.experiment.imported
     assert imported is not None
@@ -292,37 +229,20 @@ def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:
     recorded = Recorded(known, free)
     plan = recorded.surest(targets[0], lambda q: agent.tour(targets, q_start=q))
     motion, novelty = timed(agent, plan, imported), recorded.novelty(plan)
-    save_plan(run, motion, *targets, plan_novelty=novelty)
-    _write_trajectory(run, motion, *targets)
+    _keep_plan(run, motion, *targets, plan_novelty=novelty)
     return motion, novelty
 
 
-def _write_trajectory(run: RunDirectory, motion: Motion, *targets: int) -> None:
-    assert run.experiment.imported is not None
-    file = run.plan(*targets).with_suffix(".csv")
-    write_trajectory(file, motion, run.experiment.imported.joints)
-
-
-def plan_from(run: RunDirectory, q_start: np.ndarray, goal: int) -> Motion:
-    """Plans from any `(J,)` configuration, touching or not; the file of the plan names it.
-
-    Raises:
-        RunError: there is no such target sensation, or nothing was learned.
-        ValueError: `q_start` is not a configuration within the limits, or no plan exists.
-    """
-    pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
-    _require_targets(run, (0, goal))
-    motion = pilot.plan_from(q_start, goal).motion
-    save_plan(run, motion, free_start(q_start), goal)
-    return motion
+def _keep_plan(run: RunDirectory, motion: Motion, *targets: int | str, **numbers: float) -> None:
+    save_plan(run, motion, *targets, **numbers)
+    if (imported := run.experiment.imported) is not None:
+        write_trajectory(run.plan(*targets).with_suffix(".csv"), motion, imported.joints)
 
 
 def execute(run: RunDirectory, *targets: int | str) -> Try:
     """Executes a stored plan in the agent's body, and saves the sensations with it.
 
-    Args:
-        run: a run that has planned.
-        targets: of the plan, in order; a free start as `free_start` names it.
+    The targets name the plan, as of `load_motion`.
 
     Returns:
         The agent's own judgement of it.
@@ -357,10 +277,7 @@ def evaluate(
 ) -> None:
     """Scores what was learned against the truth, and random plans by what is felt.
 
-    Args:
-        run: a run that has learned.
-        progress: called with the fraction done, 0 to 1.
-        executor: where plans are executed; by default in this process, one after another.
+    The executor executes the plans; by default this process does, one after another.
 
     Raises:
         ChildProcessError: a process of the executor was killed.
@@ -417,8 +334,8 @@ def has_evaluated(run: RunDirectory) -> bool:
 def _require_targets(run: RunDirectory, targets: Sequence[int | str]) -> None:
     """Refuses target sensations that a run does not have."""
     num_targets = run.experiment.representation.num_targets
-    names = ("--from", "--to") if len(targets) == 2 else ("--through",) * len(targets)
-    for name, target in zip(names, targets, strict=True):
+    names = ["--from", "--to"] if len(targets) < 3 else ["--through"] * len(targets)
+    for name, target in zip(names[-len(targets) :], targets, strict=True):
         if isinstance(target, int) and not 0 <= target < num_targets:
             raise RunError(
                 f"{name} is {target}; this run has target sensations 0 to {num_targets - 1}"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
+from selftouch_drake.bodies.embodiment import World
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.run.directory import RunDirectory
 
@@ -22,32 +23,39 @@ class ChangedBodyWarning(UserWarning):
     """The body changed in the middle of the experience, which is learned from as one body's."""
 
 
-def force_metrics(run: RunDirectory) -> tuple[float, float]:
-    """Median (to a millinewton) and largest force of the touches, in constant memory."""
-    counts, largest = np.zeros(_MOST_FORCE_MN + 1, dtype=np.int64), 0.0
+def touch_metrics(run: RunDirectory, world: World) -> dict[str, Any]:
+    """Metrics of the touches of a run with a robot of Drake's, in constant memory.
+
+    A touch of two skins counts for both. The median force is known to a millinewton.
+
+    Warns:
+        NeverTouchedWarning: in one line, of skins without a touch and touchers that never touched.
+    """
+    robot = world.robot
+    by_skin = np.zeros(len(robot.skins), int)
+    by_toucher = np.zeros(len(robot.touchers) + len(by_skin), int)
+    for contacts in ExperienceReader(run.truth).contacts():
+        for found, counts in ((contacts.skin, by_skin), (contacts.toucher, by_toucher)):
+            pairs = np.unique(contacts.row * len(counts) + found)
+            counts += np.bincount(pairs % len(counts), minlength=len(counts))
+    # A link that touches with its own skin is numbered as that skin.
+    for number, toucher in enumerate(robot.touchers):
+        for skin, worn in enumerate(robot.skins):
+            if worn.geometry_id in toucher.geometry_ids:
+                by_toucher[number] += by_toucher[len(robot.touchers) + skin]
+    forces, largest = np.zeros(_MOST_FORCE_MN + 1, dtype=np.int64), 0.0
     for felt in ExperienceReader(run.experience).batches("sensation"):
         force = felt.sum(axis=1)
         largest = max(largest, float(force.max()))
         bins = np.rint(1e3 * force).astype(np.int64).clip(0, _MOST_FORCE_MN)
-        counts += np.bincount(bins, minlength=len(counts))
-    return int(np.searchsorted(np.cumsum(counts), counts.sum() / 2)) / 1e3, largest
-
-
-def warn_of_untouched(
-    run: RunDirectory, by_skin: Mapping[str, int], by_toucher: Mapping[str, int]
-) -> None:
-    """Warns of skins without a touch, and of touchers that never touched.
-
-    Args:
-        run: the run.
-        by_skin: touches of each skin, as of `touch_counts`.
-        by_toucher: touches by each toucher.
-
-    Warns:
-        NeverTouchedWarning: in one line, if there is such a skin or toucher.
-    """
-    never = [f"skins.{name} was never touched" for name, number in by_skin.items() if not number]
-    never += [f"touching.{name} never touched" for name, number in by_toucher.items() if not number]
+        forces += np.bincount(bins, minlength=len(forces))
+    skins = {skin.model.name: int(n) for skin, n in zip(robot.skins, by_skin, strict=True)}
+    never = [f"skins.{name} was never touched" for name, number in skins.items() if not number]
+    never += [
+        f"touching.{toucher.name} never touched"
+        for toucher, number in zip(robot.touchers, by_toucher, strict=False)
+        if not number
+    ]
     if never:
         warnings.warn(
             f"{', '.join(never)} in {run.experiment.babbling.num_samples:,} touches; see what can "
@@ -55,14 +63,15 @@ def warn_of_untouched(
             NeverTouchedWarning,
             stacklevel=3,
         )
+    return {
+        "babbling_touches_by_skin": skins,
+        "babbling_force_median_N": int(np.searchsorted(np.cumsum(forces), forces.sum() / 2)) / 1e3,
+        "babbling_force_max_N": largest,
+    }
 
 
 def warn_of_changes(run: RunDirectory) -> None:
-    """Warns that all touches are learned from as one body's, if the body changes on the way.
-
-    Warns:
-        ChangedBodyWarning: in one line.
-    """
+    """Warns that all touches are learned from as one body's, if the body changes on the way."""
     num_samples = run.experiment.babbling.num_samples
     when = [one.after for one in run.experiment.changes if 0 < one.after < num_samples]
     if when:

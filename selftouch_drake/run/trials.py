@@ -7,29 +7,76 @@ order, because each remembers the earlier ones. Only the parts of their scores s
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
-from contextlib import closing
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.rehearsal import Try, best
+from selftouch_drake.agent.body import Felt
+from selftouch_drake.agent.memory import RehearsalMemory
+from selftouch_drake.agent.motions import Execution, Motion
+from selftouch_drake.agent.pilot import Pilot
+from selftouch_drake.agent.practice import NoWayError
+from selftouch_drake.agent.rehearsal import Try, best, judge
+from selftouch_drake.bodies.drake import DrakeFollowed
 from selftouch_drake.bodies.embodiment import Bodies, pilot_in
-from selftouch_drake.evaluation import MotionScore, calibration, random_pairs, summarise
-from selftouch_drake.evaluation.executed import ExecutedTruth
+from selftouch_drake.evaluation.executed import ExecutedTruth, ExecutionJudge
+from selftouch_drake.evaluation.motion import (
+    MotionScore,
+    calibration,
+    cosine_distance,
+    jerk_reduction,
+    random_pairs,
+    score_motion,
+    summarise,
+)
 from selftouch_drake.files import content_digest
 from selftouch_drake.run.artifacts import load_agent, save_plan
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.executors import InTurn
-from selftouch_drake.run.first_tries import FirstTries, FirstTry
 from selftouch_drake.run.worlds import run_bodies
 from selftouch_drake.threads import OncePerThread
 
 # First tries that may wait for the rehearsals of earlier pairs.
 _MOST_AHEAD = 8
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FirstTry:
+    """The result of the first try of one pair of start and goal, without memory.
+
+    Attributes:
+        start: target sensation.
+        goal: target sensation.
+        unpractised: the plan before practice, scored without dynamics; None if the body cannot be
+            at rest everywhere.
+        unpractised_executed: the same as felt under dynamics.
+        planned: the practised plan, scored without dynamics; None likewise.
+        executed: the same as felt under dynamics.
+        query_s: s, duration of planning.
+        jerk_reduction: of the plan, in motor space.
+        num_slides: ways that practice found for steps of the plan.
+        errors: `(n,)` cosine distances from predicted to felt, in their predicted scales.
+        impossible_planned: samples of the plan at which the body cannot be.
+        truth: of the execution; None if nobody knows it.
+    """
+
+    start: int
+    goal: int
+    unpractised: MotionScore | None
+    unpractised_executed: MotionScore
+    planned: MotionScore | None
+    executed: MotionScore
+    query_s: float
+    jerk_reduction: float
+    num_slides: int
+    errors: np.ndarray
+    impossible_planned: int
+    truth: ExecutedTruth | None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,13 +87,83 @@ class Trial(FirstTry):
         remembering: the first try with the memory of the rehearsals of all pairs before.
         kept: the best try.
         num_tries: of the rehearsal.
-        off_skin_kept_s: as `off_skin_s`, for the best try.
+        off_skin_kept_s: s, as `truth.off_skin_s`, for the best try.
     """
 
     remembering: MotionScore
     kept: MotionScore
     num_tries: int
     off_skin_kept_s: float | None
+
+
+class FirstTries:
+    """Makes and scores first tries of an agent without memory.
+
+    Args:
+        pilot: an agent in its body, with its stored sensations, for predictions without practice.
+        bodies: its bodies.
+
+    Attributes:
+        agent: the agent without memory.
+    """
+
+    def __init__(self, pilot: Pilot, bodies: Bodies):
+        representation = pilot.agent.representation
+        self.agent = pilot.agent.recalling(RehearsalMemory.blank(representation))
+        self._pilot, self._still = pilot, bodies.still
+        pilot.agent = self.agent
+        pilot.get_ready()
+        world = bodies.world
+        self._judge = None if world is None else ExecutionJudge(world, representation)
+
+    def first(self, start: int, goal: int) -> tuple[FirstTry, Try] | None:
+        """The first try of a pair; None if no way is found."""
+        try:
+            query = self._pilot.plan(start, goal)
+        except NoWayError:
+            return None
+        motion, representation = query.motion, self.agent.representation
+        unpractised = self._pilot.motion(query.unpractised)
+        blind, _ = self._pilot.execute(unpractised, practised=False)
+        execution, followed = self._pilot.execute(motion)
+        predicted = execution.felt.any(axis=1) & motion.predicted.any(axis=1)
+        predicted &= motion.predicted_spread > 0
+        planned, felt = self._slowly(motion)
+        impossible = 0 if felt is None else int(np.sum(~felt.reached))
+        truth = None
+        if self._judge is not None and isinstance(followed, DrakeFollowed):
+            truth = self._judge.truth(execution, followed.log)
+        first = FirstTry(
+            start=start,
+            goal=goal,
+            unpractised=self._slowly(unpractised)[0],
+            unpractised_executed=self.score(blind),
+            planned=planned,
+            executed=self.score(execution),
+            query_s=query.seconds,
+            jerk_reduction=jerk_reduction(query.plan, representation.joint_scale),
+            num_slides=len(query.agent.memory.slides.ends),
+            errors=cosine_distance(execution.felt[predicted], motion.predicted[predicted])
+            / motion.predicted_spread[predicted],
+            impossible_planned=impossible,
+            truth=truth,
+        )
+        return first, judge(execution, representation)
+
+    def score(self, execution: Execution) -> MotionScore:
+        """An execution, scored as it was felt."""
+        return score_motion(execution.motion, execution.felt, self.agent.representation)
+
+    def off_skin_s(self, execution: Execution) -> float | None:
+        """As of `ExecutionJudge`; None if nobody knows."""
+        return None if self._judge is None else self._judge.off_skin_s(execution)
+
+    def _slowly(self, motion: Motion) -> tuple[MotionScore | None, Felt | None]:
+        """A motion, scored as it is felt slowly, and what is felt; None if the body cannot."""
+        if self._still is None:
+            return None, None
+        felt = self._still.feel(motion.q)
+        return score_motion(motion, felt.sensation, self.agent.representation), felt
 
 
 def try_pairs(
@@ -59,16 +176,9 @@ def try_pairs(
     """Plans, executes and rehearses random pairs, and scores each against what was felt.
 
     The agent begins with a blank memory, whatever the run remembers, so that the metrics are the
-    same every time. First tries are planned without memory; rehearsals remember earlier ones. The
-    run keeps the first try of each pair, because the metrics describe it.
-
-    Args:
-        run: where the plans are kept.
-        bodies: of the agent.
-        agent: the agent that plans, with its stored sensations.
-        progress: called with the fraction done and the current task.
-        executor: where first tries are made; by default here, one after another. Other processes
-            load the agent from the run.
+    same every time. First tries are planned without memory, here or by the executor, whose
+    processes load the agent from the run; rehearsals remember earlier ones. The run keeps the first
+    try of each pair, because the metrics describe it.
 
     Returns:
         The trials, and the pairs for which no way was found.
@@ -83,10 +193,13 @@ def try_pairs(
     max_tries = run.experiment.execution.max_tries
     pairs = random_pairs(run.experiment, agent.representation)
     trials, without_way = list[Trial](), list[tuple[int, int]]()
-    with closing(_in_order(run, learned, pairs, executor or InTurn())) as found:
+    executor, waiting, ahead = executor or InTurn(), iter(pairs), deque[Future[Any]]()
+    try:
         for number, (start, goal) in enumerate(pairs):
             progress(number / len(pairs), f"sensation {start} to {goal}")
-            if (result := next(found)) is None:
+            for pair in islice(waiting, _MOST_AHEAD + 1 - len(ahead)):
+                ahead.append(executor.submit(_first_try, run, learned, *pair))
+            if (result := ahead.popleft().result()) is None:
                 without_way.append((start, goal))
                 continue
             first, known = result
@@ -103,21 +216,6 @@ def try_pairs(
                     off_skin_kept_s=tries.off_skin_s(kept),
                 )
             )
-    return trials, without_way
-
-
-def _in_order(
-    run: RunDirectory, learned: str, pairs: Sequence[tuple[int, int]], executor: Executor
-) -> Generator[tuple[FirstTry, Try] | None, None, None]:
-    """Yields the first try of each pair; the executor works on a few pairs ahead."""
-    ahead = deque[Future[Any]]()
-    try:
-        for pair in pairs:
-            ahead.append(executor.submit(_first_try, run, learned, *pair))
-            if len(ahead) > _MOST_AHEAD:
-                yield ahead.popleft().result()
-        while ahead:
-            yield ahead.popleft().result()
     except BrokenExecutor:
         raise ChildProcessError(
             "an evaluating process was killed, perhaps because memory ran out; repeat the command"
@@ -125,6 +223,7 @@ def _in_order(
     finally:
         for future in ahead:
             future.cancel()
+    return trials, without_way
 
 
 def _first_try(
@@ -146,32 +245,27 @@ def trial_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
     if not trials:
         return {}
     query_ms = 1e3 * np.array([trial.query_s for trial in trials])
-    within = calibration([trial.error for trial in trials], [trial.spread for trial in trials])
+    within = calibration([trial.errors for trial in trials])
     metrics: dict[str, Any] = {
-        **_summarised([trial.unpractised for trial in trials], "unpractised"),
-        **_summarised([trial.unpractised_executed for trial in trials], "unpractised_execution"),
+        **summarise([trial.unpractised for trial in trials], "unpractised"),
+        **summarise([trial.unpractised_executed for trial in trials], "unpractised_execution"),
         "planning_num_pairs": len(trials),
-        **_summarised([trial.planned for trial in trials], "planning"),
+        **summarise([trial.planned for trial in trials], "planning"),
         "planning_num_slides": sum(trial.num_slides for trial in trials),
         "planning_impossible_postures": sum(trial.impossible_planned for trial in trials),
         "planning_jerk_reduction": float(np.median([trial.jerk_reduction for trial in trials])),
         "planning_query_ms_median": float(np.median(query_ms)),
         "planning_query_ms_p95": float(np.percentile(query_ms, 95)),
         "execution_num_pairs": len(trials),
-        **_summarised([trial.executed for trial in trials], "execution"),
+        **summarise([trial.executed for trial in trials], "execution"),
         **{f"execution_prediction_within_{100 * s:.0f}": held for s, held in within.items()},
         **_truth_metrics([trial.truth for trial in trials if trial.truth is not None]),
         "rehearsal_first_try_contact_mean": float(np.mean([t.remembering.contact for t in trials])),
-        **_summarised([trial.kept for trial in trials], "rehearsal"),
+        **summarise([trial.kept for trial in trials], "rehearsal"),
         "rehearsal_tries_mean": float(np.mean([trial.num_tries for trial in trials])),
-        "rehearsal_time_off_skin_s": _sum(trial.off_skin_kept_s for trial in trials),
+        "rehearsal_time_off_skin_s": _of_known(sum, (t.off_skin_kept_s for t in trials)),
     }
     return {key: value for key, value in metrics.items() if value is not None}
-
-
-def _summarised(scores: Sequence[MotionScore | None], prefix: str) -> dict[str, float]:
-    known = [score for score in scores if score is not None]
-    return summarise(known, prefix) if known else {}
 
 
 def _truth_metrics(truths: Sequence[ExecutedTruth]) -> dict[str, Any]:
@@ -180,30 +274,31 @@ def _truth_metrics(truths: Sequence[ExecutedTruth]) -> dict[str, Any]:
         return {}
     tracking, turns = np.mean([truth.tracking for truth in truths], axis=0), truths[0].turns
     return {
-        "planning_fingertip_jerk_reduction": _median(truth.tip_jerk_planned for truth in truths),
+        "planning_fingertip_jerk_reduction": _of_known(
+            np.median, (t.tip_jerk_planned for t in truths)
+        ),
         "execution_impossible_postures": sum(truth.impossible for truth in truths),
-        "execution_tracking_rms_rad": _root_mean(tracking[turns]),
-        "execution_tracking_rms_m": _root_mean(tracking[~turns]),
+        "execution_tracking_rms_rad": _of_known(_root_mean, tracking[turns]),
+        "execution_tracking_rms_m": _of_known(_root_mean, tracking[~turns]),
         "execution_force_max_N": max(truth.force for truth in truths),
         **{
             f"execution_{kind}_of_limit": max(truth.limit_shares[kind] for truth in truths)
             for kind in truths[0].limit_shares
         },
-        "execution_time_off_skin_s": _sum(truth.off_skin_s for truth in truths),
-        "execution_fingertip_jerk_reduction": _median(t.tip_jerk_measured for t in truths),
+        "execution_time_off_skin_s": _of_known(sum, (t.off_skin_s for t in truths)),
+        "execution_fingertip_jerk_reduction": _of_known(
+            np.median, (t.tip_jerk_measured for t in truths)
+        ),
     }
 
 
 def trial_table(trials: Sequence[Trial]) -> dict[str, np.ndarray]:
     """The results of N pairs in the order of their trials, as a file stores them.
 
-    Returns:
-        `pairs` `(N, 2)`; shares of the time in contact `(N,)`: `contact_unpractised` of
-        the plan before practice, `contact_naive` at the first try without memory,
-        `contact_remembering` at the first try with the memory of the rehearsals of all pairs
-        before, `contact_kept` at the best; whether the goal was reached, under the same names with
-        `reached`; `num_tries` `(N,)` of the rehearsal; `prediction_error` `(N,)` of the first try
-        without memory.
+    `pairs` `(N, 2)`; `(N,)` shares of the time in contact and whether the goal was reached, of the
+    plan before practice, the first try without memory (`naive`), the first try with the memory of
+    the rehearsals of all pairs before and the best; `num_tries` `(N,)` of the rehearsal;
+    `prediction_error` `(N,)` of the first try without memory.
     """
     of = {
         "unpractised": [trial.unpractised_executed for trial in trials],
@@ -220,15 +315,13 @@ def trial_table(trials: Sequence[Trial]) -> dict[str, np.ndarray]:
     }
 
 
-def _root_mean(squares: np.ndarray) -> float | None:
-    return float(np.sqrt(squares.mean())) if squares.size else None
+def _root_mean(squares: Sequence[float]) -> float:
+    return np.sqrt(np.mean(squares))
 
 
-def _median(values: Iterable[float | None]) -> float | None:
+def _of_known(
+    summary: Callable[[Sequence[float]], float], values: Iterable[float | None]
+) -> float | None:
+    """A summary of what is known of some values; None if nothing is."""
     known = [value for value in values if value is not None]
-    return float(np.median(known)) if known else None
-
-
-def _sum(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(sum(known)) if known else None
+    return float(summary(known)) if known else None

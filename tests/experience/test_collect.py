@@ -1,6 +1,6 @@
 import dataclasses
 import sys
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -26,7 +26,7 @@ from selftouch_drake.experiment import (
 )
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.threads import Threads
+from selftouch_drake.run.executors import InTurn
 
 collect_module = sys.modules[collect.__module__]
 
@@ -106,7 +106,7 @@ def _shards(run):
 def reference(experiment, tmp_path_factory):
     """One worker, walk after walk."""
     path = tmp_path_factory.mktemp("reference") / "run"
-    run, num_steps = _collected(path, experiment, Threads(1))
+    run, num_steps = _collected(path, experiment, InTurn())
     return run, num_steps, _shards(run)
 
 
@@ -164,7 +164,7 @@ def test_threads_with_worlds_of_their_own_give_the_same_bytes(experiment, refere
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
     try:
-        run, _ = _collected(tmp_path / "run", experiment, Threads(3))
+        run, _ = _collected(tmp_path / "run", experiment, ThreadPoolExecutor(3))
     finally:
         sys.setswitchinterval(interval)
     assert _shards(run) == reference[-1]
@@ -172,12 +172,11 @@ def test_threads_with_worlds_of_their_own_give_the_same_bytes(experiment, refere
 
 def test_an_interrupted_run_goes_on_where_it_was(experiment, reference, tmp_path):
     _, num_steps, shards = reference
-    run, _ = _collected(tmp_path / "run", experiment, Threads(1))
+    run, _ = _collected(tmp_path / "run", experiment, InTurn())
     (run.experience / shard_name(1)).unlink()
     kept = (run.experience / shard_name(0)).stat().st_mtime_ns
     progress = []
-    with Threads(1) as executor:
-        steps = collect_into(run, executor, progress=progress.append)
+    steps = collect_into(run, InTurn(), progress=progress.append)
     assert _shards(run) == shards
     assert steps == num_steps
     assert sorted(progress) == [100, 200, 200]
@@ -191,8 +190,8 @@ def test_shards_of_another_experiment_are_refused_and_kept(experiment, reference
     shard = run.experience / shard_name(0)
     shard.write_bytes((reference[0].experience / shard_name(0)).read_bytes())
     before = shard.read_bytes()
-    with Threads(1) as executor, pytest.raises(StoreError) as error:
-        collect_into(run, executor)
+    with pytest.raises(StoreError) as error:
+        collect_into(run, InTurn())
     assert str(error.value) == f"{shard} belongs to another experiment; choose another --out"
     assert shard.read_bytes() == before
 
@@ -318,7 +317,7 @@ def test_a_walk_ends_where_the_body_changes(experiment, reference, tmp_path):
     fields["babbling"]["num_samples"] = 300
     changing = experiment_from_fields(fields)
     assert walk_sizes(changing) == [200, 50, 50]
-    run, _ = _collected(tmp_path / "run", changing, Threads(1))
+    run, _ = _collected(tmp_path / "run", changing, InTurn())
     assert run.fingerprint() != reference[0].fingerprint()
     felt = ExperienceReader(run.experience).read("sensation")
     as_before = ExperienceReader(reference[0].experience).read("sensation")

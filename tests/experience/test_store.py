@@ -1,3 +1,6 @@
+import gc
+import threading
+import weakref
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +63,21 @@ def test_what_was_written_is_read_in_walk_order(tmp_path):
         assert_same(found, shard.contacts)
 
 
+def test_reading_that_is_left_off_holds_no_threads_and_lets_garbage_be_freed(tmp_path):
+    for walk in range(5):
+        write_shard(tmp_path, _shard(walk), fingerprint=PRINT)
+    before, forgotten = threading.enumerate(), []
+    batches = ExperienceReader(tmp_path / "experience").batches("q")
+    forgotten += [forgotten, batches]
+    freed = weakref.ref(batches)
+    next(batches)
+    assert gc.isenabled()
+    assert set(threading.enumerate()) <= set(before)
+    del batches, forgotten
+    gc.collect()
+    assert freed() is None
+
+
 def assert_same(found, expected):
     for name in ("offsets", "skin", "toucher", "p_LC"):
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
@@ -84,20 +102,6 @@ def test_contacts_are_taken_by_row_in_any_order(tmp_path):
         StoreError, match=r"truth has 12 rows, but row 12 is needed; it belongs to another"
     ):
         reader.take_contacts(np.array([3, 12]))
-
-
-def test_rows_are_taken_by_number_in_any_order(tmp_path):
-    for walk in range(3):
-        write_shard(tmp_path, _shard(walk, num_rows=3 + walk), fingerprint=PRINT)
-    reader = ExperienceReader(tmp_path / "experience")
-    whole = reader.read("q")
-    for rows in ([11, 0, 4, 4, 3, 2], [5], [], range(12)):
-        wanted = np.array(rows, dtype=int)
-        np.testing.assert_array_equal(reader.take("q", wanted), whole[wanted])
-    with pytest.raises(
-        StoreError, match=r"experience has 12 rows, but row 12 is needed; it belongs"
-    ):
-        reader.take("q", np.array([3, 12]))
 
 
 def test_the_files_have_the_schema_that_others_rely_on(tmp_path):

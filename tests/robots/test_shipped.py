@@ -4,7 +4,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from selftouch_drake.experiment import load_experiment, shipped_experiments
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.resources import EXPERIMENTS, shipped
 from selftouch_drake.robot import World
 
 ICUB = "icub"
@@ -73,8 +74,8 @@ def touches(world):
 
 def test_every_robot_is_tested():
     paper_s = {"cube", "cylinder", "double_torus", "ellipsoid", "torus"}
-    several_fingers = {shipped for shipped in shipped_experiments() if shipped.endswith("fingers")}
-    assert set(shipped_experiments()) == set(ROBOTS) | paper_s | several_fingers | {ICUB}
+    several_fingers = {name for name in shipped(EXPERIMENTS) if name.endswith("fingers")}
+    assert set(shipped(EXPERIMENTS)) == set(ROBOTS) | paper_s | several_fingers | {ICUB}
 
 
 def test_joints_and_skins(name, world):

@@ -32,11 +32,10 @@ from selftouch_drake.run.artifacts import (
     was_executed,
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.executors import local_executor
+from selftouch_drake.run.executors import InTurn, local_executor
 from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.trials import trial_metrics, trial_table, try_pairs
-from selftouch_drake.threads import Threads
 
 SMALL = {
     "babbling": {"num_samples": 3000, "walk_size": 1500},
@@ -52,8 +51,7 @@ def learned(tmp_path_factory):
     experiment = load_experiment("cube", SMALL)
     run = RunDirectory.create(tmp_path_factory.mktemp("runs") / "cube", experiment)
     world = stages.make_world(run)
-    with Threads(1) as executor:
-        stages.babble(run, executor)
+    stages.babble(run, InTurn())
     stages.learn(run)
     return run, world
 
@@ -152,7 +150,7 @@ def test_plans_keep_the_limits_of_each_joint(run):
 
 def test_a_robot_in_the_air_goes_to_touch(run, world):
     q_start = np.array([0.1, -0.5, 0.3, 0.0, 0.0, 0.0])
-    motion = stages.plan_from(run, q_start, 20)
+    motion = stages.plan(run, 20, q_start=q_start)
     assert motion.plan.nodes[0] == NO_KERNEL
     assert motion.plan.in_air[0]
     np.testing.assert_allclose(motion.q[0], q_start)
@@ -170,12 +168,12 @@ def test_a_robot_in_the_air_goes_to_touch(run, world):
 def test_a_robot_that_touches_starts_from_what_it_feels(run, world):
     known = representation_of(run)
     q_start = known.kernel_q[known.members(7)][0].astype(float)
-    assert stages.plan_from(run, q_start, 20).plan.nodes[0] == 7
+    assert stages.plan(run, 20, q_start=q_start).plan.nodes[0] == 7
 
 
 def test_a_start_outside_the_limits_is_refused(run, world):
     with pytest.raises(ValueError, match=f"^{re.escape(LIMITS)}$"):
-        stages.plan_from(run, np.array([0.1, -1.5, 0.3, 0.0, 0.0, 0.0]), 20)
+        stages.plan(run, 20, q_start=np.array([0.1, -1.5, 0.3, 0.0, 0.0, 0.0]))
 
 
 def test_rehearsal_never_makes_a_plan_worse_and_is_remembered(run, world):

@@ -1,12 +1,12 @@
 """Calls run in this process or in others, and each thread keeps what it made."""
 
 import os
-from concurrent.futures import wait
+from concurrent.futures import ThreadPoolExecutor, wait
 
 import pytest
 
 from selftouch_drake.run.executors import InTurn, local_executor
-from selftouch_drake.threads import OncePerThread, Threads
+from selftouch_drake.threads import OncePerThread
 
 
 def test_one_worker_is_this_process():
@@ -42,7 +42,7 @@ def test_each_thread_keeps_what_it_made_last():
 
     first = thing("a")
     assert thing("a") is first
-    with Threads(1) as other:
+    with ThreadPoolExecutor(1) as other:
         assert other.submit(thing, "a").result() is not first
     assert thing("a") is first
     thing("b")

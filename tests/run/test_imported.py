@@ -5,6 +5,7 @@ import json
 import re
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -17,8 +18,10 @@ from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.files import load_arrays
 from selftouch_drake.run import imported, stages
+from selftouch_drake.run.artifacts import load_motion
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.imported import imported_experiment, read_data
+from selftouch_drake.run.naming import free_start
 
 ROOT = Path(__file__).parents[2]
 NUM_ROWS, NUM_RECEPTORS, NUM_TARGETS = 30_000, 300, 150
@@ -178,6 +181,16 @@ def test_a_plan_is_a_joint_trajectory(learned, recording):
     fastest = np.quantile(np.abs(np.diff(recording.q, axis=0)) * 50, 0.99, axis=0)
     assert learned.experiment.imported.max_velocity == pytest.approx(fastest, rel=0.02)
     assert (np.abs(motion["v"]) <= 1.001 * fastest).all()
+
+
+def test_a_plan_from_any_posture_is_a_joint_trajectory_too(run, monkeypatch):
+    query = SimpleNamespace(motion=load_motion(run, 3, 100))
+    pilot = SimpleNamespace(plan_from=lambda q_start, goal: query)
+    monkeypatch.setattr(stages, "run_bodies", lambda run: None)
+    monkeypatch.setattr(stages, "pilot_in", lambda *known: pilot)
+    stages.plan(run, 100, q_start=np.zeros(7))
+    one, other = (run.plan(at, 100).with_suffix(".csv") for at in (3, free_start(np.zeros(7))))
+    assert one.read_bytes() == other.read_bytes()
 
 
 def test_the_report_says_what_there_is(run):

@@ -12,13 +12,13 @@ from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.lifelong import live
 from selftouch_drake.run.touches import ChangedBodyWarning
 from selftouch_drake.show.meshcat.pages import LifePage
 from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.page import motion_figures
 from selftouch_drake.show.run_data import RunData
-from selftouch_drake.threads import Threads
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:the quotient graph fell"),
@@ -42,8 +42,7 @@ def babbled(path, strategy):
     run = RunDirectory.create(path, experiment)
     with pytest.raises(RunError, match="half-finished"):
         live(run)
-    with Threads(1) as executor:
-        stages.babble(run, executor)
+    stages.babble(run, InTurn())
     return run
 
 

@@ -13,7 +13,7 @@ from selftouch_drake.robot import World
 from selftouch_drake.run import scores, stages
 from selftouch_drake.run.artifacts import load_body, load_representation
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.metrics import METRICS, headline, readings
+from selftouch_drake.run.metrics import METRICS, readings, tiles
 
 PER_SKIN = (1500, 600, 600)
 SKINS = ("body", "left_forearm", "right_forearm")
@@ -81,9 +81,9 @@ def test_each_part_is_found_and_reported(run):
     assert len(figures["intrinsic_dimension_by_part"]) == 3
     assert "topology_betti" not in figures
     assert "intrinsic_dimension" not in figures
-    tiles = {tile.name: tile.value for tile in headline(figures).tiles}
-    assert tiles["parts"] == "3"
-    assert tiles["components, loops, voids by part"] == "1, 0, 1; 1, 0, 0; 1, 0, 0"
+    shown = {tile.name: tile.value for tile in tiles(figures)}
+    assert shown["parts"] == "3"
+    assert shown["components, loops, voids by part"] == "1, 0, 1; 1, 0, 0; 1, 0, 0"
 
 
 def test_the_files_name_each_part(run):

@@ -1,6 +1,7 @@
 import json
 import shutil
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pyarrow as pa
@@ -14,7 +15,6 @@ from selftouch_drake.sweep.design import load_sweep
 from selftouch_drake.sweep.figures import _changes, draw_figures, label
 from selftouch_drake.sweep.runs import RunWarning, SweepDirectory, run_name, run_sweep
 from selftouch_drake.sweep.table import figure_names, gather, read_table, varied_fields
-from selftouch_drake.threads import Threads
 
 SWEEP = """
 experiments: [sphere]
@@ -195,7 +195,7 @@ def test_one_writer_at_a_time(sweep, tmp_path):
     directory = SweepDirectory.create(tmp_path / "sweep", sweep)
     with (
         directory.writing(),
-        Threads(1) as other,
+        ThreadPoolExecutor(1) as other,
         pytest.raises(RunError, match="is being run by another process"),
     ):
         other.submit(directory.writing().__enter__).result()

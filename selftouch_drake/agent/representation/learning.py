@@ -29,7 +29,7 @@ from selftouch_drake.agent.representation.touches import (
     kernel_parts,
     receptors_together,
 )
-from selftouch_drake.threads import Threads
+from selftouch_drake.threads import thread_pool
 
 #: Rows that target sensations are learned from: 40 per target for 1000 targets.
 MAX_ROWS = 40_000
@@ -182,7 +182,7 @@ def _quantised(
             "each part is touched alone"
         )
     sensation, q = columns["sensation"][kept], columns["q"][kept]
-    with Threads(1) as beside:
+    with thread_pool(1) as beside:
         scaling = beside.submit(joint_scale, q, sensation)
         targets = common_targets(sensation, num_targets, overlap if chance else None)
     return targets, scaling.result(), overlap, chance, some.num_rows

@@ -13,7 +13,7 @@ import numba
 import numpy as np
 
 from selftouch_drake.agent.representation.kernels import KernelSets
-from selftouch_drake.threads import in_slices, mapped
+from selftouch_drake.threads import in_slices, thread_pool
 
 #: Most queries per set. More of them change distances by less than 2 %.
 MAX_QUERIES = 120
@@ -110,8 +110,9 @@ def set_distances(
     there = np.zeros(exact.shape, dtype=np.float32)
     if rough is not None:
         in_slices(roughly, len(kernels), _TOGETHER)
-    for done, _ in enumerate(mapped(exactly, range(len(kernels))), 1):
-        progress(done / len(kernels))
+    with thread_pool() as pool:
+        for done, _ in enumerate(pool.map(exactly, range(len(kernels))), 1):
+            progress(done / len(kernels))
     distance = symmetrise(there, there.T)
     np.fill_diagonal(distance, 0.0)
     return distance

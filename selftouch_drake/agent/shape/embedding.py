@@ -13,7 +13,7 @@ from scipy.spatial.distance import cdist
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.graphs import geodesics
-from selftouch_drake.threads import Threads, mapped
+from selftouch_drake.threads import mapped, thread_pool
 
 # The number of threads changes the order of sums, and with it the axes of a symmetric body.
 one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
@@ -76,7 +76,7 @@ class Majoriser:
         laid = np.zeros((4, len(pull)))
         laid[:dimension] = positions.T
         total = np.empty_like(laid)
-        with Threads() as pool:
+        with thread_pool() as pool:
             for left in reversed(range(num_iterations)):
                 list(pool.map(partial(_add_pulls, laid, pull, total), range(0, len(pull), _ROWS)))
                 moved = total[:most] @ self._inverse

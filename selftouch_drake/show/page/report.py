@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from selftouch_drake.experiment import dump_experiment
 from selftouch_drake.robot.describe import description
 from selftouch_drake.run.directory import MissingError
-from selftouch_drake.run.metrics import headline, readings
+from selftouch_drake.run.metrics import MOTION_COLUMNS, motions, readings, tiles
 from selftouch_drake.show.page.tables import Table, part_table, plan_table
 from selftouch_drake.show.page.turnable import turnable_body
 from selftouch_drake.show.run_data import NoSurfaceError, RunData
@@ -46,7 +46,9 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
         settings=dump_experiment(data.experiment),
         images=images,
         missing={name: it for name, it in pictures.items() if isinstance(it, str)},
-        headline=headline(data.metrics),
+        tiles=tiles(data.metrics),
+        motions=motions(data.metrics),
+        columns=MOTION_COLUMNS,
         readings=readings(data.metrics),
         robot=robot,
         robot_missing=robot_missing,
