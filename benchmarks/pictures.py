@@ -153,7 +153,7 @@ def live(runs: Path) -> None:
 
     data, meshcat = torus(runs), open_meshcat()
     pilot = pilot_in(DrakeBodies(data.world), load_agent(data.run), data.experiment)
-    show = LiveShow(meshcat, data, lambda *query: pilot.plan_feeling(*query).motion)
+    show = LiveShow(meshcat, data, pilot)
     show.simulation.set_rate(0.0)
     meshcat.SetSliderValue(TARGET, TOUR[1])
     for _ in range(NUM_FRAMES):

@@ -94,7 +94,8 @@ class ReachEnv(SelfTouchEnv):
         """The goal of an episode; a random one has the given contacts."""
         if "goal" in options:
             return _unit(options["goal"])
-        return _unit(touching_posture(self.world, self.np_random, contacts).sensation)
+        _, touches = touching_posture(self.world, self.np_random, contacts)
+        return _unit(touches.sensation[0])
 
     def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
         found = likeness(observation["achieved_goal"], observation["desired_goal"])
@@ -127,13 +128,11 @@ class SlideEnv(ReachEnv):
                 raise ValueError(
                     f"options['q'] is {q.tolist()}, where nothing touches: give a touching start"
                 )
-            contacts = contacts_of(touches)
         else:
-            start = touching_posture(self.world, self.np_random)
-            while len(start.contacts) > 1:  # hardly ever found a second time, for the goal
-                start = touching_posture(self.world, self.np_random)
-            q, contacts = start.q, start.contacts
-        self._goal = self._wanted(options, contacts)
+            q, touches = touching_posture(self.world, self.np_random)
+            while len(contacts_of(touches)) > 1:  # hardly ever found a second time, for the goal
+                q, touches = touching_posture(self.world, self.np_random)
+        self._goal = self._wanted(options, contacts_of(touches))
         return q
 
     def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:

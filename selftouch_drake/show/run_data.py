@@ -21,7 +21,7 @@ from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import load_arrays
-from selftouch_drake.robot import Robot, Touches, World
+from selftouch_drake.robot import World
 from selftouch_drake.robot.models import ModelError
 from selftouch_drake.run.artifacts import (
     load_body,
@@ -96,19 +96,10 @@ class RunData:
         except ModelError as error:
             raise MissingError(str(error)) from None
 
-    @property
-    def robot(self) -> Robot:
-        """The robot of its world."""
-        return self.world.robot
-
     @cached_property
     def shape(self) -> RobotShape:
         """The shape of the robot, as it is drawn."""
-        return RobotShape(self.robot, self.experiment.touching)
-
-    def touches_at(self, q: np.ndarray) -> Touches:
-        """The touches at configurations `(N, J)`."""
-        return self.world.probe.touches(q)
+        return RobotShape(self.world)
 
     @cached_property
     def skins(self) -> tuple[SkinSurface, ...]:
@@ -118,16 +109,17 @@ class RunData:
     @cached_property
     def home(self) -> np.ndarray:
         """`(skins, 3, 4)` poses of the skins' links in the default posture of the model."""
-        plant = self.robot.plant
-        q = plant.GetPositions(plant.CreateDefaultContext())
-        return self.robot.skin_positions(q[None])[0]
+        robot = self.world.robot
+        q = robot.plant.GetPositions(robot.plant.CreateDefaultContext())
+        return robot.skin_positions(q[None])[0]
 
     @cached_property
     def touch_density(self) -> list[np.ndarray]:
         """`(V,)` touches / cm² at the vertices of each skin."""
+        counted = TouchCounts([skin.fields for skin in self.world.skins], self._truth.contacts())
         return [
             touch_density(skin.vertices, skin.faces, counts)
-            for skin, counts in zip(self.skins, self._touch_counts.counts, strict=True)
+            for skin, counts in zip(self.skins, counted.counts, strict=True)
         ]
 
     @cached_property
@@ -176,17 +168,13 @@ class RunData:
     @cached_property
     def life(self) -> LifeCurves:
         """The life of the agent."""
-        if not self.run.life.exists():
-            raise MissingError(
-                f"the life of the agent is missing; run `selftouch live {self._source}`"
-            )
-        arrays = load_arrays(self.run.life)
-        self.run.require_stamp(self.run.life, arrays, remedy=f"run `selftouch live {self._source}`")
+        folder, file = self.run.path, self.run.life
+        remedy = f"run `selftouch live {folder / 'experiment.yaml'} --out {folder}`"
+        if not file.exists():
+            raise MissingError(f"the life of the agent is missing; {remedy}")
+        arrays = load_arrays(file)
+        self.run.require_stamp(file, arrays, remedy=remedy)
         return LifeCurves.from_arrays(arrays)
-
-    @property
-    def _source(self) -> str:
-        return f"{self.run.path / 'experiment.yaml'} --out {self.run.path}"
 
     def skins_of(self, kernels: np.ndarray) -> tuple[int, ...]:
         """Numbers of the true skins of some kernels, the most frequent first."""
@@ -224,8 +212,3 @@ class RunData:
         if not any(self.run.truth.glob("part-*.parquet")):
             raise MissingError("the truth is missing; run `selftouch babble`")
         return ExperienceReader(self.run.truth)
-
-    @cached_property
-    def _touch_counts(self) -> TouchCounts:
-        fields = [skin.fields for skin in self.world.skins]
-        return TouchCounts(fields, self._truth.contacts())

@@ -59,3 +59,7 @@ class View:
         """The view from the side that `direction` `(3,)` points to, a little from its left."""
         azimuth = np.degrees(np.arctan2(direction[1], direction[0]))
         return View(elevation, float(azimuth) - 20.0)
+
+
+#: The camera of all pages in Meshcat.
+VIEW = View(elevation=20.0, azimuth=-70.0)

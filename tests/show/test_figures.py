@@ -38,7 +38,7 @@ def test_every_figure_shows_something_in_shades_or_colours(images):
 
 def test_the_same_run_gives_the_same_bytes(reported, monkeypatch):
     some = {name: FIGURES[name] for name in ("quotient_graph", "body_shape")}
-    monkeypatch.setattr("selftouch_drake.show.outputs.FIGURES", some)
+    monkeypatch.setattr("selftouch_drake.show.page.figures.FIGURES", some)
     before = (reported.figures / "body_shape.png").read_bytes()
     written = write_figures(reported)
     assert list(written) == ["quotient_graph", "body_shape"]
@@ -48,7 +48,7 @@ def test_the_same_run_gives_the_same_bytes(reported, monkeypatch):
 def test_a_vector_file_keeps_letters_and_is_small(make_run, monkeypatch):
     run = make_run("planned")
     some = {"plan_path": FIGURES["plan_path"]}
-    monkeypatch.setattr("selftouch_drake.show.outputs.FIGURES", some)
+    monkeypatch.setattr("selftouch_drake.show.page.figures.FIGURES", some)
     write_figures(run, vector=True)
     pdf = run.figures / "plan_path.pdf"
     first = pdf.read_bytes()
@@ -115,15 +115,15 @@ def test_the_agent_is_drawn_by_its_model(two_skins):
     data = RunData(two_skins)
     drawn = data.shape.at(np.zeros(12))
     assert len(drawn.rods) == 0
-    assert not any(link.touches for link in drawn.links), "balls touch, and no link"
+    assert not any(drawn.touches), "balls touch, and no link"
     assert drawn.radii.tolist() == [0.01, 0.01]
     # Stretched forward: shoulder, two links of 0.4 m and a finger of 0.12 m.
     assert drawn.balls == pytest.approx(np.array([[0.92, 0.15, 0.35], [0.92, -0.15, 0.35]]))
     low, high = (
-        f(np.concatenate([link.vertices for link in drawn.links]), axis=0) for f in (np.min, np.max)
+        f(np.concatenate([vertices for vertices, _ in drawn.links]), axis=0)
+        for f in (np.min, np.max)
     )
     assert low[0] < 0.0 < 0.9 < high[0]
-    assert data.shape.bare_balls() == {}, "the model draws its fingertips"
 
 
 def test_the_legend_names_the_kinds_of_joints(two_skins):
@@ -154,8 +154,8 @@ def test_a_plan_over_several_skins_is_shown_skin_by_skin():
     there = np.array([[0.5, 0.0, 0.1], [0.5, 0.05, 0.08]])
     here = np.array([[0.1, 0.0, 0.0], [0.08, 0.0, 0.06]])
     paths = [
-        SkinPath(toucher="tip", skin=0, points=here, rows=np.array([8, 9])),
-        SkinPath(toucher="tip", skin=1, points=there, rows=np.array([0, 1])),
+        SkinPath(skin=0, points=here, rows=np.array([8, 9])),
+        SkinPath(skin=1, points=there, rows=np.array([0, 1])),
     ]
     figure = motion_figures.plan_path(skins, paths, paths, 10)
     assert len(figure.axes) == 2

@@ -18,7 +18,7 @@ from selftouch_drake.show.skins import surfaces_of
 from selftouch_drake.show.style import FIRM
 
 # s between two frames.
-PERIOD_S = 1 / 32
+_PERIOD_S = 1 / 32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,30 +51,19 @@ class SkinVisualizer(LeafSystem):
         meshcat: where.
         worn: the skins, of `AddSkins`; with its `visible=False` they are not drawn twice.
         full: N, the reading that is shown in the strongest colour.
-        period_s: s, from frame to frame.
-        root: the path in Meshcat of all that is drawn.
     """
 
-    def __init__(
-        self,
-        meshcat: Meshcat,
-        worn: Sequence[WornSkin],
-        *,
-        full: float = FIRM,
-        period_s: float = PERIOD_S,
-        root: str = "/tactile_skin",
-    ):
+    def __init__(self, meshcat: Meshcat, worn: Sequence[WornSkin], *, full: float = FIRM):
         super().__init__()
         self._meshcat, self._full = meshcat, full
         self._links = [int(w.link.index()) for w in worn]
         surfaces = surfaces_of([w.model for w in worn])
-        self._drawing = SkinDrawing(meshcat, f"{root}/skins", surfaces)
-        self._sensation = self.DeclareVectorInputPort(
-            "sensation", sum(len(surface.receptors) for surface in surfaces)
-        )
+        self._drawing = SkinDrawing(meshcat, "/tactile_skin/skins", surfaces)
+        num_receptors = sum(len(surface.receptors) for surface in surfaces)
+        self._sensation = self.DeclareVectorInputPort("sensation", num_receptors)
         self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
         self._frames: list[_Frame] = []
-        self.DeclarePeriodicPublishEvent(period_s, 0.0, self._publish)
+        self.DeclarePeriodicPublishEvent(_PERIOD_S, 0.0, self._publish)
         self.DeclareForcedPublishEvent(self._publish)
 
     @staticmethod
@@ -86,7 +75,6 @@ class SkinVisualizer(LeafSystem):
         meshcat: Meshcat,
         *,
         full: float = FIRM,
-        period_s: float = PERIOD_S,
     ) -> SkinVisualizer:
         """Adds a visualizer to a diagram and connects it.
 
@@ -97,9 +85,8 @@ class SkinVisualizer(LeafSystem):
             touch: of `AddTactileSkin`, for the same skins.
             meshcat: where.
             full: as in the constructor.
-            period_s: as in the constructor.
         """
-        show = SkinVisualizer(meshcat, worn, full=full, period_s=period_s)
+        show = SkinVisualizer(meshcat, worn, full=full)
         builder.AddNamedSystem("skin_visualizer", show)
         builder.Connect(touch.GetOutputPort("sensation"), show.GetInputPort("sensation"))
         builder.Connect(plant.get_body_poses_output_port(), show.GetInputPort("body_poses"))

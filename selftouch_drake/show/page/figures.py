@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
 from selftouch_drake.run.directory import MissingError
+from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.show.page import (
     motion_figures,
     robot_pictures,
@@ -27,7 +28,7 @@ _NUM_POSTURES = 400
 
 def agent(data: RunData) -> Figure:
     """The robot touching itself, with its joints well clear of its skins."""
-    known, robot = data.representation, data.robot
+    known, robot = data.representation, data.world.robot
     q = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
     poses = robot.skin_positions(q)
     clear = robot_pictures.clearest(data.shape.joints(q), data.skins, poses)
@@ -73,7 +74,7 @@ def plan_path(data: RunData) -> Figure:
     """One plan over the skins (paper, figure 4)."""
     motion = data.motion(*data.shown_pair)
     paths, known = (
-        [path.moved(data.home[path.skin]) for path in touch_paths(data.shape, data.touches_at, q)]
+        [path.moved(data.home[path.skin]) for path in touch_paths(data.world, q)]
         for q in (motion.q, motion.plan.waypoints_q)
     )
     if not paths:
@@ -105,32 +106,39 @@ FIGURES: dict[str, Callable[[RunData], Figure]] = {
 }
 
 
-def draw_figure(data: RunData, folder: Path, name: str, *, vector: bool = False) -> Path:
-    """Draws one of `FIGURES` and returns its PNG file.
+def draw_figures(
+    data: RunData, progress: Progress = silent, *, vector: bool = False
+) -> dict[str, Path | str]:
+    """Draws `FIGURES` into the folder of a run.
+
+    Older pictures of what cannot be drawn are removed, because they show what is no longer true.
 
     Args:
         data: of a run with any of its stages done.
-        folder: where it goes.
-        name: of the figure.
-        vector: whether to write it as PDF as well, for papers: words, lines and marks as such,
+        progress: called with the fraction done and what is being drawn.
+        vector: whether to write each as PDF as well, for papers: words, lines and marks as such,
             shaded bodies as pictures.
 
-    Raises:
-        MissingError: it cannot be drawn. An older picture is removed, because it shows what is no
-            longer true.
+    Returns:
+        The PNG file of each figure, or why it cannot be drawn.
     """
-    path, for_papers = (folder / f"{name}.{kind}" for kind in ("png", "pdf"))
-    # An older PDF may no longer be true.
-    for_papers.unlink(missing_ok=True)
-    try:
-        figure = FIGURES[name](data)
-    except MissingError:
-        path.unlink(missing_ok=True)
-        raise
-    _write(figure, path, dpi=DPI, metadata={"Software": None})
-    if vector:
-        _write(figure, for_papers, dpi=2 * DPI, metadata={"CreationDate": None})
-    return path
+    drawn = dict[str, Path | str]()
+    data.run.figures.mkdir(exist_ok=True)
+    for number, (name, draw) in enumerate(FIGURES.items()):
+        progress(number / len(FIGURES), name.replace("_", " "))
+        path, for_papers = (data.run.figures / f"{name}.{kind}" for kind in ("png", "pdf"))
+        for_papers.unlink(missing_ok=True)
+        try:
+            figure = draw(data)
+        except MissingError as reason:
+            path.unlink(missing_ok=True)
+            drawn[name] = str(reason)
+            continue
+        _write(figure, path, dpi=DPI, metadata={"Software": None})
+        if vector:
+            _write(figure, for_papers, dpi=2 * DPI, metadata={"CreationDate": None})
+        drawn[name] = path
+    return drawn
 
 
 def _skins(data: RunData) -> list[SkinSurface]:

@@ -25,8 +25,6 @@ from selftouch_drake.show.view import View
 _AMBIENT = 0.5
 # Points tested at once for what hides them: bounds memory, not results.
 _CHUNK = 64
-# Inches: height of a row of scenes, and width of one, so that its title fits.
-_TALLEST, _NARROWEST = 5.5, 3.3
 # m, of a bar that shows the scale.
 _BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 # Cosine of the angle between faces beyond which they meet in an edge, not in a smooth bend.
@@ -168,25 +166,10 @@ def share_scale(axes: Sequence[Axes]) -> None:
         ax.set(xlim=(low[0], high[1]), ylim=(low[2], high[3]))
 
 
-def finish_row(figure: Figure, *, margin: float = 0.55) -> None:
-    """Gives a row of scenes one scale, a bar that shows it, and no more height than they need."""
+def finish_row(figure: Figure) -> None:
+    """Gives a row of scenes one scale, and a bar that shows it."""
     share_scale(figure.axes)
-    fit_height(figure, margin=margin)
     scale_bar(figure.axes[0])
-
-
-def fit_height(figure: Figure, *, margin: float = 0.55) -> None:
-    """Makes a row of equal scenes as tall as it needs to be, with inches of margin for titles.
-
-    Rows that would be too tall are made narrower.
-    """
-    ax = figure.axes[0]
-    width, _ = figure.get_size_inches()
-    each = width / len(figure.axes)
-    aspect = np.ptp(ax.get_ylim()) / np.ptp(ax.get_xlim())
-    each *= min(1.0, _TALLEST / (each * aspect))
-    width = min(max(each, _NARROWEST) * len(figure.axes), width)
-    figure.set_size_inches(width, each * aspect + margin)
 
 
 def scale_bar(ax: Axes) -> None:
@@ -232,7 +215,7 @@ class ColoredMesh:
 
 
 def surface(
-    vertices: np.ndarray, faces: np.ndarray, color: str | np.ndarray, *, cuts: int = 0
+    vertices: np.ndarray, faces: np.ndarray, color: str | np.ndarray, *, max_edge: float = np.inf
 ) -> ColoredMesh:
     """A triangle surface.
 
@@ -240,45 +223,27 @@ def surface(
         vertices: `(V, 3)`.
         faces: `(F, 3)` indices, outward by the right hand.
         color: one for all, or `(V, 3)` RGB.
-        cuts: how often each triangle is cut into four, with normals and colours between those of
-            its corners: a coarse surface looks smooth and stays where it is.
+        max_edge: longest edge. Triangles with longer ones are cut, with normals and colours between
+            those of their corners: a coarse surface looks smooth and stays where it is, and short
+            edges can be sorted by depth.
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
+    whole = mesh.area_faces > 0
+    triangles, faces, flat = mesh.triangles[whole], mesh.faces[whole], mesh.face_normals[whole]
+    smooth = mesh.vertex_normals[faces]
+    is_edge = (flat[:, None] * smooth).sum(axis=2, keepdims=True) < EDGE
     rgb = np.broadcast_to(to_rgb(color) if isinstance(color, str) else color, np.shape(vertices))
-    flat, smooth = mesh.face_normals[:, None], mesh.vertex_normals[mesh.faces]
-    is_edge = (flat * smooth).sum(axis=2, keepdims=True) < EDGE
-    corners = np.concatenate(
-        [mesh.triangles, np.where(is_edge, flat, smooth), rgb[mesh.faces]], axis=2
+    # What each corner carries; no corner is shared.
+    carried = np.concatenate([np.where(is_edge, flat[:, None], smooth), rgb[faces]], axis=2)
+    corners = np.arange(3 * len(faces)).reshape(-1, 3)
+    cut, pieces, face = trimesh.remesh.subdivide_to_size(
+        triangles.reshape(-1, 3), corners, max_edge=max_edge, return_index=True
     )
-    for _ in range(cuts):
-        corners = _cut(corners)
-    triangles, normals, rgb = np.split(corners, 3, axis=2)
-    normals = normals.mean(axis=1)
+    pieces = cut[pieces]
+    share = trimesh.triangles.points_to_barycentric(triangles[face], pieces.mean(axis=1))
+    normals, rgb = np.split(np.einsum("fc,fcx->fx", share, carried[face]), 2, axis=1)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return ColoredMesh(triangles, normals, rgb.mean(axis=1))
-
-
-def shell(vertices: np.ndarray, faces: np.ndarray, color: str, max_edge: float) -> ColoredMesh:
-    """A surface of any triangles, cut until their edges are short enough to be sorted by depth.
-
-    Args:
-        vertices: `(V, 3)`.
-        faces: `(F, 3)` indices, outward by the right hand.
-        color: of all.
-        max_edge: longest edge.
-    """
-    # No corner is shared: each triangle keeps the normal of the face that it was cut from.
-    corners = np.asarray(vertices)[faces].reshape(-1, 3)
-    normals = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
-    area = np.linalg.norm(normals, axis=1)
-    cut, triangles, face = trimesh.remesh.subdivide_to_size(
-        corners[np.repeat(area > 0, 3)],
-        np.arange(3 * np.count_nonzero(area)).reshape(-1, 3),
-        max_edge=max_edge,
-        return_index=True,
-    )
-    outward = (normals[area > 0] / area[area > 0, None])[face]
-    return ColoredMesh(cut[triangles], outward, np.broadcast_to(to_rgb(color), outward.shape))
+    return ColoredMesh(pieces, normals, rgb)
 
 
 def balls(
@@ -299,12 +264,4 @@ def balls(
 def rod(start: np.ndarray, end: np.ndarray, radius: float, color: str) -> ColoredMesh:
     """A round rod between two points `(3,)`, cut short enough to be sorted by depth."""
     mesh = trimesh.creation.cylinder(radius, segment=np.stack([start, end]), sections=24)
-    return shell(mesh.vertices, mesh.faces, color, max_edge=radius)
-
-
-def _cut(corners: np.ndarray) -> np.ndarray:
-    """Cuts `(F, 3, C)` triangles into four each, what they carry halfway between corners."""
-    a, b, c = corners.transpose(1, 0, 2)
-    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    return np.concatenate([np.stack(part, axis=1) for part in parts])
+    return surface(mesh.vertices, mesh.faces, color, max_edge=radius)

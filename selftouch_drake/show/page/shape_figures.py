@@ -18,20 +18,21 @@ from selftouch_drake.show.page.scene import (
     balls,
     draw,
     finish_row,
-    fit_height,
     outline,
     share_scale,
     surface,
     visible,
 )
 from selftouch_drake.show.recovered import RecoveredSkin
-from selftouch_drake.show.skins import SkinSurface, as_one
+from selftouch_drake.show.skins import SkinSurface, as_one, typical_extent
 from selftouch_drake.show.style import AMOUNT, BLUE, GREEN, INK, ORANGE, RECOVERED, SKIN, styled
 from selftouch_drake.show.view import View
 
 # Bars drawn for each dimension; the rest are shorter.
 _MOST_BARS = 24
 _KINDS = tuple(zip(("components", "loops", "voids"), (ORANGE, BLUE, GREEN), strict=True))
+# Longest edge of a recovered surface, as a share of its extent: it looks smooth.
+_SMOOTH = 0.03
 # Parts in a row.
 _COLUMNS = 4
 
@@ -59,14 +60,14 @@ def body_shape(
     ax = add_scene(figure, grid[0])
     draw(ax, view, real)
     seen = visible(skin.receptors, skin.vertices, skin.faces, view)
-    draw(ax, view, balls(skin.receptors[seen], 0.018 * _typical(skins), BLUE), zorder=2)
+    draw(ax, view, balls(skin.receptors[seen], 0.018 * typical_extent(skins), BLUE), zorder=2)
     where = "its skin" if len(skins) == 1 else f"{len(skins)} skins"
     ax.set_title(f"The body\n{len(skin.receptors)} receptors on {where}", loc="center")
 
     fitted = [_fitted(part) for part in parts]
     ax = add_scene(figure, grid[1])
     draw(ax, view, *fitted)
-    num_kernels = _draw_kernels(ax, view, parts, 0.011 * _typical(skins))
+    num_kernels = _draw_kernels(ax, view, parts, 0.011 * typical_extent(skins))
     pieces = "" if len(parts) == 1 else f" in {len(parts)} parts"
     through = "line" if all(part.is_line for part in parts) else "surface"
     ax.set_title(
@@ -120,13 +121,9 @@ def _view(skins: Sequence[SkinSurface], parts: Sequence[RecoveredSkin]) -> View:
     return View.of_most(np.array(offsets), float(np.mean([skin.extent for skin in skins])))
 
 
-def _typical(skins: Sequence[SkinSurface]) -> float:
-    """m, the extent of a typical skin, which marks are drawn in proportion to."""
-    return float(np.median([skin.extent for skin in skins]))
-
-
 def _fitted(part: RecoveredSkin) -> ColoredMesh:
-    mesh = surface(part.places, part.faces, RECOVERED, cuts=2)
+    max_edge = _SMOOTH * float(np.ptp(part.places, axis=0).max())
+    mesh = surface(part.places, part.faces, RECOVERED, max_edge=max_edge)
     return mesh if part.closed else mesh.both_sides()
 
 
@@ -198,7 +195,6 @@ def quotient_graph(
         _draw_graph(ax, picture, part, edges[inside], edge_cost[inside], norm)
     if len(parts) == 1:
         share_scale(figure.axes)
-        fit_height(figure)
     figure.colorbar(
         ScalarMappable(norm, AMOUNT),
         ax=figure.axes,
