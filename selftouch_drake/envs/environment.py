@@ -121,7 +121,8 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
 
         Args:
             seed: seed of all episodes from now on; by default the random stream continues.
-            options: `q` `(J,)` rad or m, the start.
+            options: `q` `(J,)` rad or m, the start; where there is a goal, `goal` `(S,)`, the
+                wanted sensation, of any strength.
 
         Raises:
             ValueError: an option is unknown, or not a posture of this robot.

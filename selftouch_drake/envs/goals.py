@@ -42,22 +42,6 @@ class ReachEnv(SelfTouchEnv):
     `options={"goal": sensation}` `(S,)`.
     """
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """As `SelfTouchEnv.reset`, with a new goal.
-
-        Args:
-            seed: seed of all episodes from now on.
-            options: `q` `(J,)` rad or m, the start; `goal` `(S,)`, the wanted sensation, of any
-                strength.
-
-        Raises:
-            ValueError: an option is unknown or invalid.
-        """
-        self._goal = np.zeros(self.experiment.num_receptors, dtype=np.float32)
-        return super().reset(seed=seed, options=options)
-
     def compute_reward(
         self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any
     ) -> np.ndarray | float:

@@ -9,11 +9,9 @@ from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.files import write_text_whole
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import MissingError, RunDirectory
-from selftouch_drake.run.lifelong import live
 from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.run.worlds import require_robot, run_bodies
 from selftouch_drake.show.meshcat.live import LiveShow
-from selftouch_drake.show.meshcat.pages import LifePage
 from selftouch_drake.show.meshcat.recording import recording_page
 from selftouch_drake.show.meshcat.stage import shown_page
 from selftouch_drake.show.page.figures import draw_figures
@@ -83,23 +81,6 @@ def write_report(run: RunDirectory, progress: Progress = silent, *, vector: bool
     write_text_whole(run.report, report_page(data, pictures, recording))
     progress(1.0, "reported")
     return run.report
-
-
-def show_live(
-    run: RunDirectory, *, port: int | None = None, announce: Callable[[str], None] = print
-) -> None:
-    """Shows an agent in a browser that lives through the experience of a run; keeps its life.
-
-    Args:
-        run: a run that has babbled.
-        port: of the page; by default the first free one from 7000 on.
-        announce: called with where to look.
-
-    Raises:
-        ValueError: the run has not babbled, or the port is taken.
-    """
-    with shown_page("live", port, announce) as meshcat:
-        live(run, LifePage(meshcat))
 
 
 def play(

@@ -51,15 +51,13 @@ class RunData:
 
     Args:
         run: the run.
-        world: its world, if it was built already.
 
     Raises:
         MissingError: by every part whose stage has not run.
     """
 
-    def __init__(self, run: RunDirectory, world: World | None = None):
+    def __init__(self, run: RunDirectory):
         self.run = run
-        self._known_world = world
 
     def require_sound(self) -> None:
         """Reads all files, before anything is drawn.
@@ -89,8 +87,6 @@ class RunData:
     def world(self) -> World:
         """The world of the experiment."""
         require_robot(self.experiment)
-        if self._known_world is not None:
-            return self._known_world
         try:
             return make_world(self.run)
         except ModelError as error:
@@ -191,10 +187,8 @@ class RunData:
         if not self.pairs:
             raise MissingError("nothing has been planned yet; run `selftouch plan`")
 
-        def length(pair: tuple[int, int]) -> tuple[bool, int]:
-            return was_executed(self.run, *pair), len(self.motion(*pair).plan.nodes)
-
-        return max(self.pairs, key=length)
+        lengths = {pair: len(self.motion(*pair).plan.nodes) for pair in self.pairs}
+        return max(lengths, key=lambda pair: (was_executed(self.run, *pair), lengths[pair]))
 
     def motion(self, *targets: int | str) -> Motion:
         """A plan, executed or not; the targets name it, in order."""

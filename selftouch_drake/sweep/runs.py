@@ -7,9 +7,9 @@ import os
 import shutil
 import warnings
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -57,19 +57,15 @@ class SweepDirectory:
         write_text_whole(file, header + yaml.safe_dump(content, sort_keys=False))
         return SweepDirectory(path)
 
-    @contextmanager
-    def writing(self) -> Iterator[None]:
+    def writing(self) -> AbstractContextManager[None]:
         """Locks the sweep for one writer.
 
         Raises:
             PermissionError: nothing can be written there.
             RunError: another process runs it.
         """
-        refusal = RunError(
-            f"{self.path} is being run by another process; wait for it, or choose another --out"
-        )
-        with locked(self.path, refusal):
-            yield
+        reason = "is being run by another process; wait for it, or choose another --out"
+        return locked(self.path, RunError(f"{self.path} {reason}"))
 
     @property
     def table(self) -> Path:

@@ -134,13 +134,6 @@ def test_the_legend_names_the_kinds_of_joints(two_skins):
     assert labels == ["joints that turn", "three in one point", "what touches", "receptors (32)"]
 
 
-def test_the_clearest_posture_keeps_its_joints_far_from_the_skin():
-    skin = ball_at(np.zeros(3))
-    joints = np.array([[[0.0, 0, 0.5], [0.3, 0, 0.0]], [[0.0, 0, 0.5], [0.9, 0, 0]]])
-    poses = np.tile(np.eye(3, 4), (2, 1, 1, 1))
-    assert robot_pictures.clearest(joints, [skin], poses) == 1
-
-
 def ball_at(centre) -> SkinSurface:
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.1)
     vertices = np.array(ball.vertices) + centre

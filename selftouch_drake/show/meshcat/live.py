@@ -51,6 +51,7 @@ class LiveShow:
 
     Attributes:
         simulation: the robot.
+        goal: the latest target sensation.
     """
 
     def __init__(
@@ -75,15 +76,10 @@ class LiveShow:
         self._motion: Motion | None = None
         self._braking = False
         self._log: list[tuple[np.ndarray, np.ndarray, int]] = []
-        self._goal, self._rested_s = 0, 0.0
+        self.goal, self._rested_s = 0, 0.0
         self._touring = True
         self._add_controls()
         self._say("tour: Open Controls (upper right) to choose a sensation")
-
-    @property
-    def goal(self) -> int:
-        """The latest target sensation."""
-        return self._goal
 
     @property
     def moving(self) -> bool:
@@ -99,7 +95,7 @@ class LiveShow:
         """Advances by one frame: reads the controls, acts, and shows the sensation."""
         wanted = self._wanted()
         if wanted is not None:
-            self._goal, self._rested_s = wanted, 0.0
+            self.goal, self._rested_s = wanted, 0.0
             self._meshcat.SetSliderValue(TARGET, wanted)
             if self._motion is not None:
                 self._brake(self._motion)
@@ -142,11 +138,11 @@ class LiveShow:
             self._touring = not self._touring
             self._say(f"tour {'on' if self._touring else 'off'}")
         chosen = round(self._meshcat.GetSliderValue(TARGET))
-        if chosen != self._goal:
+        if chosen != self.goal:
             self._touring = False
             return chosen
         if self._touring and not self.moving and self._rested_s >= _REST_S:
-            return next(stop for stop in self._stops if stop != self._goal)
+            return next(stop for stop in self._stops if stop != self.goal)
         return None
 
     def _brake(self, motion: Motion) -> None:
@@ -157,12 +153,12 @@ class LiveShow:
         simulation, robot = self.simulation, self.simulation.robot
         q_start = np.clip(simulation.q_commanded, robot.lower, robot.upper)
         try:
-            motion = self._pilot.plan_feeling(q_start, simulation.felt, self._goal).motion
+            motion = self._pilot.plan_feeling(q_start, simulation.felt, self.goal).motion
         except ValueError as reason:
             self._say(str(reason))
             return
         through = ", through the air" if motion.plan.in_air.any() else ""
-        self._say(f"to sensation {self._goal}{through}")
+        self._say(f"to sensation {self.goal}{through}")
         self._scene.clear_paths()
         self._scene.draw_path(touch_paths(self._data.world, motion.q), len(motion.q))
         simulation.follow(motion.time_s, motion.q, motion.v)
@@ -185,12 +181,12 @@ class LiveShow:
         expected, meant = motion.predicted[rows], motion.touching[rows]
         touching = np.any(felt, axis=1)
         there = int(self._scene.nearest(felt[-1]))
-        end = "reached" if there == self._goal else f"came to {there}"
+        end = "reached" if there == self.goal else f"came to {there}"
         if not touching[-1]:
             end = "came off the skin"
         where = "" if meant.all() else " where touch was expected"
         contact = touching[meant].mean() if meant.any() else 1.0
-        text = f"sensation {self._goal}: {end}, in contact {contact:.0%}{where}"
+        text = f"sensation {self.goal}: {end}, in contact {contact:.0%}{where}"
         both = touching & expected.any(axis=1)
         if both.any():
             likeness = 1.0 - cosine_distance(felt[both], expected[both]).mean()

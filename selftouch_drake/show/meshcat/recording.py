@@ -12,7 +12,6 @@ from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
 from selftouch_drake.show.meshcat.stage import FRAMES_PER_S, open_meshcat
 from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.run_data import RunData, Targets
-from selftouch_drake.show.style import PRESSURE
 
 # Repetitions of the animation; the controls of the page stop it.
 _REPETITIONS = 1000
@@ -46,20 +45,14 @@ def _recorded(data: RunData, targets: Targets) -> tuple[str, float]:
 
 
 def _with_legend(page: str, title: str, full: float) -> str:
-    """Lays a title and the scale of the colours over Meshcat's page."""
-    stops = ", ".join(
-        "rgb({:.0f},{:.0f},{:.0f})".format(*(255 * np.array(PRESSURE(x)[:3])))
-        for x in np.linspace(0.0, 1.0, 9)
-    )
+    """Lays a title and the meaning of the colours over Meshcat's page."""
     legend = f"""
   <div style="position: fixed; left: 1rem; top: 1rem; max-width: 22rem; color: #22262b;
               font: 14px/1.4 system-ui, sans-serif; pointer-events: none">
     <strong>{html.escape(title)}</strong><br>
     The agent touches itself. Blue is its plan, from green to blue; orange is the path that it
-    took; red on the recovered body is where it feels itself.
-    <div style="height: 10px; margin-top: 6px; border: 1px solid #888;
-                background: linear-gradient(to right, {stops})"></div>
-    <span style="float: left">0</span><span style="float: right">{full:.1f} N per receptor</span>
+    took; red on the recovered body is where it feels itself. The more a receptor feels, the darker
+    it is, up to {full:.1f} N per receptor.
   </div>
 """
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>", 1)

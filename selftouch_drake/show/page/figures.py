@@ -27,13 +27,13 @@ _NUM_POSTURES = 400
 
 
 def agent(data: RunData) -> Figure:
-    """The robot touching itself, with its joints well clear of its skins."""
-    known, robot = data.representation, data.world.robot
-    q = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
-    poses = robot.skin_positions(q)
-    clear = robot_pictures.clearest(data.shape.joints(q), data.skins, poses)
-    skins = all_moved(data.skins, poses[clear])
-    return robot_pictures.agent(skins, data.shape.at(q[clear]))
+    """The robot touching itself, stretched as far as it gets."""
+    kernel_q = data.representation.kernel_q
+    q = kernel_q[:: max(len(kernel_q) // _NUM_POSTURES, 1)].astype(float)
+    # The farther apart joints are, the better one sees them.
+    farthest = q[data.shape.joints(q).std(axis=1).sum(axis=1).argmax()]
+    skins = all_moved(data.skins, data.world.robot.skin_positions(farthest[None])[0])
+    return robot_pictures.agent(skins, data.shape.at(farthest))
 
 
 def coverage(data: RunData) -> Figure:
@@ -94,15 +94,11 @@ def life(data: RunData) -> Figure:
 
 # In the order of the paper. The name is that of the file.
 FIGURES: dict[str, Callable[[RunData], Figure]] = {
-    "agent": agent,
-    "coverage": coverage,
-    "sensation_map": sensation_map,
-    "quotient_graph": quotient_graph,
-    "body_shape": body_shape,
-    "persistence": persistence,
-    "plan_path": plan_path,
-    "felt_and_predicted": felt_and_predicted,
-    "life": life,
+    draw.__name__: draw
+    for draw in (
+        *(agent, coverage, sensation_map, quotient_graph, body_shape, persistence),
+        *(plan_path, felt_and_predicted, life),
+    )
 }
 
 

@@ -68,8 +68,7 @@ def plan_path(
         title = skins[number].name if len(numbers) > 1 else ""
         ax = add_scene(figure, grid[column], title)
         # Several skins, far apart, are each shown round their own middle.
-        middle = np.zeros(3) if len(numbers) == 1 else -skins[number].vertices.mean(axis=0)
-        pose = np.hstack([np.eye(3), middle[:, None]])
+        pose = np.hstack([np.eye(3), -skins[number].vertices.mean(axis=0)[:, None]])
         here, crosses = (
             [path.moved(pose) for path in of if path.skin == number] for of in (paths, known)
         )

@@ -6,7 +6,6 @@ import base64
 import contextlib
 import json
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
@@ -27,19 +26,8 @@ _NUM_LABELS = 40
 _DIGITS = 3
 
 
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A table of text.
-
-    Attributes:
-        caption: above it.
-        columns: their headings, or none.
-        rows: a text for each column.
-    """
-
-    caption: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[str]]
+#: Caption and rows of a table of text, and the headings of its columns.
+Table = tuple[str, Sequence[Sequence[str]], Sequence[str]]
 
 
 def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Path | str) -> str:
@@ -61,14 +49,14 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
         pass
     robot: list[Table] = []
     try:
-        robot = [Table(title, (), rows) for title, rows in description(data.world)]
+        robot = [(title, rows, ()) for title, rows in description(data.world)]
     except MissingError as reason:
         robot_missing = str(reason)
     parts: Table | None = None
     with contextlib.suppress(MissingError):
         parts = part_table(data)
         # One part on one skin needs no table.
-        parts = parts if len(parts.rows) > 1 or len(data.experiment.skins) > 1 else None
+        parts = parts if len(parts[1]) > 1 or len(data.experiment.skins) > 1 else None
     images = {
         name: base64.b64encode(it.read_bytes()).decode("ascii")
         for name, it in pictures.items()
@@ -149,7 +137,7 @@ def part_table(data: RunData) -> Table:
             )
         )
     holes = "components, loops, voids found", "true, where touched"
-    return Table("Parts", ("part", "truly on", "kernel sets", *holes, "shape error"), rows)
+    return "Parts", rows, ("part", "truly on", "kernel sets", *holes, "shape error")
 
 
 def plan_table(data: RunData) -> Table:
@@ -175,7 +163,7 @@ def plan_table(data: RunData) -> Table:
             )
         )
     columns = "from", "to", "kernel sets", "times through the air", "duration"
-    return Table("All plans of this run", (*columns, "in contact", "strongest force"), rows)
+    return "All plans of this run", rows, (*columns, "in contact", "strongest force")
 
 
 def _numbers(values: Iterable[int] | None) -> str:

@@ -10,12 +10,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot import World
 from selftouch_drake.show.page.scene import (
     add_scene,
     balls,
     draw,
-    rod,
     scale_bar,
     surface,
     unhidden,
@@ -58,12 +58,13 @@ def agent(skins: Sequence[SkinSurface], robot: DrawnRobot) -> Figure:
     everything = [*robot.links, (skin.vertices, skin.faces)]
     points = [robot.joints, robot.balls, *(vertices for vertices, _ in everything)]
     size = min(float(np.ptp(np.concatenate(points), axis=0).max()), _LARGEST)
-    view = _view(robot, everything, size)
+    triangles = np.concatenate([vertices[faces] for vertices, faces in everything])
+    view = _view(robot, triangles, size)
     figure = Figure(figsize=(5.6, 5.0), layout="constrained")
     ax = add_scene(figure, figure.add_gridspec(1, 1)[0])
     colors = np.tile(to_rgb(INK), (len(skin.receptors), 1))
     _draw_robot(ax, view, skins, robot, size, colors)
-    marks = _draw_joints(ax, view, robot, everything, size)
+    marks = _draw_joints(ax, view, robot, triangles, size)
     scale_bar(ax)
     if len(robot.balls) or any(robot.touches):
         marks.append((VERMILION, "what touches"))
@@ -87,7 +88,9 @@ def _draw_robot(
     for link, touches in zip(robot.links, robot.touches, strict=True):
         color = VERMILION if touches else _LINK
         meshes.append(surface(*link, color, max_edge=_EDGE * size))
-    meshes += [rod(start, end, _ROD * size, _LINK) for start, end in robot.rods]
+    for ends in robot.rods:
+        rod = trimesh.creation.cylinder(_ROD * size, segment=ends, sections=24)
+        meshes.append(surface(rod.vertices, rod.faces, _LINK, max_edge=_ROD * size))
     meshes.append(balls(robot.balls, _ball_radii(robot, size), VERMILION))
     draw(ax, view, *meshes)
     seen = visible(skin.receptors, skin.vertices, skin.faces, view, others=robot.links)
@@ -101,27 +104,7 @@ def _ball_radii(robot: DrawnRobot, size: float) -> np.ndarray:
     return np.maximum(robot.radii, _BALL * size)
 
 
-def clearest(joints: np.ndarray, skins: Sequence[SkinSurface], skin_poses: np.ndarray) -> int:
-    """The posture in which the joints are farthest from the skins, so that one sees them.
-
-    Args:
-        joints: `(N, J, 3)` m, in the world, in N postures.
-        skins: each in the frame of its link.
-        skin_poses: `(N, skins, 3, 4)`.
-    """
-    middles = np.array([skin.vertices.mean(axis=0) for skin in skins])
-    centres = np.einsum("nsij,sj->nsi", skin_poses[..., :3], middles) + skin_poses[..., 3]
-    distance = np.linalg.norm(joints[:, :, None] - centres[:, None], axis=3)
-    # A distance that is the same in every posture says nothing.
-    varies = np.ptp(distance, axis=0) > 1e-6
-    if not varies.any():
-        return 0
-    return int(distance[:, varies].min(axis=1).argmax())
-
-
-def _view(
-    robot: DrawnRobot, everything: Sequence[tuple[np.ndarray, np.ndarray]], size: float
-) -> View:
+def _view(robot: DrawnRobot, triangles: np.ndarray, size: float) -> View:
     """The side from which most joints and balls are seen, and apart from one another."""
     joints = np.unique(robot.joints.round(6), axis=0)
     places = np.concatenate([joints, robot.balls])
@@ -132,25 +115,21 @@ def _view(
     def score(view: View) -> float:
         picture = view.project(places)[:, :2]
         apart = np.linalg.norm(picture[:, None] - picture, axis=2) + np.diag([np.inf] * len(places))
-        seen = unhidden(places + lift[:, None] * view.towards, everything, view)
+        seen = unhidden(places + lift[:, None] * view.towards, triangles, view)
         return float((weight * np.minimum(apart.min(axis=1), 0.2 * size))[seen].sum())
 
     return max((View(_ELEVATION, azimuth) for azimuth in _AZIMUTHS), key=score)
 
 
 def _draw_joints(
-    ax: Axes,
-    view: View,
-    robot: DrawnRobot,
-    everything: Sequence[tuple[np.ndarray, np.ndarray]],
-    size: float,
+    ax: Axes, view: View, robot: DrawnRobot, triangles: np.ndarray, size: float
 ) -> list[tuple[str, str]]:
     """Marks the joints that nothing hides; returns colour and name of each kind."""
     places, which = np.unique(robot.joints.round(6), axis=0, return_inverse=True)
     number = np.bincount(which.ravel())
     turns = np.array([robot.turns[which.ravel() == k].all() for k in range(len(places))])
     # Through the housing of the joint itself, but not through another link.
-    seen = unhidden(places + _HOUSING * size * view.towards, everything, view)
+    seen = unhidden(places + _HOUSING * size * view.towards, triangles, view)
     kinds = (
         (turns & (number < 3), _JOINT, BLUE, "joints that turn"),
         (turns & (number >= 3), _JOINTS, GREEN, "three in one point"),

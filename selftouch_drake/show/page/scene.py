@@ -113,18 +113,12 @@ def visible(
     seen_from_behind = np.broadcast_to(sheet, len(vertices))[asked] & (normals @ view.towards < 0)
     normals = np.where(seen_from_behind[:, None], -normals, normals)
     lift = 1e-3 * np.ptp(vertices, axis=0).max()
-    triangles = [mesh.triangles, *(np.asarray(v)[f] for v, f in others)]
-    return ~_hidden(mesh.vertices[asked] + lift * normals, np.concatenate(triangles), view)[back]
+    triangles = np.concatenate([mesh.triangles, *(vertices[faces] for vertices, faces in others)])
+    return unhidden(mesh.vertices[asked] + lift * normals, triangles, view)[back]
 
 
-def unhidden(
-    points: np.ndarray, surfaces: Sequence[tuple[np.ndarray, np.ndarray]], view: View
-) -> np.ndarray:
-    """`(N,)` which points `(N, 3)` no triangle of some surfaces hides, wherever they are."""
-    return ~_hidden(points, np.concatenate([np.asarray(v)[f] for v, f in surfaces]), view)
-
-
-def _hidden(points: np.ndarray, triangles: np.ndarray, view: View) -> np.ndarray:
+def unhidden(points: np.ndarray, triangles: np.ndarray, view: View) -> np.ndarray:
+    """`(N,)` which points `(N, 3)` none of some triangles `(M, 3, 3)` hides, wherever they are."""
     p = view.project(points)
     a, b, c = view.project(triangles).transpose(1, 2, 0)
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -138,7 +132,7 @@ def _hidden(points: np.ndarray, triangles: np.ndarray, view: View) -> np.ndarray
         above = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]) > depth
         inside = (u >= 0) & (v >= 0) & (u + v <= 1) & ~flat
         hidden[first : first + _CHUNK] = (inside & above).any(axis=1)
-    return hidden
+    return ~hidden
 
 
 def outline(
@@ -259,9 +253,3 @@ def balls(
         np.tile(np.asarray(ball.face_normals), (len(centres), 1)),
         np.repeat(rgb, len(corners), axis=0),
     )
-
-
-def rod(start: np.ndarray, end: np.ndarray, radius: float, color: str) -> ColoredMesh:
-    """A round rod between two points `(3,)`, cut short enough to be sorted by depth."""
-    mesh = trimesh.creation.cylinder(radius, segment=np.stack([start, end]), sections=24)
-    return surface(mesh.vertices, mesh.faces, color, max_edge=radius)

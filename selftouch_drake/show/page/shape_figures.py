@@ -52,7 +52,10 @@ def body_shape(
         rms_fraction: error of the recovered positions, as a share of the body's extent.
     """
     skin = as_one(skins)
-    view = _view(skins, parts)
+    offsets = [
+        part.positions.mean(axis=0) - skins[part.skins[0]].vertices.mean(axis=0) for part in parts
+    ]
+    view = View.of_most(np.array(offsets), typical_extent(skins))
     figure = Figure(figsize=(10.5, 4.0), layout="constrained")
     grid = figure.add_gridspec(1, 3, wspace=0.04)
 
@@ -111,14 +114,6 @@ def persistence(
     handles = [Line2D([], [], color=color, linewidth=2.5, label=kind) for kind, color in _KINDS]
     figure.legend(handles=handles, loc="outside upper right", ncols=3, fontsize=8)
     return figure
-
-
-def _view(skins: Sequence[SkinSurface], parts: Sequence[RecoveredSkin]) -> View:
-    """The view that shows most of the recovered body."""
-    offsets = [
-        part.positions.mean(axis=0) - skins[part.skins[0]].vertices.mean(axis=0) for part in parts
-    ]
-    return View.of_most(np.array(offsets), float(np.mean([skin.extent for skin in skins])))
 
 
 def _fitted(part: RecoveredSkin) -> ColoredMesh:
@@ -213,28 +208,24 @@ def _draw_graph(
     edge_cost: np.ndarray,
     norm: Normalize,
 ) -> None:
-    near = _from_far_to_near(picture[edges, 2].mean(axis=1))
-    order = np.argsort(near)
+    # From 0 for the farthest to 1 for the nearest; 1 if all are as near.
+    x, y, nearness = picture[part].T
+    nearest = nearness.max()
+    near = 1.0 - (nearest - picture[:, 2]) / max(nearest - nearness.min(), 1e-12)
+    near_edge = near[edges].mean(axis=1)
+    order = np.argsort(near_edge)
     lines = LineCollection(
         list(picture[edges[order], :2]),
         array=edge_cost[order],
         norm=norm,
         cmap=AMOUNT,
-        alpha=0.15 + 0.85 * near[order] ** 1.5,
-        linewidths=0.4 + 1.1 * near[order],
+        alpha=0.15 + 0.85 * near_edge[order] ** 1.5,
+        linewidths=0.4 + 1.1 * near_edge[order],
     )
     ax.add_collection(lines)
-    x, y, nearness = picture[part].T
-    near = _from_far_to_near(nearness)
+    near = near[part]
     ax.scatter(
         x, y, s=2 + 14 * near**2, linewidths=0, zorder=3,
         color=to_rgba_array([INK] * len(near), 0.1 + 0.9 * near**1.5),
     )  # fmt: skip
     ax.autoscale_view()
-
-
-def _from_far_to_near(nearness: np.ndarray) -> np.ndarray:
-    """Scales to 0 for the farthest and 1 for the nearest; 1 if all are as near."""
-    if not len(nearness) or np.ptp(nearness) < 1e-12:
-        return np.ones(len(nearness))
-    return (nearness - nearness.min()) / np.ptp(nearness)

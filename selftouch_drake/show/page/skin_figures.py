@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.show.page.scene import add_scene, balls, draw, finish_row, surface, visible
-from selftouch_drake.show.skins import SkinSurface, as_one
+from selftouch_drake.show.skins import SkinSurface, as_one, typical_extent
 from selftouch_drake.show.style import AMOUNT, BLUE, SKIN, styled
 from selftouch_drake.show.view import View
 
@@ -38,7 +38,7 @@ def coverage(skins: Sequence[SkinSurface], density: Sequence[np.ndarray]) -> Fig
         np.average(each.vertices, axis=0, weights=touches + 1e-12) - each.vertices.mean(axis=0)
         for each, touches in zip(skins, density, strict=True)
     ]
-    front = View.of_most(np.array(offsets), float(np.mean([each.extent for each in skins])))
+    front = View.of_most(np.array(offsets), typical_extent(skins))
     norm = Normalize(0.0, float(np.quantile(amount, 0.99)) or 1.0)
     painted = surface(skin.vertices, skin.faces, AMOUNT(norm(amount))[:, :3])
     figure = Figure(figsize=(7.5, 4.0), layout="constrained")
