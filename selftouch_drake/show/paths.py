@@ -10,9 +10,6 @@ import numpy as np
 from selftouch_drake.robot import World
 from selftouch_drake.show.skins import moved
 
-# Instants for which contact may be lost while a path goes on: a tenth of a second of a motion.
-_LONGEST_GAP = 10
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SkinPath:
@@ -71,7 +68,6 @@ def touch_paths(world: World, q: np.ndarray) -> list[SkinPath]:
         rows, points = touches.row[here], touches.p_LC[here]
         # Beyond the touchers are skins that touch one another.
         if toucher < len(are_balls) and are_balls[toucher]:
-            rows = _without_gaps(rows)
             points = _in_frames(p_WT[rows, toucher], X_WL[rows, skin])
         paths.append(SkinPath(skin=int(skin), points=points, rows=rows))
     return paths
@@ -87,11 +83,3 @@ def evenly_spaced(path: np.ndarray, spacing: float) -> np.ndarray:
 def _in_frames(p_W: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
     """`(N, 3)` points given in the world, each expressed in its own frame `(N, 3, 4)`."""
     return np.einsum("ni,nij->nj", p_W - X_WL[:, :, 3], X_WL[:, :, :3])
-
-
-def _without_gaps(rows: np.ndarray) -> np.ndarray:
-    """Ascending rows, with short gaps filled."""
-    every = np.arange(rows[0], rows[-1] + 1)
-    before = rows[np.searchsorted(rows, every, side="right") - 1]
-    after = rows[np.searchsorted(rows, every)]
-    return every[after - before <= _LONGEST_GAP]

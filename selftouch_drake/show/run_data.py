@@ -35,7 +35,6 @@ from selftouch_drake.run.directory import MissingError, RunDirectory
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import require_robot
 from selftouch_drake.show.recovered import RecoveredSkin, laid_on_skins, skins_of
-from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.skins import SkinSurface, surfaces_of
 
 #: The targets that name a plan, in order; the first is a text if it begins in any configuration.
@@ -91,11 +90,6 @@ class RunData:
             return make_world(self.run)
         except ModelError as error:
             raise MissingError(str(error)) from None
-
-    @cached_property
-    def shape(self) -> RobotShape:
-        """The shape of the robot, as it is drawn."""
-        return RobotShape(self.world)
 
     @cached_property
     def skins(self) -> tuple[SkinSurface, ...]:

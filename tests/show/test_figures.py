@@ -12,6 +12,7 @@ from selftouch_drake.show.page.figures import FIGURES
 from selftouch_drake.show.page.scene import visible
 from selftouch_drake.show.page.shape_figures import persistence, quotient_graph
 from selftouch_drake.show.paths import SkinPath
+from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinSurface
 from selftouch_drake.show.view import View
@@ -113,7 +114,7 @@ def test_a_skin_that_moves_is_drawn_where_its_link_is(two_skins):
 
 def test_the_agent_is_drawn_by_its_model(two_skins):
     data = RunData(two_skins)
-    drawn = data.shape.at(np.zeros(12))
+    drawn = RobotShape(data.world).at(np.zeros(12))
     assert len(drawn.rods) == 0
     assert not any(drawn.touches), "balls touch, and no link"
     assert drawn.radii.tolist() == [0.01, 0.01]
@@ -128,7 +129,7 @@ def test_the_agent_is_drawn_by_its_model(two_skins):
 
 def test_the_legend_names_the_kinds_of_joints(two_skins):
     data = RunData(two_skins)
-    drawn = data.shape.at(np.zeros(12))
+    drawn = RobotShape(data.world).at(np.zeros(12))
     figure = robot_pictures.agent(data.skins, drawn)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["joints that turn", "three in one point", "what touches", "receptors (32)"]
@@ -206,7 +207,7 @@ def test_a_sheet_is_seen_from_both_sides_and_another_body_hides_it():
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     for azimuth in (0.0, 180.0):
         view = View(0.0, azimuth)
-        assert visible(vertices, vertices, faces, view, sheet=True).all()
+        assert visible(vertices, vertices, faces, view).all()
     screen = vertices + np.array([0.5, 0.0, 0.0])
     assert not visible(
         0.9 * vertices, vertices, faces, View(0.0, 0.0), others=[(screen, faces)]

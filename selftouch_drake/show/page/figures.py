@@ -18,6 +18,7 @@ from selftouch_drake.show.page import (
     skin_figures,
 )
 from selftouch_drake.show.paths import touch_paths
+from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinSurface, all_moved
 from selftouch_drake.show.style import DPI
@@ -28,12 +29,12 @@ _NUM_POSTURES = 400
 
 def agent(data: RunData) -> Figure:
     """The robot touching itself, stretched as far as it gets."""
-    kernel_q = data.representation.kernel_q
+    kernel_q, shape = data.representation.kernel_q, RobotShape(data.world)
     q = kernel_q[:: max(len(kernel_q) // _NUM_POSTURES, 1)].astype(float)
     # The farther apart joints are, the better one sees them.
-    farthest = q[data.shape.joints(q).std(axis=1).sum(axis=1).argmax()]
+    farthest = q[shape.joints(q).std(axis=1).sum(axis=1).argmax()]
     skins = all_moved(data.skins, data.world.robot.skin_positions(farthest[None])[0])
-    return robot_pictures.agent(skins, data.shape.at(farthest))
+    return robot_pictures.agent(skins, shape.at(farthest))
 
 
 def coverage(data: RunData) -> Figure:

@@ -88,19 +88,18 @@ def visible(
     faces: np.ndarray,
     view: View,
     *,
-    sheet: np.ndarray | bool = False,
     others: Sequence[tuple[np.ndarray, np.ndarray]] = (),
 ) -> np.ndarray:
     """Which points lie on the visible side of a surface.
 
-    A point in the wall counts as the point of the surface nearest to it.
+    A point in the wall counts as the point of the surface nearest to it. A surface with a rim is
+    seen from both sides.
 
     Args:
         points: `(N, 3)`.
         vertices: `(V, 3)` of the surface.
         faces: `(F, 3)` indices, outward by the right hand.
         view: the camera.
-        sheet: `(V,)` or one for all, whether the surface is seen from both sides there.
         others: vertices and faces of more surfaces that may hide points.
 
     Returns:
@@ -110,8 +109,7 @@ def visible(
     _, nearest = cKDTree(vertices).query(points)
     asked, back = np.unique(nearest, return_inverse=True)
     normals = mesh.vertex_normals[asked]
-    seen_from_behind = np.broadcast_to(sheet, len(vertices))[asked] & (normals @ view.towards < 0)
-    normals = np.where(seen_from_behind[:, None], -normals, normals)
+    normals = np.where(normals @ view.towards < 0, -normals.T, normals.T).T
     lift = 1e-3 * np.ptp(vertices, axis=0).max()
     triangles = np.concatenate([mesh.triangles, *(vertices[faces] for vertices, faces in others)])
     return unhidden(mesh.vertices[asked] + lift * normals, triangles, view)[back]
@@ -198,14 +196,6 @@ class ColoredMesh:
     triangles: np.ndarray
     normals: np.ndarray
     rgb: np.ndarray
-
-    def both_sides(self) -> ColoredMesh:
-        """The same as a sheet that is seen from both sides."""
-        return ColoredMesh(
-            np.tile(self.triangles, (2, 1, 1)),
-            np.concatenate([self.normals, -self.normals]),
-            np.tile(self.rgb, (2, 1)),
-        )
 
 
 def surface(

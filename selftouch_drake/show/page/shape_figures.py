@@ -119,7 +119,11 @@ def persistence(
 def _fitted(part: RecoveredSkin) -> ColoredMesh:
     max_edge = _SMOOTH * float(np.ptp(part.places, axis=0).max())
     mesh = surface(part.places, part.faces, RECOVERED, max_edge=max_edge)
-    return mesh if part.closed else mesh.both_sides()
+    if part.closed:
+        return mesh
+    # A sheet is seen from both sides.
+    normals = np.concatenate([mesh.normals, -mesh.normals])
+    return ColoredMesh(np.tile(mesh.triangles, (2, 1, 1)), normals, np.tile(mesh.rgb, (2, 1)))
 
 
 def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: float) -> int:
@@ -127,11 +131,10 @@ def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: 
     offsets = np.cumsum([0, *(len(part.places) for part in parts)])
     places = np.concatenate([part.places for part in parts])
     faces = np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=False)])
-    sheet = np.concatenate([np.full(len(part.places), not part.closed) for part in parts])
     kernels = np.concatenate([part.positions for part in parts])
     # A line hides nothing of itself.
     seen = np.concatenate([np.full(part.num_kernels, part.is_line) for part in parts])
-    seen |= visible(kernels, places, faces, view, sheet=sheet)
+    seen |= visible(kernels, places, faces, view)
     draw(ax, view, balls(kernels[seen], radius, INK), zorder=2)
     return len(kernels)
 
