@@ -151,7 +151,7 @@ def live(runs: Path) -> None:
     from playwright.sync_api import sync_playwright
 
     data, meshcat = torus(runs), open_meshcat()
-    pilot = pilot_in(DrakeBodies(data.world), load_agent(data.run), data.experiment)
+    pilot = pilot_in(DrakeBodies(data.world), load_agent(data.run), data.run.experiment)
     show = LiveShow(meshcat, data, pilot)
     show.simulation.set_rate(0.0)
     meshcat.SetSliderValue(TARGET, TOUR[1])

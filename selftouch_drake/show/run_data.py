@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import contextlib
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
-from selftouch_drake.agent.motions import Execution, Motion
+from selftouch_drake.agent.motions import Execution
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.shape import Body
 from selftouch_drake.evaluation import (
@@ -19,7 +18,6 @@ from selftouch_drake.evaluation import (
 )
 from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
-from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import load_arrays
 from selftouch_drake.robot import World
 from selftouch_drake.robot.models import ModelError
@@ -64,28 +62,19 @@ class RunData:
         Raises:
             ValueError: one is damaged, or of another experiment.
         """
-        for name in ("metrics", "skins", "representation", "body", "kernel_truth"):
+        self.run.metrics()
+        for name in ("skins", "representation", "body", "kernel_truth"):
             with contextlib.suppress(MissingError):
                 getattr(self, name)
         with contextlib.suppress(MissingError):
             self._truth.num_rows  # noqa: B018 - refuses damaged shards
-        for pair in self.pairs:
-            self.motion(*pair)
-
-    @property
-    def experiment(self) -> Experiment:
-        """The experiment of the run."""
-        return self.run.experiment
-
-    @cached_property
-    def metrics(self) -> dict[str, Any]:
-        """The metrics of the run; empty before the first stage is done."""
-        return self.run.metrics()
+        for pair in stored_pairs(self.run):
+            load_motion(self.run, *pair)
 
     @cached_property
     def world(self) -> World:
         """The world of the experiment."""
-        require_robot(self.experiment)
+        require_robot(self.run.experiment)
         try:
             return make_world(self.run)
         except ModelError as error:
@@ -125,7 +114,7 @@ class RunData:
     @cached_property
     def kernel_truth(self) -> KernelTruth:
         """The true places of the kernels."""
-        require_robot(self.experiment)
+        require_robot(self.run.experiment)
         representation, run = self.representation, self.run
         try:
             require_complete(run.experiment, run.path, fingerprint=run.fingerprint(), truth=True)
@@ -170,33 +159,24 @@ class RunData:
         """Numbers of the true skins of some kernels, the most frequent first."""
         return skins_of(kernels, self.kernel_truth)
 
-    @property
-    def pairs(self) -> list[tuple[int, int]]:
-        """Start and goal of all plans from one sensation to another, in order."""
-        return stored_pairs(self.run)
-
     @cached_property
     def shown_pair(self) -> tuple[int, int]:
         """The plan to show: the longest executed one, or the longest of all."""
-        if not self.pairs:
+        run = self.run
+        lengths = {pair: len(load_motion(run, *pair).plan.nodes) for pair in stored_pairs(run)}
+        if not lengths:
             raise MissingError("nothing has been planned yet; run `selftouch plan`")
-
-        lengths = {pair: len(self.motion(*pair).plan.nodes) for pair in self.pairs}
-        return max(lengths, key=lambda pair: (was_executed(self.run, *pair), lengths[pair]))
-
-    def motion(self, *targets: int | str) -> Motion:
-        """A plan, executed or not; the targets name it, in order."""
-        return load_motion(self.run, *targets)
+        return max(lengths, key=lambda pair: (was_executed(run, *pair), lengths[pair]))
 
     def execution(self, *targets: int | str) -> Execution:
         """A plan that was executed."""
-        require_robot(self.experiment)
+        require_robot(self.run.experiment)
         return load_execution(self.run, *targets)
 
     @property
     def _truth(self) -> ExperienceReader:
         """The true places of the touches."""
-        require_robot(self.experiment)
+        require_robot(self.run.experiment)
         if not any(self.run.truth.glob("part-*.parquet")):
             raise MissingError("the truth is missing; run `selftouch babble`")
         return ExperienceReader(self.run.truth)

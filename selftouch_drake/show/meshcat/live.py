@@ -65,7 +65,7 @@ class LiveShow:
         self._pilot, self._announce, self._meshcat = pilot, announce, meshcat
         self._data = data
         self._scene = MeshcatScene(meshcat, data, beside_panel=True)
-        self.simulation = Simulation(data.experiment, data.world.skins)
+        self.simulation = Simulation(data.run.experiment, data.world.skins)
         self.simulation.rest_at(self._firm_configuration(0))
         targets = known.target_sensations
         self._stops = cycle(

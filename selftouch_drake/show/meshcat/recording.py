@@ -34,7 +34,7 @@ def recording_page(data: RunData, targets: Targets) -> str:
     page, full = _recorded(data, targets)
     # Drake's diagrams are in reference cycles, and this one held the Meshcat server and its port.
     gc.collect()
-    title = f"{data.experiment.name}: sensation {' to '.join(map(str, targets))}"
+    title = f"{data.run.experiment.name}: sensation {' to '.join(map(str, targets))}"
     return _with_legend(page, title, full)
 
 

@@ -9,6 +9,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
+from selftouch_drake.run.artifacts import load_motion
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.show.page import (
@@ -56,7 +57,7 @@ def quotient_graph(data: RunData) -> Figure:
 
 def body_shape(data: RunData) -> Figure:
     """The body and the body that the agent recovered (paper, figure 3)."""
-    error = data.metrics.get("surface_rms_fraction")
+    error = data.run.metrics().get("surface_rms_fraction")
     return shape_figures.body_shape(_skins(data), data.recovered, rms_fraction=error)
 
 
@@ -73,7 +74,7 @@ def persistence(data: RunData) -> Figure:
 
 def plan_path(data: RunData) -> Figure:
     """One plan over the skins (paper, figure 4)."""
-    motion = data.motion(*data.shown_pair)
+    motion = load_motion(data.run, *data.shown_pair)
     paths, known = (
         [path.moved(data.home[path.skin]) for path in touch_paths(data.world, q)]
         for q in (motion.q, motion.plan.waypoints_q)

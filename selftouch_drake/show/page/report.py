@@ -16,6 +16,7 @@ from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.experiment import dump_experiment
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.robot.describe import description
+from selftouch_drake.run.artifacts import load_motion, stored_pairs
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.metrics import headline, readings
 from selftouch_drake.show.run_data import NoSurfaceError, RunData
@@ -56,7 +57,8 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
     with contextlib.suppress(MissingError):
         parts = part_table(data)
         # One part on one skin needs no table.
-        parts = parts if len(parts[1]) > 1 or len(data.experiment.skins) > 1 else None
+        parts = parts if len(parts[1]) > 1 or len(data.run.experiment.skins) > 1 else None
+    experiment, metrics, plans = data.run.experiment, data.run.metrics(), plan_table(data)
     images = {
         name: base64.b64encode(it.read_bytes()).decode("ascii")
         for name, it in pictures.items()
@@ -70,20 +72,20 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
         lstrip_blocks=True,
     )
     return environment.get_template("report.html.j2").render(
-        experiment=data.experiment,
-        settings=dump_experiment(data.experiment),
+        experiment=experiment,
+        settings=dump_experiment(experiment),
         images=images,
         missing={name: it for name, it in pictures.items() if isinstance(it, str)},
-        headline=headline(data.metrics),
-        readings=readings(data.metrics),
+        headline=headline(metrics),
+        readings=readings(metrics),
         robot=robot,
         robot_missing=robot_missing,
         parts=parts,
         body=body,
         no_surface=no_surface,
         viewer=(files(__package__) / "turnable.js").read_text(encoding="utf-8"),
-        plans=plan_table(data),
-        shown=data.shown_pair if data.pairs else None,
+        plans=plans,
+        shown=data.shown_pair if plans[1] else None,
         recording=recording.name if isinstance(recording, Path) else "",
         no_recording=recording if isinstance(recording, str) else "",
     )
@@ -117,7 +119,7 @@ def turnable_body(data: RunData) -> str:
 
 def part_table(data: RunData) -> Table:
     """The parts of the recovered body; cells of what is not known are empty."""
-    names, metrics = list(data.experiment.skins), data.metrics
+    names, metrics = list(data.run.experiment.skins), data.run.metrics()
     true = metrics.get("topology_betti_true_by_part", [])
     errors = metrics.get("surface_rms_fraction_by_skin", {})
     rows = []
@@ -143,8 +145,8 @@ def part_table(data: RunData) -> Table:
 def plan_table(data: RunData) -> Table:
     """The plans from one sensation to another, and how those that were executed went."""
     rows = []
-    for start, goal in data.pairs:
-        motion = data.motion(start, goal)
+    for start, goal in stored_pairs(data.run):
+        motion = load_motion(data.run, start, goal)
         nodes, in_air = motion.plan.nodes, motion.plan.in_air
         flights = int(np.sum(np.diff(in_air.astype(int), prepend=0) > 0))
         went = ("not executed", "")
