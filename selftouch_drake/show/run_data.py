@@ -32,7 +32,7 @@ from selftouch_drake.run.artifacts import (
 from selftouch_drake.run.directory import MissingError, RunDirectory
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import require_robot
-from selftouch_drake.show.recovered import RecoveredSkin, laid_on_skins, skins_of
+from selftouch_drake.show.recovered import RecoveredSkin, laid_on_skins
 from selftouch_drake.show.skins import SkinSurface, surfaces_of
 
 #: The targets that name a plan, in order; the first is a text if it begins in any configuration.
@@ -154,10 +154,6 @@ class RunData:
         arrays = load_arrays(file)
         self.run.require_stamp(file, arrays, remedy=remedy)
         return LifeCurves.from_arrays(arrays)
-
-    def skins_of(self, kernels: np.ndarray) -> tuple[int, ...]:
-        """Numbers of the true skins of some kernels, the most frequent first."""
-        return skins_of(kernels, self.kernel_truth)
 
     @cached_property
     def shown_pair(self) -> tuple[int, int]:

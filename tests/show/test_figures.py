@@ -207,7 +207,7 @@ def test_a_sheet_is_seen_from_both_sides_and_another_body_hides_it():
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     for azimuth in (0.0, 180.0):
         view = View(0.0, azimuth)
-        assert visible(vertices, vertices, faces, view).all()
+        assert visible(vertices, vertices, faces, view, sheet=True).all()
     screen = vertices + np.array([0.5, 0.0, 0.0])
     assert not visible(
         0.9 * vertices, vertices, faces, View(0.0, 0.0), others=[(screen, faces)]

@@ -61,12 +61,14 @@ class LiveShow:
         pilot: Pilot,
         announce: Callable[[str], None] = lambda line: None,
     ):
-        self._known = known = data.representation
+        known = data.representation
         self._pilot, self._announce, self._meshcat = pilot, announce, meshcat
         self._data = data
         self._scene = MeshcatScene(meshcat, data, beside_panel=True)
         self.simulation = Simulation(data.run.experiment, data.world.skins)
-        self.simulation.rest_at(self._firm_configuration(0))
+        members = known.members(0)
+        firm = np.argmin(np.abs(known.kernel_strength[members] - self._scene.full))
+        self.simulation.rest_at(known.kernel_q[members][firm].astype(float))
         targets = known.target_sensations
         self._stops = cycle(
             farthest_points(
@@ -113,13 +115,8 @@ class LiveShow:
         else:
             self._rested_s += FRAME_S
 
-    def _firm_configuration(self, kernel: int) -> np.ndarray:
-        members = self._known.members(kernel)
-        firm = np.argmin(np.abs(self._known.kernel_strength[members] - self._scene.full))
-        return self._known.kernel_q[members][firm].astype(float)
-
     def _add_controls(self) -> None:
-        meshcat, last = self._meshcat, self._known.num_targets - 1
+        meshcat, last = self._meshcat, self._data.representation.num_targets - 1
         meshcat.AddSlider(TARGET, 0, last, 1, 0, "ArrowLeft", "ArrowRight")
         meshcat.AddSlider(SPEED, 0.25, 4.0, 0.25, 1.0)
         meshcat.AddButton(TOUR, "KeyT")

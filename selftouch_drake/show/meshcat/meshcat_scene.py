@@ -62,12 +62,9 @@ class MeshcatScene(FeelingRobot):
     def __init__(self, meshcat: Meshcat, data: RunData, *, beside_panel: bool = False):
         known = data.representation
         postures = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
+        full = firm_touch(known)
         super().__init__(
-            meshcat,
-            data.world,
-            full=firm_touch(known),
-            postures=postures,
-            beside_panel=beside_panel,
+            meshcat, data.world, full=full, postures=postures, beside_panel=beside_panel
         )
         self._targets = known.target_sensations
         # Paths move with the skin that they are on.

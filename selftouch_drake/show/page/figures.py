@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
@@ -29,13 +30,15 @@ _NUM_POSTURES = 400
 
 
 def agent(data: RunData) -> Figure:
-    """The robot touching itself, stretched as far as it gets."""
+    """The robot touching itself, with its joints well clear of its skins."""
     kernel_q, shape = data.representation.kernel_q, RobotShape(data.world)
     q = kernel_q[:: max(len(kernel_q) // _NUM_POSTURES, 1)].astype(float)
-    # The farther apart joints are, the better one sees them.
-    farthest = q[shape.joints(q).std(axis=1).sum(axis=1).argmax()]
-    skins = all_moved(data.skins, data.world.robot.skin_positions(farthest[None])[0])
-    return robot_pictures.agent(skins, shape.at(farthest))
+    poses = data.world.robot.skin_positions(q)
+    middles = np.array([skin.vertices.mean(axis=0) for skin in data.skins])
+    centres = np.einsum("nsij,sj->nsi", poses[..., :3], middles) + poses[..., 3]
+    away = np.linalg.norm(shape.joints(q)[:, :, None] - centres[:, None], axis=3)
+    clear = int(away.mean(axis=(1, 2)).argmax())
+    return robot_pictures.agent(all_moved(data.skins, poses[clear]), shape.at(q[clear]))
 
 
 def coverage(data: RunData) -> Figure:

@@ -62,7 +62,7 @@ def plan_path(
         first = View.facing(over.mean(axis=0) - middle + 1e-9)
         second = View(first.elevation, first.azimuth + 110.0)
         panels += [(number, first)] + [(number, second)] * (len(numbers) == 1)
-    figure = Figure(figsize=(9.4, 4.4), layout="constrained")
+    figure = Figure(figsize=(9.4, 5.4), layout="constrained")
     grid = figure.add_gridspec(1, len(panels))
     for column, (number, view) in enumerate(panels):
         title = skins[number].name if len(numbers) > 1 else ""

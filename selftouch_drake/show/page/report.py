@@ -19,6 +19,7 @@ from selftouch_drake.robot.describe import description
 from selftouch_drake.run.artifacts import load_motion, stored_pairs
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.metrics import headline, readings
+from selftouch_drake.show.recovered import skins_of
 from selftouch_drake.show.run_data import NoSurfaceError, RunData
 
 # Numbers of sensations that are written on the body; more would cover it.
@@ -126,7 +127,7 @@ def part_table(data: RunData) -> Table:
     for number, part in enumerate(data.body.parts):
         skins: list[str] = []
         with contextlib.suppress(MissingError):
-            skins = [names[s] for s in data.skins_of(part.kernels)]
+            skins = [names[s] for s in skins_of(part.kernels, data.kernel_truth)]
         error = errors.get(skins[0]) if skins else None
         rows.append(
             (

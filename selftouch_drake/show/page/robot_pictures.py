@@ -39,7 +39,7 @@ _BALL = 0.016
 # m; marks of larger robots are as large as for this size.
 _LARGEST = 1.1
 # Of a skin's receptors, as a share of its longest side.
-_RECEPTOR = 0.02
+_RECEPTOR = 0.016
 # Postures that show where the robot gets.
 _NUM_POSTURES = 100
 # Of skins and of links.
@@ -55,10 +55,9 @@ def agent(skins: Sequence[SkinSurface], robot: DrawnRobot) -> Figure:
         robot: in the same posture.
     """
     skin = as_one(skins)
-    everything = [*robot.links, (skin.vertices, skin.faces)]
-    points = [robot.joints, robot.balls, *(vertices for vertices, _ in everything)]
-    size = min(float(np.ptp(np.concatenate(points), axis=0).max()), _LARGEST)
-    triangles = np.concatenate([vertices[faces] for vertices, faces in everything])
+    triangles = _triangles(skin, robot)
+    points = np.concatenate([robot.joints, robot.balls, triangles.reshape(-1, 3)])
+    size = min(float(np.ptp(points, axis=0).max()), _LARGEST)
     view = _view(robot, triangles, size)
     figure = Figure(figsize=(5.6, 5.0), layout="constrained")
     ax = add_scene(figure, figure.add_gridspec(1, 1)[0])
@@ -91,12 +90,21 @@ def _draw_robot(
     for ends in robot.rods:
         rod = trimesh.creation.cylinder(_ROD * size, segment=ends, sections=24)
         meshes.append(surface(rod.vertices, rod.faces, _LINK, max_edge=_ROD * size))
-    meshes.append(balls(robot.balls, _ball_radii(robot, size), VERMILION))
     draw(ax, view, *meshes)
+    # What presses a skin is partly in it: balls are drawn over everything.
+    triangles, radii = _triangles(skin, robot), _ball_radii(robot, size)
+    out = unhidden(robot.balls + 1.5 * radii[:, None] * view.towards, triangles, view)
+    draw(ax, view, balls(robot.balls[out], radii[out], VERMILION, detail=3), zorder=4)
     seen = visible(skin.receptors, skin.vertices, skin.faces, view, others=robot.links)
     extent = np.repeat([each.extent for each in skins], [len(each.receptors) for each in skins])
     receptors = balls(skin.receptors[seen], _RECEPTOR * extent[seen], colors[seen], detail=1)
     draw(ax, view, receptors, zorder=2)
+
+
+def _triangles(skin: SkinSurface, robot: DrawnRobot) -> np.ndarray:
+    """`(M, 3, 3)` m, all that may hide something."""
+    everything = [*robot.links, (skin.vertices, skin.faces)]
+    return np.concatenate([vertices[faces] for vertices, faces in everything])
 
 
 def _ball_radii(robot: DrawnRobot, size: float) -> np.ndarray:

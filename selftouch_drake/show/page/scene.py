@@ -88,18 +88,19 @@ def visible(
     faces: np.ndarray,
     view: View,
     *,
+    sheet: np.ndarray | bool = False,
     others: Sequence[tuple[np.ndarray, np.ndarray]] = (),
 ) -> np.ndarray:
     """Which points lie on the visible side of a surface.
 
-    A point in the wall counts as the point of the surface nearest to it. A surface with a rim is
-    seen from both sides.
+    A point in the wall counts as the point of the surface nearest to it.
 
     Args:
         points: `(N, 3)`.
         vertices: `(V, 3)` of the surface.
         faces: `(F, 3)` indices, outward by the right hand.
         view: the camera.
+        sheet: `(V,)` or one for all, whether the surface is seen from both sides there.
         others: vertices and faces of more surfaces that may hide points.
 
     Returns:
@@ -109,7 +110,8 @@ def visible(
     _, nearest = cKDTree(vertices).query(points)
     asked, back = np.unique(nearest, return_inverse=True)
     normals = mesh.vertex_normals[asked]
-    normals = np.where(normals @ view.towards < 0, -normals.T, normals.T).T
+    from_behind = np.broadcast_to(sheet, len(vertices))[asked] & (normals @ view.towards < 0)
+    normals = np.where(from_behind[:, None], -normals, normals)
     lift = 1e-3 * np.ptp(vertices, axis=0).max()
     triangles = np.concatenate([mesh.triangles, *(vertices[faces] for vertices, faces in others)])
     return unhidden(mesh.vertices[asked] + lift * normals, triangles, view)[back]
@@ -224,7 +226,8 @@ def surface(
         triangles.reshape(-1, 3), corners, max_edge=max_edge, return_index=True
     )
     pieces = cut[pieces]
-    share = trimesh.triangles.points_to_barycentric(triangles[face], pieces.mean(axis=1))
+    with np.errstate(all="ignore"):  # slivers get no normals, and are not drawn
+        share = trimesh.triangles.points_to_barycentric(triangles[face], pieces.mean(axis=1))
     normals, rgb = np.split(np.einsum("fc,fcx->fx", share, carried[face]), 2, axis=1)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     return ColoredMesh(pieces, normals, rgb)

@@ -131,10 +131,11 @@ def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: 
     offsets = np.cumsum([0, *(len(part.places) for part in parts)])
     places = np.concatenate([part.places for part in parts])
     faces = np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=False)])
+    sheet = np.concatenate([np.full(len(part.places), not part.closed) for part in parts])
     kernels = np.concatenate([part.positions for part in parts])
     # A line hides nothing of itself.
     seen = np.concatenate([np.full(part.num_kernels, part.is_line) for part in parts])
-    seen |= visible(kernels, places, faces, view)
+    seen |= visible(kernels, places, faces, view, sheet=sheet)
     draw(ax, view, balls(kernels[seen], radius, INK), zorder=2)
     return len(kernels)
 

@@ -68,7 +68,7 @@ def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -
     places = felt_places(skins, target_sensations)
     places += skin.vertices[0] - skins[0].vertices[0]
     named = farthest_points(lambda k: np.linalg.norm(places - places[k], axis=1), _NUM_NAMED)
-    figure = Figure(figsize=(10.5, 4.0), layout="constrained")
+    figure = Figure(figsize=(10.5, 5.5), layout="constrained")
     for ax, view in _two_sides(figure, View()):
         draw(ax, view, surface(skin.vertices, skin.faces, SKIN))
         seen = named[visible(places[named], skin.vertices, skin.faces, view)]
