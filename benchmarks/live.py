@@ -38,7 +38,7 @@ def main() -> None:
     data, meshcat = RunData(run), open_meshcat()
     pilot = pilot_in(DrakeBodies(data.world), load_agent(run), run.experiment)
     pilot.get_ready()
-    show = LiveShow(meshcat, data, lambda *query: pilot.plan_feeling(*query).motion)
+    show = LiveShow(meshcat, data, pilot)
     with sync_playwright() as driver:
         if not given.no_browser:
             path = shutil.which("chromium") or shutil.which("google-chrome")

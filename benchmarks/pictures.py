@@ -31,7 +31,6 @@ from PIL import Image
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.experiment import Experiment, load_experiment
-from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_agent, load_execution
 from selftouch_drake.run.directory import RunDirectory
@@ -98,7 +97,7 @@ def shipped(name: str, folder: Path) -> RunData:
 
 def evaluated(folder: Path, experiment: Experiment) -> RunData:
     """A run that has learned and whose shape error is known."""
-    run, world = RunDirectory.create(folder, experiment), World(experiment)
+    run = RunDirectory.create(folder, experiment)
     if not stages.has_babbled(run):
         with ThreadPoolExecutor() as executor:
             stages.babble(run, executor)
@@ -106,7 +105,7 @@ def evaluated(folder: Path, experiment: Experiment) -> RunData:
         stages.learn(run)
     if not stages.has_evaluated(run):
         stages.evaluate(run)
-    return RunData(run, world)
+    return RunData(run)
 
 
 def figure(name: str, of: Callable[[Path], RunData], runs: Path) -> Figure:
@@ -152,8 +151,8 @@ def live(runs: Path) -> None:
     from playwright.sync_api import sync_playwright
 
     data, meshcat = torus(runs), open_meshcat()
-    pilot = pilot_in(DrakeBodies(data.world), load_agent(data.run), data.experiment)
-    show = LiveShow(meshcat, data, lambda *query: pilot.plan_feeling(*query).motion)
+    pilot = pilot_in(DrakeBodies(data.world), load_agent(data.run), data.run.experiment)
+    show = LiveShow(meshcat, data, pilot)
     show.simulation.set_rate(0.0)
     meshcat.SetSliderValue(TARGET, TOUR[1])
     for _ in range(NUM_FRAMES):

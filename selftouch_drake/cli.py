@@ -494,7 +494,8 @@ def live(workers: int | None, port: int | None, no_page: bool, **given: Any) -> 
 
     from selftouch_drake.run import lifelong, stages
     from selftouch_drake.run.worlds import require_robot
-    from selftouch_drake.show.outputs import show_live
+    from selftouch_drake.show.meshcat.pages import LifePage
+    from selftouch_drake.show.meshcat.stage import shown_page
 
     require_robot(directory.experiment)
     if not stages.has_babbled(directory):
@@ -504,7 +505,8 @@ def live(workers: int | None, port: int | None, no_page: bool, **given: Any) -> 
         with _progress("live") as progress:
             lifelong.live(directory, progress=progress)
     else:
-        show_live(directory, port=port, announce=click.echo)
+        with shown_page("live", port, click.echo) as meshcat:
+            lifelong.live(directory, LifePage(meshcat))
     click.echo(f"life: {directory.life}; `selftouch report {directory.path}` draws it")
 
 

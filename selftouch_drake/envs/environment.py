@@ -121,7 +121,8 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
 
         Args:
             seed: seed of all episodes from now on; by default the random stream continues.
-            options: `q` `(J,)` rad or m, the start.
+            options: `q` `(J,)` rad or m, the start; where there is a goal, `goal` `(S,)`, the
+                wanted sensation, of any strength.
 
         Raises:
             ValueError: an option is unknown, or not a posture of this robot.
@@ -224,18 +225,14 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
 
     def _known(self, options: dict[str, Any] | None) -> dict[str, np.ndarray]:
         """The checked options of a reset."""
-        known = dict(options or {})
-        if unknown := sorted(set(known) - {*self._options()}):
-            raise ValueError(
-                f"options has {unknown[0]!r}: known are {', '.join(sorted(self._options()))}"
-            )
-        for name, size in self._options().items():
-            if name in known:
-                known[name] = np.asarray(known[name], dtype=float)
-                if known[name].shape != (size,) or not np.isfinite(known[name]).all():
-                    raise ValueError(
-                        f"options[{name!r}] is {known[name].tolist()}: give {size} finite numbers"
-                    )
+        known, sizes = dict(options or {}), self._options()
+        for name in sorted(known):
+            if name not in sizes:
+                raise ValueError(f"options has {name!r}: known are {', '.join(sorted(sizes))}")
+            known[name] = np.asarray(known[name], dtype=float)
+            if known[name].shape != (sizes[name],) or not np.isfinite(known[name]).all():
+                given = known[name].tolist()
+                raise ValueError(f"options[{name!r}] is {given}: give {sizes[name]} finite numbers")
         if "q" in known and np.any(known["q"] != known["q"].clip(*self._range)):
             raise ValueError(
                 f"options['q'] is {known['q'].tolist()}: keep between {self._range[0].tolist()} "

@@ -42,22 +42,6 @@ class ReachEnv(SelfTouchEnv):
     `options={"goal": sensation}` `(S,)`.
     """
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """As `SelfTouchEnv.reset`, with a new goal.
-
-        Args:
-            seed: seed of all episodes from now on.
-            options: `q` `(J,)` rad or m, the start; `goal` `(S,)`, the wanted sensation, of any
-                strength.
-
-        Raises:
-            ValueError: an option is unknown or invalid.
-        """
-        self._goal = np.zeros(self.experiment.num_receptors, dtype=np.float32)
-        return super().reset(seed=seed, options=options)
-
     def compute_reward(
         self, achieved_goal: np.ndarray, desired_goal: np.ndarray, info: Any
     ) -> np.ndarray | float:
@@ -94,7 +78,8 @@ class ReachEnv(SelfTouchEnv):
         """The goal of an episode; a random one has the given contacts."""
         if "goal" in options:
             return _unit(options["goal"])
-        return _unit(touching_posture(self.world, self.np_random, contacts).sensation)
+        _, touches = touching_posture(self.world, self.np_random, contacts)
+        return _unit(touches.sensation[0])
 
     def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
         found = likeness(observation["achieved_goal"], observation["desired_goal"])
@@ -127,13 +112,11 @@ class SlideEnv(ReachEnv):
                 raise ValueError(
                     f"options['q'] is {q.tolist()}, where nothing touches: give a touching start"
                 )
-            contacts = contacts_of(touches)
         else:
-            start = touching_posture(self.world, self.np_random)
-            while len(start.contacts) > 1:  # hardly ever found a second time, for the goal
-                start = touching_posture(self.world, self.np_random)
-            q, contacts = start.q, start.contacts
-        self._goal = self._wanted(options, contacts)
+            q, touches = touching_posture(self.world, self.np_random)
+            while len(contacts_of(touches)) > 1:  # hardly ever found a second time, for the goal
+                q, touches = touching_posture(self.world, self.np_random)
+        self._goal = self._wanted(options, contacts_of(touches))
         return q
 
     def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:

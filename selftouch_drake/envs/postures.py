@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from selftouch_drake.experiment import ExperimentError
@@ -16,21 +14,6 @@ _MOST_BATCHES = 400
 
 #: Contacts as pairs of numbers: of a skin and of a toucher.
 Contacts = frozenset[tuple[int, int]]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Posture:
-    """A posture that touches.
-
-    Attributes:
-        q: `(J,)` rad or m.
-        sensation: `(S,)` N, what is felt there without time.
-        contacts: the touching pairs.
-    """
-
-    q: np.ndarray
-    sensation: np.ndarray
-    contacts: Contacts
 
 
 def possible_posture(world: World, random: np.random.Generator) -> np.ndarray:
@@ -51,8 +34,8 @@ def possible_posture(world: World, random: np.random.Generator) -> np.ndarray:
 
 def touching_posture(
     world: World, random: np.random.Generator, contacts: Contacts | None = None
-) -> Posture:
-    """A posture that the robot can take and in which it touches itself firmly.
+) -> tuple[np.ndarray, Touches]:
+    """A posture `(J,)` rad or m that the robot can take, and its touches, which are firm.
 
     Firm are the stronger half of random touches, as in plans.
 
@@ -71,10 +54,10 @@ def touching_posture(
         strength = np.linalg.norm(touches.sensation, axis=1)
         firm = np.flatnonzero(strength >= np.median(strength)) if len(rows) else rows
         for k in firm:
-            found = contacts_of(touches.of_rows(np.array([k])))
-            wanted = contacts is None or found == contacts
+            found = touches.of_rows(np.array([k]))
+            wanted = contacts is None or contacts_of(found) == contacts
             if wanted and world.probe.collision_depth(q[rows[k]][None])[0] == 0:
-                return Posture(q=q[rows[k]], sensation=touches.sensation[k], contacts=found)
+                return q[rows[k]], found
     raise ExperimentError(
         f"none of {_BATCH * _MOST_BATCHES} random postures makes the wanted touch; see what can "
         "touch what with `selftouch robot EXPERIMENT --show`"

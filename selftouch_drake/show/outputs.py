@@ -5,39 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
-from selftouch_drake.agent.motions import Motion
 from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.files import write_text_whole
-from selftouch_drake.robot import World
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import MissingError, RunDirectory
-from selftouch_drake.run.lifelong import live
 from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.run.worlds import require_robot, run_bodies
 from selftouch_drake.show.meshcat.live import LiveShow
-from selftouch_drake.show.meshcat.pages import LifePage
 from selftouch_drake.show.meshcat.recording import recording_page
 from selftouch_drake.show.meshcat.stage import shown_page
-from selftouch_drake.show.page.figures import FIGURES, draw_figure
+from selftouch_drake.show.page.figures import draw_figures
 from selftouch_drake.show.page.report import report_page
 from selftouch_drake.show.run_data import RunData
 
 
 def write_figures(
-    run: RunDirectory,
-    progress: Progress = silent,
-    *,
-    world: World | None = None,
-    vector: bool = False,
+    run: RunDirectory, progress: Progress = silent, *, vector: bool = False
 ) -> dict[str, Path | str]:
     """Draws the figures whose data exist into the run's `figures` folder.
 
     Args:
         run: the run, with any of its stages done.
         progress: called with the fraction done and what is being drawn.
-        world: its world, if it was built already.
         vector: whether to write each as PDF as well, for papers.
 
     Returns:
@@ -46,69 +35,41 @@ def write_figures(
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
-    data = RunData(run, world)
+    data = RunData(run)
     data.require_sound()
-    return _draw_figures(data, progress, vector=vector)
+    return draw_figures(data, progress, vector=vector)
 
 
-def _draw_figures(data: RunData, progress: Progress, *, vector: bool) -> dict[str, Path | str]:
-    drawn = dict[str, Path | str]()
-    data.run.figures.mkdir(exist_ok=True)
-    for number, name in enumerate(FIGURES):
-        progress(number / len(FIGURES), name.replace("_", " "))
-        try:
-            drawn[name] = draw_figure(data, data.run.figures, name, vector=vector)
-        except MissingError as reason:
-            drawn[name] = str(reason)
-    return drawn
-
-
-def write_recording(
-    run: RunDirectory,
-    *targets: int | str,
-    path: Path | None = None,
-    world: World | None = None,
-) -> Path:
+def write_recording(run: RunDirectory, *targets: int | str, path: Path) -> Path:
     """Records an executed plan into a page that needs no network.
 
     Args:
         run: the run.
         targets: target sensations from the first to the last that the plan leads through; the first
             is a text if it begins in any configuration.
-        path: the page; the run's `playback.html` by default.
-        world: its world, if it was built already.
+        path: the page.
 
     Raises:
         MissingError: the plan was not executed.
     """
-    path = run.playback if path is None else path
-    write_text_whole(path, recording_page(RunData(run, world), targets))
+    write_text_whole(path, recording_page(RunData(run), targets))
     return path
 
 
-def write_report(
-    run: RunDirectory,
-    progress: Progress = silent,
-    *,
-    world: World | None = None,
-    vector: bool = False,
-) -> Path:
+def write_report(run: RunDirectory, progress: Progress = silent, *, vector: bool = False) -> Path:
     """Draws the figures and the recording of a run, and writes its `report.html`.
 
     Args:
         run: the run, with any of its stages done.
         progress: called with the fraction done and what is being drawn.
-        world: its world, if it was built already.
         vector: whether to write the figures as PDF as well.
 
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
-    data = RunData(run, world)
+    data = RunData(run)
     data.require_sound()
-    pictures = _draw_figures(
-        data, lambda fraction, doing: progress(0.7 * fraction, doing), vector=vector
-    )
+    pictures = draw_figures(data, lambda done, doing: progress(0.7 * done, doing), vector=vector)
     progress(0.7, "recording")
     recording: Path | str = run.playback
     try:
@@ -120,23 +81,6 @@ def write_report(
     write_text_whole(run.report, report_page(data, pictures, recording))
     progress(1.0, "reported")
     return run.report
-
-
-def show_live(
-    run: RunDirectory, *, port: int | None = None, announce: Callable[[str], None] = print
-) -> None:
-    """Shows an agent in a browser that lives through the experience of a run; keeps its life.
-
-    Args:
-        run: a run that has babbled.
-        port: of the page; by default the first free one from 7000 on.
-        announce: called with where to look.
-
-    Raises:
-        ValueError: the run has not babbled, or the port is taken.
-    """
-    with shown_page("live", port, announce) as meshcat:
-        live(run, LifePage(meshcat))
 
 
 def play(
@@ -158,11 +102,7 @@ def play(
     data = RunData(run)
     pilot = pilot_in(run_bodies(run), agent, run.experiment)
     pilot.get_ready()
-
-    def motion_from(q_start: np.ndarray, felt: np.ndarray, goal: int) -> Motion:
-        return pilot.plan_feeling(q_start, felt, goal).motion
-
     with shown_page(f"{run.experiment.name}, live", port, announce) as meshcat:
-        show = LiveShow(meshcat, data, motion_from, announce)
+        show = LiveShow(meshcat, data, pilot, announce)
         while not show.ended:
             show.step()

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from selftouch_drake.robot import Touches
-from selftouch_drake.show.robot_shape import RobotShape
+from selftouch_drake.robot import World
 from selftouch_drake.show.skins import moved
-
-# Instants for which contact may be lost while a path goes on: a tenth of a second of a motion.
-_LONGEST_GAP = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -23,13 +18,11 @@ class SkinPath:
     In this frame, a moving body stands still.
 
     Attributes:
-        toucher: name of the toucher.
         skin: number of the skin.
         points: `(n, 3)` m, one after another.
         rows: `(n,)` the instants of the motion, rising.
     """
 
-    toucher: str
     skin: int
     points: np.ndarray
     rows: np.ndarray
@@ -48,9 +41,7 @@ class SkinPath:
         return self.points[found[0]] if len(found) else None
 
 
-def touch_paths(
-    shape: RobotShape, touches_at: Callable[[np.ndarray], Touches], q: np.ndarray
-) -> list[SkinPath]:
+def touch_paths(world: World, q: np.ndarray) -> list[SkinPath]:
     """Paths of all touchers over the skins, along a motion.
 
     Where balls touch one skin, all of their path is shown, in contact or not. Otherwise a path is
@@ -58,33 +49,27 @@ def touch_paths(
     centre of pressure.
 
     Args:
-        shape: of the robot.
-        touches_at: what touches what at configurations `(N, J)`; not asked for balls on one skin.
+        world: of the robot.
         q: `(T, J)` motor configurations.
     """
-    robot, radii = shape.robot, shape.ball_radii
+    robot = world.robot
+    are_balls = [world.experiment.touching[t.name].radius is not None for t in robot.touchers]
     X_WL, p_WT = robot.skin_positions(q), robot.toucher_positions(q)
-    if len(robot.skins) == 1 and None not in radii:
+    if len(robot.skins) == 1 and all(are_balls):
         every = np.arange(len(q))
         return [
-            SkinPath(
-                toucher=toucher.name,
-                skin=0,
-                points=_in_frames(p_WT[:, number], X_WL[:, 0]),
-                rows=every,
-            )
-            for number, toucher in enumerate(robot.touchers)
+            SkinPath(skin=0, points=_in_frames(place, X_WL[:, 0]), rows=every)
+            for place in p_WT.swapaxes(0, 1)
         ]
-    touches = touches_at(q)
-    names = [t.name for t in robot.touchers] + [skin.model.name for skin in robot.skins]
+    touches = world.probe.touches(q)
     paths = []
     for toucher, skin in sorted(set(zip(touches.toucher, touches.skin, strict=True))):
         here = (touches.toucher == toucher) & (touches.skin == skin)
         rows, points = touches.row[here], touches.p_LC[here]
-        if toucher < len(radii) and radii[toucher] is not None:
-            rows = _without_gaps(rows)
+        # Beyond the touchers are skins that touch one another.
+        if toucher < len(are_balls) and are_balls[toucher]:
             points = _in_frames(p_WT[rows, toucher], X_WL[rows, skin])
-        paths.append(SkinPath(toucher=names[toucher], skin=int(skin), points=points, rows=rows))
+        paths.append(SkinPath(skin=int(skin), points=points, rows=rows))
     return paths
 
 
@@ -98,11 +83,3 @@ def evenly_spaced(path: np.ndarray, spacing: float) -> np.ndarray:
 def _in_frames(p_W: np.ndarray, X_WL: np.ndarray) -> np.ndarray:
     """`(N, 3)` points given in the world, each expressed in its own frame `(N, 3, 4)`."""
     return np.einsum("ni,nij->nj", p_W - X_WL[:, :, 3], X_WL[:, :, :3])
-
-
-def _without_gaps(rows: np.ndarray) -> np.ndarray:
-    """Ascending rows, with short gaps filled."""
-    every = np.arange(rows[0], rows[-1] + 1)
-    before = rows[np.searchsorted(rows, every, side="right") - 1]
-    after = rows[np.searchsorted(rows, every)]
-    return every[after - before <= _LONGEST_GAP]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from selftouch_drake.agent.shape import RecoveredBody, RecoveredPart, fitted_surface
+from selftouch_drake.agent.shape import RecoveredBody, fitted_surface
 from selftouch_drake.evaluation import KernelTruth, align
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.skins import SkinSurface, all_moved, as_one
@@ -71,56 +71,44 @@ def laid_on_skins(
     """
     parts = []
     at_home = as_one(all_moved(skins, home))
-    true = at_poses(truth.positions, home[truth.skin])
+    poses = home[truth.skin]
+    true = np.einsum("nij,nj->ni", poses[:, :, :3], truth.positions) + poses[:, :, 3]
     for number, part in enumerate(body.parts):
-        faces = _faces(part)
-        if len(faces):
-            places = align(part.positions, true[part.kernels], part.places)
-            closed = part.skin == 1 or _is_closed(part)
-            if part.skin == 1:
-                places, faces = _tube(places, faces)
-            parts.append(
-                RecoveredSkin(
-                    part=number,
-                    skins=skins_of(part.kernels, truth),
-                    places=places,
-                    num_kernels=len(part.kernels),
-                    faces=_outward(places, faces, None if closed else at_home),
-                    closed=closed,
-                    is_line=part.skin == 1,
-                )
+        if part.topology is None:
+            continue
+        faces, is_line = fitted_surface(part.places, part.topology, part.skin), part.skin == 1
+        if not len(faces):
+            continue
+        places = align(part.positions, true[part.kernels], part.places)
+        closed = is_line or bool(part.topology.betti[2])
+        if is_line:
+            places, faces = _tube(places, faces)
+        parts.append(
+            RecoveredSkin(
+                part=number,
+                skins=skins_of(part.kernels, truth),
+                places=places,
+                num_kernels=len(part.kernels),
+                faces=_outward(places, faces, None if closed else at_home),
+                closed=closed,
+                is_line=is_line,
             )
+        )
     return tuple(parts)
-
-
-def at_poses(p_L: np.ndarray, poses: np.ndarray) -> np.ndarray:
-    """`(N, 3)` points, each in its own frame, with these frames at poses `(N, 3, 4)`."""
-    return np.einsum("nij,nj->ni", poses[:, :, :3], p_L) + poses[:, :, 3]
-
-
-def _is_closed(part: RecoveredPart) -> bool:
-    return part.topology is not None and bool(part.topology.betti[2])
-
-
-def _faces(part: RecoveredPart) -> np.ndarray:
-    """`(F, 3)` triangles of a surface, or `(E, 2)` steps of a line."""
-    if part.topology is None:
-        return np.zeros((0, 3), dtype=int)
-    return fitted_surface(part.places, part.topology, part.skin)
 
 
 def _tube(places: np.ndarray, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`(N, 3)` places and `(F, 3)` triangles of a thin tube around `(E, 2)` steps between some."""
     start, end = places[steps].swapaxes(0, 1)
     radius = _TUBE * np.ptp(places, axis=0).max()
-    tubes = [
-        trimesh.creation.cylinder(radius, segment=segment, sections=_SIDES)
-        for segment in np.stack([start, end], axis=1)
-    ]
-    first = len(places) + np.cumsum([0, *(len(tube.vertices) for tube in tubes[:-1])])
-    faces = [tube.faces + number for tube, number in zip(tubes, first, strict=True)]
-    corners = [tube.vertices for tube in tubes]
-    return np.concatenate([places, *corners]), np.concatenate(faces)
+    tubes = trimesh.util.concatenate(
+        [
+            trimesh.creation.cylinder(radius, segment=segment, sections=_SIDES)
+            for segment in np.stack([start, end], axis=1)
+        ]
+    )
+    assert isinstance(tubes, trimesh.Trimesh)
+    return np.concatenate([places, tubes.vertices]), tubes.faces + len(places)
 
 
 def _outward(places: np.ndarray, faces: np.ndarray, skin: SkinSurface | None) -> np.ndarray:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from pydrake.geometry import Role
 from pydrake.multibody.tree import Frame, RigidBody
 
-from selftouch_drake.experiment import ToucherSettings
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.robot import Robot
+from selftouch_drake.robot import Robot, World
 from selftouch_drake.robot.kinematics import Kinematics
 from selftouch_drake.robot.links import all_links, link_geometries, pieces_in_link
 from selftouch_drake.show.skins import moved
@@ -21,26 +20,12 @@ _FINEST, _MOST_FACES = 0.0025, 4000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LinkShape:
-    """The visual geometry of a link.
-
-    Attributes:
-        vertices: `(V, 3)` m, in the world.
-        faces: `(F, 3)` indices.
-        touches: whether it is what presses skins.
-    """
-
-    vertices: np.ndarray
-    faces: np.ndarray
-    touches: bool
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DrawnRobot:
     """A robot in one posture, in the world.
 
     Attributes:
-        links: those that are drawn as their model has them.
+        links: `(V, 3)` m vertices and `(F, 3)` indices of triangles of each drawn link.
+        touches: whether each of them is what presses skins.
         rods: `(n, 2, 3)` m, ends of those that the model draws nothing of.
         joints: `(J, 3)` m, where the moving joints are.
         turns: `(J,)` bool, whether each turns or slides.
@@ -48,7 +33,8 @@ class DrawnRobot:
         radii: `(B,)` m.
     """
 
-    links: Sequence[LinkShape]
+    links: Sequence[tuple[np.ndarray, np.ndarray]]
+    touches: Sequence[bool]
     rods: np.ndarray
     joints: np.ndarray
     turns: np.ndarray
@@ -63,26 +49,20 @@ class RobotShape:
     whose skin lies on their own geometry are left to their skin.
 
     Args:
-        robot: the robot.
-        touching: what touches, as the experiment has it.
-
-    Attributes:
-        robot: the robot.
-        ball_radii: m, of each toucher that is a ball; None of the others.
+        world: of the robot.
     """
 
-    def __init__(self, robot: Robot, touching: Mapping[str, ToucherSettings]):
-        self.robot = robot
-        self.ball_radii = tuple(touching[toucher.name].radius for toucher in robot.touchers)
+    def __init__(self, world: World):
+        robot, self._turns = world.robot, world.robot.turns
         self._meshes = _drawn_meshes(robot)
-        links = [link for link, _ in self._meshes]
-        pairs = list(zip(robot.touchers, self.ball_radii, strict=True))
+        pairs = [(each, world.experiment.touching[each.name].radius) for each in robot.touchers]
         self._touching = {int(t.link.index()) for t, radius in pairs if radius is None}
-        balls = [toucher for toucher, radius in pairs if radius is not None]
+        self._radii = np.array([radius for _, radius in pairs if radius is not None])
         frames: list[Frame] = [joint.frame_on_parent() for joint in robot.joints]
-        frames += [ball.frame for ball in balls] + [link.body_frame() for link in links]
+        frames += [toucher.frame for toucher, radius in pairs if radius is not None]
+        frames += [link.body_frame() for link, _ in self._meshes]
         self._kinematics = Kinematics.of(robot.plant, frames)
-        self._ends = np.cumsum([len(robot.joints), len(balls)])
+        self._ends = np.cumsum([len(robot.joints), len(self._radii)])
 
     def joints(self, q: np.ndarray) -> np.ndarray:
         """`(N, J, 3)` m, the joints in the world at `q` `(N, J)`."""
@@ -92,33 +72,18 @@ class RobotShape:
         """The robot at `(J,)` q."""
         (poses,) = self._kinematics.poses(np.asarray(q, dtype=float)[None])
         joints, balls, links = np.split(poses, self._ends)
-        shapes = [
-            LinkShape(
-                vertices=moved(np.asarray(mesh.vertices), pose),
-                faces=np.asarray(mesh.faces),
-                touches=int(link.index()) in self._touching,
-            )
-            for (link, mesh), pose in zip(self._meshes, links, strict=True)
-        ]
         return DrawnRobot(
-            links=shapes,
+            links=[
+                (moved(np.asarray(mesh.vertices), pose), np.asarray(mesh.faces))
+                for (_, mesh), pose in zip(self._meshes, links, strict=True)
+            ],
+            touches=[int(link.index()) in self._touching for link, _ in self._meshes],
             rods=self._rods(joints[:, :, 3], balls[:, :, 3]),
             joints=joints[:, :, 3],
-            turns=self.robot.turns,
+            turns=self._turns,
             balls=balls[:, :, 3],
-            radii=np.array([radius for radius in self.ball_radii if radius is not None]),
+            radii=self._radii,
         )
-
-    def bare_balls(self) -> dict[int, float]:
-        """m, radii of the balls that touch where the model draws nothing, by number of toucher."""
-        drawn = self.at(np.zeros(len(self.robot.joints)))
-        vertices = np.concatenate([np.full((1, 3), np.inf), *(s.vertices for s in drawn.links)])
-        numbers = [number for number, radius in enumerate(self.ball_radii) if radius is not None]
-        return {
-            number: float(radius)
-            for number, ball, radius in zip(numbers, drawn.balls, drawn.radii, strict=True)
-            if np.linalg.norm(vertices - ball, axis=1).min() > 1.5 * radius
-        }
 
     def _rods(self, joints: np.ndarray, balls: np.ndarray) -> np.ndarray:
         """Rods between joints, and to balls, where the model draws nothing."""

@@ -20,19 +20,12 @@ class SkinSurface:
         vertices: `(V, 3)` m.
         faces: `(F, 3)` indices, outward by the right hand.
         receptors: `(S, 3)` m, places of its receptors, on the surface.
-        first: number of its first receptor in a sensation; the others follow.
     """
 
     name: str
     vertices: np.ndarray
     faces: np.ndarray
     receptors: np.ndarray
-    first: int = 0
-
-    @property
-    def readings(self) -> slice:
-        """The slice of a sensation that holds its readings."""
-        return slice(self.first, self.first + len(self.receptors))
 
     @property
     def extent(self) -> float:
@@ -48,22 +41,25 @@ class SkinSurface:
 
 def surfaces_of(skins: Sequence[SkinModel]) -> tuple[SkinSurface, ...]:
     """The skins of a world, each in the frame of its link."""
-    firsts = np.cumsum([0, *(skin.fields.num_receptors for skin in skins)])
     return tuple(
         SkinSurface(
             name=skin.name,
             vertices=skin.fields.vertices,
             faces=skin.fields.faces,
             receptors=skin.fields.p_LS,
-            first=int(first),
         )
-        for skin, first in zip(skins, firsts, strict=False)
+        for skin in skins
     )
 
 
 def moved(points: np.ndarray, pose: np.ndarray) -> np.ndarray:
     """`(..., 3)` points of a frame whose pose `(3, 4)` is a rotation and a translation, outside."""
     return points @ pose[:, :3].T + pose[:, 3]
+
+
+def typical_extent(skins: Sequence[SkinSurface]) -> float:
+    """m, the extent of a typical skin, which marks are drawn in proportion to."""
+    return float(np.median([skin.extent for skin in skins]))
 
 
 def all_moved(skins: Sequence[SkinSurface], poses: np.ndarray) -> list[SkinSurface]:

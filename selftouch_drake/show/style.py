@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import wraps
-from typing import Any, ParamSpec
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from cycler import cycler
 from matplotlib.colors import LinearSegmentedColormap
-from matplotlib.figure import Figure
 
 # Okabe and Ito's palette.
 BLUE, SKY, GREEN, ORANGE = "#0072B2", "#56B4E9", "#009E73", "#E69F00"
@@ -51,15 +48,5 @@ _STYLE: Any = {
     "image.cmap": AMOUNT.name,
 }
 
-_Arguments = ParamSpec("_Arguments")
-
-
-def styled(draw: Callable[_Arguments, Figure]) -> Callable[_Arguments, Figure]:
-    """Draws a figure in the project's style; matplotlib's settings stay unchanged."""
-
-    @wraps(draw)
-    def wrapper(*args: _Arguments.args, **kwargs: _Arguments.kwargs) -> Figure:
-        with mpl.rc_context(_STYLE):
-            return draw(*args, **kwargs)
-
-    return wrapper
+#: Decorates who draws a figure in the project's style; matplotlib's settings stay unchanged.
+styled = mpl.rc_context(_STYLE)

@@ -55,7 +55,11 @@ class View:
         return View.facing(middle) if one_sided else View()
 
     @staticmethod
-    def facing(direction: np.ndarray, elevation: float = 28.0) -> View:
+    def facing(direction: np.ndarray) -> View:
         """The view from the side that `direction` `(3,)` points to, a little from its left."""
         azimuth = np.degrees(np.arctan2(direction[1], direction[0]))
-        return View(elevation, float(azimuth) - 20.0)
+        return View(azimuth=float(azimuth) - 20.0)
+
+
+#: The camera of all pages in Meshcat.
+VIEW = View(elevation=20.0, azimuth=-70.0)

@@ -7,15 +7,9 @@ import os
 import shutil
 import warnings
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterator
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    Executor,
-    Future,
-    wait,
-)
-from contextlib import contextmanager
+from collections.abc import Callable
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -63,19 +57,15 @@ class SweepDirectory:
         write_text_whole(file, header + yaml.safe_dump(content, sort_keys=False))
         return SweepDirectory(path)
 
-    @contextmanager
-    def writing(self) -> Iterator[None]:
+    def writing(self) -> AbstractContextManager[None]:
         """Locks the sweep for one writer.
 
         Raises:
             PermissionError: nothing can be written there.
             RunError: another process runs it.
         """
-        refusal = RunError(
-            f"{self.path} is being run by another process; wait for it, or choose another --out"
-        )
-        with locked(self.path, refusal):
-            yield
+        reason = "is being run by another process; wait for it, or choose another --out"
+        return locked(self.path, RunError(f"{self.path} {reason}"))
 
     @property
     def table(self) -> Path:
@@ -128,34 +118,28 @@ def run_sweep(
     Raises:
         ChildProcessError: a process of the executor was killed.
     """
-    jobs = _jobs(sweep, directory)
-    later = {name: job for name, job in jobs.items() if job.after is not None}
-    ready = deque((name, job) for name, job in jobs.items() if job.after is None)
+    ready = deque(_jobs(sweep, directory))
     failed: dict[str, str] = {}
-    pending: dict[Future, str] = {}
+    pending: dict[Future, _Job] = {}
     num_done = 0
+    num_jobs = len(ready) + sum(len(job.then) for job in ready) + len(sweep.experiments)
     try:
         while ready or pending:
             while ready and len(pending) < num_pending:
-                name, job = ready.popleft()
-                if runs := [run for run in job.runs if run.path.name not in failed]:
-                    pending[executor.submit(_do, job.stage, runs)] = name
-                else:
-                    num_done += 1 + _drop(later, name)
+                job = ready.popleft()
+                runs = [run for run in job.runs if run.path.name not in failed]
+                pending[executor.submit(_do, job.stage, runs)] = job
             for future in wait(pending, return_when=FIRST_COMPLETED).done:
-                name = pending.pop(future)
+                job = pending.pop(future)
                 fallen, warned = future.result()
                 failed |= fallen
                 for text in warned:
                     warnings.warn(text, RunWarning, stacklevel=2)
                 num_done += 1
-                progress(num_done / len(jobs), name)
+                progress(num_done / num_jobs, f"{job.stage} {job.runs[0].path.name}")
                 # Unfinished runs go first: a sweep that is cut short has some whole runs, not many
                 # half ones.
-                after = [(n, job) for n, job in later.items() if job.after == name]
-                ready.extendleft(reversed(after))
-                for name, _ in after:
-                    del later[name]
+                ready.extendleft(reversed(job.then))
     except BrokenExecutor:
         raise ChildProcessError(
             "a process of the sweep was killed, perhaps because memory ran out; repeat the command "
@@ -169,37 +153,27 @@ def run_sweep(
 
 @dataclass(frozen=True, slots=True)
 class _Job:
-    """One stage for runs that share it; the first does the work."""
+    """One stage for runs that share it, and the jobs that follow; the first run does the work."""
 
     stage: str
     runs: list[RunDirectory]
-    after: str | None
+    then: list[_Job]
 
 
-def _jobs(sweep: Sweep, directory: SweepDirectory) -> dict[str, _Job]:
-    """All jobs by name: babbling first, then learning from it, then evaluation."""
+def _jobs(sweep: Sweep, directory: SweepDirectory) -> list[_Job]:
+    """Babbling for all runs that share it, then learning from it, then evaluation."""
     groups: dict[str, dict[str, list[RunDirectory]]] = defaultdict(lambda: defaultdict(list))
     for experiment in sweep.experiments:
         run = directory.run(experiment)
         groups[run.fingerprint()][run.learning_fingerprint()].append(run)
-    jobs = {}
-    for experience, learners in groups.items():
-        babble = f"babble {experience}"
-        jobs[babble] = _Job("babble", [run for runs in learners.values() for run in runs], None)
-        for learner, runs in learners.items():
-            learn = f"learn {learner}"
-            jobs[learn] = _Job("learn", runs, babble)
-            for run in runs:
-                jobs[f"evaluate {run.path.name}"] = _Job("evaluate", [run], learn)
+    jobs = []
+    for learners in groups.values():
+        then = [
+            _Job("learn", runs, [_Job("evaluate", [run], []) for run in runs])
+            for runs in learners.values()
+        ]
+        jobs.append(_Job("babble", [run for runs in learners.values() for run in runs], then))
     return jobs
-
-
-def _drop(later: dict[str, _Job], name: str) -> int:
-    """Removes the jobs that wait for a job that will not run; returns their number."""
-    after = [waiting for waiting, job in later.items() if job.after == name]
-    for waiting in after:
-        del later[waiting]
-    return len(after) + sum(_drop(later, waiting) for waiting in after)
 
 
 def _do(stage: str, runs: list[RunDirectory]) -> tuple[dict[str, str], list[str]]:
@@ -213,7 +187,8 @@ def _do(stage: str, runs: list[RunDirectory]) -> tuple[dict[str, str], list[str]
     with threadpool_limits(1), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            _once(stage, [RunDirectory.create(run.path, run.experiment) for run in runs])
+            if runs:
+                _once(stage, [RunDirectory.create(run.path, run.experiment) for run in runs])
         except ValueError as error:
             failed = {run.path.name: " ".join(str(error).split()) for run in runs}
     # Warnings of other packages are for developers.
@@ -233,10 +208,8 @@ def _once(stage: str, runs: list[RunDirectory]) -> None:
         with donor.writing():
             if stage == "babble":
                 stages.babble(donor, InTurn())
-            elif stage == "learn":
-                stages.learn(donor)
             else:
-                stages.evaluate(donor)
+                getattr(stages, stage)(donor)
     made = [donor.representation, donor.topology, donor.body_distances]
     if stage == "babble":
         shards = (p for folder in ("truth", "experience") for p in (donor.path / folder).iterdir())

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from selftouch_drake.envs import ReachEnv, SelfTouchEnv, SlideEnv, likeness
-from selftouch_drake.envs.postures import possible_posture, touching_posture
+from selftouch_drake.envs.postures import contacts_of, possible_posture, touching_posture
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,7 @@ def test_commands_stay_within_the_limits_of_the_joints(env):
 
 
 def test_nothing_is_rewarded_and_info_counts_touches(env, posture):
-    _, info = env.reset(options={"q": posture.q})
+    _, info = env.reset(options={"q": posture[0]})
     assert info == {"steps": 0, "touches": {"body": 0}}
     for _ in range(3):
         observation, reward, terminated, truncated, info = env.step(still(env))
@@ -75,14 +75,14 @@ def test_nothing_is_rewarded_and_info_counts_touches(env, posture):
 
 
 def test_truth_is_there_for_who_scores_and_changes_nothing(env, posture):
-    env.reset(options={"q": posture.q})
+    env.reset(options={"q": posture[0]})
     first, *_ = env.step(still(env))
     truth = env.truth()
     assert np.allclose(truth.q, first["observation"][:6], atol=1e-6)
     assert np.linalg.norm(truth.touches.p_LC[0]) == pytest.approx(0.25, abs=0.06)
     assert np.allclose(truth.touches.sensation[0], first["touch"], atol=1e-4)
     second, *_ = env.step(still(env))
-    env.reset(options={"q": posture.q})
+    env.reset(options={"q": posture[0]})
     env.step(still(env))
     again, *_ = env.step(still(env))
     assert all(np.array_equal(again[key], second[key]) for key in again)
@@ -93,15 +93,16 @@ def test_postures_are_possible_and_firm():
     random = np.random.default_rng(1)
     q = np.stack([possible_posture(env.world, random) for _ in range(5)])
     assert not env.world.probe.collision_depth(q).any()
-    touching = touching_posture(env.world, random)
-    assert np.array_equal(env.world.probe.sensations(touching.q[None])[0], touching.sensation)
-    alike = touching_posture(env.world, random, touching.contacts)
-    assert alike.contacts == touching.contacts
-    assert not np.array_equal(alike.q, touching.q)
+    there, touches = touching_posture(env.world, random)
+    assert np.array_equal(env.world.probe.sensations(there[None]), touches.sensation)
+    contacts = contacts_of(touches)
+    alike, touches = touching_posture(env.world, random, contacts)
+    assert contacts_of(touches) == contacts
+    assert not np.array_equal(alike, there)
 
 
 def test_reaching_is_rewarded_by_likeness(reach, posture):
-    there = {"q": posture.q, "goal": posture.sensation}
+    there = {"q": posture[0], "goal": posture[1].sensation[0]}
     observation, info = reach.reset(options=there)
     assert np.linalg.norm(observation["desired_goal"]) == pytest.approx(1.0)
     assert info["is_success"]
@@ -109,8 +110,8 @@ def test_reaching_is_rewarded_by_likeness(reach, posture):
     _, reward, terminated, _, info = reach.step(still(reach))
     assert reward == pytest.approx(info["likeness"], abs=1e-6)
     assert not terminated
-    opposite = np.where(posture.sensation > 0, 0.0, 1.0)
-    reach.reset(options={"q": posture.q, "goal": opposite})
+    opposite = np.where(posture[1].sensation[0] > 0, 0.0, 1.0)
+    reach.reset(options={"q": posture[0], "goal": opposite})
     _, reward, _, _, info = reach.step(still(reach))
     assert (reward, info["is_success"]) == (0.0, False)
 
@@ -134,10 +135,10 @@ def test_sliding_ends_where_contact_is_lost(slide, posture):
     _, _, terminated, _, _ = slide.step(still(slide))
     assert not terminated
     # The finger lifts off within a second, whatever joint raises it.
-    slide.reset(options={"q": posture.q})
+    slide.reset(options={"q": posture[0]})
     ended = []
     for joint in np.repeat(np.eye(6, dtype=np.float32), 2, axis=0) * np.tile([1, -1], 6)[:, None]:
-        slide.reset(options={"q": posture.q})
+        slide.reset(options={"q": posture[0]})
         ended.append(any(slide.step(joint.astype(np.float32))[2] for _ in range(10)))
     assert any(ended)
     with pytest.raises(ValueError, match=r"where nothing touches: give a touching start$"):
@@ -167,7 +168,7 @@ def test_an_invalid_action_is_refused(env):
 def test_pictures_show_what_is_felt():
     env = SelfTouchEnv("sphere", render_mode="rgb_array")
     posture = touching_posture(env.world, np.random.default_rng(0))
-    env.reset(options={"q": posture.q})
+    env.reset(options={"q": posture[0]})
     picture = env.render()
     assert picture.shape == (480, 480, 3)
     assert picture.dtype == np.uint8

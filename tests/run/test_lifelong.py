@@ -15,6 +15,7 @@ from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.lifelong import live
 from selftouch_drake.run.touches import ChangedBodyWarning
+from selftouch_drake.show.meshcat import pages
 from selftouch_drake.show.meshcat.pages import LifePage
 from selftouch_drake.show.meshcat.stage import open_meshcat
 from selftouch_drake.show.page import motion_figures
@@ -51,11 +52,16 @@ def run(tmp_path_factory):
     return babbled(tmp_path_factory.mktemp("life") / "run", "random")
 
 
+@pytest.fixture(autouse=True)
+def _no_time_between_frames(monkeypatch):
+    monkeypatch.setattr(pages, "FRAME_S", 0.0)
+
+
 class Page(LifePage):
     """A page that records what it shows, and can be ended."""
 
     def __init__(self, ends_after=np.inf):
-        super().__init__(open_meshcat(), frame_s=0.0)
+        super().__init__(open_meshcat())
         self.seen, self._ends_after = [], ends_after
 
     def enter(self, world):
@@ -72,7 +78,7 @@ def test_a_life_is_shown_and_kept_as_curves(run):
     page = Page()
     curves = live(run, page)
     assert page.seen == [0, 1]
-    assert page.status == "1,000 touches: it learns"
+    assert page.robot.status == "1,000 touches: it learns"
     assert curves.touches[-1] >= 750
     assert (np.diff(curves.coverage) >= 0).all()
     assert 0.9 < curves.coverage[-1] <= 1

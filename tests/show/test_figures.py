@@ -12,6 +12,7 @@ from selftouch_drake.show.page.figures import FIGURES
 from selftouch_drake.show.page.scene import visible
 from selftouch_drake.show.page.shape_figures import persistence, quotient_graph
 from selftouch_drake.show.paths import SkinPath
+from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinSurface
 from selftouch_drake.show.view import View
@@ -38,7 +39,7 @@ def test_every_figure_shows_something_in_shades_or_colours(images):
 
 def test_the_same_run_gives_the_same_bytes(reported, monkeypatch):
     some = {name: FIGURES[name] for name in ("quotient_graph", "body_shape")}
-    monkeypatch.setattr("selftouch_drake.show.outputs.FIGURES", some)
+    monkeypatch.setattr("selftouch_drake.show.page.figures.FIGURES", some)
     before = (reported.figures / "body_shape.png").read_bytes()
     written = write_figures(reported)
     assert list(written) == ["quotient_graph", "body_shape"]
@@ -48,7 +49,7 @@ def test_the_same_run_gives_the_same_bytes(reported, monkeypatch):
 def test_a_vector_file_keeps_letters_and_is_small(make_run, monkeypatch):
     run = make_run("planned")
     some = {"plan_path": FIGURES["plan_path"]}
-    monkeypatch.setattr("selftouch_drake.show.outputs.FIGURES", some)
+    monkeypatch.setattr("selftouch_drake.show.page.figures.FIGURES", some)
     write_figures(run, vector=True)
     pdf = run.figures / "plan_path.pdf"
     first = pdf.read_bytes()
@@ -113,32 +114,25 @@ def test_a_skin_that_moves_is_drawn_where_its_link_is(two_skins):
 
 def test_the_agent_is_drawn_by_its_model(two_skins):
     data = RunData(two_skins)
-    drawn = data.shape.at(np.zeros(12))
+    drawn = RobotShape(data.world).at(np.zeros(12))
     assert len(drawn.rods) == 0
-    assert not any(link.touches for link in drawn.links), "balls touch, and no link"
+    assert not any(drawn.touches), "balls touch, and no link"
     assert drawn.radii.tolist() == [0.01, 0.01]
     # Stretched forward: shoulder, two links of 0.4 m and a finger of 0.12 m.
     assert drawn.balls == pytest.approx(np.array([[0.92, 0.15, 0.35], [0.92, -0.15, 0.35]]))
     low, high = (
-        f(np.concatenate([link.vertices for link in drawn.links]), axis=0) for f in (np.min, np.max)
+        f(np.concatenate([vertices for vertices, _ in drawn.links]), axis=0)
+        for f in (np.min, np.max)
     )
     assert low[0] < 0.0 < 0.9 < high[0]
-    assert data.shape.bare_balls() == {}, "the model draws its fingertips"
 
 
 def test_the_legend_names_the_kinds_of_joints(two_skins):
     data = RunData(two_skins)
-    drawn = data.shape.at(np.zeros(12))
+    drawn = RobotShape(data.world).at(np.zeros(12))
     figure = robot_pictures.agent(data.skins, drawn)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["joints that turn", "three in one point", "what touches", "receptors (32)"]
-
-
-def test_the_clearest_posture_keeps_its_joints_far_from_the_skin():
-    skin = ball_at(np.zeros(3))
-    joints = np.array([[[0.0, 0, 0.5], [0.3, 0, 0.0]], [[0.0, 0, 0.5], [0.9, 0, 0]]])
-    poses = np.tile(np.eye(3, 4), (2, 1, 1, 1))
-    assert robot_pictures.clearest(joints, [skin], poses) == 1
 
 
 def ball_at(centre) -> SkinSurface:
@@ -154,8 +148,8 @@ def test_a_plan_over_several_skins_is_shown_skin_by_skin():
     there = np.array([[0.5, 0.0, 0.1], [0.5, 0.05, 0.08]])
     here = np.array([[0.1, 0.0, 0.0], [0.08, 0.0, 0.06]])
     paths = [
-        SkinPath(toucher="tip", skin=0, points=here, rows=np.array([8, 9])),
-        SkinPath(toucher="tip", skin=1, points=there, rows=np.array([0, 1])),
+        SkinPath(skin=0, points=here, rows=np.array([8, 9])),
+        SkinPath(skin=1, points=there, rows=np.array([0, 1])),
     ]
     figure = motion_figures.plan_path(skins, paths, paths, 10)
     assert len(figure.axes) == 2

@@ -1,6 +1,7 @@
 import socket
 import struct
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,16 +22,14 @@ def data_of(path) -> RunData:
     return RunData(RunDirectory.open(path))
 
 
-def live(run, motion_from=None):
+def live(run, plan_feeling=None):
     """A live agent at full speed, and the lines that it prints."""
     data, said = data_of(run.path), []
-    if motion_from is None:
+    if plan_feeling is None:
         pilot = pilot_in(DrakeBodies(data.world), load_agent(run), run.experiment)
-
-        def motion_from(q_start, felt, goal):
-            return pilot.plan_feeling(q_start, felt, goal).motion
-
-    show = LiveShow(open_meshcat(), data, motion_from, said.append)
+    else:
+        pilot = SimpleNamespace(plan_feeling=plan_feeling)
+    show = LiveShow(open_meshcat(), data, pilot, said.append)
     show.simulation.set_rate(0.0)
     show.said = said
     return show
@@ -137,7 +136,7 @@ def test_an_impossible_plan_is_reported(reported):
 
 def test_skins_move_with_the_robot_and_the_air_is_announced(two_skins):
     motion = motion_of("two_skins")
-    show = live(two_skins, lambda *query: motion)
+    show = live(two_skins, lambda *query: SimpleNamespace(motion=motion))
     show.simulation.rest_at(motion.q[0])
     show._meshcat.SetSliderValue(TARGET, motion.goal)
     show.step()

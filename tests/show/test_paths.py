@@ -3,27 +3,13 @@ import pytest
 from laid_out import IN_AIR, ON_BALL, ON_FOREARM, motion_of, sliding_places, world_of
 
 from selftouch_drake.show.paths import SkinPath, evenly_spaced, touch_paths
-from selftouch_drake.show.robot_shape import RobotShape
-
-
-def paths_of(kind, q):
-    world = world_of(kind)
-    asked = []
-
-    def touches_at(q):
-        asked.append(len(q))
-        return world.probe.touches(q)
-
-    shape = RobotShape(world.robot, world.experiment.touching)
-    return touch_paths(shape, touches_at, q), asked
 
 
 def test_on_a_skin_that_moves_a_path_is_in_the_frame_of_its_link():
-    paths, _ = paths_of("two_skins", motion_of("two_skins").q)
+    paths = touch_paths(world_of("two_skins"), motion_of("two_skins").q)
     by_skin = {path.skin: path for path in paths}
     assert set(by_skin) == {0, 1}
     forearm = by_skin[1]
-    assert forearm.toucher == "right_tip"
     assert forearm.rows.tolist() == list(range(ON_FOREARM.start, ON_FOREARM.stop))
     assert forearm.points == pytest.approx(sliding_places(), abs=1e-4)
     radii = np.linalg.norm(by_skin[0].points, axis=1)
@@ -32,17 +18,17 @@ def test_on_a_skin_that_moves_a_path_is_in_the_frame_of_its_link():
     assert not np.isin(by_skin[0].rows, range(IN_AIR.start, IN_AIR.stop - 1)).any()
 
 
-def test_of_balls_on_one_skin_the_whole_path_is_shown_and_contact_is_not_asked_for():
-    motion = motion_of("ball")
-    (path,), asked = paths_of("ball", motion.q)
-    assert asked == []
-    robot = world_of("ball").robot
-    assert path.points == pytest.approx(robot.toucher_positions(motion.q)[:, 0], abs=1e-12)
+def test_of_balls_on_one_skin_the_whole_path_is_shown():
+    motion, world = motion_of("ball"), world_of("ball")
+    assert not world.probe.sensations(motion.q).any(axis=1).all(), "it is not always in contact"
+    (path,) = touch_paths(world, motion.q)
+    tips = world.robot.toucher_positions(motion.q)[:, 0]
+    assert path.points == pytest.approx(tips, abs=1e-12)
 
 
 def test_a_path_has_stretches_and_ends():
     rows = np.array([3, 4, 5, 30, 31])
-    path = SkinPath(toucher="tip", skin=0, points=np.outer(rows, [1.0, 0, 0]), rows=rows)
+    path = SkinPath(skin=0, points=np.outer(rows, [1.0, 0, 0]), rows=rows)
     assert [len(stretch) for stretch in path.stretches()] == [3, 2]
     assert path.at(30) == pytest.approx([30.0, 0, 0])
     assert path.at(6) is None

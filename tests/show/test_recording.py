@@ -10,8 +10,9 @@ from pydrake.geometry import Meshcat
 
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.show.meshcat.meshcat_scene import firm_touch
-from selftouch_drake.show.meshcat.recording import FRAMES_PER_S, frame_rows, record
+from selftouch_drake.show.meshcat.recording import frame_rows, record
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, key_frames
+from selftouch_drake.show.meshcat.stage import FRAMES_PER_S
 from selftouch_drake.show.outputs import write_recording
 from selftouch_drake.show.run_data import RunData
 
@@ -57,7 +58,7 @@ class Recorder:
 def test_skins_follow_their_links_and_what_stands_still_is_not_recorded(two_skins):
     data, recorder = RunData(two_skins), Recorder()
     q = execution_of("two_skins").q_measured[::10]
-    poses = data.robot.skin_positions(q)
+    poses = data.world.robot.skin_positions(q)
     drawing = SkinDrawing(Meshcat(), "/skins", data.skins)
     drawing.record(recorder, poses, np.zeros((len(q), 32)))
     assert set(recorder.places) == {"/skins/forearm"}
@@ -83,11 +84,11 @@ def test_a_malicious_name_is_text(page, reported):
 def test_only_executed_plans_are_recorded(make_run):
     run = make_run("planned")
     with pytest.raises(MissingError, match="has not executed its plan from 0 to 40; run `self"):
-        write_recording(run, 0, 40)
+        write_recording(run, 0, 40, path=run.playback)
     with pytest.raises(
         MissingError, match="has no plan from 1 to 2; make one with `selftouch plan"
     ):
-        write_recording(run, 1, 2)
+        write_recording(run, 1, 2, path=run.playback)
     assert not run.playback.exists()
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from selftouch_drake.run.metrics import METRICS
 from selftouch_drake.show.outputs import write_report
-from selftouch_drake.show.page import tables
 from selftouch_drake.show.page.figures import FIGURES
+from selftouch_drake.show.page.report import plan_table
 from selftouch_drake.show.run_data import RunData
 
 
@@ -127,7 +127,7 @@ def test_several_skins_are_listed_with_what_touches_them(two_skins):
 
 
 def test_a_flight_is_no_lost_contact(two_skins):
-    (row,) = tables.plan_table(RunData(two_skins)).rows
+    _, (row,), _ = plan_table(RunData(two_skins))
     assert row[:4] == ("64", "8", "4", "1")
     assert row[5] == "100.0 %"
 

@@ -14,7 +14,7 @@ def page():
 
 
 def test_every_joint_has_a_slider_within_its_range(page):
-    meshcat, robot = page.meshcat, world_of("two_skins").robot
+    meshcat, robot = page._meshcat, world_of("two_skins").robot
     for name, low in zip(robot.joint_names, robot.lower, strict=True):
         meshcat.SetSliderValue(name, low - 1.0)
         assert meshcat.GetSliderValue(name) == pytest.approx(low)
@@ -25,6 +25,6 @@ def test_it_says_what_is_felt_in_the_posture_of_the_sliders(page):
     touching = motion_of("two_skins").q[20]
     for q, status in ((np.zeros(12), "touches nothing"), (touching, r"feels \d+\.\d N")):
         for name, value in zip(robot.joint_names, q, strict=True):
-            page.meshcat.SetSliderValue(name, value)
+            page._meshcat.SetSliderValue(name, value)
         page.step()
         assert re.fullmatch(status, page.status)

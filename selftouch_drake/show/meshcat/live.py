@@ -3,24 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import cycle
 
 import numpy as np
 from pydrake.geometry import Meshcat
 from scipy.interpolate import CubicHermiteSpline
 
 from selftouch_drake.agent.motions import Motion
+from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.evaluation import cosine_distance
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.robot import Simulation
-from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
-from selftouch_drake.show.paths import SkinPath, touch_paths
+from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
+from selftouch_drake.show.meshcat.stage import FRAMES_PER_S
+from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.run_data import RunData
 
 # Controls, as the browser labels them.
 TARGET, SPEED = "target sensation", "speed"
-ANOTHER, TOUR, END = "another sensation", "tour on/off", "end"
+TOUR, END = "tour on/off", "end"
 # s between two readings of the controls, and between two frames.
-FRAME_S = 1 / 30
+FRAME_S = 1 / FRAMES_PER_S
 # s of rest between two motions of a tour.
 _REST_S = 1.0
 # Stops of a tour: as different as possible, so that it covers the whole body.
@@ -31,10 +34,6 @@ BRAKING_S = 0.4
 _STEP_S = 0.01
 # Frames between two drawings of the trace.
 _TRACE_EVERY = 6
-
-#: Plans and times a motion: from a configuration `(J,)` in which a sensation `(S,)` N is felt, to a
-#: target sensation. Raises ValueError if there is none.
-MotionFrom = Callable[[np.ndarray, np.ndarray, int], Motion]
 
 
 class LiveShow:
@@ -47,44 +46,42 @@ class LiveShow:
     Args:
         meshcat: where it is shown.
         data: of a run that has learned.
-        motion_from: the agent's plans.
+        pilot: plans for the agent.
         announce: called with a line about every motion.
 
     Attributes:
         simulation: the robot.
+        goal: the latest target sensation.
     """
 
     def __init__(
         self,
         meshcat: Meshcat,
         data: RunData,
-        motion_from: MotionFrom,
+        pilot: Pilot,
         announce: Callable[[str], None] = lambda line: None,
     ):
-        self._known = known = data.representation
-        self._motion_from, self._announce, self._meshcat = motion_from, announce, meshcat
+        known = data.representation
+        self._pilot, self._announce, self._meshcat = pilot, announce, meshcat
         self._data = data
-        self._full = firm_touch(known)
         self._scene = MeshcatScene(meshcat, data, beside_panel=True)
-        self._scene.draw_legend(self._full)
-        self.simulation = Simulation(data.experiment, data.world.skins, meshcat)
-        self.simulation.rest_at(self._firm_configuration(0))
+        self.simulation = Simulation(data.run.experiment, data.world.skins)
+        members = known.members(0)
+        firm = np.argmin(np.abs(known.kernel_strength[members] - self._scene.full))
+        self.simulation.rest_at(known.kernel_q[members][firm].astype(float))
         targets = known.target_sensations
-        self._stops = farthest_points(
-            lambda row: np.linalg.norm(targets - targets[row], axis=1), _NUM_STOPS
-        ).tolist()
+        self._stops = cycle(
+            farthest_points(
+                lambda row: np.linalg.norm(targets - targets[row], axis=1), _NUM_STOPS
+            ).tolist()
+        )
         self._motion: Motion | None = None
         self._braking = False
         self._log: list[tuple[np.ndarray, np.ndarray, int]] = []
-        self._goal, self._rested_s = 0, 0.0
+        self.goal, self._rested_s = 0, 0.0
         self._touring = True
         self._add_controls()
         self._say("tour: Open Controls (upper right) to choose a sensation")
-
-    @property
-    def goal(self) -> int:
-        """The latest target sensation."""
-        return self._goal
 
     @property
     def moving(self) -> bool:
@@ -100,14 +97,15 @@ class LiveShow:
         """Advances by one frame: reads the controls, acts, and shows the sensation."""
         wanted = self._wanted()
         if wanted is not None:
-            self._goal, self._rested_s = wanted, 0.0
+            self.goal, self._rested_s = wanted, 0.0
             self._meshcat.SetSliderValue(TARGET, wanted)
             if self._motion is not None:
                 self._brake(self._motion)
             elif not self._braking:
                 self._begin()
         self.simulation.advance(FRAME_S * self._rate)
-        felt = self._show()
+        felt = self.simulation.felt
+        self._scene.show(self.simulation.q, felt)
         if self._braking:
             if self.simulation.time_s > BRAKING_S:
                 self._braking = False
@@ -117,20 +115,13 @@ class LiveShow:
         else:
             self._rested_s += FRAME_S
 
-    def _firm_configuration(self, kernel: int) -> np.ndarray:
-        members = self._known.members(kernel)
-        firm = np.argmin(np.abs(self._known.kernel_strength[members] - self._full))
-        return self._known.kernel_q[members][firm].astype(float)
-
     def _add_controls(self) -> None:
-        meshcat, last = self._meshcat, self._known.num_targets - 1
+        meshcat, last = self._meshcat, self._data.representation.num_targets - 1
         meshcat.AddSlider(TARGET, 0, last, 1, 0, "ArrowLeft", "ArrowRight")
         meshcat.AddSlider(SPEED, 0.25, 4.0, 0.25, 1.0)
-        meshcat.AddButton(ANOTHER, "KeyA")
         meshcat.AddButton(TOUR, "KeyT")
         meshcat.AddButton(END, "Escape")
-        self._clicks = dict.fromkeys((ANOTHER, TOUR), 0)
-        self._rate = 1.0
+        self._tour_clicks, self._rate = 0, 1.0
         self.simulation.set_rate(self._rate)
 
     def _wanted(self) -> int | None:
@@ -139,26 +130,17 @@ class LiveShow:
         if rate != self._rate:
             self._rate = rate
             self.simulation.set_rate(rate)
-        if self._clicked(TOUR):
+        if (clicks := self._meshcat.GetButtonClicks(TOUR)) > self._tour_clicks:
+            self._tour_clicks = clicks
             self._touring = not self._touring
             self._say(f"tour {'on' if self._touring else 'off'}")
         chosen = round(self._meshcat.GetSliderValue(TARGET))
-        if self._clicked(ANOTHER):
-            chosen = self._next_stop()
-        if chosen != self._goal:
+        if chosen != self.goal:
             self._touring = False
             return chosen
         if self._touring and not self.moving and self._rested_s >= _REST_S:
-            return self._next_stop()
+            return next(stop for stop in self._stops if stop != self.goal)
         return None
-
-    def _clicked(self, button: str) -> bool:
-        before, self._clicks[button] = self._clicks[button], self._meshcat.GetButtonClicks(button)
-        return self._clicks[button] > before
-
-    def _next_stop(self) -> int:
-        self._stops.append(self._stops.pop(0))
-        return self._stops[0] if self._stops[0] != self._goal else self._stops[1]
 
     def _brake(self, motion: Motion) -> None:
         self.simulation.follow(*braked(motion, self.simulation.time_s))
@@ -168,30 +150,16 @@ class LiveShow:
         simulation, robot = self.simulation, self.simulation.robot
         q_start = np.clip(simulation.q_commanded, robot.lower, robot.upper)
         try:
-            motion = self._motion_from(q_start, simulation.felt, self._goal)
+            motion = self._pilot.plan_feeling(q_start, simulation.felt, self.goal).motion
         except ValueError as reason:
             self._say(str(reason))
             return
         through = ", through the air" if motion.plan.in_air.any() else ""
-        self._say(f"to sensation {self._goal}{through}")
+        self._say(f"to sensation {self.goal}{through}")
         self._scene.clear_paths()
-        self._scene.draw_path(self._paths(motion.q), len(motion.q))
+        self._scene.draw_path(touch_paths(self._data.world, motion.q), len(motion.q))
         simulation.follow(motion.time_s, motion.q, motion.v)
         self._motion, self._log = motion, []
-
-    def _show(self) -> np.ndarray:
-        """Shows the robot and its sensation; returns the sensation, `(S,)` N."""
-        felt, robot = self.simulation.felt, self.simulation.robot
-        q = self.simulation.q[None]
-        self._scene.move(robot.skin_positions(q)[0])
-        self._scene.move_balls(robot.toucher_positions(q)[0])
-        self._scene.show_felt(felt / self._full)
-        if felt.any():
-            self._scene.show_here(self._nearest(felt))
-        return felt
-
-    def _nearest(self, felt: np.ndarray) -> int:
-        return int(np.argmax(self._known.target_sensations @ felt))
 
     def _follow(self, motion: Motion, felt: np.ndarray) -> None:
         """Shows the expected sensation, and ends the motion when its time is over."""
@@ -201,7 +169,7 @@ class LiveShow:
         over = self.simulation.time_s > motion.time_s[-1]
         if over or len(self._log) % _TRACE_EVERY == 2:
             q = np.array([entry[1] for entry in self._log])
-            self._scene.draw_trace(self._paths(q))
+            self._scene.draw_trace(touch_paths(self._data.world, q))
         if over:
             self._finish(motion)
 
@@ -209,13 +177,13 @@ class LiveShow:
         felt, rows = np.array([e[0] for e in self._log]), [e[2] for e in self._log]
         expected, meant = motion.predicted[rows], motion.touching[rows]
         touching = np.any(felt, axis=1)
-        there = self._nearest(felt[-1])
-        end = "reached" if there == self._goal else f"came to {there}"
+        there = int(self._scene.nearest(felt[-1]))
+        end = "reached" if there == self.goal else f"came to {there}"
         if not touching[-1]:
             end = "came off the skin"
         where = "" if meant.all() else " where touch was expected"
         contact = touching[meant].mean() if meant.any() else 1.0
-        text = f"sensation {self._goal}: {end}, in contact {contact:.0%}{where}"
+        text = f"sensation {self.goal}: {end}, in contact {contact:.0%}{where}"
         both = touching & expected.any(axis=1)
         if both.any():
             likeness = 1.0 - cosine_distance(felt[both], expected[both]).mean()
@@ -223,12 +191,9 @@ class LiveShow:
         self._say(text)
         self._motion = None
 
-    def _paths(self, q: np.ndarray) -> list[SkinPath]:
-        return touch_paths(self._data.shape, self._data.touches_at, q)
-
     def _say(self, text: str) -> None:
         self._announce(text.replace("\n", "; "))
-        self._scene.write_status(text)
+        self._scene.say(text)
 
 
 def braked(motion: Motion, time_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -20,34 +20,23 @@ from pydrake.perception import BaseField, Fields, PointCloud
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.run.directory import MissingError
-from selftouch_drake.show.meshcat.skin_drawing import (
-    Receptors,
-    SkinDrawing,
-    key_frames,
-    linear_light,
-    rgba,
-)
-from selftouch_drake.show.meshcat.stage import VIEW, draw_balls, set_stage
+from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, key_frames, linear_light, rgba
+from selftouch_drake.show.meshcat.stage import APART, FRAMES_PER_S, FeelingRobot
 from selftouch_drake.show.meshcat.text_meshes import put_text
 from selftouch_drake.show.paths import SkinPath, evenly_spaced
+from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.run_data import RunData
-from selftouch_drake.show.skins import all_moved, as_one, moved
-from selftouch_drake.show.style import BLUE, GREEN, INK, ORANGE, RECOVERED, VERMILION
+from selftouch_drake.show.skins import typical_extent
+from selftouch_drake.show.style import BLUE, GREEN, ORANGE, RECOVERED, VERMILION
+from selftouch_drake.show.view import VIEW
 
-# Distance between the three, as a multiple of their size.
-_APART = 1.55
-# Share of the places of moving skins that may overlap with the neighbours, on each side.
-_RARE = 0.03
 # Postures of the experience that show where the skins move.
 _NUM_POSTURES = 200
-# Between lines of text, as a share of the size.
-_LINE = 0.18
-# Balls of the legend of the colours.
-_NUM_COLORS = 13
 # Sensations whose numbers are written on the recovered body.
 _NUM_NUMBERS = 16
-# Paths of the real skins, of the expected ones, and of the recovered body.
-FELT, EXPECTED, RECOVERED_BODY = "/skins", "/expected", "/recovered"
+# Paths of the expected sensation and of the recovered body.
+_EXPECTED, _RECOVERED_BODY = "/expected", "/recovered"
+_HERE = f"{_RECOVERED_BODY}/here"
 
 
 def firm_touch(representation: QuotientRepresentation) -> float:
@@ -61,96 +50,77 @@ def firm_touch(representation: QuotientRepresentation) -> float:
     return float(np.quantile(representation.kernel_strength, 0.75))
 
 
-class MeshcatScene:
+class MeshcatScene(FeelingRobot):
     """Draws the scene, and moves and colours the parts that change.
 
     Args:
         meshcat: where it is drawn.
         data: of a run that has learned.
-        beside_panel: whether to leave room on the right for Meshcat's controls.
-
-    Attributes:
-        size: m, of the body, or of what its parts move over.
-        kernel_places: `(K, 3)` m, the kernels on the recovered body, or as the agent laid them out
-            if they are on no surface; NaN in fragments.
+        beside_panel: as of `FeelingRobot`.
     """
 
     def __init__(self, meshcat: Meshcat, data: RunData, *, beside_panel: bool = False):
-        self._meshcat = meshcat
-        self._skins = data.skins
-        home = as_one(all_moved(data.skins, data.home))
-        low, high = home.vertices.min(axis=0), home.vertices.max(axis=0)
-        middle = (low + high) / 2
-        width, lowest = _reach(data, middle)
-        self.size = max(float((high - low).max()), width / _APART)
-        self._under = middle + (lowest - 0.22 * self.size) * VIEW.axes[1]
-        self._aside = _APART * self.size * VIEW.axes[0]
+        known = data.representation
+        postures = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
+        full = firm_touch(known)
+        super().__init__(
+            meshcat, data.world, full=full, postures=postures, beside_panel=beside_panel
+        )
+        self._targets = known.target_sensations
         # Paths move with the skin that they are on.
-        self._plan_roots = [f"{FELT}/{skin.name}/plan" for skin in data.skins]
-        self._felt = SkinDrawing(meshcat, FELT, data.skins)
-        self._expected = SkinDrawing(meshcat, EXPECTED, data.skins)
-        meshcat.SetTransform(EXPECTED, RigidTransform(-self._aside))
-        self.move(data.home)
-        self._balls = draw_balls(meshcat, data.shape)
-        self.kernel_places, title = self._draw_recovered(data, middle)
-        self._write("/titles/recovered", title, aside=self._aside)
-        self._write_titles()
-        set_stage(meshcat, VIEW, middle, self.size, beside_panel=beside_panel)
+        self._plan_roots = [f"/skins/{skin.name}/plan" for skin in data.skins]
+        self._expected = SkinDrawing(meshcat, _EXPECTED, data.skins)
+        aside = APART * self.size * VIEW.axes[0]
+        meshcat.SetTransform(_EXPECTED, RigidTransform(-aside))
+        meshcat.SetTransform(_RECOVERED_BODY, RigidTransform(aside))
+        self._write("/titles/recovered", self._draw_recovered(data), aside=aside)
+        self._write("/titles/expected", "what it expects to feel", aside=-aside)
+        self._write("/titles/felt", f"what it feels\n(darkest: {self.full:.1f} N)")
+        self.show(self.home, np.zeros(len(self._targets[0])))
 
-    def move(self, poses: np.ndarray) -> None:
-        """Puts the skins where their links are: `(skins, 3, 4)`."""
-        self._felt.move(poses)
-        self._expected.move(poses)
+    def nearest(self, felt: np.ndarray) -> np.ndarray:
+        """`(...)` the kernel whose sensation is most like `(..., S)` N."""
+        return np.argmax(felt @ self._targets.T, axis=-1)
 
-    def move_balls(self, p_WT: np.ndarray) -> None:
-        """Puts the balls that the model does not draw at `(touchers, 3)` m."""
-        for number, path in self._balls.items():
-            self._meshcat.SetTransform(path, RigidTransform(p_WT[number]))
-
-    def show_felt(self, felt: np.ndarray) -> None:
-        """Shows a sensation `(S,)` on the real skins, 1 in the strongest colour."""
-        self._felt.show(felt)
+    def show(self, q: np.ndarray, felt: np.ndarray) -> None:
+        """Shows the robot at `(J,)` q, feeling `(S,)` N, also on the recovered body."""
+        super().show(q, felt)
+        self._expected.move(self._robot.skin_positions(q[None])[0])
+        place = self._places[self.nearest(felt)]
+        if felt.any() and np.isfinite(place).all():
+            self._meshcat.SetTransform(_HERE, RigidTransform(place))
 
     def show_expected(self, expected: np.ndarray) -> None:
-        """Shows an expected sensation `(S,)` beside them."""
+        """Shows an expected sensation `(S,)` of unit L2 norm."""
         self._expected.show(expected)
 
-    def show_here(self, kernel: int) -> None:
-        """Marks a kernel on the recovered body, if it is there."""
-        if np.isfinite(self.kernel_places[kernel]).all():
-            here = RigidTransform(self.kernel_places[kernel])
-            self._meshcat.SetTransform(f"{RECOVERED_BODY}/here", here)
-
     def record(
-        self,
-        recording: MeshcatAnimation,
-        *,
-        poses: np.ndarray,
-        p_WT: np.ndarray,
-        felt: np.ndarray,
-        expected: np.ndarray,
-        kernel: np.ndarray,
+        self, recording: MeshcatAnimation, q: np.ndarray, felt: np.ndarray, expected: np.ndarray
     ) -> None:
         """Records what changes, frame by frame.
 
         Args:
             recording: to add to.
-            poses: `(frames, skins, 3, 4)` of the skins' links.
-            p_WT: `(frames, touchers, 3)` m, of what touches.
-            felt: `(frames, S)` as of `show_felt`.
+            q: `(frames, J)` rad or m.
+            felt: `(frames, S)` N.
             expected: `(frames, S)` as of `show_expected`.
-            kernel: `(frames,)` the kernel that is felt, or was felt last.
         """
+        for frame, configuration in enumerate(q):
+            self._publish(configuration, frame / FRAMES_PER_S)
+        p_WT = self._robot.toucher_positions(q)
         for number, path in self._balls.items():
             for frame, place in enumerate(p_WT[:, number]):
                 recording.SetTransform(frame, path, RigidTransform(place))
-        self._felt.record(recording, poses, felt)
+        poses = self._robot.skin_positions(q)
+        self._skins.record(recording, poses, felt / self.full)
         self._expected.record(recording, poses, expected)
+        # Where nothing is felt, the kernel that was felt last.
+        touched = np.where(felt.any(axis=1), np.arange(len(felt)), 0)
+        kernel = self.nearest(felt)[np.maximum.accumulate(touched)]
         for frame in key_frames(kernel):
-            place = self.kernel_places[kernel[frame]]
+            place = self._places[kernel[frame]]
             if np.isfinite(place).all():
-                here = RigidTransform(place)
-                recording.SetTransform(frame, f"{RECOVERED_BODY}/here", here)
+                recording.SetTransform(frame, _HERE, RigidTransform(place))
 
     def draw_path(self, paths: Sequence[SkinPath], num_rows: int) -> None:
         """Draws the planned paths over the skins, from green to blue."""
@@ -173,74 +143,48 @@ class MeshcatScene:
         for root in self._plan_roots:
             self._meshcat.Delete(root)
 
-    def write_status(self, text: str) -> None:
-        """Writes one or two lines below everything."""
-        self._write("/status", text, line=2)
-
-    def draw_legend(self, full: float) -> None:
-        """Draws the scale of the receptors' colours, up to `full` N, below the body's title."""
-        share = np.linspace(0.0, 1.0, _NUM_COLORS)
-        centre = self._under - _LINE * self.size * VIEW.axes[1]
-        places = centre + 0.8 * self.size * (share - 0.5)[:, None] * VIEW.axes[0]
-        Receptors(self._meshcat, "/legend/colors", places, 0.02 * self.size).show(share)
-        for end, text in ((-1.0, "0"), (1.0, f"{full:.1f} N\nper receptor")):
-            self._write(
-                f"/legend/{end:.0f}", text, aside=0.6 * end * self.size * VIEW.axes[0], line=1
-            )
-
-    def _draw_recovered(self, data: RunData, middle: np.ndarray) -> tuple[np.ndarray, str]:
-        """Draws the recovered body; returns the places of the kernels, and its title."""
-        typical = float(np.median([skin.extent for skin in self._skins]))
-        self._meshcat.SetTransform(RECOVERED_BODY, RigidTransform(self._aside))
-        try:
-            parts, places = data.recovered, data.kernel_places
-            title = "its body, as it recovered it,\nfitted to the true one"
-        except MissingError:
-            # Without a surface, or without its true place, the agent's own layout is drawn.
-            parts, places = (), _laid_out(data, middle, typical)
-            title = "its sensations, as it laid them out"
-            cloud = _cloud(places[np.isfinite(places).all(axis=1)], RECOVERED)
-            self._meshcat.SetObject(f"{RECOVERED_BODY}/kernels", cloud, point_size=0.025 * typical)
-        for part in parts:
-            path = f"{RECOVERED_BODY}/part_{part.part}"
-            color = rgba(RECOVERED, 0.4)
-            # A sheet is seen from both sides.
-            faces = part.faces if part.closed else np.vstack([part.faces, part.faces[:, ::-1]])
-            self._meshcat.SetTriangleMesh(f"{path}/surface", part.places.T, faces.T, color)
-            cloud = _cloud(part.positions, RECOVERED)
-            self._meshcat.SetObject(f"{path}/kernels", cloud, point_size=0.025 * typical)
-        ball = Sphere(0.04 * typical)
-        self._meshcat.SetObject(f"{RECOVERED_BODY}/here", ball, rgba(VERMILION))
-        self._number(places, typical)
-        return places, title
-
-    def _number(self, places: np.ndarray, typical: float) -> None:
-        """Writes the numbers of some sensations where they are, on the side of the camera."""
-        middle = np.nanmean(places, axis=0)
-        known = np.flatnonzero((places - middle) @ VIEW.towards > 0.0)
-        at = places[known]
-        for row in farthest_points(lambda k: np.linalg.norm(at - at[k], axis=1), _NUM_NUMBERS):
-            outside = at[row] + 0.12 * (at[row] - middle)
-            path = f"{RECOVERED_BODY}/numbers/{known[row]}"
-            put_text(
-                self._meshcat, path, str(known[row]), outside, VIEW,
-                size=0.07 * typical, color=rgba(INK),
-            )  # fmt: skip
-
     def _draw_dots(
         self, path: str, points: SkinPath, color: str, *, spacing: float, point_size: float
     ) -> None:
         dots = np.concatenate([evenly_spaced(s, spacing) for s in points.stretches()])
         self._meshcat.SetObject(f"{path}/dots", _cloud(dots, color), point_size=point_size)
 
-    def _write(self, path: str, text: str, *, aside: np.ndarray | float = 0.0, line: float = 0.0):
-        centre = self._under + aside - _LINE * self.size * line * VIEW.axes[1]
-        size = 0.08 * self.size
-        put_text(self._meshcat, path, text, centre, VIEW, size=size, color=rgba(INK))
+    def _draw_recovered(self, data: RunData) -> str:
+        """Draws the recovered body, and returns its title."""
+        typical = typical_extent(data.skins)
+        try:
+            self._places = data.kernel_places
+            draw_parts(self._meshcat, _RECOVERED_BODY, data.recovered, typical)
+            title = "its body, as it recovered it,\nfitted to the true one"
+        except MissingError:
+            # Without a surface, or without its true place, the agent's own layout is drawn.
+            self._places = _laid_out(data, self._middle, typical)
+            cloud = _cloud(self._places[np.isfinite(self._places).all(axis=1)], RECOVERED)
+            path = f"{_RECOVERED_BODY}/kernels"
+            self._meshcat.SetObject(path, cloud, point_size=0.025 * typical)
+            title = "its sensations, as it laid them out"
+        self._meshcat.SetObject(_HERE, Sphere(0.04 * typical), rgba(VERMILION))
+        # Some numbers of sensations, on the side of the camera.
+        middle = np.nanmean(self._places, axis=0)
+        known = np.flatnonzero((self._places - middle) @ VIEW.towards > 0.0)
+        at = self._places[known]
+        for row in farthest_points(lambda k: np.linalg.norm(at - at[k], axis=1), _NUM_NUMBERS):
+            outside = at[row] + 0.12 * (at[row] - middle)
+            path = f"{_RECOVERED_BODY}/numbers/{known[row]}"
+            put_text(self._meshcat, path, str(known[row]), outside, 0.07 * typical)
+        return title
 
-    def _write_titles(self) -> None:
-        self._write("/titles/expected", "what it expects to feel", aside=-self._aside)
-        self._write("/titles/felt", "what it feels")
+
+def draw_parts(meshcat: Meshcat, root: str, parts: Sequence[RecoveredSkin], size: float) -> None:
+    """Draws recovered parts and their kernels below `root`, for skins of a size in m."""
+    for part in parts:
+        path = f"{root}/part_{part.part}"
+        # A sheet is seen from both sides.
+        faces = part.faces if part.closed else np.vstack([part.faces, part.faces[:, ::-1]])
+        color = rgba(RECOVERED, 0.4)
+        meshcat.SetTriangleMesh(f"{path}/surface", part.places.T, faces.T, color)
+        cloud = _cloud(part.positions, RECOVERED)
+        meshcat.SetObject(f"{path}/kernels", cloud, point_size=0.025 * size)
 
 
 def _laid_out(data: RunData, middle: np.ndarray, size: float) -> np.ndarray:
@@ -253,25 +197,6 @@ def _laid_out(data: RunData, middle: np.ndarray, size: float) -> np.ndarray:
         right += 1.2 * width
     low, high = np.nanmin(places, axis=0), np.nanmax(places, axis=0)
     return middle + (places - (low + high) / 2) * size / float((high - low).max())
-
-
-def _reach(data: RunData, middle: np.ndarray) -> tuple[float, float]:
-    """m, how wide the skins are or mostly move in the picture, and how far below `middle`."""
-    home = VIEW.project(as_one(all_moved(data.skins, data.home)).vertices - middle)
-    width, lowest = float(np.ptp(home[:, 0])), float(home[:, 1].min())
-    q = data.representation.kernel_q
-    some = q[:: max(len(q) // _NUM_POSTURES, 1)].astype(float)
-    poses = data.robot.skin_positions(some)
-    if np.ptp(poses, axis=0).max() < 1e-9:
-        return width, lowest
-    # No more points than the outline of a picture needs.
-    outlines = [skin.vertices[:: max(len(skin.vertices) // 200, 1)] for skin in data.skins]
-    places = [
-        moved(outline, pose) for number, outline in enumerate(outlines) for pose in poses[:, number]
-    ]
-    right, up, _ = VIEW.project(np.concatenate(places) - middle).T
-    left_end, right_end = np.quantile(right, [_RARE, 1.0 - _RARE])
-    return max(width, float(right_end - left_end)), min(lowest, float(np.quantile(up, _RARE)))
 
 
 def _cloud(points: np.ndarray, color: str) -> PointCloud:

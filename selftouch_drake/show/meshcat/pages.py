@@ -12,75 +12,65 @@ from pydrake.math import RigidTransform
 
 from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
-from selftouch_drake.show.meshcat.skin_drawing import rgba
-from selftouch_drake.show.meshcat.stage import VIEW, FeelingRobot, shown_page
+from selftouch_drake.show.meshcat.meshcat_scene import draw_parts
+from selftouch_drake.show.meshcat.stage import APART, FRAMES_PER_S, FeelingRobot, shown_page
 from selftouch_drake.show.recovered import laid_on_skins
-from selftouch_drake.show.skins import surfaces_of
-from selftouch_drake.show.style import INK, RECOVERED
+from selftouch_drake.show.skins import surfaces_of, typical_extent
+from selftouch_drake.show.view import VIEW
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.lifelong import Life
 
 END = "end"
-# s, from frame to frame, and frames of each block of touches.
-_FRAME_S, _FRAMES = 1 / 30, 15
+#: s, from frame to frame.
+FRAME_S = 1 / FRAMES_PER_S
+# Frames of each block of touches.
+_FRAMES = 15
 # rad or m, step of a slider.
 _SLIDER_STEP = 0.001
-#: The body that the agent knows stands this many sizes beside the real one.
-_ASIDE = 1.55
+# Path of the body that the agent knows.
 _KNOWN = "/known"
 
 
-class RobotPage:
+class RobotPage(FeelingRobot):
     """A robot that takes the posture of its sliders.
 
     Args:
         meshcat: where it is shown.
         world: of the robot.
-
-    Attributes:
-        meshcat: where it is shown.
     """
 
     def __init__(self, meshcat: Meshcat, world: World):
-        self.meshcat, self._world = meshcat, world
-        self._robot = robot = world.robot
-        self._drawing = FeelingRobot(meshcat, world)
-        self._q = self._drawing.home
-        lower, upper = robot.babbled_range
-        for name, low, high, value in zip(robot.joint_names, lower, upper, self._q, strict=True):
+        super().__init__(meshcat, world)
+        self._probe = world.probe
+        names, (lower, upper) = world.robot.joint_names, world.robot.babbled_range
+        for name, low, high, value in zip(names, lower, upper, self.home, strict=True):
             meshcat.AddSlider(name, low, high, _SLIDER_STEP, value)
         meshcat.AddButton(END, "Escape")
-        self.show(self._q)
-
-    @property
-    def status(self) -> str:
-        """What is written below the robot."""
-        return self._drawing.status
+        self._take(self.home)
 
     @property
     def ended(self) -> bool:
         """Whether the user pressed the end button."""
-        return self.meshcat.GetButtonClicks(END) > 0
+        return self._meshcat.GetButtonClicks(END) > 0
 
     def step(self) -> None:
         """Takes the posture of the sliders, if they have moved."""
-        q = np.array([self.meshcat.GetSliderValue(name) for name in self._robot.joint_names])
+        q = np.array([self._meshcat.GetSliderValue(name) for name in self._robot.joint_names])
         # A slider rounds to whole steps, and may end beyond its range.
         q = q.clip(*self._robot.babbled_range)
         if not np.array_equal(q, self._q):
-            self.show(q)
+            self._take(q)
 
-    def show(self, q: np.ndarray) -> None:
-        """Shows the robot at `(J,)` q with its sensation."""
+    def _take(self, q: np.ndarray) -> None:
         self._q = q
-        (felt,) = self._world.probe.sensations(q[None])
-        self._drawing.show(q, felt)
-        (depth,) = self._world.probe.collision_depth(q[None])
+        (felt,) = self._probe.sensations(q[None])
+        self.show(q, felt)
+        (depth,) = self._probe.collision_depth(q[None])
         status = f"feels {felt.sum():.1f} N" if felt.any() else "touches nothing"
         if depth > 0:
             status = "rigid parts run into each other: no posture of this robot"
-        self._drawing.say(status)
+        self.say(status)
 
 
 def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None:
@@ -94,7 +84,7 @@ def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None
         page = RobotPage(meshcat, world)
         while not page.ended:
             page.step()
-            time.sleep(_FRAME_S)
+            time.sleep(FRAME_S)
 
 
 class LifePage:
@@ -102,23 +92,22 @@ class LifePage:
 
     Args:
         meshcat: where it is shown.
-        frame_s: s, from frame to frame.
+
+    Attributes:
+        robot: the robot with its current body.
     """
 
-    def __init__(self, meshcat: Meshcat, *, frame_s: float = _FRAME_S):
-        self._meshcat, self._frame_s = meshcat, frame_s
-        meshcat.AddButton(END, "Escape")
+    robot: FeelingRobot
 
-    @property
-    def status(self) -> str:
-        """What is written below the robot."""
-        return self._robot.status
+    def __init__(self, meshcat: Meshcat):
+        self._meshcat = meshcat
+        meshcat.AddButton(END, "Escape")
 
     def enter(self, world: World) -> None:
         """Draws the robot with its current body."""
         self._meshcat.Delete("/drake")
         self._meshcat.Delete("/skins")
-        self._world, self._robot = world, FeelingRobot(self._meshcat, world)
+        self._world, self.robot = world, FeelingRobot(self._meshcat, world)
 
     def lived(self, q: np.ndarray, sensation: np.ndarray, life: Life) -> None:
         """Shows some of the touches from which the agent learned.
@@ -129,26 +118,20 @@ class LifePage:
         for row in range(0, len(q), max(len(q) // _FRAMES, 1)):
             if self._meshcat.GetButtonClicks(END):
                 raise KeyboardInterrupt
-            self._robot.show(q[row].astype(float), sensation[row].astype(float))
-            time.sleep(self._frame_s)
-        self._robot.say(f"{life.num_touches:,} touches: {_mood(life)}")
+            self.robot.show(q[row].astype(float), sensation[row].astype(float))
+            time.sleep(FRAME_S)
+        self.robot.say(f"{life.num_touches:,} touches: {_mood(life)}")
 
     def scored(self, found: Quality, num_touches: int) -> None:
         """Draws the body that the agent knows so far."""
         self._meshcat.Delete(_KNOWN)
         if found.truth is None:
             return
-        skins, robot = surfaces_of(self._world.skins), self._robot
-        home = self._world.robot.skin_positions(robot.home[None])[0]
-        self._meshcat.SetTransform(_KNOWN, RigidTransform(_ASIDE * robot.size * VIEW.axes[0]))
-        for part in laid_on_skins(found.body, found.truth, skins, home):
-            both_sides = np.vstack([part.faces, part.faces[:, ::-1]])
-            path = f"{_KNOWN}/part_{part.part}"
-            color = rgba(RECOVERED, 0.6)
-            self._meshcat.SetTriangleMesh(path, part.places.T, both_sides.T, color)
-            self._meshcat.SetTriangleMesh(
-                f"{path}/edges", part.places.T, part.faces.T, rgba(INK), wireframe=True
-            )
+        skins, size = surfaces_of(self._world.skins), self.robot.size
+        home = self._world.robot.skin_positions(self.robot.home[None])[0]
+        self._meshcat.SetTransform(_KNOWN, RigidTransform(APART * size * VIEW.axes[0]))
+        parts = laid_on_skins(found.body, found.truth, skins, home)
+        draw_parts(self._meshcat, _KNOWN, parts, typical_extent(skins))
 
 
 def _mood(life: Life) -> str:

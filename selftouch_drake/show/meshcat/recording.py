@@ -8,13 +8,11 @@ import html
 import numpy as np
 from pydrake.geometry import Meshcat
 
-from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene, firm_touch
-from selftouch_drake.show.meshcat.stage import RobotDrawing, open_meshcat
+from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
+from selftouch_drake.show.meshcat.stage import FRAMES_PER_S, open_meshcat
 from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.run_data import RunData, Targets
-from selftouch_drake.show.style import PRESSURE
 
-FRAMES_PER_S = 30
 # Repetitions of the animation; the controls of the page stop it.
 _REPETITIONS = 1000
 # s, for which the end is held.
@@ -36,7 +34,7 @@ def recording_page(data: RunData, targets: Targets) -> str:
     page, full = _recorded(data, targets)
     # Drake's diagrams are in reference cycles, and this one held the Meshcat server and its port.
     gc.collect()
-    title = f"{data.experiment.name}: sensation {' to '.join(map(str, targets))}"
+    title = f"{data.run.experiment.name}: sensation {' to '.join(map(str, targets))}"
     return _with_legend(page, title, full)
 
 
@@ -47,20 +45,14 @@ def _recorded(data: RunData, targets: Targets) -> tuple[str, float]:
 
 
 def _with_legend(page: str, title: str, full: float) -> str:
-    """Lays a title and the scale of the colours over Meshcat's page."""
-    stops = ", ".join(
-        "rgb({:.0f},{:.0f},{:.0f})".format(*(255 * np.array(PRESSURE(x)[:3])))
-        for x in np.linspace(0.0, 1.0, 9)
-    )
+    """Lays a title and the meaning of the colours over Meshcat's page."""
     legend = f"""
   <div style="position: fixed; left: 1rem; top: 1rem; max-width: 22rem; color: #22262b;
               font: 14px/1.4 system-ui, sans-serif; pointer-events: none">
     <strong>{html.escape(title)}</strong><br>
     The agent touches itself. Blue is its plan, from green to blue; orange is the path that it
-    took; red on the recovered body is where it feels itself.
-    <div style="height: 10px; margin-top: 6px; border: 1px solid #888;
-                background: linear-gradient(to right, {stops})"></div>
-    <span style="float: left">0</span><span style="float: right">{full:.1f} N per receptor</span>
+    took; red on the recovered body is where it feels itself. The more a receptor feels, the darker
+    it is, up to {full:.1f} N per receptor.
   </div>
 """
     page = page.replace("<title>Drake MeshCat</title>", f"<title>{html.escape(title)}</title>", 1)
@@ -79,35 +71,21 @@ def record(meshcat: Meshcat, data: RunData, targets: Targets) -> float:
     Returns:
         N, the reading of a receptor that is shown in the strongest colour.
     """
-    execution, robot = data.execution(*targets), data.robot
-    rows = frame_rows(execution.motion.time_s)
-    q, felt = execution.q_measured[rows], execution.felt[rows]
-    full = firm_touch(data.representation)
+    execution = data.execution(*targets)
+    motion, rows = execution.motion, frame_rows(execution.motion.time_s)
     scene = MeshcatScene(meshcat, data)
-    planned, measured = (
-        touch_paths(data.shape, data.touches_at, path)
-        for path in (execution.motion.q, execution.q_measured)
-    )
-    scene.draw_path(planned, len(execution.motion.q))
-    scene.draw_trace(measured)
+    scene.draw_path(touch_paths(data.world, motion.q), len(motion.q))
+    scene.draw_trace(touch_paths(data.world, execution.q_measured))
     # What is set with a time is recorded only; live, the recording is played.
     meshcat.StartRecording(FRAMES_PER_S, set_visualizations_while_recording=False)
     recording = meshcat.get_mutable_recording()
     recording.set_repetitions(_REPETITIONS)
-    drawing = RobotDrawing(meshcat, data.experiment, data.world.skins)
-    for frame, configuration in enumerate(q):
-        drawing.put(configuration, frame / FRAMES_PER_S)
     scene.record(
-        recording,
-        poses=robot.skin_positions(q),
-        p_WT=robot.toucher_positions(q),
-        felt=felt / full,
-        expected=execution.motion.predicted[rows],
-        kernel=_felt_last(felt, data.representation.target_sensations),
+        recording, execution.q_measured[rows], execution.felt[rows], motion.predicted[rows]
     )
     meshcat.StopRecording()
     meshcat.PublishRecording()
-    return full
+    return scene.full
 
 
 def frame_rows(time_s: np.ndarray) -> np.ndarray:
@@ -116,10 +94,3 @@ def frame_rows(time_s: np.ndarray) -> np.ndarray:
     frame_s = np.arange(int(np.ceil((duration + _PAUSE_S) * FRAMES_PER_S))) / FRAMES_PER_S
     rows = np.searchsorted(time_s - time_s[0], frame_s - 1e-9)
     return np.minimum(rows, len(time_s) - 1)
-
-
-def _felt_last(felt: np.ndarray, target_sensations: np.ndarray) -> np.ndarray:
-    """`(frames,)` the kernel whose sensation the agent feels, or felt last."""
-    kernel = np.argmax(felt @ target_sensations.T, axis=1)
-    touched = np.where(felt.any(axis=1), np.arange(len(felt)), 0)
-    return kernel[np.maximum.accumulate(touched)]

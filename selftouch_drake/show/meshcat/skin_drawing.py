@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.colors import to_rgb
@@ -26,19 +26,25 @@ class SkinDrawing:
         meshcat: where they are drawn.
         root: path of all of them.
         skins: each in the frame of its link.
+
+    Attributes:
+        skins: as above.
     """
 
     def __init__(self, meshcat: Meshcat, root: str, skins: Sequence[SkinSurface]):
-        self._meshcat, self._skins = meshcat, skins
+        self._meshcat, self.skins = meshcat, skins
         self._paths = [f"{root}/{skin.name}" for skin in skins]
         self._poses = np.full((len(skins), 3, 4), np.nan)
-        self._receptors = []
+        self._receptors: list[str] = []
         for path, skin in zip(self._paths, skins, strict=True):
             color = rgba(SKIN, 0.4)
             meshcat.SetTriangleMesh(f"{path}/surface", skin.vertices.T, skin.faces.T, color)
-            receptors = f"{path}/receptors"
-            radius = 0.02 * skin.extent
-            self._receptors.append(Receptors(meshcat, receptors, skin.receptors, radius))
+            for number, place in enumerate(skin.receptors):
+                receptor = f"{path}/receptors/{number}"
+                meshcat.SetObject(receptor, Sphere(0.02 * skin.extent), Rgba(*_COLORS[0]))
+                meshcat.SetTransform(receptor, RigidTransform(place))
+                self._receptors.append(receptor)
+        self._shown = np.zeros(len(self._receptors), dtype=int)
 
     def move(self, poses: np.ndarray) -> None:
         """Puts the skins where their links are: `(skins, 3, 4)`."""
@@ -49,68 +55,37 @@ class SkinDrawing:
 
     def show(self, sensation: np.ndarray) -> None:
         """Shows a sensation `(S,)`, 1 in the strongest colour."""
-        for skin, receptors in zip(self._skins, self._receptors, strict=True):
-            receptors.show(sensation[skin.readings])
-
-    def record(self, recording: MeshcatAnimation, poses: np.ndarray, sensation: np.ndarray) -> None:
-        """Records poses `(frames, skins, 3, 4)` and sensations `(frames, S)`."""
-        for number, path in enumerate(self._paths):
-            if np.ptp(poses[:, number], axis=0).max() > 1e-9:
-                for frame, pose in enumerate(poses[:, number]):
-                    recording.SetTransform(frame, path, _transform(pose))
-        for skin, receptors in zip(self._skins, self._receptors, strict=True):
-            receptors.record(recording, sensation[:, skin.readings])
-
-
-class Receptors:
-    """Receptors on one skin, coloured by their readings.
-
-    Args:
-        meshcat: where they are drawn.
-        path: of all of them in Meshcat; they move with it.
-        positions: `(S, 3)` m, in the frame of that path.
-        radius: m, of the ball that stands for one.
-    """
-
-    def __init__(self, meshcat: Meshcat, path: str, positions: np.ndarray, radius: float):
-        self._meshcat = meshcat
-        self._paths = [f"{path}/{receptor}" for receptor in range(len(positions))]
-        self._shown = np.zeros(len(positions), dtype=int)
-        for each, position in zip(self._paths, positions, strict=True):
-            meshcat.SetObject(each, Sphere(radius), Rgba(*_COLORS[0]))
-            meshcat.SetTransform(each, RigidTransform(position))
-
-    def show(self, felt: np.ndarray) -> None:
-        """Shows `(S,)` readings, 1 in the strongest colour."""
-        steps = _steps(felt)
-        for receptor in np.flatnonzero(steps != self._shown):
-            self._meshcat.SetProperty(
-                self._paths[receptor], "color", _COLORS[steps[receptor]].tolist()
-            )
+        steps = _steps(sensation)
+        for number in np.flatnonzero(steps != self._shown):
+            color = _COLORS[steps[number]].tolist()
+            self._meshcat.SetProperty(self._receptors[number], "color", color)
         self._shown = steps
 
-    def record(self, recording: MeshcatAnimation, felt: np.ndarray) -> None:
-        """Records `(frames, S)` readings, 1 in the strongest colour.
+    def record(self, recording: MeshcatAnimation, poses: np.ndarray, sensation: np.ndarray) -> None:
+        """Records poses `(frames, skins, 3, 4)` and sensations `(frames, S)`.
 
         A recorded property named `color` is not played back (Drake issue 20879). The colour of the
         material is, and is blended in linear light; live it does nothing.
         """
+        for number, path in enumerate(self._paths):
+            if np.ptp(poses[:, number], axis=0).max() > 1e-9:
+                for frame, pose in enumerate(poses[:, number]):
+                    recording.SetTransform(frame, path, _transform(pose))
         colors = linear_light(_COLORS[:, :3]).tolist()
-        for path, steps in zip(self._paths, _steps(felt).T, strict=True):
+        for path, steps in zip(self._receptors, _steps(sensation).T, strict=True):
             for frame in key_frames(steps):
-                recording.SetProperty(
-                    frame, f"{path}/<object>", "material.color", colors[steps[frame]]
-                )
+                color = colors[steps[frame]]
+                recording.SetProperty(frame, f"{path}/<object>", "material.color", color)
 
 
-def key_frames(values: np.ndarray) -> Iterator[int]:
+def key_frames(values: np.ndarray) -> list[int]:
     """The frames that are enough for a series whose values are held between changes.
 
     Playing blends from key to key, so that the last frame before a change is a key as well; and
     each series starts over when it ends, so that all have to end with the last frame.
     """
     changes = np.flatnonzero(np.diff(values) != 0)
-    yield from np.unique([0, *changes, *(changes + 1), len(values) - 1]).tolist()
+    return np.unique([0, *changes, *(changes + 1), len(values) - 1]).tolist()
 
 
 def linear_light(srgb: np.ndarray) -> np.ndarray:

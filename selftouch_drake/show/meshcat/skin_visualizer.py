@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from pydrake.common.value import Value
@@ -18,14 +17,7 @@ from selftouch_drake.show.skins import surfaces_of
 from selftouch_drake.show.style import FIRM
 
 # s between two frames.
-PERIOD_S = 1 / 32
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Frame:
-    time_s: float
-    poses: np.ndarray
-    sensation: np.ndarray
+_PERIOD_S = 1 / 32
 
 
 class SkinVisualizer(LeafSystem):
@@ -51,30 +43,20 @@ class SkinVisualizer(LeafSystem):
         meshcat: where.
         worn: the skins, of `AddSkins`; with its `visible=False` they are not drawn twice.
         full: N, the reading that is shown in the strongest colour.
-        period_s: s, from frame to frame.
-        root: the path in Meshcat of all that is drawn.
     """
 
-    def __init__(
-        self,
-        meshcat: Meshcat,
-        worn: Sequence[WornSkin],
-        *,
-        full: float = FIRM,
-        period_s: float = PERIOD_S,
-        root: str = "/tactile_skin",
-    ):
+    def __init__(self, meshcat: Meshcat, worn: Sequence[WornSkin], *, full: float = FIRM):
         super().__init__()
         self._meshcat, self._full = meshcat, full
         self._links = [int(w.link.index()) for w in worn]
         surfaces = surfaces_of([w.model for w in worn])
-        self._drawing = SkinDrawing(meshcat, f"{root}/skins", surfaces)
-        self._sensation = self.DeclareVectorInputPort(
-            "sensation", sum(len(surface.receptors) for surface in surfaces)
-        )
+        self._drawing = SkinDrawing(meshcat, "/tactile_skin/skins", surfaces)
+        num_receptors = sum(len(surface.receptors) for surface in surfaces)
+        self._sensation = self.DeclareVectorInputPort("sensation", num_receptors)
         self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
-        self._frames: list[_Frame] = []
-        self.DeclarePeriodicPublishEvent(period_s, 0.0, self._publish)
+        # s, poses of the links, and sensation of each.
+        self._frames: list[tuple[float, np.ndarray, np.ndarray]] = []
+        self.DeclarePeriodicPublishEvent(_PERIOD_S, 0.0, self._publish)
         self.DeclareForcedPublishEvent(self._publish)
 
     @staticmethod
@@ -86,7 +68,6 @@ class SkinVisualizer(LeafSystem):
         meshcat: Meshcat,
         *,
         full: float = FIRM,
-        period_s: float = PERIOD_S,
     ) -> SkinVisualizer:
         """Adds a visualizer to a diagram and connects it.
 
@@ -97,9 +78,8 @@ class SkinVisualizer(LeafSystem):
             touch: of `AddTactileSkin`, for the same skins.
             meshcat: where.
             full: as in the constructor.
-            period_s: as in the constructor.
         """
-        show = SkinVisualizer(meshcat, worn, full=full, period_s=period_s)
+        show = SkinVisualizer(meshcat, worn, full=full)
         builder.AddNamedSystem("skin_visualizer", show)
         builder.Connect(touch.GetOutputPort("sensation"), show.GetInputPort("sensation"))
         builder.Connect(plant.get_body_poses_output_port(), show.GetInputPort("body_poses"))
@@ -114,26 +94,18 @@ class SkinVisualizer(LeafSystem):
         if not self._frames:
             raise ValueError("nothing was published; simulate before AddToRecording")
         recording = self._meshcat.get_mutable_recording()
-        time_s = [frame.time_s for frame in self._frames]
+        time_s, poses, sensation = map(np.array, zip(*self._frames, strict=True))
         frames_s = np.arange(recording.frame(time_s[-1]) + 1) / recording.frames_per_second()
-        rows = np.searchsorted(time_s, frames_s + 1e-6, side="right") - 1
-        shown = [self._frames[row] for row in rows.clip(0)]
-        self._drawing.record(
-            recording,
-            np.array([frame.poses for frame in shown]),
-            np.array([frame.sensation for frame in shown]) / self._full,
-        )
+        rows = (np.searchsorted(time_s, frames_s + 1e-6, side="right") - 1).clip(0)
+        self._drawing.record(recording, poses[rows], sensation[rows] / self._full)
 
     def _publish(self, context):
-        poses = self._poses.Eval(context)
-        frame = _Frame(
-            time_s=context.get_time(),
-            poses=np.array([poses[link].GetAsMatrix34() for link in self._links]),
-            sensation=self._sensation.Eval(context),
-        )
+        X_WB = self._poses.Eval(context)
+        poses = np.array([X_WB[link].GetAsMatrix34() for link in self._links])
+        sensation = self._sensation.Eval(context)
         # If time restarts, the frames restart.
-        while self._frames and self._frames[-1].time_s >= frame.time_s:
+        while self._frames and self._frames[-1][0] >= context.get_time():
             self._frames.pop()
-        self._frames.append(frame)
-        self._drawing.move(frame.poses)
-        self._drawing.show(frame.sensation / self._full)
+        self._frames.append((context.get_time(), poses, sensation))
+        self._drawing.move(poses)
+        self._drawing.show(sensation / self._full)

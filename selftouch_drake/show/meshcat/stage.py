@@ -1,10 +1,10 @@
-"""Meshcat with its background, its camera and a robot that can be posed."""
+"""Meshcat with its background, its camera and a robot that can be posed and feels."""
 
 from __future__ import annotations
 
 import contextlib
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from pydrake.geometry import Meshcat, MeshcatParams, MeshcatVisualizer, SceneGraph, Sphere
@@ -12,16 +12,20 @@ from pydrake.math import RigidTransform
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
-from selftouch_drake.experiment import Experiment
-from selftouch_drake.robot import MakeRobot, SkinModel, World
+from selftouch_drake.robot import MakeRobot, World
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, rgba
 from selftouch_drake.show.meshcat.text_meshes import put_text
-from selftouch_drake.show.robot_shape import RobotShape
-from selftouch_drake.show.skins import all_moved, as_one, surfaces_of
-from selftouch_drake.show.style import FIRM, INK, VERMILION
-from selftouch_drake.show.view import View
+from selftouch_drake.show.skins import all_moved, as_one, moved, surfaces_of
+from selftouch_drake.show.style import FIRM, VERMILION
+from selftouch_drake.show.view import VIEW
 
-VIEW = View(elevation=20.0, azimuth=-70.0)
+FRAMES_PER_S = 30
+#: What stands beside the robot is this many of its sizes away.
+APART = 1.55
+# Share of the places of moving skins that may overlap with the neighbours, on each side.
+_RARE = 0.03
+# Between lines of text, as a share of the size, and the line of the status.
+_LINE, _STATUS = 0.18, 2
 
 
 def open_meshcat(port: int | None = None) -> Meshcat:
@@ -52,7 +56,7 @@ def shown_page(
 
     Args:
         name: of what is shown.
-        port: of the page; by default the first free one from 7000 on.
+        port: as of `open_meshcat`.
         announce: called with where to look, and at the end.
 
     Raises:
@@ -65,49 +69,40 @@ def shown_page(
     announce("ended")
 
 
-def set_stage(
-    meshcat: Meshcat, view: View, middle: np.ndarray, size: float, *, beside_panel: bool = False
-) -> None:
-    """Sets background and camera, so that three bodies of a size in m stand round `middle`.
-
-    Args:
-        meshcat: where.
-        view: the camera's direction.
-        middle: `(3,)` m.
-        size: m.
-        beside_panel: whether the bodies stand left of the middle of the page, so that Meshcat's
-            controls do not cover them on a page that is at least 4:3.
-    """
-    for prop in ("/Grid", "/Axes"):
-        meshcat.SetProperty(prop, "visible", False)
-    meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
-    meshcat.SetProperty("/Background/<object>", "bottom_color", [0.87, 0.89, 0.92])
-    # Room above for arms.
-    centre = middle + np.array([0.0, 0.0, 0.04])
-    distance = 0.35 + 1.7 * size
-    if beside_panel:
-        distance *= 1.25
-        centre = centre + 0.2 * distance * view.axes[0]
-    meshcat.SetCameraPose(centre + distance * view.towards, centre)
-
-
-class RobotDrawing:
-    """A robot in Meshcat that can be posed.
+class FeelingRobot:
+    """A robot in Meshcat that can be posed and coloured by sensations, with text below.
 
     Its diagram feels nothing: on older Drakes one with a Python system is never freed, nor is the
     Meshcat that it shows itself in.
 
     Args:
         meshcat: where it is drawn.
-        experiment: whose robot it is.
-        skins: its skins.
+        world: of the robot.
+        full: N, the reading with the strongest colour.
+        postures: `(n, J)` for which there is to be room; by default `home`.
+        beside_panel: whether it stands left of the middle of the page, so that Meshcat's controls
+            do not cover its neighbours on a page that is at least 4:3.
+
+    Attributes:
+        home: `(J,)` rad or m, the posture that its model has by default.
+        size: m, of its skins in that posture, or of what they move over.
+        full: N, as above.
+        status: the text.
     """
 
-    def __init__(self, meshcat: Meshcat, experiment: Experiment, skins: Sequence[SkinModel]):
-        builder = DiagramBuilder()
-        scene_graph = SceneGraph()
+    def __init__(
+        self,
+        meshcat: Meshcat,
+        world: World,
+        *,
+        full: float = FIRM,
+        postures: np.ndarray | None = None,
+        beside_panel: bool = False,
+    ):
+        self._meshcat, self._robot, self.full, self.status = meshcat, world.robot, full, ""
+        builder, scene_graph = DiagramBuilder(), SceneGraph()
         builder.AddSystem(scene_graph)
-        plant = MakeRobot(experiment, skins, scene_graph).plant
+        plant = MakeRobot(world.experiment, world.skins, scene_graph).plant
         to_pose = MultibodyPositionToGeometryPose(plant)
         builder.AddSystem(to_pose)
         source_id = plant.get_source_id()
@@ -117,63 +112,67 @@ class RobotDrawing:
         MeshcatVisualizer.AddToBuilder(builder, scene_graph, meshcat)
         self._diagram = builder.Build()
         self._context = self._diagram.CreateDefaultContext()
-
-    def put(self, q: np.ndarray, time_s: float = 0.0) -> None:
-        """Shows the robot at `(J,)` q; in recordings, at `time_s`."""
-        self._diagram.GetInputPort("q").FixValue(self._context, q)
-        self._context.SetTime(time_s)
-        self._diagram.ForcedPublish(self._context)
-
-
-def draw_balls(meshcat: Meshcat, shape: RobotShape) -> dict[int, str]:
-    """Draws touching balls that the model does not draw; returns their paths by toucher."""
-    paths = {}
-    for number, radius in shape.bare_balls().items():
-        paths[number] = f"/touching/{number}"
-        meshcat.SetObject(paths[number], Sphere(radius), rgba(VERMILION))
-    return paths
-
-
-class FeelingRobot:
-    """A robot that can be posed and coloured by sensations, with a line of text below.
-
-    Args:
-        meshcat: where it is drawn.
-        world: of the robot.
-
-    Attributes:
-        home: `(J,)` rad or m, the posture that its model has by default.
-        size: m, longest side of its skins in that posture.
-        status: the text.
-    """
-
-    def __init__(self, meshcat: Meshcat, world: World):
-        self._meshcat, self._robot = meshcat, world.robot
-        self._drawing = RobotDrawing(meshcat, world.experiment, world.skins)
-        skins = surfaces_of(world.skins)
-        self._skins = SkinDrawing(meshcat, "/skins", skins)
-        self._balls = draw_balls(meshcat, RobotShape(self._robot, world.experiment.touching))
-        plant = self._robot.plant
         self.home = plant.GetPositions(plant.CreateDefaultContext())
-        at_home = as_one(all_moved(skins, self._robot.skin_positions(self.home[None])[0]))
-        low, high = at_home.vertices.min(axis=0), at_home.vertices.max(axis=0)
-        self._middle, self.size = (low + high) / 2, float((high - low).max())
-        self.status = ""
-        set_stage(meshcat, VIEW, self._middle, self.size)
+        self._skins = SkinDrawing(meshcat, "/skins", surfaces_of(world.skins))
+        self._balls = dict[int, str]()
+        for number, toucher in enumerate(world.robot.touchers):
+            if (radius := world.experiment.touching[toucher.name].radius) is not None:
+                self._balls[number] = f"/touching/{number}"
+                # A little larger than what the model may draw of it.
+                meshcat.SetObject(self._balls[number], Sphere(1.02 * radius), rgba(VERMILION))
+        self._make_room(self.home[None] if postures is None else postures)
+        self._set_stage(beside_panel=beside_panel)
 
     def show(self, q: np.ndarray, felt: np.ndarray) -> None:
         """Shows the robot at `(J,)` q, feeling `(S,)` N."""
-        self._drawing.put(q)
+        self._publish(q)
         self._skins.move(self._robot.skin_positions(q[None])[0])
         places = self._robot.toucher_positions(q[None])[0]
         for number, path in self._balls.items():
             self._meshcat.SetTransform(path, RigidTransform(places[number]))
-        self._skins.show(felt / FIRM)
+        self._skins.show(felt / self.full)
 
     def say(self, text: str) -> None:
-        """Writes a line below the robot."""
+        """Writes one or two lines below the robot."""
         if text != self.status:
-            under = self._middle - 0.75 * self.size * VIEW.axes[1]
-            size = 0.08 * self.size
-            put_text(self._meshcat, "/status", text, under, VIEW, size=size, color=rgba(INK))
+            self._write("/status", text, line=_STATUS)
             self.status = text
+
+    def _publish(self, q: np.ndarray, time_s: float = 0.0) -> None:
+        self._diagram.GetInputPort("q").FixValue(self._context, q)
+        self._context.SetTime(time_s)
+        self._diagram.ForcedPublish(self._context)
+
+    def _write(self, path: str, text: str, *, aside: np.ndarray | float = 0.0, line: int = 0):
+        centre = self._under + aside - _LINE * self.size * line * VIEW.axes[1]
+        put_text(self._meshcat, path, text, centre, 0.08 * self.size)
+
+    def _make_room(self, postures: np.ndarray) -> None:
+        skins = self._skins.skins
+        at_home = as_one(all_moved(skins, self._robot.skin_positions(self.home[None])[0])).vertices
+        low, high = at_home.min(axis=0), at_home.max(axis=0)
+        self._middle = (low + high) / 2
+        # No more points than the outline of a picture needs.
+        outlines = [skin.vertices[:: max(len(skin.vertices) // 200, 1)] for skin in skins]
+        places = [
+            moved(outline, pose)
+            for poses in self._robot.skin_positions(postures)
+            for outline, pose in zip(outlines, poses, strict=True)
+        ]
+        picture = VIEW.project(np.concatenate(places) - self._middle)
+        (left, lowest, _), (right, _, _) = np.quantile(picture, [_RARE, 1 - _RARE], axis=0)
+        self.size = max(float((high - low).max()), float(right - left) / APART)
+        self._under = self._middle + (lowest - 0.25 * self.size) * VIEW.axes[1]
+
+    def _set_stage(self, *, beside_panel: bool) -> None:
+        for prop in ("/Grid", "/Axes"):
+            self._meshcat.SetProperty(prop, "visible", False)
+        self._meshcat.SetProperty("/Background/<object>", "top_color", [1.0, 1.0, 1.0])
+        self._meshcat.SetProperty("/Background/<object>", "bottom_color", [0.87, 0.89, 0.92])
+        # Room above for arms.
+        centre = self._middle + np.array([0.0, 0.0, 0.04])
+        distance = 0.35 + 1.7 * self.size
+        if beside_panel:
+            distance *= 1.25
+            centre = centre + 0.2 * distance * VIEW.axes[0]
+        self._meshcat.SetCameraPose(centre + distance * VIEW.towards, centre)

@@ -9,41 +9,32 @@ from __future__ import annotations
 import manifold3d
 import numpy as np
 from matplotlib.textpath import TextPath
-from pydrake.geometry import Meshcat, Rgba
+from pydrake.geometry import Meshcat
 from pydrake.math import RigidTransform, RotationMatrix
 
-from selftouch_drake.show.view import View
+from selftouch_drake.show.meshcat.skin_drawing import rgba
+from selftouch_drake.show.style import INK
+from selftouch_drake.show.view import VIEW
 
 # Size at which outlines are taken from the font: fine enough that bends look round.
 _FONT_SIZE = 60.0
 _LINE_SPACING = 1.5
 
 
-def put_text(
-    meshcat: Meshcat,
-    path: str,
-    text: str,
-    centre: np.ndarray,
-    view: View,
-    *,
-    size: float,
-    color: Rgba,
-) -> None:
-    """Writes one or more lines so that they face the camera of `view`.
+def put_text(meshcat: Meshcat, path: str, text: str, centre: np.ndarray, size: float) -> None:
+    """Writes one or more lines so that they face the camera.
 
     Args:
         meshcat: where.
         path: in Meshcat; what was written there is replaced.
         text: the lines.
         centre: `(3,)` m, the middle of the first line.
-        view: the camera.
         size: m, of the font.
-        color: of the letters.
     """
     vertices, faces = letters(text)
     flat = np.vstack([size * vertices.T, np.zeros(len(vertices))])
-    meshcat.SetTriangleMesh(path, flat, faces.T, color)
-    meshcat.SetTransform(path, RigidTransform(RotationMatrix(view.axes.T), centre))
+    meshcat.SetTriangleMesh(path, flat, faces.T, rgba(INK))
+    meshcat.SetTransform(path, RigidTransform(RotationMatrix(VIEW.axes.T), centre))
 
 
 def letters(text: str) -> tuple[np.ndarray, np.ndarray]:

@@ -6,10 +6,13 @@ from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.figure import Figure
 
 from selftouch_drake.files import written_whole
+from selftouch_drake.run.artifacts import load_motion
 from selftouch_drake.run.directory import MissingError
+from selftouch_drake.run.stages import Progress, silent
 from selftouch_drake.show.page import (
     motion_figures,
     robot_pictures,
@@ -17,6 +20,7 @@ from selftouch_drake.show.page import (
     skin_figures,
 )
 from selftouch_drake.show.paths import touch_paths
+from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinSurface, all_moved
 from selftouch_drake.show.style import DPI
@@ -27,12 +31,14 @@ _NUM_POSTURES = 400
 
 def agent(data: RunData) -> Figure:
     """The robot touching itself, with its joints well clear of its skins."""
-    known, robot = data.representation, data.robot
-    q = known.kernel_q[:: max(len(known.kernel_q) // _NUM_POSTURES, 1)].astype(float)
-    poses = robot.skin_positions(q)
-    clear = robot_pictures.clearest(data.shape.joints(q), data.skins, poses)
-    skins = all_moved(data.skins, poses[clear])
-    return robot_pictures.agent(skins, data.shape.at(q[clear]))
+    kernel_q, shape = data.representation.kernel_q, RobotShape(data.world)
+    q = kernel_q[:: max(len(kernel_q) // _NUM_POSTURES, 1)].astype(float)
+    poses = data.world.robot.skin_positions(q)
+    middles = np.array([skin.vertices.mean(axis=0) for skin in data.skins])
+    centres = np.einsum("nsij,sj->nsi", poses[..., :3], middles) + poses[..., 3]
+    away = np.linalg.norm(shape.joints(q)[:, :, None] - centres[:, None], axis=3)
+    clear = int(away.mean(axis=(1, 2)).argmax())
+    return robot_pictures.agent(all_moved(data.skins, poses[clear]), shape.at(q[clear]))
 
 
 def coverage(data: RunData) -> Figure:
@@ -54,7 +60,7 @@ def quotient_graph(data: RunData) -> Figure:
 
 def body_shape(data: RunData) -> Figure:
     """The body and the body that the agent recovered (paper, figure 3)."""
-    error = data.metrics.get("surface_rms_fraction")
+    error = data.run.metrics().get("surface_rms_fraction")
     return shape_figures.body_shape(_skins(data), data.recovered, rms_fraction=error)
 
 
@@ -71,9 +77,9 @@ def persistence(data: RunData) -> Figure:
 
 def plan_path(data: RunData) -> Figure:
     """One plan over the skins (paper, figure 4)."""
-    motion = data.motion(*data.shown_pair)
+    motion = load_motion(data.run, *data.shown_pair)
     paths, known = (
-        [path.moved(data.home[path.skin]) for path in touch_paths(data.shape, data.touches_at, q)]
+        [path.moved(data.home[path.skin]) for path in touch_paths(data.world, q)]
         for q in (motion.q, motion.plan.waypoints_q)
     )
     if not paths:
@@ -93,44 +99,47 @@ def life(data: RunData) -> Figure:
 
 # In the order of the paper. The name is that of the file.
 FIGURES: dict[str, Callable[[RunData], Figure]] = {
-    "agent": agent,
-    "coverage": coverage,
-    "sensation_map": sensation_map,
-    "quotient_graph": quotient_graph,
-    "body_shape": body_shape,
-    "persistence": persistence,
-    "plan_path": plan_path,
-    "felt_and_predicted": felt_and_predicted,
-    "life": life,
+    draw.__name__: draw
+    for draw in (
+        *(agent, coverage, sensation_map, quotient_graph, body_shape, persistence),
+        *(plan_path, felt_and_predicted, life),
+    )
 }
 
 
-def draw_figure(data: RunData, folder: Path, name: str, *, vector: bool = False) -> Path:
-    """Draws one of `FIGURES` and returns its PNG file.
+def draw_figures(
+    data: RunData, progress: Progress = silent, *, vector: bool = False
+) -> dict[str, Path | str]:
+    """Draws `FIGURES` into the folder of a run.
+
+    Older pictures of what cannot be drawn are removed, because they show what is no longer true.
 
     Args:
         data: of a run with any of its stages done.
-        folder: where it goes.
-        name: of the figure.
-        vector: whether to write it as PDF as well, for papers: words, lines and marks as such,
+        progress: called with the fraction done and what is being drawn.
+        vector: whether to write each as PDF as well, for papers: words, lines and marks as such,
             shaded bodies as pictures.
 
-    Raises:
-        MissingError: it cannot be drawn. An older picture is removed, because it shows what is no
-            longer true.
+    Returns:
+        The PNG file of each figure, or why it cannot be drawn.
     """
-    path, for_papers = (folder / f"{name}.{kind}" for kind in ("png", "pdf"))
-    # An older PDF may no longer be true.
-    for_papers.unlink(missing_ok=True)
-    try:
-        figure = FIGURES[name](data)
-    except MissingError:
-        path.unlink(missing_ok=True)
-        raise
-    _write(figure, path, dpi=DPI, metadata={"Software": None})
-    if vector:
-        _write(figure, for_papers, dpi=2 * DPI, metadata={"CreationDate": None})
-    return path
+    drawn = dict[str, Path | str]()
+    data.run.figures.mkdir(exist_ok=True)
+    for number, (name, draw) in enumerate(FIGURES.items()):
+        progress(number / len(FIGURES), name.replace("_", " "))
+        path, for_papers = (data.run.figures / f"{name}.{kind}" for kind in ("png", "pdf"))
+        for_papers.unlink(missing_ok=True)
+        try:
+            figure = draw(data)
+        except MissingError as reason:
+            path.unlink(missing_ok=True)
+            drawn[name] = str(reason)
+            continue
+        _write(figure, path, dpi=DPI, metadata={"Software": None})
+        if vector:
+            _write(figure, for_papers, dpi=2 * DPI, metadata={"CreationDate": None})
+        drawn[name] = path
+    return drawn
 
 
 def _skins(data: RunData) -> list[SkinSurface]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -62,32 +62,28 @@ def plan_path(
         first = View.facing(over.mean(axis=0) - middle + 1e-9)
         second = View(first.elevation, first.azimuth + 110.0)
         panels += [(number, first)] + [(number, second)] * (len(numbers) == 1)
-    figure = Figure(figsize=(9.4, 4.4), layout="constrained")
+    figure = Figure(figsize=(9.4, 5.4), layout="constrained")
     grid = figure.add_gridspec(1, len(panels))
     for column, (number, view) in enumerate(panels):
         title = skins[number].name if len(numbers) > 1 else ""
         ax = add_scene(figure, grid[column], title)
         # Several skins, far apart, are each shown round their own middle.
-        middle = np.zeros(3) if len(numbers) == 1 else -skins[number].vertices.mean(axis=0)
-        pose = np.hstack([np.eye(3), middle[:, None]])
+        pose = np.hstack([np.eye(3), -skins[number].vertices.mean(axis=0)[:, None]])
         here, crosses = (
             [path.moved(pose) for path in of if path.skin == number] for of in (paths, known)
         )
         _draw_paths(ax, view, skins[number].moved(pose), here, crosses, num_rows)
-    finish_row(figure, margin=0.5)
+    finish_row(figure)
     ax = figure.axes[0]
+    marks = (
+        (45, GREEN, "o", "start"),
+        (45, BLUE, "o", "goal"),
+        (28, VERMILION, "x", "a posture of each kernel set on the way"),
+        (6, BLUE, "o", "the motion"),
+    )
     handles = [
-        ax.scatter([], [], s=45, color=GREEN, label="start"),
-        ax.scatter([], [], s=45, color=BLUE, label="goal"),
-        ax.scatter(
-            [],
-            [],
-            s=28,
-            color=VERMILION,
-            marker="x",
-            label="a posture of each kernel set on the way",
-        ),
-        ax.scatter([], [], s=6, color=BLUE, label="the motion"),
+        ax.scatter([], [], s=size, color=color, marker=marker, label=label)
+        for size, color, marker, label in marks
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
     return figure
@@ -101,47 +97,31 @@ def _draw_paths(
     known: Sequence[SkinPath],
     num_rows: int,
 ) -> None:
-    dots = _joined([evenly_spaced(s, _DOT_SPACING) for path in paths for s in path.stretches()])
-    crosses = _joined([path.points for path in known])
+    none = np.zeros((0, 3))
+    stretches = [stretch for path in paths for stretch in path.stretches()]
+    dots = np.concatenate([none, *(evenly_spaced(each, _DOT_SPACING) for each in stretches)])
+    crosses = np.concatenate([none, *(path.points for path in known)])
     ends = [
-        (end, color)
+        (end[None], color)
         for path in paths
         for row, color in ((0, GREEN), (num_rows - 1, BLUE))
         if (end := path.at(row)) is not None
     ]
+
+    def mark(shown: Callable[[np.ndarray], np.ndarray], zorder: float) -> None:
+        x, y = view.project(shown(dots))[:, :2].T
+        ax.scatter(x, y, s=5, color=BLUE, linewidths=0, zorder=zorder)
+        x, y = view.project(shown(crosses))[:, :2].T
+        ax.scatter(x, y, s=30, color=VERMILION, marker="x", linewidths=1.5, zorder=zorder + 0.1)
+        for end, color in ends:
+            ball = balls(shown(end), 0.03 * skin.extent, color, detail=3)
+            draw(ax, view, ball, zorder=zorder + 0.2)
+
     # Behind the body's front: the same marks, veiled.
-    _marks(ax, view, dots, crosses, ends, skin.extent, zorder=1)
+    mark(lambda points: points, 1)
     draw(ax, view, surface(skin.vertices, skin.faces, SKIN), opacity=0.55, zorder=2)
     outline(ax, view, skin.vertices, skin.faces, zorder=3)
-    seen = [_seen(points, skin, view) for points in (dots, crosses)]
-    shown = [(end, color) for end, color in ends if _seen(end[None], skin, view)[0]]
-    _marks(ax, view, dots[seen[0]], crosses[seen[1]], shown, skin.extent, zorder=4)
-
-
-def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
-    return np.concatenate([np.zeros((0, 3)), *parts])
-
-
-def _seen(points: np.ndarray, skin: SkinSurface, view: View) -> np.ndarray:
-    return visible(points, skin.vertices, skin.faces, view)
-
-
-def _marks(
-    ax: Axes,
-    view: View,
-    dots: np.ndarray,
-    known: np.ndarray,
-    ends: Sequence[tuple[np.ndarray, str]],
-    size: float,
-    *,
-    zorder: float,
-) -> None:
-    x, y = view.project(dots)[:, :2].T
-    ax.scatter(x, y, s=5, color=BLUE, linewidths=0, zorder=zorder)
-    x, y = view.project(known)[:, :2].T
-    ax.scatter(x, y, s=30, color=VERMILION, marker="x", linewidths=1.5, zorder=zorder + 0.1)
-    for end, color in ends:
-        draw(ax, view, balls(end[None], 0.03 * size, color, detail=3), zorder=zorder + 0.2)
+    mark(lambda points: points[visible(points, skin.vertices, skin.faces, view)], 4)
 
 
 @styled
@@ -171,29 +151,23 @@ def felt_and_predicted(execution: Execution) -> Figure:
         ax.set(ylabel="receptor, in order of touch", title=title)
     figure.colorbar(image, ax=list(axes[:2]), label="share of the sensation", aspect=40)
     axes[2].plot(time_s, np.where(both, cosine, np.nan), color=BLUE, linewidth=1.4)
-    _shade_contact(axes[2], execution)
+    touching, expected = execution.felt.any(axis=1), execution.motion.touching
+    for where, label, color in (
+        (expected & ~touching, "no contact", VERMILION),
+        (~expected, "in the air", SKY),
+    ):
+        if where.any():
+            axes[2].fill_between(
+                time_s, 0, 1, where=where, transform=axes[2].get_xaxis_transform(), color=color,
+                alpha=0.25, linewidth=0, label=label,
+            )  # fmt: skip
+            axes[2].legend(loc="upper right")
     mean = float(cosine[both].mean()) if both.any() else float("nan")
     axes[2].set(
         xlabel="time (s)", ylabel="cosine", ylim=(-0.03, 1.05), xlim=(time_s[0], time_s[-1]),
         title=f"Likeness: 1 is the same sensation; mean in contact {mean:.3f}",
     )  # fmt: skip
     return figure
-
-
-def _shade_contact(ax: Axes, execution: Execution) -> None:
-    """Marks where touch was lost, and where none was expected."""
-    touching, expected = execution.felt.any(axis=1), execution.motion.touching
-    _shade_where(ax, execution.motion.time_s, expected & ~touching, "no contact", VERMILION)
-    _shade_where(ax, execution.motion.time_s, ~expected, "in the air", SKY)
-
-
-def _shade_where(ax: Axes, time_s: np.ndarray, mask: np.ndarray, label: str, color: str) -> None:
-    if mask.any():
-        ax.fill_between(
-            time_s, 0, 1, where=mask, transform=ax.get_xaxis_transform(), color=color, alpha=0.25,
-            linewidth=0, label=label,
-        )  # fmt: skip
-        ax.legend(loc="upper right")
 
 
 def _unit(rows: np.ndarray) -> np.ndarray:

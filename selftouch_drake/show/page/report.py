@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Mapping
+import contextlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.experiment import dump_experiment
+from selftouch_drake.geometry import farthest_points
 from selftouch_drake.robot.describe import description
+from selftouch_drake.run.artifacts import load_motion, stored_pairs
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.metrics import MOTION_COLUMNS, motions, readings, tiles
-from selftouch_drake.show.page.tables import Table, part_table, plan_table
-from selftouch_drake.show.page.turnable import turnable_body
+from selftouch_drake.show.recovered import skins_of
 from selftouch_drake.show.run_data import NoSurfaceError, RunData
+
+# Numbers of sensations that are written on the body; more would cover it.
+_NUM_LABELS = 40
+# Digits of a place, in units of the body's half size: a picture has no more.
+_DIGITS = 3
+
+
+#: Caption and rows of a table of text, and the headings of its columns.
+Table = tuple[str, Sequence[Sequence[str]], Sequence[str]]
 
 
 def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Path | str) -> str:
@@ -37,46 +51,20 @@ def report_page(data: RunData, pictures: Mapping[str, Path | str], recording: Pa
         pass
     robot: list[Table] = []
     try:
-        robot = [Table(title, (), rows) for title, rows in description(data.world)]
+        robot = [(title, rows, ()) for title, rows in description(data.world)]
     except MissingError as reason:
         robot_missing = str(reason)
-    images = {name: _encoded(it) for name, it in pictures.items() if isinstance(it, Path)}
-    return _template().render(
-        experiment=data.experiment,
-        settings=dump_experiment(data.experiment),
-        images=images,
-        missing={name: it for name, it in pictures.items() if isinstance(it, str)},
-        tiles=tiles(data.metrics),
-        motions=motions(data.metrics),
-        columns=MOTION_COLUMNS,
-        readings=readings(data.metrics),
-        robot=robot,
-        robot_missing=robot_missing,
-        parts=_parts(data),
-        body=body,
-        no_surface=no_surface,
-        viewer=(files(__package__) / "turnable.js").read_text(encoding="utf-8"),
-        plans=plan_table(data),
-        shown=data.shown_pair if data.pairs else None,
-        recording=recording.name if isinstance(recording, Path) else "",
-        no_recording=recording if isinstance(recording, str) else "",
-    )
-
-
-def _encoded(image: Path) -> str:
-    return base64.b64encode(image.read_bytes()).decode("ascii")
-
-
-def _parts(data: RunData) -> Table | None:
-    """The table of parts; none where there is one part on one skin."""
-    try:
-        table = part_table(data)
-    except MissingError:
-        return None
-    return table if len(table.rows) > 1 or len(data.experiment.skins) > 1 else None
-
-
-def _template():
+    parts: Table | None = None
+    with contextlib.suppress(MissingError):
+        parts = part_table(data)
+        # One part on one skin needs no table.
+        parts = parts if len(parts[1]) > 1 or len(data.run.experiment.skins) > 1 else None
+    experiment, metrics, plans = data.run.experiment, data.run.metrics(), plan_table(data)
+    images = {
+        name: base64.b64encode(it.read_bytes()).decode("ascii")
+        for name, it in pictures.items()
+        if isinstance(it, Path)
+    }
     environment = Environment(
         loader=PackageLoader("selftouch_drake.show.page", "."),
         autoescape=True,
@@ -84,4 +72,104 @@ def _template():
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("report.html.j2")
+    return environment.get_template("report.html.j2").render(
+        experiment=experiment,
+        settings=dump_experiment(experiment),
+        images=images,
+        missing={name: it for name, it in pictures.items() if isinstance(it, str)},
+        tiles=tiles(metrics),
+        motions=motions(metrics),
+        columns=MOTION_COLUMNS,
+        readings=readings(metrics),
+        robot=robot,
+        robot_missing=robot_missing,
+        parts=parts,
+        body=body,
+        no_surface=no_surface,
+        viewer=(files(__package__) / "turnable.js").read_text(encoding="utf-8"),
+        plans=plans,
+        shown=data.shown_pair if plans[1] else None,
+        recording=recording.name if isinstance(recording, Path) else "",
+        no_recording=recording if isinstance(recording, str) else "",
+    )
+
+
+def turnable_body(data: RunData) -> str:
+    """The recovered body as JSON for the viewer, fitted to the real one, in units of its half size.
+
+    Raises:
+        MissingError: nothing was learned, or the recovered body is not a surface.
+    """
+    skins = data.recovered
+    kernels_of = [data.body.parts[skin.part].kernels for skin in skins]
+    everything = np.concatenate([skin.places for skin in skins])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    half = float((high - low).max()) / 2 or 1.0
+    places = np.concatenate([skin.positions for skin in skins])
+    labels = farthest_points(lambda k: np.linalg.norm(places - places[k], axis=1), _NUM_LABELS)
+    parts = [
+        {
+            "places": np.round((skin.places - (low + high) / 2) / half, _DIGITS).tolist(),
+            "faces": skin.faces.tolist(),
+            "kernels": kernels.tolist(),
+            "closed": skin.closed,
+        }
+        for skin, kernels in zip(skins, kernels_of, strict=True)
+    ]
+    named = np.concatenate(kernels_of)[labels].tolist()
+    return json.dumps({"parts": parts, "labels": named}, separators=(",", ":"))
+
+
+def part_table(data: RunData) -> Table:
+    """The parts of the recovered body; cells of what is not known are empty."""
+    names, metrics = list(data.run.experiment.skins), data.run.metrics()
+    true = metrics.get("topology_betti_true_by_part", [])
+    errors = metrics.get("surface_rms_fraction_by_skin", {})
+    rows = []
+    for number, part in enumerate(data.body.parts):
+        skins: list[str] = []
+        with contextlib.suppress(MissingError):
+            skins = [names[s] for s in skins_of(part.kernels, data.kernel_truth)]
+        error = errors.get(skins[0]) if skins else None
+        rows.append(
+            (
+                str(number),
+                ", ".join(skins),
+                str(len(part.kernels)),
+                _numbers(part.topology.betti if part.topology else None),
+                _numbers(true[number] if number < len(true) else None),
+                "" if error is None else f"{100 * error:.1f} %",
+            )
+        )
+    holes = "components, loops, voids found", "true, where touched"
+    return "Parts", rows, ("part", "truly on", "kernel sets", *holes, "shape error")
+
+
+def plan_table(data: RunData) -> Table:
+    """The plans from one sensation to another, and how those that were executed went."""
+    rows = []
+    for start, goal in stored_pairs(data.run):
+        motion = load_motion(data.run, start, goal)
+        nodes, in_air = motion.plan.nodes, motion.plan.in_air
+        flights = int(np.sum(np.diff(in_air.astype(int), prepend=0) > 0))
+        went = ("not executed", "")
+        with contextlib.suppress(MissingError):
+            execution = data.execution(start, goal)
+            force = float(execution.felt.sum(axis=1).max())
+            went = (f"{100 * execution.contact:.1f} %", f"{force:.1f} N")
+        rows.append(
+            (
+                str(start),
+                str(goal),
+                str(len(np.unique(nodes[nodes != NO_KERNEL]))),
+                str(flights or ""),
+                f"{np.ptp(motion.time_s):.1f} s",
+                *went,
+            )
+        )
+    columns = "from", "to", "kernel sets", "times through the air", "duration"
+    return "All plans of this run", rows, (*columns, "in contact", "strongest force")
+
+
+def _numbers(values: Iterable[int] | None) -> str:
+    return ", ".join(map(str, values or ()))

@@ -25,8 +25,6 @@ from selftouch_drake.show.view import View
 _AMBIENT = 0.5
 # Points tested at once for what hides them: bounds memory, not results.
 _CHUNK = 64
-# Inches: height of a row of scenes, and width of one, so that its title fits.
-_TALLEST, _NARROWEST = 5.5, 3.3
 # m, of a bar that shows the scale.
 _BARS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0)
 # Cosine of the angle between faces beyond which they meet in an edge, not in a smooth bend.
@@ -112,21 +110,15 @@ def visible(
     _, nearest = cKDTree(vertices).query(points)
     asked, back = np.unique(nearest, return_inverse=True)
     normals = mesh.vertex_normals[asked]
-    seen_from_behind = np.broadcast_to(sheet, len(vertices))[asked] & (normals @ view.towards < 0)
-    normals = np.where(seen_from_behind[:, None], -normals, normals)
+    from_behind = np.broadcast_to(sheet, len(vertices))[asked] & (normals @ view.towards < 0)
+    normals = np.where(from_behind[:, None], -normals, normals)
     lift = 1e-3 * np.ptp(vertices, axis=0).max()
-    triangles = [mesh.triangles, *(np.asarray(v)[f] for v, f in others)]
-    return ~_hidden(mesh.vertices[asked] + lift * normals, np.concatenate(triangles), view)[back]
+    triangles = np.concatenate([mesh.triangles, *(vertices[faces] for vertices, faces in others)])
+    return unhidden(mesh.vertices[asked] + lift * normals, triangles, view)[back]
 
 
-def unhidden(
-    points: np.ndarray, surfaces: Sequence[tuple[np.ndarray, np.ndarray]], view: View
-) -> np.ndarray:
-    """`(N,)` which points `(N, 3)` no triangle of some surfaces hides, wherever they are."""
-    return ~_hidden(points, np.concatenate([np.asarray(v)[f] for v, f in surfaces]), view)
-
-
-def _hidden(points: np.ndarray, triangles: np.ndarray, view: View) -> np.ndarray:
+def unhidden(points: np.ndarray, triangles: np.ndarray, view: View) -> np.ndarray:
+    """`(N,)` which points `(N, 3)` none of some triangles `(M, 3, 3)` hides, wherever they are."""
     p = view.project(points)
     a, b, c = view.project(triangles).transpose(1, 2, 0)
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
@@ -140,7 +132,7 @@ def _hidden(points: np.ndarray, triangles: np.ndarray, view: View) -> np.ndarray
         above = a[2] + u * (b[2] - a[2]) + v * (c[2] - a[2]) > depth
         inside = (u >= 0) & (v >= 0) & (u + v <= 1) & ~flat
         hidden[first : first + _CHUNK] = (inside & above).any(axis=1)
-    return hidden
+    return ~hidden
 
 
 def outline(
@@ -168,25 +160,10 @@ def share_scale(axes: Sequence[Axes]) -> None:
         ax.set(xlim=(low[0], high[1]), ylim=(low[2], high[3]))
 
 
-def finish_row(figure: Figure, *, margin: float = 0.55) -> None:
-    """Gives a row of scenes one scale, a bar that shows it, and no more height than they need."""
+def finish_row(figure: Figure) -> None:
+    """Gives a row of scenes one scale, and a bar that shows it."""
     share_scale(figure.axes)
-    fit_height(figure, margin=margin)
     scale_bar(figure.axes[0])
-
-
-def fit_height(figure: Figure, *, margin: float = 0.55) -> None:
-    """Makes a row of equal scenes as tall as it needs to be, with inches of margin for titles.
-
-    Rows that would be too tall are made narrower.
-    """
-    ax = figure.axes[0]
-    width, _ = figure.get_size_inches()
-    each = width / len(figure.axes)
-    aspect = np.ptp(ax.get_ylim()) / np.ptp(ax.get_xlim())
-    each *= min(1.0, _TALLEST / (each * aspect))
-    width = min(max(each, _NARROWEST) * len(figure.axes), width)
-    figure.set_size_inches(width, each * aspect + margin)
 
 
 def scale_bar(ax: Axes) -> None:
@@ -222,17 +199,9 @@ class ColoredMesh:
     normals: np.ndarray
     rgb: np.ndarray
 
-    def both_sides(self) -> ColoredMesh:
-        """The same as a sheet that is seen from both sides."""
-        return ColoredMesh(
-            np.tile(self.triangles, (2, 1, 1)),
-            np.concatenate([self.normals, -self.normals]),
-            np.tile(self.rgb, (2, 1)),
-        )
-
 
 def surface(
-    vertices: np.ndarray, faces: np.ndarray, color: str | np.ndarray, *, cuts: int = 0
+    vertices: np.ndarray, faces: np.ndarray, color: str | np.ndarray, *, max_edge: float = np.inf
 ) -> ColoredMesh:
     """A triangle surface.
 
@@ -240,45 +209,28 @@ def surface(
         vertices: `(V, 3)`.
         faces: `(F, 3)` indices, outward by the right hand.
         color: one for all, or `(V, 3)` RGB.
-        cuts: how often each triangle is cut into four, with normals and colours between those of
-            its corners: a coarse surface looks smooth and stays where it is.
+        max_edge: longest edge. Triangles with longer ones are cut, with normals and colours between
+            those of their corners: a coarse surface looks smooth and stays where it is, and short
+            edges can be sorted by depth.
     """
     mesh = trimesh.Trimesh(vertices, faces, process=False)
+    whole = mesh.area_faces > 0
+    triangles, faces, flat = mesh.triangles[whole], mesh.faces[whole], mesh.face_normals[whole]
+    smooth = mesh.vertex_normals[faces]
+    is_edge = (flat[:, None] * smooth).sum(axis=2, keepdims=True) < EDGE
     rgb = np.broadcast_to(to_rgb(color) if isinstance(color, str) else color, np.shape(vertices))
-    flat, smooth = mesh.face_normals[:, None], mesh.vertex_normals[mesh.faces]
-    is_edge = (flat * smooth).sum(axis=2, keepdims=True) < EDGE
-    corners = np.concatenate(
-        [mesh.triangles, np.where(is_edge, flat, smooth), rgb[mesh.faces]], axis=2
+    # What each corner carries; no corner is shared.
+    carried = np.concatenate([np.where(is_edge, flat[:, None], smooth), rgb[faces]], axis=2)
+    corners = np.arange(3 * len(faces)).reshape(-1, 3)
+    cut, pieces, face = trimesh.remesh.subdivide_to_size(
+        triangles.reshape(-1, 3), corners, max_edge=max_edge, return_index=True
     )
-    for _ in range(cuts):
-        corners = _cut(corners)
-    triangles, normals, rgb = np.split(corners, 3, axis=2)
-    normals = normals.mean(axis=1)
+    pieces = cut[pieces]
+    with np.errstate(all="ignore"):  # slivers get no normals, and are not drawn
+        share = trimesh.triangles.points_to_barycentric(triangles[face], pieces.mean(axis=1))
+    normals, rgb = np.split(np.einsum("fc,fcx->fx", share, carried[face]), 2, axis=1)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
-    return ColoredMesh(triangles, normals, rgb.mean(axis=1))
-
-
-def shell(vertices: np.ndarray, faces: np.ndarray, color: str, max_edge: float) -> ColoredMesh:
-    """A surface of any triangles, cut until their edges are short enough to be sorted by depth.
-
-    Args:
-        vertices: `(V, 3)`.
-        faces: `(F, 3)` indices, outward by the right hand.
-        color: of all.
-        max_edge: longest edge.
-    """
-    # No corner is shared: each triangle keeps the normal of the face that it was cut from.
-    corners = np.asarray(vertices)[faces].reshape(-1, 3)
-    normals = np.cross(corners[1::3] - corners[::3], corners[2::3] - corners[::3])
-    area = np.linalg.norm(normals, axis=1)
-    cut, triangles, face = trimesh.remesh.subdivide_to_size(
-        corners[np.repeat(area > 0, 3)],
-        np.arange(3 * np.count_nonzero(area)).reshape(-1, 3),
-        max_edge=max_edge,
-        return_index=True,
-    )
-    outward = (normals[area > 0] / area[area > 0, None])[face]
-    return ColoredMesh(cut[triangles], outward, np.broadcast_to(to_rgb(color), outward.shape))
+    return ColoredMesh(pieces, normals, rgb)
 
 
 def balls(
@@ -294,17 +246,3 @@ def balls(
         np.tile(np.asarray(ball.face_normals), (len(centres), 1)),
         np.repeat(rgb, len(corners), axis=0),
     )
-
-
-def rod(start: np.ndarray, end: np.ndarray, radius: float, color: str) -> ColoredMesh:
-    """A round rod between two points `(3,)`, cut short enough to be sorted by depth."""
-    mesh = trimesh.creation.cylinder(radius, segment=np.stack([start, end]), sections=24)
-    return shell(mesh.vertices, mesh.faces, color, max_edge=radius)
-
-
-def _cut(corners: np.ndarray) -> np.ndarray:
-    """Cuts `(F, 3, C)` triangles into four each, what they carry halfway between corners."""
-    a, b, c = corners.transpose(1, 0, 2)
-    ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-    parts = [(a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca)]
-    return np.concatenate([np.stack(part, axis=1) for part in parts])

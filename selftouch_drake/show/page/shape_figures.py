@@ -18,20 +18,21 @@ from selftouch_drake.show.page.scene import (
     balls,
     draw,
     finish_row,
-    fit_height,
     outline,
     share_scale,
     surface,
     visible,
 )
 from selftouch_drake.show.recovered import RecoveredSkin
-from selftouch_drake.show.skins import SkinSurface, as_one
+from selftouch_drake.show.skins import SkinSurface, as_one, typical_extent
 from selftouch_drake.show.style import AMOUNT, BLUE, GREEN, INK, ORANGE, RECOVERED, SKIN, styled
 from selftouch_drake.show.view import View
 
 # Bars drawn for each dimension; the rest are shorter.
 _MOST_BARS = 24
 _KINDS = tuple(zip(("components", "loops", "voids"), (ORANGE, BLUE, GREEN), strict=True))
+# Longest edge of a recovered surface, as a share of its extent: it looks smooth.
+_SMOOTH = 0.03
 # Parts in a row.
 _COLUMNS = 4
 
@@ -51,7 +52,10 @@ def body_shape(
         rms_fraction: error of the recovered positions, as a share of the body's extent.
     """
     skin = as_one(skins)
-    view = _view(skins, parts)
+    offsets = [
+        part.positions.mean(axis=0) - skins[part.skins[0]].vertices.mean(axis=0) for part in parts
+    ]
+    view = View.of_most(np.array(offsets), typical_extent(skins))
     figure = Figure(figsize=(10.5, 4.0), layout="constrained")
     grid = figure.add_gridspec(1, 3, wspace=0.04)
 
@@ -59,14 +63,14 @@ def body_shape(
     ax = add_scene(figure, grid[0])
     draw(ax, view, real)
     seen = visible(skin.receptors, skin.vertices, skin.faces, view)
-    draw(ax, view, balls(skin.receptors[seen], 0.018 * _typical(skins), BLUE), zorder=2)
+    draw(ax, view, balls(skin.receptors[seen], 0.018 * typical_extent(skins), BLUE), zorder=2)
     where = "its skin" if len(skins) == 1 else f"{len(skins)} skins"
     ax.set_title(f"The body\n{len(skin.receptors)} receptors on {where}", loc="center")
 
     fitted = [_fitted(part) for part in parts]
     ax = add_scene(figure, grid[1])
     draw(ax, view, *fitted)
-    num_kernels = _draw_kernels(ax, view, parts, 0.011 * _typical(skins))
+    num_kernels = _draw_kernels(ax, view, parts, 0.011 * typical_extent(skins))
     pieces = "" if len(parts) == 1 else f" in {len(parts)} parts"
     through = "line" if all(part.is_line for part in parts) else "surface"
     ax.set_title(
@@ -112,22 +116,14 @@ def persistence(
     return figure
 
 
-def _view(skins: Sequence[SkinSurface], parts: Sequence[RecoveredSkin]) -> View:
-    """The view that shows most of the recovered body."""
-    offsets = [
-        part.positions.mean(axis=0) - skins[part.skins[0]].vertices.mean(axis=0) for part in parts
-    ]
-    return View.of_most(np.array(offsets), float(np.mean([skin.extent for skin in skins])))
-
-
-def _typical(skins: Sequence[SkinSurface]) -> float:
-    """m, the extent of a typical skin, which marks are drawn in proportion to."""
-    return float(np.median([skin.extent for skin in skins]))
-
-
 def _fitted(part: RecoveredSkin) -> ColoredMesh:
-    mesh = surface(part.places, part.faces, RECOVERED, cuts=2)
-    return mesh if part.closed else mesh.both_sides()
+    max_edge = _SMOOTH * float(np.ptp(part.places, axis=0).max())
+    mesh = surface(part.places, part.faces, RECOVERED, max_edge=max_edge)
+    if part.closed:
+        return mesh
+    # A sheet is seen from both sides.
+    normals = np.concatenate([mesh.normals, -mesh.normals])
+    return ColoredMesh(np.tile(mesh.triangles, (2, 1, 1)), normals, np.tile(mesh.rgb, (2, 1)))
 
 
 def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: float) -> int:
@@ -198,7 +194,6 @@ def quotient_graph(
         _draw_graph(ax, picture, part, edges[inside], edge_cost[inside], norm)
     if len(parts) == 1:
         share_scale(figure.axes)
-        fit_height(figure)
     figure.colorbar(
         ScalarMappable(norm, AMOUNT),
         ax=figure.axes,
@@ -217,28 +212,24 @@ def _draw_graph(
     edge_cost: np.ndarray,
     norm: Normalize,
 ) -> None:
-    near = _from_far_to_near(picture[edges, 2].mean(axis=1))
-    order = np.argsort(near)
+    # From 0 for the farthest to 1 for the nearest; 1 if all are as near.
+    x, y, nearness = picture[part].T
+    nearest = nearness.max()
+    near = 1.0 - (nearest - picture[:, 2]) / max(nearest - nearness.min(), 1e-12)
+    near_edge = near[edges].mean(axis=1)
+    order = np.argsort(near_edge)
     lines = LineCollection(
         list(picture[edges[order], :2]),
         array=edge_cost[order],
         norm=norm,
         cmap=AMOUNT,
-        alpha=0.15 + 0.85 * near[order] ** 1.5,
-        linewidths=0.4 + 1.1 * near[order],
+        alpha=0.15 + 0.85 * near_edge[order] ** 1.5,
+        linewidths=0.4 + 1.1 * near_edge[order],
     )
     ax.add_collection(lines)
-    x, y, nearness = picture[part].T
-    near = _from_far_to_near(nearness)
+    near = near[part]
     ax.scatter(
         x, y, s=2 + 14 * near**2, linewidths=0, zorder=3,
         color=to_rgba_array([INK] * len(near), 0.1 + 0.9 * near**1.5),
     )  # fmt: skip
     ax.autoscale_view()
-
-
-def _from_far_to_near(nearness: np.ndarray) -> np.ndarray:
-    """Scales to 0 for the farthest and 1 for the nearest; 1 if all are as near."""
-    if not len(nearness) or np.ptp(nearness) < 1e-12:
-        return np.ones(len(nearness))
-    return (nearness - nearness.min()) / np.ptp(nearness)

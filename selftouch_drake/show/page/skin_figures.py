@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
@@ -12,15 +13,8 @@ from matplotlib.patheffects import withStroke
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry import farthest_points
-from selftouch_drake.show.page.scene import (
-    add_scene,
-    balls,
-    draw,
-    finish_row,
-    surface,
-    visible,
-)
-from selftouch_drake.show.skins import SkinSurface, as_one
+from selftouch_drake.show.page.scene import add_scene, balls, draw, finish_row, surface, visible
+from selftouch_drake.show.skins import SkinSurface, as_one, typical_extent
 from selftouch_drake.show.style import AMOUNT, BLUE, SKIN, styled
 from selftouch_drake.show.view import View
 
@@ -31,34 +25,25 @@ _REACH = 0.25
 
 
 @styled
-def coverage(
-    skins: Sequence[SkinSurface],
-    density: Sequence[np.ndarray],
-) -> Figure:
+def coverage(skins: Sequence[SkinSurface], density: Sequence[np.ndarray]) -> Figure:
     """Number of touches on the skins, from the front and from behind.
 
     Args:
         skins: in one frame.
         density: `(V,)` touches / cm² of each skin, as `touch_density` gives it.
     """
-    skin = as_one(skins)
-    # Round their middle the skins are in the same place in both views.
-    low, high = skin.vertices.min(axis=0), skin.vertices.max(axis=0)
-    centred = np.hstack([np.eye(3), -(low + high)[:, None] / 2])
-    skin = skin.moved(centred)
+    skin = _centred(skins)
     amount = np.concatenate(list(density))
-    front = View.of_most(_offsets(skins, density), float(np.mean([skin.extent for skin in skins])))
-    back = View(-front.elevation, front.azimuth + 180.0)
+    offsets = [
+        np.average(each.vertices, axis=0, weights=touches + 1e-12) - each.vertices.mean(axis=0)
+        for each, touches in zip(skins, density, strict=True)
+    ]
+    front = View.of_most(np.array(offsets), typical_extent(skins))
     norm = Normalize(0.0, float(np.quantile(amount, 0.99)) or 1.0)
     painted = surface(skin.vertices, skin.faces, AMOUNT(norm(amount))[:, :3])
-
     figure = Figure(figsize=(7.5, 4.0), layout="constrained")
-    grid = figure.add_gridspec(1, 2)
-    for where, view, title in (
-        (grid[0], front, "From the front and above"),
-        (grid[1], back, "from behind and below"),
-    ):
-        draw(add_scene(figure, where, title), view, painted, ambient=0.85)
+    for ax, view in _two_sides(figure, front):
+        draw(ax, view, painted, ambient=0.85)
     finish_row(figure)
     figure.colorbar(
         ScalarMappable(norm, AMOUNT),
@@ -71,16 +56,6 @@ def coverage(
     return figure
 
 
-def _offsets(skins: Sequence[SkinSurface], density: Sequence[np.ndarray]) -> np.ndarray:
-    """`(skins, 3)` m, from the middle of each skin to the middle of its touches."""
-    return np.array(
-        [
-            np.average(skin.vertices, axis=0, weights=amount + 1e-12) - skin.vertices.mean(axis=0)
-            for skin, amount in zip(skins, density, strict=True)
-        ]
-    )
-
-
 @styled
 def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -> Figure:
     """Where some target sensations are felt, by number, from the front and from behind.
@@ -89,20 +64,14 @@ def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -
         skins: in one frame.
         target_sensations: `(K, S)` unit L2 norm.
     """
-    skin = as_one(skins)
+    skin = _centred(skins)
     places = felt_places(skins, target_sensations)
+    places += skin.vertices[0] - skins[0].vertices[0]
     named = farthest_points(lambda k: np.linalg.norm(places - places[k], axis=1), _NUM_NAMED)
-    # Round their middle the skins are in the same place in both views.
-    middle = (skin.vertices.min(axis=0) + skin.vertices.max(axis=0)) / 2
-    vertices, places = skin.vertices - middle, places - middle
-    figure = Figure(figsize=(10.5, 4.0), layout="constrained")
-    grid = figure.add_gridspec(1, 2)
-    front = View()
-    views = {"from the front": front, "from behind": View(front.elevation, front.azimuth + 180.0)}
-    for column, (title, view) in enumerate(views.items()):
-        ax = add_scene(figure, grid[column], title)
-        draw(ax, view, surface(vertices, skin.faces, SKIN))
-        seen = named[visible(places[named], vertices, skin.faces, view)]
+    figure = Figure(figsize=(10.5, 5.5), layout="constrained")
+    for ax, view in _two_sides(figure, View()):
+        draw(ax, view, surface(skin.vertices, skin.faces, SKIN))
+        seen = named[visible(places[named], skin.vertices, skin.faces, view)]
         draw(ax, view, balls(places[seen], 0.01 * skin.extent, BLUE), zorder=2)
         for kernel, (x, y, _) in zip(seen, view.project(places[seen]), strict=True):
             text = ax.annotate(
@@ -112,6 +81,23 @@ def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -
             text.set_path_effects([withStroke(linewidth=2.0, foreground="white")])
     finish_row(figure)
     return figure
+
+
+def _centred(skins: Sequence[SkinSurface]) -> SkinSurface:
+    """All skins round their middle: so they are in the same place seen from any side."""
+    skin = as_one(skins)
+    middle = (skin.vertices.min(axis=0) + skin.vertices.max(axis=0)) / 2
+    return skin.moved(np.hstack([np.eye(3), -middle[:, None]]))
+
+
+def _two_sides(figure: Figure, front: View) -> list[tuple[Axes, View]]:
+    """Two scenes with their views."""
+    grid = figure.add_gridspec(1, 2)
+    back = View(-front.elevation, front.azimuth + 180.0)
+    return [
+        (add_scene(figure, grid[0], "From the front and above"), front),
+        (add_scene(figure, grid[1], "from behind and below"), back),
+    ]
 
 
 def felt_places(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -> np.ndarray:
