@@ -95,7 +95,7 @@ class Goals(Walker):
             goal = self.choose(known)
             members = known.members(goal)
             best = members.start + int(known.kernel_error[members].argmin())
-            noise = self.rng.standard_normal(len(self.q)) * _NOISE * self.joints.stride
+            noise = self.rng.standard_normal(len(self.q)) * _NOISE * self.stride
             yield from self._straight(self._within(known.kernel_q[best] + noise))
             alike = float(self.felt @ known.target_sensations[goal])
             norm = float(np.linalg.norm(self.felt))

@@ -21,7 +21,6 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Felt
 from selftouch_drake.agent.lifelong import (
     Explorer,
-    JointRanges,
     Life,
     OnlineLearner,
     PostureSampler,
@@ -77,16 +76,7 @@ class Exploration:
 
     def enter(self, body: Body) -> None:
         """From now on, the agent has this body."""
-        babbling = self.experiment.babbling
         self.body, self._leader = body, walker_of(self.experiment, body)
-        lower, upper = walk_range(body)
-        self._joints = JointRanges(
-            lower=lower,
-            upper=upper,
-            stride=strides(body, babbling.step_size),
-            # Each sample decides on the next step; the agent moves as fast as random babbling.
-            pace=CHOICE_S / babbling.step_duration if self._leader.timed else 1.0,
-        )
 
     def remember(self, q: np.ndarray, sensation: np.ndarray) -> None:
         """Learns from the next round, as stored: `q` `(n, J)` and `sensation` `(n, S)` N."""
@@ -117,12 +107,22 @@ class Exploration:
             NeverTouchesError: there was no touch in very many steps.
         """
         rng = np.random.default_rng(self.experiment.random_stream("walk", self.round))
-        joints, leader = self._joints, self._leader
-        start = rng.uniform(joints.lower, joints.upper) if self._q is None else self._q
+        babbling, leader = self.experiment.babbling, self._leader
+        lower, upper = walk_range(self.body)
+        start = rng.uniform(lower, upper) if self._q is None else self._q
         leader.begin_at(start)
-        nothing = np.zeros(self.body.num_receptors)
         explorer = self._explorer or (Walker if leader.timed else PostureSampler)
-        moves = explorer(self._agent, joints, start, nothing, rng).moves()
+        moves = explorer(
+            agent=self._agent,
+            q=start,
+            felt=np.zeros(self.body.num_receptors),
+            rng=rng,
+            lower=lower,
+            upper=upper,
+            stride=strides(self.body, babbling.step_size),
+            # Each sample decides on the next step; the agent moves as fast as random babbling.
+            pace=CHOICE_S / babbling.step_duration if leader.timed else 1.0,
+        ).moves()
         path = next(moves)
 
         def next_steps() -> Felt:

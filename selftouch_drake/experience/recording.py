@@ -200,8 +200,10 @@ class _Table:
         """As of `read_recording`, with names by LeRobot and the number of the file."""
         taken_q, parts_q = self._taken("--q", q, Q_NAMES)
         taken_s, parts_s = self._taken("--sensation", sensation, SENSATION_NAMES)
-        time_s = self._single("--time", time, TIME_NAMES)
-        episode = self._single("", None, EPISODE_NAMES)
+        if time is not None:
+            self._require("--time", time)
+        time_s = self._single(TIME_NAMES if time is None else [time])
+        episode = self._single(EPISODE_NAMES)
         parts_q, parts_s = _upright(parts_q, parts_s)
         configurations, readings = np.concatenate(parts_q, axis=1), np.concatenate(parts_s, axis=1)
         num_rows = len(configurations)
@@ -272,15 +274,13 @@ class _Table:
     def _all(self) -> str:
         return ", ".join([*self.columns][:20]) + (", ..." if len(self.columns) > 20 else "")
 
-    def _single(self, option: str, asked: str | None, defaults: Sequence[str]) -> np.ndarray | None:
-        """`(n,)` a column with one number in each row; None if none is named and none is found."""
-        if asked is None:
-            asked = next((name for name in defaults if name in self.columns), None)
-        if asked is None:
-            return None
-        self._require(option, asked)
-        numbers = self._numbers(asked)
-        return numbers.reshape(len(numbers), -1)[:, 0].astype(float)
+    def _single(self, names: Sequence[str]) -> np.ndarray | None:
+        """`(n,)` the number in each row of the first of these columns that exists, if any."""
+        for name in names:
+            if name in self.columns:
+                numbers = self._numbers(name)
+                return numbers.reshape(len(numbers), -1)[:, 0].astype(float)
+        return None
 
     def _numbers(self, name: str) -> np.ndarray:
         """`(n, ...)` numbers of a column; NaN where one is missing."""
@@ -294,7 +294,13 @@ class _Table:
             raise RecordingError(f"{what} holds {column.dtype}; name a column that holds numbers")
         if column.ndim == 0:
             raise RecordingError(f"{what} is one number; give one row for each instant")
-        return _narrow(column)
+        if column.dtype.kind == "b":
+            return column.astype(np.uint8)
+        if column.dtype.kind != "f" and column.dtype.itemsize == 8 and column.size:
+            # CSV files and lists use eight bytes for each number.
+            ends = map(np.min_scalar_type, (column.min(), column.max()))
+            column = column.astype(np.result_type(*ends))
+        return column
 
     def _names(
         self,
@@ -305,13 +311,10 @@ class _Table:
     ) -> tuple[str, ...]:
         """Names of all numbers in the columns that were taken, `(n, width)` parts."""
         widths = [part.shape[1] for part in parts]
+        total = sum(widths)
         for name in (*(f"{name}_names" for name in taken), *NAMES_OF[option]):
             found = self.columns.get(name)
-            if (
-                isinstance(found, np.ndarray)
-                and found.dtype.kind == "U"
-                and found.size == sum(widths)
-            ):
+            if isinstance(found, np.ndarray) and found.dtype.kind == "U" and found.size == total:
                 return tuple(found.ravel().tolist())
         names: list[str] = []
         for name, width in zip(taken, widths, strict=True):
@@ -457,12 +460,3 @@ def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
     found = np.full((len(there), *rows.shape[1:]), np.nan)
     found[there] = rows
     return found
-
-
-def _narrow(numbers: np.ndarray) -> np.ndarray:
-    """The same numbers in a smaller type: CSV files and lists use eight bytes for each."""
-    if numbers.dtype.kind == "b":
-        return numbers.astype(np.uint8)
-    if numbers.dtype.itemsize < 8 or not numbers.size or numbers.dtype.kind == "f":
-        return numbers
-    return numbers.astype(np.result_type(*map(np.min_scalar_type, (numbers.min(), numbers.max()))))

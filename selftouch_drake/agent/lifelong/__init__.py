@@ -34,13 +34,12 @@ unit.
 """
 
 from selftouch_drake.agent.lifelong.expectation import TouchSet
-from selftouch_drake.agent.lifelong.explorer import Explorer, JointRanges, PostureSampler, Walker
+from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, Walker
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
 
 __all__ = [
     "Explorer",
-    "JointRanges",
     "Life",
     "OnlineLearner",
     "PostureSampler",

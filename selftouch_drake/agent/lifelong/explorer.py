@@ -60,40 +60,29 @@ _TRIES = 12
 _AT_ONCE = 5
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointRanges:
-    """What the agent knows about its joints without touch: their limits, and how far they step.
-
-    Attributes:
-        lower: `(J,)` lower limits, in the robot's units.
-        upper: `(J,)` upper limits, likewise.
-        stride: `(J,)` a step of a random walk, likewise.
-        pace: strides, root mean square over the joints, of a step after which the agent feels.
-    """
-
-    lower: np.ndarray
-    upper: np.ndarray
-    stride: np.ndarray
-    pace: float = 1.0
-
-
 @dataclass(eq=False)
 class Explorer(ABC):
     """Moves an agent through one round, in which what it knows stays the same.
 
     Attributes:
         agent: what the agent knows; None if nothing.
-        joints: limits and strides of the robot's joints.
-        q: `(J,)` where the joints are.
+        q: `(J,)` where the joints are, in the robot's units.
         felt: `(S,)` N, what is felt there.
         rng: from which all randomness comes.
+        lower: `(J,)` lower limits of the joints, in the robot's units.
+        upper: `(J,)` upper limits, likewise.
+        stride: `(J,)` a step of a random walk, likewise.
+        pace: strides, root mean square over the joints, of a step after which the agent feels.
     """
 
     agent: Agent | None
-    joints: JointRanges
     q: np.ndarray
     felt: np.ndarray
     rng: np.random.Generator
+    lower: np.ndarray
+    upper: np.ndarray
+    stride: np.ndarray
+    pace: float = 1.0
 
     def __post_init__(self) -> None:
         # The last touch.
@@ -114,7 +103,7 @@ class Explorer(ABC):
                 self.touch = q[touching[-1]].astype(float)
 
     def _within(self, q: np.ndarray) -> np.ndarray:
-        return q.clip(self.joints.lower, self.joints.upper)
+        return q.clip(self.lower, self.upper)
 
 
 class Walker(Explorer):
@@ -128,7 +117,6 @@ class Walker(Explorer):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._pace = self.joints.pace
         self._walk = np.zeros(len(self.q))
         # How fast the felt force grows along each joint, N per stride.
         self._slope = np.zeros(len(self.q))
@@ -158,7 +146,7 @@ class Walker(Explorer):
     def _wander(self) -> Moves:
         """Walks at random until it meets another touch, and goes back to that touch."""
         # Near the last touch the walk would meet the same place again.
-        yield from self._go(self._random_walk(round(_AWAY / self._pace)))
+        yield from self._go(self._random_walk(round(_AWAY / self.pace)))
         self._slope[:] = 0.0
         left = self.touch
         while self.touch is left:
@@ -174,20 +162,20 @@ class Walker(Explorer):
 
     def _heading(self) -> np.ndarray:
         """`(J,)` the next step of a random walk, as fast as random babbling."""
-        kept = _PERSISTENCE**self._pace
+        kept = _PERSISTENCE**self.pace
         noise = self.rng.standard_normal(len(self.q))
         self._walk = kept * self._walk + np.sqrt(1.0 - kept**2) * noise
-        return self._walk * self._pace * self.joints.stride
+        return self._walk * self.pace * self.stride
 
     def _turned_round(self, q: np.ndarray) -> np.ndarray:
         """`(J,)` `q` within the limits; joints that pass a limit turn round."""
-        self._walk[(q < self.joints.lower) | (q > self.joints.upper)] *= -1.0
+        self._walk[(q < self.lower) | (q > self.upper)] *= -1.0
         return self._within(q)
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a pace at a time."""
-        strides = (q - self.q) / self.joints.stride
-        count = max(int(np.ceil(np.sqrt(np.mean(strides**2)) / self._pace)), 1)
+        strides = (q - self.q) / self.stride
+        count = max(int(np.ceil(np.sqrt(np.mean(strides**2)) / self.pace)), 1)
         share = np.linspace(0.0, 1.0, count + 1)[1:, None]
         yield from self._go(self.q + share * (q - self.q))
 
@@ -223,11 +211,11 @@ class Walker(Explorer):
         steepness = float(np.linalg.norm(self._slope))
         if not steepness > 0.0:
             return step
-        stride, up = self.joints.stride, self._slope / steepness
+        stride, up = self.stride, self._slope / steepness
         along = step / stride
         along = along - up * (up @ along)
         short = (self._wanted - float(np.linalg.norm(self.felt))) / steepness
-        most = _PRESSED * self._pace
+        most = _PRESSED * self.pace
         return (along + up * np.clip(short, -most, most)) * stride
 
     def _arrive(self, q: np.ndarray, felt: np.ndarray) -> None:
@@ -235,10 +223,10 @@ class Walker(Explorer):
         here, before = self.q, float(np.linalg.norm(self.felt))
         strength = np.linalg.norm(felt, axis=1)
         for there, after in zip(q.astype(float), strength, strict=True):
-            step = (there - here) / self.joints.stride
+            step = (there - here) / self.stride
             size = float(step @ step)
             # In a smaller step, noise would change what is felt more than the skin does.
-            if size < (0.5 * self._pace) ** 2 and after > 0.0:
+            if size < (0.5 * self.pace) ** 2 and after > 0.0:
                 continue
             if size > 0.0 and (before > 0.0 or after > 0.0):
                 self._slope += (after - before - self._slope @ step) / size * step
@@ -265,11 +253,11 @@ class PostureSampler(Explorer):
         parts = 1 if agent is None else max(agent.representation.num_parts, 1)
         about = max(_TOUCHES // parts, 2) - 1
         seldom_felt = self._seldom_felt(agent) if agent is not None and parts > 1 else None
-        joints, shape = self.joints, (_AT_ONCE, len(self.q))
+        shape = _AT_ONCE, len(self.q)
         while True:
             before = self.touch
             while self.touch is before:
-                yield from self._go(self.rng.uniform(joints.lower, joints.upper, shape))
+                yield from self._go(self.rng.uniform(self.lower, self.upper, shape))
             yield from self._look_about(self.touch, _ABOUT, about)
             if seldom_felt is not None:
                 yield from self._look_about(next(seldom_felt), _ABOUT, about)
@@ -291,7 +279,7 @@ class PostureSampler(Explorer):
         """Tries postures about `q` until `num_touches` of them touched."""
         for _ in range(_TRIES * num_touches):
             noise = self.rng.standard_normal(len(q))
-            yield from self._go(self._within(q + strides * noise * self.joints.stride)[None])
+            yield from self._go(self._within(q + strides * noise * self.stride)[None])
             num_touches -= bool(self.felt.any())
             if not num_touches:
                 return
