@@ -129,9 +129,8 @@ class Calibration:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Calibration:
         """What `to_arrays` gave; other arrays are ignored."""
-        fields: dict[str, Any] = {name: arrays[name] for name in cls.__slots__}
-        for name in ("rising", "spikes", "smoothed"):
-            fields[name] = bool(fields[name])
+        known = ((name, arrays[name]) for name in cls.__slots__)
+        fields: Any = {name: one if one.ndim else one.item() for name, one in known}
         return cls(**fields)
 
     def _pressure(self, apart: np.ndarray, either_way: bool = False) -> np.ndarray:
@@ -280,9 +279,11 @@ def felt_touches(
         )
     calibration = calibrate(q, readings, spikes=False if filtering == "none" else None, **known)
     if successive and (calibration.spikes or filtering == "median"):
-        readings = _median_of_three(readings)
-        calibration = calibrate(q, readings, spikes=calibration.spikes, **known)
-        calibration = replace(calibration, smoothed=True)
+        from scipy.ndimage import median_filter  # no other run needs it
+
+        readings = median_filter(readings, size=(3, 1), mode="nearest")
+        again = calibrate(q, readings, spikes=calibration.spikes, **known)
+        calibration = replace(again, smoothed=True)
     rows, pressure = calibration._touching(readings)
     shared = calibration._shared(pressure > 0)
     num_lone = int(np.count_nonzero(pressure) - np.count_nonzero(shared))
@@ -332,13 +333,7 @@ def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
 
 def _between(row: np.ndarray, level: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """`(n, S)` levels interpolated at `rows`; constant before the first and after the last."""
-    if len(row) == 1:
-        return level
-    place = np.interp(rows, row, np.arange(len(row)))
-    before = np.minimum(place.astype(int), len(row) - 2)
-    share = (place - before)[:, None]
-    # This form is exact for a constant level, so a receptor at rest reads exactly 0.
-    return level[before] + share * (level[before + 1] - level[before])
+    return np.stack([np.interp(rows, row, of_receptor) for of_receptor in level.T], axis=1)
 
 
 def _noise(apart: np.ndarray, readings: np.ndarray) -> np.ndarray:
@@ -367,16 +362,6 @@ def _are_successive(q: np.ndarray) -> bool:
         np.median(np.abs(steps / spread).sum(axis=1)) for steps in (np.diff(q, axis=0), q - other)
     )
     return bool(near < _SUCCESSIVE * far)
-
-
-def _median_of_three(readings: np.ndarray) -> np.ndarray:
-    """`(n, S)` of the same type: median filter over each row, the previous and the next."""
-    found, before, after = readings.copy(), readings[:-2], readings[2:]
-    for start in range(0, len(before), _BLOCK):
-        rows = slice(start, start + _BLOCK)
-        ends = np.sort([before[rows], after[rows]], axis=0)
-        found[1:-1][rows] = readings[1:-1][rows].clip(*ends)
-    return found
 
 
 def _has_spikes(readings: np.ndarray, calibration: Calibration, successive: bool) -> bool:
@@ -429,4 +414,5 @@ def _checked(q: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, np.ndarra
         raise ValueError(
             f"q has {len(q)} rows and readings {len(readings)}: give one configuration for each row"
         )
-    return q.astype(float), readings.astype(np.uint8) if readings.dtype.kind == "b" else readings
+    least = np.float32 if readings.dtype.kind == "f" else np.uint8
+    return q.astype(float), readings.astype(np.result_type(readings, least), copy=False)

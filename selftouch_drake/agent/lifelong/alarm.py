@@ -2,8 +2,7 @@
 
 Both are cumulative sums of log likelihood ratios: of a body that changed, over one that did not. A
 sum that falls below 0 begins again at 0. In a body that does not change it passes h once in e^h
-steps or less often (Lorden, 1971). When it passes, the touches since it was last 0 are those of a
-body that may have changed.
+steps or less often (Lorden, 1971).
 """
 
 from __future__ import annotations
@@ -49,13 +48,12 @@ def threshold(false_alarms: float = _FALSE_ALARMS, lifetime: int = _LIFETIME) ->
 class SurpriseTest:
     """Has surprise risen for good (Page, 1954)?
 
-    Each surprise is ranked among the usual ones, and its rank is turned into a normally distributed
-    number, so that no single touch can raise the alarm. Novel touches surprise more, and an agent
-    that explores does not always meet as many of them: so a touch is ranked among those that were
-    about as novel. Successive touches surprise alike: so each counts for less, by their
-    correlation. What is usual is known only from some touches: where their mean is off by b, false
-    alarms become more frequent by a factor of e^(2 h b / rise). Two standard errors are taken off,
-    so that the mean chance of a false alarm stays below e^-h (for an error of at most 1 / h).
+    Novel touches surprise more: so each surprise is ranked among the usual ones of touches about as
+    novel. Its rank is turned into a normally distributed number, so that no single touch can raise
+    the alarm. Successive touches surprise alike: so each counts for less, by their correlation.
+    What is usual is known only from some touches: where their mean is off by b, false alarms become
+    more frequent by a factor of e^(2 h b / rise). Two standard errors are taken off, so that the
+    mean chance of a false alarm stays below e^-h (for an error of at most 1 / h).
 
     Args:
         usual: `(n,)` surprise of touches in order, in a body that did not change; the network has
@@ -104,11 +102,11 @@ class SurpriseTest:
 class ReceptorTest:
     """Have receptors fallen silent, or begun to feel?
 
-    Few touches feel any one receptor, so surprise hardly rises when it changes. So each receptor
-    has two sums. *Silence:* in a body that stays as it is, a receptor misses few of the encounters
-    in which it is surely expected. Each miss adds the log likelihood ratio of a receptor that feels
-    nothing any more; when the receptor feels, its sum is 0 again. *Beginning:* a receptor that
-    felt nothing in n touches is met once in n touches at most, and once in 50 if it began to feel.
+    Each receptor has two sums. *Silence:* in a body that stays as it is, a receptor misses few of
+    the encounters in which it is surely expected. Each miss adds the log likelihood ratio of a
+    receptor that feels nothing any more; when the receptor feels, its sum is 0 again. *Beginning:*
+    a receptor that felt nothing in n touches is met once in n touches at most, and once in 20 if
+    it began to feel.
 
     Receptors may change one at a time or together. If each of S falls silent with a chance of 1 /
     S, and misses are independent, the likelihood ratio of all is the product of 1 + (e^sum - 1) /

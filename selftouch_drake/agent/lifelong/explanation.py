@@ -1,6 +1,5 @@
 """Explains why touches surprise: tries what may have changed, from simple to complicated (naive).
 
-The expectation does not change meanwhile: it says what the body before the change would have felt.
 Any fit lowers surprise, the more so the worse the agent expects. So each explanation is fitted a
 second time, to touches from before the change, and only the ratio of the two surprises counts.
 """
