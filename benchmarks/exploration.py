@@ -96,7 +96,8 @@ class Goals(Walker):
             members = known.members(goal)
             best = members.start + int(known.kernel_error[members].argmin())
             noise = self.rng.standard_normal(len(self.q)) * _NOISE * self.stride
-            yield from self._straight(self._within(known.kernel_q[best] + noise))
+            wanted = (known.kernel_q[best] + noise).clip(self.lower, self.upper)
+            yield from self._straight(wanted)
             alike = float(self.felt @ known.target_sensations[goal])
             norm = float(np.linalg.norm(self.felt))
             self.competence.setdefault(goal, []).append(alike / norm if norm else 0.0)

@@ -70,8 +70,8 @@ _STEADY = 0.95
 _BLOCK = 8192
 
 
-def _nobody() -> np.ndarray:
-    return np.zeros((0, 0), dtype=bool)
+#: If it is unknown who the neighbours are.
+_NOBODY = np.zeros((0, 0), dtype=bool)
 
 
 class RestlessWarning(UserWarning):
@@ -100,7 +100,7 @@ class Calibration:
     noise: np.ndarray
     threshold: np.ndarray
     spikes: bool = False
-    neighbours: np.ndarray = field(default_factory=_nobody)
+    neighbours: np.ndarray = field(default_factory=lambda: _NOBODY)
     smoothed: bool = False
 
     @property
@@ -241,7 +241,7 @@ def calibrate(
         felt = pressure > 0
         lasts = felt[1:-1] & felt[:-2] & felt[2:] & (rows[2:] - rows[:-2] == 2)[:, None]
         if np.mean(found._shared(felt)[1:-1][lasts]) < _MOSTLY:
-            found = replace(found, neighbours=_nobody())
+            found = replace(found, neighbours=_NOBODY)
     return found
 
 
@@ -397,7 +397,7 @@ def _neighbours(felt: np.ndarray, num_rows: int) -> np.ndarray:
     together, chance = (some.T @ some).astype(float), np.outer(counts, counts) / num_rows
     neighbours = (together > _LIFT * chance) & (together > chance + 3.0 * np.sqrt(chance) + 2.0)
     np.fill_diagonal(neighbours, False)
-    return neighbours if np.median(neighbours.sum(axis=1)) >= _COMPANY else _nobody()
+    return neighbours if np.median(neighbours.sum(axis=1)) >= _COMPANY else _NOBODY
 
 
 def _checked(q: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

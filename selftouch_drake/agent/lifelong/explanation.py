@@ -177,11 +177,6 @@ class BodyChange:
         return moved[np.all((moved.q >= self.reach[0]) & (moved.q <= self.reach[1]), axis=1)]
 
     @property
-    def is_a_guess(self) -> bool:
-        """Whether more touches of the changed body would make this more exact."""
-        return bool(self.displacement) or bool(self.new.receptors.any())
-
-    @property
     def in_words(self) -> str:
         """What the agent found, in one line."""
         swapped = np.flatnonzero(self.source != np.arange(len(self.source)))
@@ -275,7 +270,7 @@ def explain_change(
 
 
 def refined(change: BodyChange, since: TouchSet, *, seed: int = 0) -> BodyChange:
-    """Makes a guess more exact, with more touches since the change; see `BodyChange.is_a_guess`.
+    """Makes a displacement, or a guess of what new receptors feel, more exact with more touches.
 
     No sensation of `since` is null; `seed` is for the training.
     """

@@ -102,9 +102,6 @@ class Explorer(ABC):
             if (touching := np.flatnonzero(felt.any(axis=1))).size:
                 self.touch = q[touching[-1]].astype(float)
 
-    def _within(self, q: np.ndarray) -> np.ndarray:
-        return q.clip(self.lower, self.upper)
-
 
 class Walker(Explorer):
     """Stays in contact as much as it can.
@@ -170,7 +167,7 @@ class Walker(Explorer):
     def _turned_round(self, q: np.ndarray) -> np.ndarray:
         """`(J,)` `q` within the limits; joints that pass a limit turn round."""
         self._walk[(q < self.lower) | (q > self.upper)] *= -1.0
-        return self._within(q)
+        return q.clip(self.lower, self.upper)
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a pace at a time."""
@@ -278,8 +275,8 @@ class PostureSampler(Explorer):
     def _look_about(self, q: np.ndarray, strides: float, num_touches: int) -> Moves:
         """Tries postures about `q` until `num_touches` of them touched."""
         for _ in range(_TRIES * num_touches):
-            noise = self.rng.standard_normal(len(q))
-            yield from self._go(self._within(q + strides * noise * self.stride)[None])
+            tried = q + strides * self.rng.standard_normal(len(q)) * self.stride
+            yield from self._go(tried.clip(self.lower, self.upper)[None])
             num_touches -= bool(self.felt.any())
             if not num_touches:
                 return

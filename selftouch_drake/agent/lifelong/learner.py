@@ -105,7 +105,15 @@ class OnlineLearner:
         if not len(q):
             return
         self._known = None
-        label, error = self._labels(sensation)
+        if self.knows:
+            label, error = assign(sensation, self._targets)
+            aside = ambiguous_touches(sensation, self._overlap, self._chance)
+            label = np.where(aside, self.num_targets, label)
+            self._num_unlike += int(np.sum(error > self._reach))
+        else:
+            # Spread evenly, so that no kernel is full before the first targets are chosen.
+            label = (self.num_touches + np.arange(len(q))) % self.num_targets
+            error = np.zeros(len(q), np.float32)
         self._num_set_aside += int(np.sum(label == self.num_targets))
         # The mode of new touches is unknown, unless there is only one.
         mode = 0 if len(self._mode_joints) == 1 else NO_MODE
@@ -123,7 +131,6 @@ class OnlineLearner:
         self._num_new += len(taken)
         due = self.num_touches >= _FIRST
         if self.knows:
-            self._num_unlike += int(np.sum(error > self._reach))
             new = max(self.num_touches - self._laid_out_at, _FIRST)
             due = self._num_new >= _NEW * self._size.sum()
             due |= self._num_unlike >= (self._unlike + _UNLIKE) * new
@@ -150,16 +157,6 @@ class OnlineLearner:
     def kernel_sensation(self) -> csr_array:
         """`(R, S)` unit L2 norm, the sensation at each configuration of `representation`."""
         return self._learn()[1]
-
-    def _labels(self, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`(n,)` the kernel of each touch (`num_targets` if of several places), and its error."""
-        if not self.knows:
-            # Spread evenly, so that no kernel is full before the first targets are chosen.
-            row = self.num_touches + np.arange(len(sensation))
-            return row % self.num_targets, np.zeros(len(sensation), np.float32)
-        label, error = assign(sensation, self._targets)
-        aside = ambiguous_touches(sensation, self._overlap, self._chance)
-        return np.where(aside, self.num_targets, label), error
 
     def _lay_out(self) -> None:
         """Chooses targets again and assigns each remembered touch to the most similar one."""

@@ -182,7 +182,8 @@ class Life:
             Noticed(row=row, since=since, explained_at=self.num_touches, change=change)
         )
         self._born, self._raised, self._never_felt = since, None, None
-        self._to_refine = _TO_REFINE if change.is_a_guess else ()
+        guess = change.displacement or change.new.receptors.any()
+        self._to_refine = _TO_REFINE if guess else ()
         self._begin_again(change)
         self._expect()
 
