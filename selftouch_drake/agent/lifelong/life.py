@@ -209,10 +209,8 @@ class Life:
         expected = expectation(last.q)
         if self._never_felt is None:  # later, what began to feel shortly before is still new
             self._never_felt = ~np.any(remembered.sensation > 0, axis=0)
-        usual, num_touches = (
-            expectation.surprise(expected, last.sensation),
-            self.learner.num_touches,
-        )
+        usual = expectation.surprise(expected, last.sensation)
+        num_touches = self.learner.num_touches
         self._watching = (
             expectation,
             SurpriseTest(usual, expectation.novelty(last.q)),
