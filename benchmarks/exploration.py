@@ -88,35 +88,36 @@ class Goals(Walker):
     def moves(self) -> Moves:
         self.competence = {}
         while True:
-            if self._agent is None:
+            if self.agent is None:
                 yield from self._wander()
                 continue
-            known = self._agent.representation
+            known = self.agent.representation
             goal = self.choose(known)
             members = known.members(goal)
             best = members.start + int(known.kernel_error[members].argmin())
-            noise = self._rng.standard_normal(len(self._q)) * _NOISE * self._joints.stride
-            yield from self._straight(self._within(known.kernel_q[best] + noise))
-            alike = float(self._felt @ known.target_sensations[goal])
-            norm = float(np.linalg.norm(self._felt))
+            noise = self.rng.standard_normal(len(self.q)) * _NOISE * self.stride
+            wanted = (known.kernel_q[best] + noise).clip(self.lower, self.upper)
+            yield from self._straight(wanted)
+            alike = float(self.felt @ known.target_sensations[goal])
+            norm = float(np.linalg.norm(self.felt))
             self.competence.setdefault(goal, []).append(alike / norm if norm else 0.0)
 
     def choose(self, known: QuotientRepresentation) -> int:
-        return int(self._rng.integers(known.num_targets))
+        return int(self.rng.integers(known.num_targets))
 
 
 class Progress(Goals):
     """Goals by learning progress: where the last tries went better, or worse, than those before."""
 
     def choose(self, known: QuotientRepresentation) -> int:
-        if self._rng.random() < _AT_RANDOM:
+        if self.rng.random() < _AT_RANDOM:
             return super().choose(known)
         interest = np.ones(known.num_targets)
         for goal, tries in self.competence.items():
             before, after = np.array_split(np.array(tries[-_RECENT:]), 2)
             if len(after):
                 interest[goal] = 0.01 + abs(after.mean() - before.mean())
-        return int(self._rng.choice(len(interest), p=interest / interest.sum()))
+        return int(self.rng.choice(len(interest), p=interest / interest.sum()))
 
 
 WAYS = {"active": None, "goals": Goals, "progress": Progress}

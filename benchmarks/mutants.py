@@ -241,7 +241,7 @@ MUTANTS = (
     ),
     Mutant(
         name="mending: the offset of a joint has the wrong sign",
-        file="agent/lifelong/body_change.py",
+        file="agent/lifelong/explanation.py",
         old="moved = q + self.offset",
         new="moved = q - self.offset",
         first=("tests/agent/lifelong",),

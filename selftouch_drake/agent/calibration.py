@@ -5,8 +5,7 @@ noise. On some skins there are spikes, and on some readings decay slowly after a
 estimated from the readings themselves, because few receptors feel each touch, and each receptor is
 at rest in most rows.
 
-Whoever has readings, a recording or a living body, does it in two steps. `calibrate` estimates a
-`Calibration` from a first stretch of rows, which may touch or not; then `Calibration.sensation`
+`calibrate` estimates a `Calibration` from a first stretch of rows; then `Calibration.sensation`
 turns any later readings into sensations, each row by itself. `felt_touches` does both for a whole
 recording, where it also knows what comes after a row: it can remove spikes by a filter in time, and
 readings that decay slowly.
@@ -15,9 +14,8 @@ readings that decay slowly.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -72,8 +70,8 @@ _STEADY = 0.95
 _BLOCK = 8192
 
 
-def _nobody() -> np.ndarray:
-    return np.zeros((0, 0), dtype=bool)
+#: If it is unknown who the neighbours are.
+_NOBODY = np.zeros((0, 0), dtype=bool)
 
 
 class RestlessWarning(UserWarning):
@@ -102,14 +100,8 @@ class Calibration:
     noise: np.ndarray
     threshold: np.ndarray
     spikes: bool = False
-    neighbours: np.ndarray = field(default_factory=_nobody)
+    neighbours: np.ndarray = field(default_factory=lambda: _NOBODY)
     smoothed: bool = False
-
-    @classmethod
-    def perfect(cls, num_receptors: int) -> Calibration:
-        """Of a skin that reads pressures, 0 at rest: they pass unchanged."""
-        null = np.zeros(num_receptors)
-        return cls(rising=True, row=np.zeros(1), level=null[None], noise=null, threshold=null)
 
     @property
     def offset(self) -> np.ndarray:
@@ -121,17 +113,13 @@ class Calibration:
         """`(S,)` range of the resting level over the calibrated rows."""
         return np.ptp(self.level, axis=0)
 
-    def sensation(self, readings: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+    def sensation(self, readings: np.ndarray) -> np.ndarray:
         """`(n, S)` float32, pressures above rest, in raw units; 0 below the threshold.
 
-        Each row is turned by itself, without those before and after it.
-
-        Args:
-            readings: `(n, S)` raw.
-            rows: `(n,)` which of the calibrated rows they are; by default they come later, and the
-                last resting level holds.
+        The raw `(n, S)` readings come later than the calibrated ones, so the last resting level
+        holds. Each row is turned by itself, without those before and after it.
         """
-        pressure = self._pressure(readings, rows)
+        pressure = self._pressure(readings - self.level[-1])
         return np.where(self._shared(pressure > 0), pressure, np.float32(0.0))
 
     def to_arrays(self) -> dict[str, np.ndarray]:
@@ -141,21 +129,34 @@ class Calibration:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Calibration:
         """What `to_arrays` gave; other arrays are ignored."""
-        fields: dict[str, Any] = {name: arrays[name] for name in cls.__slots__}
-        for name in ("rising", "spikes", "smoothed"):
-            fields[name] = bool(fields[name])
+        known = ((name, arrays[name]) for name in cls.__slots__)
+        fields: Any = {name: one if one.ndim else one.item() for name, one in known}
         return cls(**fields)
 
-    def _pressure(self, readings: np.ndarray, rows: np.ndarray | None) -> np.ndarray:
-        """`(n, S)` float32, readings above the threshold, spikes as well."""
-        resting = self.level[-1] if rows is None else _between(self.row, self.level, rows)
-        above = readings - resting if self.rising else resting - readings
+    def _pressure(self, apart: np.ndarray, either_way: bool = False) -> np.ndarray:
+        """`(n, S)` float32, readings so far apart from rest that they pass the threshold, or 0."""
+        above = np.abs(apart) if either_way else apart if self.rising else -apart
         return np.where(above > self.threshold, above, 0.0).astype(np.float32)
+
+    def _touching(
+        self, readings: np.ndarray, *, either_way: bool = False
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """The rows in which some pressure is not null, and `(n, S)` float32 pressures there."""
+        found = []
+        for start in range(0, len(readings), _BLOCK):
+            block = readings[start : start + _BLOCK]
+            rows = start + np.arange(len(block))
+            pressure = self._pressure(block - _between(self.row, self.level, rows), either_way)
+            touching = pressure.any(axis=1)
+            found.append((rows[touching], pressure[touching]))
+        rows, pressures = zip(*found, strict=True)
+        return np.concatenate(rows), np.concatenate(pressures)
 
     def _shared(self, felt: np.ndarray) -> np.ndarray:
         """`(n, S)` bool, what is felt and shared by enough neighbours, if they are known."""
-        known = self.neighbours.size
-        return felt & (_num_near(felt, self.neighbours) >= _COMPANY) if known else felt
+        if not self.neighbours.size:
+            return felt
+        return felt & (felt.astype(np.float32) @ self.neighbours >= _COMPANY)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -193,8 +194,8 @@ def calibrate(
     q: np.ndarray,
     readings: np.ndarray,
     *,
-    offset: float | np.ndarray | None = None,
-    threshold: float | np.ndarray | None = None,
+    offset: float | None = None,
+    threshold: float | None = None,
     rising: bool | None = None,
     spikes: bool | None = None,
 ) -> Calibration:
@@ -204,9 +205,8 @@ def calibrate(
         q: `(n, J)` motor configurations, in the robot's units; if they change little from row to
             row, rows count as successive in time, else as unordered.
         readings: `(n, S)` raw, any real type, all finite; each receptor at rest in most rows.
-        offset: resting level in raw units, one or `(S,)`; estimated by default, with its drift.
-        threshold: above rest, in raw units, one or `(S,)`; by default six standard deviations of
-            the noise.
+        offset: resting level in raw units; by default that of each receptor, with its drift.
+        threshold: above rest, in raw units; by default six standard deviations of the noise.
         rising: whether readings rise with pressure; estimated by default.
         spikes: whether there are spikes; estimated by default.
 
@@ -214,27 +214,26 @@ def calibrate(
         ValueError: shapes disagree, or a number is not finite.
     """
     q, readings = _checked(q, readings)
-    num_receptors = readings.shape[1]
+    row, level = np.zeros(1), np.full((1, readings.shape[1]), float(offset or 0.0))
     if offset is None:
-        row, level = _resting_levels(readings)
-    else:
-        row, level = np.zeros(1), _one_each("offset", offset, num_receptors)[None]
+        cuts = np.linspace(0, len(readings), max(len(readings) // _WINDOW, 1) + 1).astype(int)
+        row = (cuts[:-1] + cuts[1:] - 1) / 2
+        windows = (readings[slice(*ends)] for ends in pairwise(cuts))
+        level = np.array([np.median(window, axis=0) for window in windows], dtype=float)
     sample = np.arange(0, len(readings), -(-len(readings) // _SAMPLE))
     apart = readings[sample] - _between(row, level, sample)
     if rising is None:
         above, below = (np.square(apart.clip(*side)).sum() for side in ((0, None), (None, 0)))
         rising = below <= _FALLS * above
     noise = _noise(apart if rising else -apart, readings[sample])
-    limit = _SILENCE * noise
-    if threshold is not None:
-        limit = _one_each("threshold", threshold, num_receptors)
+    limit = _SILENCE * noise if threshold is None else np.full(len(noise), float(threshold))
     found = Calibration(rising=bool(rising), row=row, level=level, noise=noise, threshold=limit)
     successive = _are_successive(q)
     if spikes is None:
         spikes = _has_spikes(readings, found, successive)
     if not spikes:
         return found
-    rows, pressure = _touching(found._pressure, readings)
+    rows, pressure = found._touching(readings)
     neighbours = _neighbours(pressure > 0, len(readings))
     found = replace(found, spikes=True, neighbours=neighbours)
     if successive and neighbours.size:
@@ -242,7 +241,7 @@ def calibrate(
         felt = pressure > 0
         lasts = felt[1:-1] & felt[:-2] & felt[2:] & (rows[2:] - rows[:-2] == 2)[:, None]
         if np.mean(found._shared(felt)[1:-1][lasts]) < _MOSTLY:
-            found = replace(found, neighbours=_nobody())
+            found = replace(found, neighbours=_NOBODY)
     return found
 
 
@@ -250,10 +249,8 @@ def felt_touches(
     q: np.ndarray,
     readings: np.ndarray,
     *,
-    offset: float | np.ndarray | None = None,
-    threshold: float | np.ndarray | None = None,
-    rising: bool | None = None,
     filtering: str | None = None,
+    **known: Any,
 ) -> Felt:
     """Finds the touches in a recording of raw readings.
 
@@ -261,12 +258,10 @@ def felt_touches(
         q: as of `calibrate`.
         readings: `(n, S)` raw, rows that touch and rows that do not, as recorded. Pressures with an
             offset of 0 are returned unchanged.
-        offset: as of `calibrate`.
-        threshold: as of `calibrate`.
-        rising: as of `calibrate`.
         filtering: "median" if each reading becomes the median of three rows; "none" if it stays as
             it is, even if it looks like a spike; by default a median where there are spikes and
             rows are successive in time.
+        known: `offset`, `threshold` and `rising`, as of `calibrate`.
 
     Raises:
         ValueError: shapes disagree, a number is not finite, nothing is felt, or rows without order
@@ -282,18 +277,25 @@ def felt_touches(
             "filter is median, but the joints jump from row to row: give the rows in the order of "
             "time, or leave the filter out"
         )
-    as_given = partial(calibrate, q, offset=offset, threshold=threshold, rising=rising)
-    calibration = as_given(readings, spikes=False if filtering == "none" else None)
+    calibration = calibrate(q, readings, spikes=False if filtering == "none" else None, **known)
     if successive and (calibration.spikes or filtering == "median"):
-        readings = _median_of_three(readings)
-        calibration = replace(as_given(readings, spikes=calibration.spikes), smoothed=True)
-    rows, pressure = _touching(calibration._pressure, readings)
+        from scipy.ndimage import median_filter  # no other run needs it
+
+        readings = median_filter(readings, size=(3, 1), mode="nearest")
+        again = calibrate(q, readings, spikes=calibration.spikes, **known)
+        calibration = replace(again, smoothed=True)
+    rows, pressure = calibration._touching(readings)
     shared = calibration._shared(pressure > 0)
     num_lone = int(np.count_nonzero(pressure) - np.count_nonzero(shared))
     if num_lone:
         touching = shared.any(axis=1)
         rows, pressure = rows[touching], np.where(shared, pressure, np.float32(0.0))[touching]
-    if len(pressure) and 2 * np.median(np.count_nonzero(pressure, axis=0)) > len(readings):
+    if not len(rows):
+        raise ValueError(
+            f"nothing is felt in {len(readings)} rows: the readings of all receptors stay within "
+            "their thresholds; lower the threshold, or record touches"
+        )
+    if 2 * np.median(np.count_nonzero(pressure, axis=0)) > len(readings):
         warnings.warn(
             "half of the receptors feel something in more than half of the rows: record more rows "
             "without a touch, or give the correct offset",
@@ -301,15 +303,8 @@ def felt_touches(
             stacklevel=2,
         )
     null = np.setdiff1d(np.arange(len(readings)), rows, assume_unique=True)
-    num_fading = 0
-    if successive and (fading := _fading(rows, pressure.sum(axis=1, dtype=float))).any():
-        num_fading = int(fading.sum())
-        rows, pressure = rows[~fading], pressure[~fading]
-    if not len(rows):
-        raise ValueError(
-            f"nothing is felt in {len(readings)} rows: the readings of all receptors stay within "
-            "their thresholds; lower the threshold, or record touches"
-        )
+    fading = _fading(rows, pressure.sum(axis=1, dtype=float)) & successive
+    rows, pressure = rows[~fading], pressure[~fading]
     return Felt(
         rows=rows,
         q=q[rows],
@@ -318,33 +313,16 @@ def felt_touches(
         null=null,
         successive=successive,
         num_lone=num_lone,
-        num_fading=num_fading,
+        num_fading=int(fading.sum()),
     )
-
-
-def _touching(
-    pressure_of: Callable[[np.ndarray, np.ndarray], np.ndarray], readings: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows in which `pressure_of` readings and rows is not null, and `(n, S)` float32 pressures."""
-    found = []
-    for block in _blocks(len(readings)):
-        rows = np.arange(block.start, block.stop)
-        pressure = pressure_of(readings[block], rows)
-        touching = pressure.any(axis=1)
-        found.append((rows[touching], pressure[touching]))
-    rows, pressures = zip(*found, strict=True)
-    return np.concatenate(rows), np.concatenate(pressures)
 
 
 def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
     """`(n,)` bool, rows in which pressure falls, if readings decay slowly; else none.
 
     After a touch ends, a slow receptor still reads it for a while. Pressure then falls in many more
-    rows than it rises in, and falling readings show past touches.
-
-    Args:
-        rows: `(n,)` of the recording, ascending.
-        total: `(n,)` sum of the pressures.
+    rows than it rises in, and falling readings show past touches. `rows` of the recording ascend;
+    `total` is the sum of the pressures in each.
     """
     follows = np.diff(rows) == 1
     falls, rises = follows & (total[1:] < total[:-1]), follows & (total[1:] > total[:-1])
@@ -353,23 +331,9 @@ def _fading(rows: np.ndarray, total: np.ndarray) -> np.ndarray:
     return np.append(False, follows & (total[1:] < _STEADY * total[:-1]))
 
 
-def _resting_levels(readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The middle row of each window, and `(W, S)` the median readings in it."""
-    cuts = np.linspace(0, len(readings), max(len(readings) // _WINDOW, 1) + 1).astype(int)
-    windows = [slice(*ends) for ends in pairwise(cuts)]
-    level = np.stack([np.median(readings[window], axis=0) for window in windows])
-    return (cuts[:-1] + cuts[1:] - 1) / 2, level.astype(float)
-
-
 def _between(row: np.ndarray, level: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """`(n, S)` levels interpolated at `rows`; constant before the first and after the last."""
-    if len(row) == 1:
-        return level
-    place = np.interp(rows, row, np.arange(len(row)))
-    before = np.minimum(place.astype(int), len(row) - 2)
-    share = (place - before)[:, None]
-    # This form is exact for a constant level, so a receptor at rest reads exactly 0.
-    return level[before] + share * (level[before + 1] - level[before])
+    return np.stack([np.interp(rows, row, of_receptor) for of_receptor in level.T], axis=1)
 
 
 def _noise(apart: np.ndarray, readings: np.ndarray) -> np.ndarray:
@@ -400,37 +364,18 @@ def _are_successive(q: np.ndarray) -> bool:
     return bool(near < _SUCCESSIVE * far)
 
 
-def _median_of_three(readings: np.ndarray) -> np.ndarray:
-    """`(n, S)` of the same type: median filter over each row, the previous and the next."""
-    found, before, after = readings.copy(), readings[:-2], readings[2:]
-    for rows in _blocks(len(before)):
-        ends = np.sort([before[rows], after[rows]], axis=0)
-        found[1:-1][rows] = readings[1:-1][rows].clip(*ends)
-    return found
-
-
-def _blocks(num_rows: int) -> Iterator[slice]:
-    return (slice(start, min(start + _BLOCK, num_rows)) for start in range(0, num_rows, _BLOCK))
-
-
 def _has_spikes(readings: np.ndarray, calibration: Calibration, successive: bool) -> bool:
     """Whether many firm readings stand alone: in no neighbour and, if rows are successive, in time.
 
     Readings count on both sides of rest: a spike may go either way. If fields do not overlap,
     spikes cannot be distinguished from touches.
     """
-    limit = calibration.threshold.clip(0.0)
-
-    def strength(some: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        apart = np.abs(some - _between(calibration.row, calibration.level, rows))
-        return np.where(apart > limit, apart, 0.0).astype(np.float32)
-
-    rows, strong = _touching(strength, readings)
+    rows, strong = calibration._touching(readings, either_way=True)
     felt = strong > 0
     neighbours = _neighbours(felt, len(readings))
     if not neighbours.size:
         return False
-    num_near = _num_near(felt, neighbours)
+    num_near = felt.astype(np.float32) @ neighbours
     shared = felt & (num_near >= _COMPANY)
     if not shared.any():
         return False
@@ -446,38 +391,13 @@ def _has_spikes(readings: np.ndarray, calibration: Calibration, successive: bool
 def _neighbours(felt: np.ndarray, num_rows: int) -> np.ndarray:
     """`(S, S)` bool, receptors that feel together; `(0, 0)` if fields hardly overlap.
 
-    Args:
-        felt: `(n, S)` bool, in rows with at least one touched receptor.
-        num_rows: of the recording.
+    From `(n, S)` bool, the rows of a recording of `num_rows` in which something is felt.
     """
-    num_receptors = felt.shape[1]
-    together, counts = np.zeros((num_receptors, num_receptors)), felt.sum(axis=0, dtype=float)
-    for rows in _blocks(len(felt)):
-        some = felt[rows].astype(np.float32)
-        together += some.T @ some
-    chance = np.outer(counts, counts) / num_rows
+    counts, some = felt.sum(axis=0, dtype=float), felt.astype(np.float32)
+    together, chance = (some.T @ some).astype(float), np.outer(counts, counts) / num_rows
     neighbours = (together > _LIFT * chance) & (together > chance + 3.0 * np.sqrt(chance) + 2.0)
     np.fill_diagonal(neighbours, False)
-    return neighbours if np.median(neighbours.sum(axis=1)) >= _COMPANY else _nobody()
-
-
-def _num_near(felt: np.ndarray, neighbours: np.ndarray) -> np.ndarray:
-    """`(n, S)` float32, the number of neighbours of each receptor that feel something."""
-    found = np.empty(felt.shape, dtype=np.float32)
-    for rows in _blocks(len(felt)):
-        found[rows] = felt[rows].astype(np.float32) @ neighbours.T.astype(np.float32)
-    return found
-
-
-def _one_each(name: str, value: float | np.ndarray, num_receptors: int) -> np.ndarray:
-    """`(S,)` floats, one per receptor."""
-    array = np.asarray(value, dtype=float)
-    if array.shape not in ((), (num_receptors,)) or not np.isfinite(array).all():
-        raise ValueError(
-            f"{name} has shape {array.shape}: give one finite number, or one for each of "
-            f"{num_receptors} receptors"
-        )
-    return np.broadcast_to(array, (num_receptors,)).astype(float)
+    return neighbours if np.median(neighbours.sum(axis=1)) >= _COMPANY else _NOBODY
 
 
 def _checked(q: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -494,4 +414,5 @@ def _checked(q: np.ndarray, readings: np.ndarray) -> tuple[np.ndarray, np.ndarra
         raise ValueError(
             f"q has {len(q)} rows and readings {len(readings)}: give one configuration for each row"
         )
-    return q.astype(float), readings.astype(np.uint8) if readings.dtype.kind == "b" else readings
+    least = np.float32 if readings.dtype.kind == "f" else np.uint8
+    return q.astype(float), readings.astype(np.result_type(readings, least), copy=False)

@@ -8,7 +8,6 @@ from selftouch_drake.experience.collect import (
     require_complete,
     walk_sizes,
 )
-from selftouch_drake.experience.recording import Recording, read_recording
 from selftouch_drake.experience.store import (
     Contacts,
     ExperienceReader,
@@ -22,14 +21,12 @@ __all__ = [
     "Contacts",
     "ExperienceReader",
     "RandomWalk",
-    "Recording",
     "Shard",
     "StoreError",
     "collect",
     "collect_walk",
     "how_to_collect",
     "random_walk",
-    "read_recording",
     "require_complete",
     "walk_sizes",
     "write_shard",

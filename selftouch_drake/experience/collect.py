@@ -21,8 +21,7 @@ from selftouch_drake.experience.store import (
     shards_of,
     write_shard,
 )
-from selftouch_drake.experience.walk import RandomWalk
-from selftouch_drake.experience.walkers import Walker, strides, walk_range
+from selftouch_drake.experience.walk import RandomWalk, Walker, strides, walk_range
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.files import remove_unfinished
 

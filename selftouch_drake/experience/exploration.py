@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -20,7 +21,6 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Felt
 from selftouch_drake.agent.lifelong import (
     Explorer,
-    JointRanges,
     Life,
     OnlineLearner,
     PostureSampler,
@@ -29,7 +29,7 @@ from selftouch_drake.agent.lifelong import (
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.experience.collect import keep_touches, stored_walks, time_left, walker_of
 from selftouch_drake.experience.store import ExperienceReader, Shard, WalkCounts, write_shard
-from selftouch_drake.experience.walkers import CHOICE_S, strides, walk_range
+from selftouch_drake.experience.walk import CHOICE_S, strides, walk_range
 from selftouch_drake.experiment import Experiment
 
 #: Number of target sensations, and most touches of each, that the agent uses while it explores a
@@ -43,11 +43,8 @@ _AT_RANDOM = 500
 def new_life(experiment: Experiment) -> Life:
     """The life of an experiment's agent, at birth."""
     settings, seed = experiment.representation, experiment.seed
-
-    def learner() -> OnlineLearner:
-        return OnlineLearner(settings.num_targets, settings.max_kernel_size, seed=seed)
-
-    return Life(learner, seed=seed)
+    born = partial(OnlineLearner, settings.num_targets, settings.max_kernel_size, seed=seed)
+    return Life(born, seed=seed)
 
 
 class Exploration:
@@ -67,33 +64,19 @@ class Exploration:
     def __init__(self, experiment: Experiment, body: Body, explorer: type[Explorer] | None = None):
         self.experiment, self._explorer = experiment, explorer
         self.enter(body)
-        (seed,) = experiment.random_stream("explorer").generate_state(1)
-        self.mind: Life | OnlineLearner = (
-            new_life(experiment)
-            if any(change.after > 0 for change in experiment.changes)
-            else OnlineLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
-        )
+        self.mind: Life | OnlineLearner
+        if any(change.after > 0 for change in experiment.changes):
+            self.mind = new_life(experiment)
+        else:
+            (seed,) = experiment.random_stream("explorer").generate_state(1)
+            self.mind = OnlineLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
         self.round = self.num_touches = 0
         self._q: np.ndarray | None = None
         self._agent: Agent | None = None
 
     def enter(self, body: Body) -> None:
         """From now on, the agent has this body."""
-        babbling = self.experiment.babbling
-        self.body, self._walker = body, walker_of(self.experiment, body)
-        lower, upper = walk_range(body)
-        self._joints = JointRanges(
-            lower=lower,
-            upper=upper,
-            stride=strides(body, babbling.step_size),
-            # Each sample decides on the next step; the agent moves as fast as random babbling.
-            pace=CHOICE_S / babbling.step_duration if self._walker.timed else 1.0,
-        )
-
-    @property
-    def learner(self) -> OnlineLearner:
-        """What the agent learned; another one each time that it adapted."""
-        return self.mind.learner if isinstance(self.mind, Life) else self.mind
+        self.body, self._leader = body, walker_of(self.experiment, body)
 
     def remember(self, q: np.ndarray, sensation: np.ndarray) -> None:
         """Learns from the next round, as stored: `q` `(n, J)` and `sensation` `(n, S)` N."""
@@ -101,9 +84,17 @@ class Exploration:
         self.num_touches += len(q)
         self._q = q[-1]
         self.round += 1
-        # Asked for once a round, also when stored rounds are read again: what the learner
-        # measures again depends on when it was last asked.
-        self._agent = self._knows()
+        learner = self.mind.learner if isinstance(self.mind, Life) else self.mind
+        self._agent = None
+        if learner.num_touches >= _AT_RANDOM and learner.knows:
+            # Asked for once a round, also when stored rounds are read again: what the learner
+            # measures again depends on when it was last asked.
+            with warnings.catch_warnings():
+                # A graph in pieces is no surprise here: the agent explores in order to join them.
+                warnings.simplefilter("ignore", DisconnectedWarning)
+                self._agent = Agent.of(
+                    learner.representation, kernel_sensation=learner.kernel_sensation
+                )
 
     def explore(self, num_rows: int, most_s: float = np.inf) -> Shard:
         """The next round: explores until `num_rows` configurations that the body can take touch.
@@ -116,33 +107,32 @@ class Exploration:
             NeverTouchesError: there was no touch in very many steps.
         """
         rng = np.random.default_rng(self.experiment.random_stream("walk", self.round))
-        joints, walker = self._joints, self._walker
-        start = rng.uniform(joints.lower, joints.upper) if self._q is None else self._q
-        walker.begin_at(start)
-        nothing = np.zeros(self.body.num_receptors)
-        explorer = self._explorer or (Walker if walker.timed else PostureSampler)
-        moves = explorer(self._agent, joints, start, nothing, rng).moves()
+        babbling, leader = self.experiment.babbling, self._leader
+        lower, upper = walk_range(self.body)
+        start = rng.uniform(lower, upper) if self._q is None else self._q
+        leader.begin_at(start)
+        explorer = self._explorer or (Walker if leader.timed else PostureSampler)
+        moves = explorer(
+            agent=self._agent,
+            q=start,
+            felt=np.zeros(self.body.num_receptors),
+            rng=rng,
+            lower=lower,
+            upper=upper,
+            stride=strides(self.body, babbling.step_size),
+            # Each sample decides on the next step; the agent moves as fast as random babbling.
+            pace=CHOICE_S / babbling.step_duration if leader.timed else 1.0,
+        ).moves()
         path = next(moves)
 
         def next_steps() -> Felt:
             nonlocal path
-            felt = walker.choose(path)
+            felt = leader.choose(path)
             # In a posture that it cannot take, a body feels nothing.
             path = moves.send((felt.q, np.where(felt.reached[:, None], felt.sensation, 0.0)))
             return felt
 
         return keep_touches(next_steps, self.body, self.round, num_rows, most_s)
-
-    def _knows(self) -> Agent | None:
-        """What the agent knows; None before it has enough touches to go by."""
-        if self.learner.num_touches < _AT_RANDOM or not self.learner.knows:
-            return None
-        with warnings.catch_warnings():
-            # A graph in pieces is no surprise here: the agent explores in order to join them.
-            warnings.simplefilter("ignore", DisconnectedWarning)
-            return Agent.of(
-                self.learner.representation, kernel_sensation=self.learner.kernel_sensation
-            )
 
 
 def explore(

@@ -6,11 +6,11 @@ of LeRobot (`meta/info.json`, `data/`) are understood.
 
 from __future__ import annotations
 
+import fnmatch
 import json
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from fnmatch import fnmatchcase
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -45,9 +45,6 @@ _AROUND, _BETWEEN = " \t\r\n[](){},;", r"[\s,;]+"
 _HEAD = 65_536
 # A column with so many different words or whole numbers may say what touched.
 _FEW_VALUES = range(2, 21)
-
-#: Columns by name, of a table or of an archive of arrays.
-Columns = Mapping[str, pa.ChunkedArray | np.ndarray]
 
 
 class RecordingError(ValueError):
@@ -119,10 +116,9 @@ def read_recording(
         RecordingError: a column does not exist, shapes disagree, or no row is complete.
         ValueError: a file is damaged.
     """
-    files = _files(source)
-    named = _lerobot_names(source)
+    files, named = _files(source), _lerobot_names(source)
     parts = [
-        _read(_columns(path, delimiter), path, q, sensation, time, rows, named, piece)
+        _Table(path, delimiter).recording(q, sensation, time, rows, named, piece)
         for piece, path in enumerate(files)
     ]
     first = parts[0]
@@ -135,13 +131,12 @@ def read_recording(
                     "robot at a time"
                 )
     times = [part.time_s for part in parts if part.time_s is not None]
-    joined = Recording(
+    joined = replace(
+        first,
         q=np.concatenate([part.q for part in parts]),
         readings=np.concatenate([part.readings for part in parts]),
         time_s=np.concatenate(times) if len(times) == len(parts) else None,
         piece=np.concatenate([part.piece for part in parts]),
-        joints=first.joints,
-        receptors=first.receptors,
         num_rows=sum(part.num_rows for part in parts),
         num_incomplete=sum(part.num_incomplete for part in parts),
         choices={
@@ -162,7 +157,7 @@ def read_recording(
 def _files(source: Path) -> list[Path]:
     if source.is_file():
         if source.suffix.lower() not in _KINDS:
-            raise RecordingError(f"{source} is not a {_words(_KINDS)} file; convert it to one")
+            raise RecordingError(f"{source} is not a parquet, csv or npz file; convert it to one")
         return [source]
     if not source.is_dir():
         raise FileNotFoundError(f"{source} does not exist; give a file or a folder")
@@ -170,70 +165,188 @@ def _files(source: Path) -> list[Path]:
     found = [path for path in sorted(folder.rglob("*")) if path.suffix.lower() in _KINDS]
     kinds = sorted({path.suffix.lower() for path in found})
     if not found:
-        raise RecordingError(f"{folder} holds no {_words(_KINDS)} file; give another folder")
+        raise RecordingError(f"{folder} holds no parquet, csv or npz file; give another folder")
     if len(kinds) > 1:
         raise RecordingError(f"{folder} holds files of kinds {', '.join(kinds)}; give one kind")
     return found
 
 
-def _read(
-    columns: Columns,
-    path: Path,
-    q: str | None,
-    sensation: str | None,
-    time: str | None,
-    conditions: Sequence[str],
-    named: Mapping[str, Sequence[str]],
-    number: int,
-) -> Recording:
-    taken_q = _chosen(columns, "--q", q, Q_NAMES, path)
-    taken_s = _chosen(columns, "--sensation", sensation, SENSATION_NAMES, path)
-    parts_q = _parts(columns, "--q", taken_q, path)
-    parts_s = _parts(columns, "--sensation", taken_s, path)
-    time_s = _single(columns, "--time", time, TIME_NAMES, path)
-    episode = _single(columns, "", None, EPISODE_NAMES, path)
-    parts_q, parts_s = _upright(parts_q, parts_s)
-    configurations, readings = np.concatenate(parts_q, axis=1), np.concatenate(parts_s, axis=1)
-    num_rows = len(configurations)
-    for name, rows in (("sensation", readings), ("time", time_s)):
-        if rows is not None and len(rows) != num_rows:
+class _Table:
+    """One file: its columns by name, of a table or of an archive of arrays."""
+
+    def __init__(self, path: Path, delimiter: str | None) -> None:
+        self.path = path
+        self.columns: Mapping[str, pa.ChunkedArray | np.ndarray]
+        kind = path.suffix.lower()
+        if kind == ".npz":
+            self.columns = load_arrays(path)
+            return
+        try:
+            table = pq.read_table(path) if kind == ".parquet" else _read_text(path, delimiter)
+        except UNREADABLE as error:
+            reason = " ".join(str(error).split())[:200]
+            raise RecordingError(f"{path} is damaged ({reason}); write it again") from None
+        self.columns = {name: table.column(name) for name in table.column_names}
+
+    def recording(
+        self,
+        q: str | None,
+        sensation: str | None,
+        time: str | None,
+        conditions: Sequence[str],
+        named: Mapping[str, Sequence[str]],
+        number: int,
+    ) -> Recording:
+        """As of `read_recording`, with names by LeRobot and the number of the file."""
+        taken_q, parts_q = self._taken("--q", q, Q_NAMES)
+        taken_s, parts_s = self._taken("--sensation", sensation, SENSATION_NAMES)
+        if time is not None:
+            self._require("--time", time)
+        time_s = self._single(TIME_NAMES if time is None else [time])
+        episode = self._single(EPISODE_NAMES)
+        parts_q, parts_s = _upright(parts_q, parts_s)
+        configurations, readings = np.concatenate(parts_q, axis=1), np.concatenate(parts_s, axis=1)
+        num_rows = len(configurations)
+        for name, rows in (("sensation", readings), ("time", time_s)):
+            if rows is not None and len(rows) != num_rows:
+                raise RecordingError(
+                    f"{self.path} has {num_rows} rows of q and {len(rows)} of {name}; record them "
+                    "together"
+                )
+        chosen = self._meeting(conditions, num_rows)
+        complete = np.isfinite(configurations).all(axis=1) & np.isfinite(readings).all(axis=1)
+        if time_s is not None:
+            complete &= np.isfinite(time_s)
+        # A piece ends with its file, its episode, and where rows were left out by choice.
+        piece = np.zeros(num_rows) if episode is None else np.nan_to_num(episode[:num_rows])
+        breaks = np.diff(piece, prepend=piece[:1]) != 0
+        breaks[1:] |= ~chosen[:-1]
+        kept = complete & chosen
+        return Recording(
+            q=configurations[kept],
+            readings=readings[kept],
+            time_s=None if time_s is None else time_s[kept],
+            piece=number * 1_000_000_000 + np.cumsum(breaks)[kept],
+            joints=self._names("--q", taken_q, parts_q, named),
+            receptors=self._names("--sensation", taken_s, parts_s, named),
+            num_rows=int(chosen.sum()),
+            num_incomplete=int((chosen & ~complete).sum()),
+            choices=self._choices({*taken_q, *taken_s, *EPISODE_NAMES, *TIME_NAMES}, num_rows),
+        )
+
+    def _taken(
+        self, option: str, asked: str | None, defaults: Sequence[str]
+    ) -> tuple[list[str], list[np.ndarray]]:
+        """Names and `(n, width)` numbers of the columns asked for, or of the first default."""
+        taken: list[str] = []
+        if asked is None:
+            patterns = (re.escape(name).replace(r"\#", r"\d+") for name in defaults)
+            matching = ([c for c in self.columns if re.fullmatch(p, c)] for p in patterns)
+            taken = sorted(next(filter(None, matching), []), key=_in_order_of_numbers)
+            if not taken:
+                raise RecordingError(
+                    f"{self.path} has no column with a usual name for {option}; it has "
+                    f"{self._all}: name the column, as in {option} '{defaults[0]}' or "
+                    f"{option} '{defaults[-1][:-1]}*'"
+                )
+        for entry in asked.split(",") if asked is not None else ():
+            found = [entry] if entry in self.columns else fnmatch.filter(self.columns, entry)
+            if not found:
+                self._require(option, entry)
+            taken += sorted(found, key=_in_order_of_numbers)
+        parts = [self._numbers(name) for name in taken]
+        for name, part in zip(taken, parts, strict=True):
+            if len(part) != len(parts[0]):
+                raise RecordingError(
+                    f"column {name} of {self.path} has {len(part)} rows, but {taken[0]} has "
+                    f"{len(parts[0])}; {option} takes columns that were recorded together"
+                )
+        return taken, [part.reshape(len(part), -1) for part in parts]
+
+    def _require(self, option: str, asked: str) -> None:
+        if asked not in self.columns:
+            hint = closest(asked, self.columns) or f"it has {self._all}"
             raise RecordingError(
-                f"{path} has {num_rows} rows of q and {len(rows)} of {name}; record them together"
+                f"{option} is {shown(asked)}; {self.path} has no such column: {hint}"
             )
-    chosen = _meeting(columns, conditions, num_rows, path)
-    complete = np.isfinite(configurations).all(axis=1) & np.isfinite(readings).all(axis=1)
-    if time_s is not None:
-        complete &= np.isfinite(time_s)
-    # A piece ends with its file, its episode, and where rows were left out by choice.
-    piece = np.zeros(num_rows) if episode is None else np.nan_to_num(episode[:num_rows])
-    breaks = np.diff(piece, prepend=piece[:1]) != 0
-    breaks[1:] |= ~chosen[:-1]
-    kept = complete & chosen
-    return Recording(
-        q=configurations[kept],
-        readings=readings[kept],
-        time_s=None if time_s is None else time_s[kept],
-        piece=number * 1_000_000_000 + np.cumsum(breaks)[kept],
-        joints=_names(columns, "--q", dict(zip(taken_q, map(_width, parts_q), strict=True)), named),
-        receptors=_names(
-            columns, "--sensation", dict(zip(taken_s, map(_width, parts_s), strict=True)), named
-        ),
-        num_rows=int(chosen.sum()),
-        num_incomplete=int((chosen & ~complete).sum()),
-        choices=_choices(columns, {*taken_q, *taken_s, *EPISODE_NAMES, *TIME_NAMES}, num_rows),
-    )
 
+    @property
+    def _all(self) -> str:
+        return ", ".join([*self.columns][:20]) + (", ..." if len(self.columns) > 20 else "")
 
-def _columns(path: Path, delimiter: str | None) -> Columns:
-    kind = path.suffix.lower()
-    if kind == ".npz":
-        return load_arrays(path)
-    try:
-        table = pq.read_table(path) if kind == ".parquet" else _read_text(path, delimiter)
-    except UNREADABLE as error:
-        reason = " ".join(str(error).split())[:200]
-        raise RecordingError(f"{path} is damaged ({reason}); write it again") from None
-    return {name: table.column(name) for name in table.column_names}
+    def _single(self, names: Sequence[str]) -> np.ndarray | None:
+        """`(n,)` the number in each row of the first of these columns that exists, if any."""
+        for name in names:
+            if name in self.columns:
+                numbers = self._numbers(name)
+                return numbers.reshape(len(numbers), -1)[:, 0].astype(float)
+        return None
+
+    def _numbers(self, name: str) -> np.ndarray:
+        """`(n, ...)` numbers of a column; NaN where one is missing."""
+        column, what = self.columns[name], f"column {name} of {self.path}"
+        if isinstance(column, pa.ChunkedArray):
+            column = column.combine_chunks()
+            if isinstance(column, pa.ChunkedArray):
+                column = pa.concat_arrays(column.chunks)
+            column = _of_arrow(column, what)
+        if column.dtype.kind not in "fiub":
+            raise RecordingError(f"{what} holds {column.dtype}; name a column that holds numbers")
+        if column.ndim == 0:
+            raise RecordingError(f"{what} is one number; give one row for each instant")
+        if column.dtype.kind == "b":
+            return column.astype(np.uint8)
+        if column.dtype.kind != "f" and column.dtype.itemsize == 8 and column.size:
+            # CSV files and lists use eight bytes for each number.
+            ends = map(np.min_scalar_type, (column.min(), column.max()))
+            column = column.astype(np.result_type(*ends))
+        return column
+
+    def _names(
+        self,
+        option: str,
+        taken: Sequence[str],
+        parts: Sequence[np.ndarray],
+        named: Mapping[str, Sequence[str]],
+    ) -> tuple[str, ...]:
+        """Names of all numbers in the columns that were taken, `(n, width)` parts."""
+        widths = [part.shape[1] for part in parts]
+        total = sum(widths)
+        for name in (*(f"{name}_names" for name in taken), *NAMES_OF[option]):
+            found = self.columns.get(name)
+            if isinstance(found, np.ndarray) and found.dtype.kind == "U" and found.size == total:
+                return tuple(found.ravel().tolist())
+        names: list[str] = []
+        for name, width in zip(taken, widths, strict=True):
+            each = [name] if width == 1 and len(widths) > 1 else named.get(name, ())
+            names += each if len(each) == width else [f"{name}[{n}]" for n in range(width)]
+        return tuple(names)
+
+    def _meeting(self, conditions: Sequence[str], num_rows: int) -> np.ndarray:
+        """`(n,)` bool, the rows that meet all conditions."""
+        chosen = np.ones(num_rows, dtype=bool)
+        for condition in conditions:
+            name, equals, values = condition.partition("=")
+            if not equals:
+                raise RecordingError(f"--rows is {shown(condition)}; write it as COLUMN=VALUE")
+            self._require("--rows", name)
+            words = _words_in(self.columns[name])
+            if words is None or len(words) != num_rows:
+                raise RecordingError(
+                    f"--rows is {shown(condition)}; column {name} of {self.path} does not hold one "
+                    "word or number for each instant: choose by another"
+                )
+            chosen &= np.isin(words, [_plain(value) for value in values.split(",")])
+        return chosen
+
+    def _choices(self, taken: Collection[str], num_rows: int) -> dict[str, tuple[str, ...]]:
+        """The values of all columns that are not taken and have few: words or whole numbers."""
+        found = {}
+        for name in sorted(set(self.columns) - set(taken)):
+            words = _words_in(self.columns[name], few=True)
+            if words is not None and len(words) == num_rows:
+                found[name] = tuple(np.unique(words).tolist())
+        return found
 
 
 def _read_text(path: Path, delimiter: str | None) -> pa.Table:
@@ -259,34 +372,6 @@ def _upright(
         if len(a) == len(b) and len(a) > max(a.shape[1], b.shape[1]):
             return [a], [b]
     return q, readings
-
-
-def _meeting(columns: Columns, conditions: Sequence[str], num_rows: int, path: Path) -> np.ndarray:
-    """`(n,)` bool, the rows that meet all conditions."""
-    chosen = np.ones(num_rows, dtype=bool)
-    for condition in conditions:
-        name, equals, values = condition.partition("=")
-        if not equals:
-            raise RecordingError(f"--rows is {shown(condition)}; write it as COLUMN=VALUE")
-        _require_column(columns, "--rows", name, path)
-        words = _words_in(columns[name])
-        if words is None or len(words) != num_rows:
-            raise RecordingError(
-                f"--rows is {shown(condition)}; column {name} of {path} does not hold one word or "
-                "number for each instant: choose by another"
-            )
-        chosen &= np.isin(words, [_plain(value) for value in values.split(",")])
-    return chosen
-
-
-def _choices(columns: Columns, taken: Collection[str], num_rows: int) -> dict[str, tuple[str, ...]]:
-    """The values of all columns that are not taken and have few: words or whole numbers."""
-    found = {}
-    for name in sorted(set(columns) - set(taken)):
-        words = _words_in(columns[name], few=True)
-        if words is not None and len(words) == num_rows:
-            found[name] = tuple(np.unique(words).tolist())
-    return found
 
 
 def _words_in(column: pa.ChunkedArray | np.ndarray, *, few: bool = False) -> np.ndarray | None:
@@ -329,112 +414,18 @@ def _lerobot_names(source: Path) -> dict[str, list[str]]:
         names = {name: feature.get("names") for name, feature in features.items()}
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise RecordingError(f"{file} is damaged; write it again") from None
-    # Some versions have a list, others a mapping with one list in it.
-    lists = {
-        name: next(iter(n.values()), None) if isinstance(n, dict) else n
-        for name, n in names.items()
-    }
-    return {
-        name: [str(n) for n in found] for name, found in lists.items() if isinstance(found, list)
-    }
-
-
-def _parts(columns: Columns, option: str, chosen: Sequence[str], path: Path) -> list[np.ndarray]:
-    """`(n, width)` numbers of each column, which holds an array or a number in each row."""
-    parts = [_numbers(columns[name], f"column {name} of {path}") for name in chosen]
-    for name, part in zip(chosen, parts, strict=True):
-        if len(part) != len(parts[0]):
-            raise RecordingError(
-                f"column {name} of {path} has {len(part)} rows, but {chosen[0]} has "
-                f"{len(parts[0])}; {option} takes columns that were recorded together"
-            )
-    return [part.reshape(len(part), -1) for part in parts]
-
-
-def _names(
-    columns: Columns,
-    option: str,
-    widths: Mapping[str, int],
-    named: Mapping[str, Sequence[str]],
-) -> tuple[str, ...]:
-    """Names of all numbers in the chosen columns, of which each has a width."""
-    num_names = sum(widths.values())
-    for name in (*(f"{name}_names" for name in widths), *NAMES_OF[option]):
-        found = columns.get(name)
-        if isinstance(found, np.ndarray) and found.dtype.kind == "U" and found.size == num_names:
-            return tuple(found.ravel().tolist())
-    names: list[str] = []
-    for name, width in widths.items():
-        each = [name] if width == 1 and len(widths) > 1 else named.get(name, ())
-        names += each if len(each) == width else [f"{name}[{number}]" for number in range(width)]
-    return tuple(names)
-
-
-def _chosen(
-    columns: Columns, option: str, asked: str | None, defaults: Sequence[str], path: Path
-) -> list[str]:
-    if asked is None:
-        for name in defaults:
-            numbered = re.escape(name).replace(r"\#", r"\d+")
-            if found := [column for column in columns if re.fullmatch(numbered, column)]:
-                return sorted(found, key=_in_order_of_numbers)
-        raise RecordingError(
-            f"{path} has no column with a usual name for {option}; it has {_all(columns)}: "
-            f"name the column, as in {option} '{defaults[0]}' or {option} '{defaults[-1][:-1]}*'"
-        )
-    chosen: list[str] = []
-    for entry in asked.split(","):
-        found = [entry] if entry in columns else [c for c in columns if fnmatchcase(c, entry)]
-        if not found:
-            _require_column(columns, option, entry, path)
-        chosen += sorted(found, key=_in_order_of_numbers)
-    return chosen
-
-
-def _require_column(columns: Columns, option: str, asked: str, path: Path) -> None:
-    if asked not in columns:
-        hint = closest(asked, columns) or f"it has {_all(columns)}"
-        raise RecordingError(f"{option} is {shown(asked)}; {path} has no such column: {hint}")
-
-
-def _all(columns: Columns) -> str:
-    return ", ".join(list(columns)[:20]) + (", ..." if len(columns) > 20 else "")
-
-
-def _width(part: np.ndarray) -> int:
-    return part.shape[1]
+    found = {}
+    for name, given in names.items():
+        # Some versions have a list, others a mapping with one list in it.
+        given = next(iter(given.values()), None) if isinstance(given, dict) else given
+        if isinstance(given, list):
+            found[name] = [str(one) for one in given]
+    return found
 
 
 def _in_order_of_numbers(name: str) -> list[tuple[int, str]]:
     """Names in the order of their numbers: joint_2 before joint_10."""
     return [(int(part), "") if part.isdigit() else (-1, part) for part in re.split(r"(\d+)", name)]
-
-
-def _single(
-    columns: Columns, option: str, asked: str | None, defaults: Sequence[str], path: Path
-) -> np.ndarray | None:
-    """`(n,)` a column with one number in each row; None if none is named and none is found."""
-    if asked is None:
-        asked = next((name for name in defaults if name in columns), None)
-    if asked is None:
-        return None
-    _require_column(columns, option, asked, path)
-    numbers = _numbers(columns[asked], f"column {asked} of {path}")
-    return numbers.reshape(len(numbers), -1)[:, 0].astype(float)
-
-
-def _numbers(column: pa.ChunkedArray | np.ndarray, what: str) -> np.ndarray:
-    """`(n, ...)` numbers of a column; NaN where one is missing."""
-    if isinstance(column, pa.ChunkedArray):
-        column = column.combine_chunks()
-        if isinstance(column, pa.ChunkedArray):
-            column = pa.concat_arrays(column.chunks)
-        column = _of_arrow(column, what)
-    if column.dtype.kind not in "fiub":
-        raise RecordingError(f"{what} holds {column.dtype}; name a column that holds numbers")
-    if column.ndim == 0:
-        raise RecordingError(f"{what} is one number; give one row for each instant")
-    return _narrow(column)
 
 
 def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
@@ -469,16 +460,3 @@ def _of_arrow(column: pa.Array, what: str) -> np.ndarray:
     found = np.full((len(there), *rows.shape[1:]), np.nan)
     found[there] = rows
     return found
-
-
-def _narrow(numbers: np.ndarray) -> np.ndarray:
-    """The same numbers in a smaller type: CSV files and lists use eight bytes for each."""
-    if numbers.dtype.kind == "b":
-        return numbers.astype(np.uint8)
-    if numbers.dtype.itemsize < 8 or not numbers.size or numbers.dtype.kind == "f":
-        return numbers
-    return numbers.astype(np.result_type(*map(np.min_scalar_type, (numbers.min(), numbers.max()))))
-
-
-def _words(kinds: Sequence[str]) -> str:
-    return ", ".join(kind[1:] for kind in kinds[:-1]) + f" or {kinds[-1][1:]}"

@@ -27,21 +27,18 @@ as usual again:
 A more complicated explanation must lower surprise by a tenth more than the same kind of explanation
 lowers it in touches from before the change, where there was nothing to explain.
 
-**What becomes of what it knows.** An explanation (`body_change`) turns touches from before the
-change into touches of the changed body. A new learner takes these and the touches since, and the
-agent goes on: nothing is forgotten that still holds. Nothing in this knows what a joint is, or its
-unit.
+**What becomes of what it knows.** An explanation turns touches from before the change into touches
+of the changed body. A new learner takes these and the touches since, and the agent goes on: nothing
+is forgotten that still holds. Nothing in this knows what a joint is, or its unit.
 """
 
 from selftouch_drake.agent.lifelong.expectation import TouchSet
-from selftouch_drake.agent.lifelong.explorer import Explorer, JointRanges, Walker
+from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, Walker
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
-from selftouch_drake.agent.lifelong.posture_sampler import PostureSampler
 
 __all__ = [
     "Explorer",
-    "JointRanges",
     "Life",
     "OnlineLearner",
     "PostureSampler",

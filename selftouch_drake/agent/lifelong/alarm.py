@@ -2,15 +2,12 @@
 
 Both are cumulative sums of log likelihood ratios: of a body that changed, over one that did not. A
 sum that falls below 0 begins again at 0. In a body that does not change it passes h once in e^h
-steps or less often (Lorden, 1971). When it passes, the touches since it was last 0 are those of a
-body that may have changed.
+steps or less often (Lorden, 1971).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from scipy.special import ndtri
@@ -48,178 +45,131 @@ def threshold(false_alarms: float = _FALSE_ALARMS, lifetime: int = _LIFETIME) ->
     return math.log(lifetime / false_alarms)
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
 class SurpriseTest:
     """Has surprise risen for good (Page, 1954)?
 
-    Each surprise is ranked among the usual ones, and its rank is turned into a normally distributed
-    number, so that no single touch can raise the alarm. Novel touches surprise more, and an agent
-    that explores does not always meet as many of them: so a touch is ranked among those that were
-    about as novel. Successive touches surprise alike: so each counts for less, by their
-    correlation. What is usual is known only from some touches. If these surprised less than most,
-    unchanged touches seem to surprise more, and false alarms become more frequent by a factor of
-    e^(2 h b / rise) where the mean is off by b. Two standard errors are taken off, so that the
-    chance of a false alarm, averaged over what those touches may have been, stays below e^-h (for
-    an error of at most 1 / h).
+    Novel touches surprise more: so each surprise is ranked among the usual ones of touches about as
+    novel. Its rank is turned into a normally distributed number, so that no single touch can raise
+    the alarm. Successive touches surprise alike: so each counts for less, by their correlation.
+    What is usual is known only from some touches: where their mean is off by b, false alarms become
+    more frequent by a factor of e^(2 h b / rise). Two standard errors are taken off, so that the
+    mean chance of a false alarm stays below e^-h (for an error of at most 1 / h).
+
+    Args:
+        usual: `(n,)` surprise of touches in order, in a body that did not change; the network has
+            not learned from them.
+        novelty: `(n,)` of these touches.
 
     Attributes:
-        usual: surprise in a body that did not change, in ascending order; an array for each band
-            of novelty.
-        bands: novelty at the borders of these bands, ascending.
         correlation: variance of a sum of usual surprises over that of independent ones, 1 or more.
-        error: standard error of the mean of the usual ones, as normally distributed numbers.
-        threshold: h.
-        level: value of the sum, 0 or more.
         since: touches since the sum was last 0.
         doubt: `(1,)` greatest sum in the touches last watched, as a share of the threshold.
     """
 
-    usual: list[np.ndarray]
-    bands: np.ndarray
-    correlation: float
-    error: float
-    threshold: float
-    level: float = 0.0
-    since: int = 0
-    doubt: tuple[float, ...] = (0.0,)
-
-    @classmethod
-    def calibrated(cls, usual: np.ndarray, novelty: np.ndarray) -> Self:
-        """Learns what is usual, from the surprise and novelty `(n,)` of touches in order.
-
-        The network has not learned from these touches.
-        """
-        bands = np.quantile(novelty, np.arange(1, _BANDS) / _BANDS)
-        band = np.searchsorted(bands, novelty)
-        test = cls(
-            usual=[np.sort(usual[band == b]) for b in range(_BANDS)],
-            bands=bands,
-            correlation=1.0,
-            error=0.0,
-            threshold=threshold(),
-        )
-        z = test._normal(usual, novelty)
+    def __init__(self, usual: np.ndarray, novelty: np.ndarray) -> None:
+        self._borders = np.quantile(novelty, np.arange(1, _BANDS) / _BANDS)
+        band = np.searchsorted(self._borders, novelty)
+        self._usual = [np.sort(usual[band == number]) for number in range(_BANDS)]
+        z = self._normal(usual, novelty)
         together = sum(float(np.mean(z[:-lag] * z[lag:])) for lag in range(1, 11))
-        test.correlation = max(1.0, 1.0 + 2.0 * together / max(float(np.mean(z * z)), 1e-9))
-        test.error = math.sqrt(test.correlation / len(usual))
-        return test
+        self.correlation = max(1.0, 1.0 + 2.0 * together / max(float(np.mean(z * z)), 1e-9))
+        self._error = math.sqrt(self.correlation / len(usual))
+        self._level, self.since = 0.0, 0
+        self.doubt: tuple[float, ...] = (0.0,)
 
     def _normal(self, surprise: np.ndarray, novelty: np.ndarray) -> np.ndarray:
-        band, share = np.searchsorted(self.bands, novelty), np.empty(len(surprise))
-        for number, usual in enumerate(self.usual):
+        band, share = np.searchsorted(self._borders, novelty), np.empty(len(surprise))
+        for number, usual in enumerate(self._usual):
             rows = band == number
             share[rows] = (np.searchsorted(usual, surprise[rows]) + 0.5) / (len(usual) + 1)
         return ndtri(share)
 
     def watch(self, surprise: np.ndarray, novelty: np.ndarray) -> int | None:
         """Takes the next touches, `(n,)` each; returns the first row that raises the alarm."""
-        z = self._normal(surprise, novelty) - 2.0 * self.error
-        ratio = (_RISE * z - _RISE**2 / 2.0) / self.correlation
+        z = self._normal(surprise, novelty) - 2.0 * self._error
         most, raised = 0.0, None
-        for row, step in enumerate(ratio.tolist()):
-            self.level = max(self.level + step, 0.0)
-            most = max(most, self.level)
-            self.since = self.since + 1 if self.level else 0
-            if self.level > self.threshold:
+        for row, step in enumerate(((_RISE * z - _RISE**2 / 2.0) / self.correlation).tolist()):
+            self._level = max(self._level + step, 0.0)
+            self.since = self.since + 1 if self._level else 0
+            most = max(most, self._level)
+            if most > threshold():
                 raised = row
                 break
-        self.doubt = (most / self.threshold,)
+        self.doubt = (most / threshold(),)
         return raised
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
 class ReceptorTest:
     """Have receptors fallen silent, or begun to feel?
 
-    Few touches feel any one receptor, so surprise hardly rises when it changes. So each receptor
-    has two sums. *Silence:* in a body that stays as it is, a receptor misses few of the encounters
-    in which it is surely expected. Each miss adds the log likelihood ratio of a receptor that feels
-    nothing any more; when the receptor feels, its sum is 0 again. *Beginning:* a receptor that
-    felt nothing in n touches is met once in n touches at most, and once in 50 if it began to feel.
+    Each receptor has two sums. *Silence:* in a body that stays as it is, a receptor misses few of
+    the encounters in which it is surely expected. Each miss adds the log likelihood ratio of a
+    receptor that feels nothing any more; when the receptor feels, its sum is 0 again. *Beginning:*
+    a receptor that felt nothing in n touches is met once in n touches at most, and once in 20 if
+    it began to feel.
 
     Receptors may change one at a time or together. If each of S falls silent with a chance of 1 /
     S, and misses are independent, the likelihood ratio of all is the product of 1 + (e^sum - 1) /
     S. Receptors that were never met begin together, where a touch meets a place for the first time;
     the mean of e^sum holds however they depend on each other.
 
+    Args:
+        expected: `(n, S)` of unit L2 norm, what was expected in touches in order, from which the
+            network did not learn.
+        sensation: `(n, S)` what was felt.
+        never_felt: `(S,)` bool, receptors that felt nothing in the whole life.
+        num_touches: number of touches of the whole life.
+
     Attributes:
-        weight: `(2, S)` what a missed encounter adds, and an encounter with a receptor that never
-            felt anything; 0 where a receptor did.
-        threshold: h.
-        level: `(2, S)` the sums.
-        age: `(2, S)` touches since each receptor felt, and since the second sum was 0.
-        apart: `(2, S)` touches since each receptor was surely expected, and felt; at most 10.
         since: touches since the change, up to and including the one that raised the alarm.
         doubt: `(2,)` greatest log of both ratios in the touches last watched, as a share of h.
     """
 
-    weight: np.ndarray
-    threshold: np.ndarray
-    level: np.ndarray
-    age: np.ndarray
-    apart: np.ndarray
-    since: int = 0
-    doubt: tuple[float, ...] = (0.0, 0.0)
-
-    @classmethod
-    def calibrated(
-        cls,
+    def __init__(
+        self,
         expected: np.ndarray,
         sensation: np.ndarray,
         never_felt: np.ndarray,
         num_touches: int,
-    ) -> Self:
-        """Learns how often receptors miss an encounter.
-
-        Args:
-            expected: `(n, S)` of unit L2 norm, what was expected in touches in order, from which
-                the network did not learn.
-            sensation: `(n, S)` what was felt.
-            never_felt: `(S,)` bool, receptors that felt nothing in the whole life.
-            num_touches: number of touches of the whole life.
-        """
-        shape = 2, len(never_felt)
-        test = cls(
-            weight=np.zeros(shape),
-            threshold=np.full(2, threshold()),
-            level=np.zeros(shape),
-            age=np.zeros(shape, dtype=int),
-            apart=np.full(shape, _TOGETHER),
-        )
-        met = test._encounters(expected, sensation > 0)[:, 0]
+    ) -> None:
+        # In rows, the sums of silence and those of beginning. Touches since each receptor was
+        # surely expected, and felt; at most 10.
+        self._apart = np.full((2, len(never_felt)), _TOGETHER)
+        met = self._encounters(expected, sensation > 0)[:, 0]
         missed = met & ~(sensation > 0)
         share = (missed.sum(axis=0) + 1) / (met.sum(axis=0) + 2)
-        test.weight[0] = -np.log(np.maximum(share, _MISSED))
         begins = max(math.log(_BEGINS * num_touches), 0.0)
-        test.weight[1] = np.where(never_felt, begins, 0.0)
+        # What an encounter adds: one that was missed, and one with a receptor that never felt.
+        self._weight = np.stack(
+            [-np.log(np.maximum(share, _MISSED)), np.where(never_felt, begins, 0.0)]
+        )
         # The first encounter proves nothing; every further one is another occasion.
-        test.threshold[1] = math.log(10 / _FALSE_ALARMS) + begins
-        return test
-
-    @property
-    def never_felt(self) -> np.ndarray:
-        """`(S,)` bool, receptors that had felt nothing in the whole life."""
-        return self.weight[1] > 0
+        self._threshold = np.array([threshold(), math.log(10 / _FALSE_ALARMS) + begins])
+        self._level = np.zeros(self._weight.shape)
+        # Touches since each receptor felt, and since its second sum was 0.
+        self._age = np.zeros(self._weight.shape, dtype=int)
+        self.since = 0
+        self.doubt: tuple[float, ...] = (0.0, 0.0)
 
     def watch(self, expected: np.ndarray, sensation: np.ndarray) -> int | None:
         """Takes the next touches `(n, S)`; returns the first row that raises the alarm."""
         felt = sensation > 0
         met = self._encounters(expected, felt)
         met[:, 0] &= ~felt
-        added = np.where(met, self.weight, 0.0) - np.array([[0.0], [_BEGINS]])
+        added = np.where(met, self._weight, 0.0) - np.array([[0.0], [_BEGINS]])
         most = np.zeros(2)
         for row in range(len(felt)):
-            self.age += 1
-            self.age[0, felt[row]] = 0
-            if not met[row].any() and not self.level.any():
-                self.age[1] = 0
+            self._age += 1
+            self._age[0, felt[row]] = 0
+            if not met[row].any() and not self._level.any():
+                self._age[1] = 0
                 continue
-            self.level = np.maximum(self.level + added[row], 0.0)
-            self.level[0, felt[row]] = 0.0
-            self.age[1, self.level[1] == 0.0] = 0
-            odds = np.expm1(self.level)
-            silent = np.log1p(odds[0] / felt.shape[1]).sum()
-            most = np.maximum(most, np.array((silent, np.log1p(odds[1].mean()))) / self.threshold)
+            self._level = np.maximum(self._level + added[row], 0.0)
+            self._level[0, felt[row]] = 0.0
+            self._age[1, self._level[1] == 0.0] = 0
+            odds = np.expm1(self._level)
+            ratio = np.log1p(odds[0] / felt.shape[1]).sum(), np.log1p(odds[1].mean())
+            most = np.maximum(most, ratio / self._threshold)
             if most.max() > 1.0:
                 break
         self.doubt = tuple(most.tolist())
@@ -228,7 +178,7 @@ class ReceptorTest:
         # All that is surely of the changed body: receptors that fell silent may have felt shortly
         # before, those that began to feel never did.
         which = int(most.argmax())
-        age = self.age[which, self.level[which] > self.level[which].max() / 2]
+        age = self._age[which, self._level[which] > self._level[which].max() / 2]
         self.since = int(age.max() if which else age.min())
         return row
 
@@ -237,6 +187,6 @@ class ReceptorTest:
         there = np.stack([expected > _SURELY, felt], axis=1)
         number = np.arange(len(there))[:, None, None]
         row = np.where(there, number, -_TOGETHER)
-        last = np.maximum.accumulate(np.concatenate([-self.apart[None], row]))
-        self.apart = np.minimum(len(there) - last[-1], _TOGETHER)
+        last = np.maximum.accumulate(np.concatenate([-self._apart[None], row]))
+        self._apart = np.minimum(len(there) - last[-1], _TOGETHER)
         return there & (number - last[:-1] >= _TOGETHER)

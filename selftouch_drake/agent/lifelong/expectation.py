@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -32,20 +32,15 @@ _LEAST_FIRM = 0.02
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TouchSet:
-    """Touches in order; those of no touches have no joints and no receptors.
+    """Touches in order; by default none, without joints and receptors.
 
     Attributes:
         q: `(n, J)` motor configurations, in the robot's units.
         sensation: `(n, S)` N, what was felt there.
     """
 
-    q: np.ndarray
-    sensation: np.ndarray
-
-    @classmethod
-    def none(cls) -> TouchSet:
-        """No touches."""
-        return cls(np.empty((0, 0)), np.empty((0, 0)))
+    q: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    sensation: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
 
     def __len__(self) -> int:
         return len(self.q)
@@ -61,13 +56,7 @@ class TouchSet:
             np.concatenate([self.q, others.q]), np.concatenate([self.sensation, others.sensation])
         )
 
-    @property
-    def direction(self) -> np.ndarray:
-        """`(n, S)` sensations of unit L2 norm."""
-        return unit(self.sensation)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Expectation:
     """What is felt at a motor configuration, and how firmly, as a small network learned it.
 
@@ -76,82 +65,61 @@ class Expectation:
     in a posture as before, but more firmly. Firmness rises with the strength of a touch, from 0 to
     1; a touch of typical strength has 1/2.
 
+    Args:
+        touches: to learn from; no sensation is null.
+        like: another expectation, whose standards this one takes over.
+        num_steps: number of training steps.
+        seed: the same seed and touches give the same bytes, on one machine.
+
     Attributes:
         network: from standardised configurations to a sensation of unit L2 norm, and firmness.
-        middle: `(J,)` mean of the configurations.
-        scale: `(J,)` their standard deviation; 1 where a joint did not move.
-        typical: N, median strength of the touches.
-        familiar: some of the standardised configurations.
+        scale: `(J,)` standard deviation of the configurations; 1 where a joint did not move.
     """
 
-    network: Network
-    middle: np.ndarray
-    scale: np.ndarray
-    typical: float
-    familiar: cKDTree
-
-    @classmethod
-    def learn(
-        cls,
+    def __init__(
+        self,
         touches: TouchSet,
         *,
         like: Expectation | None = None,
         num_steps: int = NUM_STEPS,
         seed: int = 0,
-    ) -> Expectation:
-        """Learns from touches.
-
-        Args:
-            touches: no sensation is null.
-            like: another expectation, whose standards this one takes over.
-            num_steps: number of training steps.
-            seed: the same seed and touches give the same bytes, on one machine.
-        """
+    ) -> None:
         rng, q = np.random.default_rng(seed), touches.q
+        deviation = q.std(axis=0, dtype=float)
+        self._middle = q.mean(axis=0, dtype=float)
+        self.scale = np.where(deviation > 0, deviation, 1.0)
+        self._typical = float(np.median(strength(touches.sensation)))
         if like is not None:
-            middle, scale, typical = like.middle, like.scale, like.typical
-        else:
-            deviation = q.std(axis=0, dtype=float)
-            middle, scale = q.mean(axis=0, dtype=float), np.where(deviation > 0, deviation, 1.0)
-            typical = float(np.median(strength(touches.sensation)))
-        x = ((q - middle) / scale).astype(np.float32)
-        sizes = [q.shape[1], *_HIDDEN, touches.sensation.shape[1] + 1]
-        found = cls(
-            network=Network.random(sizes, rng, gain=_GAIN),
-            middle=middle,
-            scale=scale,
-            typical=typical,
-            familiar=cKDTree(x[:: -(-len(x) // _MOST_FAMILIAR)]),
-        )
-        wanted, network = found.as_learned(touches), found.network
+            self._middle, self.scale, self._typical = like._middle, like.scale, like._typical
+        x, wanted = self.standardised(q), self.as_learned(touches)
+        self._familiar = cKDTree(x[:: -(-len(x) // _MOST_FAMILIAR)])
+        self.network = Network.random([x.shape[1], *_HIDDEN, wanted.shape[1]], rng, gain=_GAIN)
         mean = wanted.mean(axis=0)
         spread = np.float32(np.sqrt(np.square(wanted - mean).sum(axis=1).mean()))
         train(
-            network,
+            self.network,
             x,
             lambda: rng.integers(len(x), size=_BATCH),
             toward((wanted - mean) / spread, np.arange(len(x))),
             num_steps,
         )
-        network.weights[-1][:] *= spread
-        network.biases[-1][:] = network.biases[-1] * spread + mean
-        return found
+        self.network.weights[-1][:] *= spread
+        self.network.biases[-1][:] = self.network.biases[-1] * spread + mean
 
     def standardised(self, q: np.ndarray) -> np.ndarray:
         """`(n, J)` float32, configurations as the network takes them."""
-        return ((q - self.middle) / self.scale).astype(np.float32)
+        return ((q - self._middle) / self.scale).astype(np.float32)
 
     def as_learned(self, touches: TouchSet) -> np.ndarray:
         """`(n, S + 1)` float32, sensations of unit L2 norm, and firmness, as the network says."""
-        return np.column_stack([touches.direction, self._firmness(touches.sensation)]).astype(
-            np.float32
-        )
+        firmness = self._firmness(touches.sensation)
+        return np.column_stack([unit(touches.sensation), firmness]).astype(np.float32)
 
     def __call__(self, q: np.ndarray) -> np.ndarray:
         """`(n, S)` N, what is expected at `q` `(n, J)`."""
         outputs = self.network(self.standardised(q))
         firmness = outputs[:, -1:].clip(_LEAST_FIRM, 1.0 - _LEAST_FIRM)
-        return with_unit_norm(outputs[:, :-1]) * self.typical * firmness / (1.0 - firmness)
+        return with_unit_norm(outputs[:, :-1]) * self._typical * firmness / (1.0 - firmness)
 
     def surprise(self, expected: np.ndarray, sensation: np.ndarray) -> np.ndarray:
         """`(n,)` how much sensations differ from what is expected, both `(n, S)` N."""
@@ -160,11 +128,11 @@ class Expectation:
 
     def novelty(self, q: np.ndarray) -> np.ndarray:
         """`(n,)` distance of configurations `(n, J)` from those it was learned from."""
-        return self.familiar.query(self.standardised(q))[0]
+        return self._familiar.query(self.standardised(q))[0]
 
     def _firmness(self, sensation: np.ndarray) -> np.ndarray:
         firm = strength(sensation)
-        return firm / (firm + self.typical)
+        return firm / (firm + self._typical)
 
 
 def with_unit_norm(expected: np.ndarray) -> np.ndarray:

@@ -9,21 +9,20 @@ only touches count, a `PostureSampler` tries postures anywhere.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_array
+from scipy.spatial.distance import cdist
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.planning.route import firm_members
+from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 
-#: What the explorer is sent: `(n, J)` configurations that were passed, and `(n, S)` N, what was
-#: felt there.
-Met = tuple[np.ndarray, np.ndarray]
-
-#: What the explorer yields: `(n, J)` configurations to pass.
-Moves = Generator[np.ndarray, Met, None]
+#: The explorer yields `(n, J)` configurations to pass. It is sent those that were passed, likewise,
+#: and what was felt there, `(n, S)` N.
+Moves = Generator[np.ndarray, tuple[np.ndarray, np.ndarray], None]
 
 #: Share of its velocity that a random walk keeps while it goes one stride, and number of strides
 #: after which it is far from where it was.
@@ -43,66 +42,65 @@ _MOST_LOST, _MOST_RETURNS = 2, 4
 #: Share of the goals that are ends of poor links; the others are sensations seldom felt.
 _LINKS = 0.3
 
+#: Touches about each place that is met at random, and length of a small move there, strides in each
+#: joint. 8 to 40 touches at 0.2 rad make good shapes of torus and cube, from 5000 touches and from
+#: 20,000; 4 touches make worse shapes, and so do moves of 0.3 and 0.4 rad.
+_TOUCHES, _ABOUT = 20, 1.33
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class JointRanges:
-    """What the agent knows about its joints without touch: their limits, and how far they step.
+#: Touches in each gap, strides of a small move there, and gaps for each place; so half of all
+#: touches lie in gaps. On two tori with 20,000 touches, planned paths are in contact for 98.7 and
+#: 98.6 % of the time without gaps, for 99.3 and 99.0 % with them. With one touch in each gap the
+#: shape is worse, as the nearest postures are then nearer by design.
+_IN_GAP, _BETWEEN, _GAPS = 4, 0.67, 5
+
+#: Small moves per wanted touch after which the agent gives up.
+_TRIES = 12
+
+#: Random postures that are tried in one move.
+_AT_ONCE = 5
+
+
+@dataclass(eq=False)
+class Explorer(ABC):
+    """Moves an agent through one round, in which what it knows stays the same.
 
     Attributes:
-        lower: `(J,)` lower limits, in the robot's units.
+        agent: what the agent knows; None if nothing.
+        q: `(J,)` where the joints are, in the robot's units.
+        felt: `(S,)` N, what is felt there.
+        rng: from which all randomness comes.
+        lower: `(J,)` lower limits of the joints, in the robot's units.
         upper: `(J,)` upper limits, likewise.
         stride: `(J,)` a step of a random walk, likewise.
         pace: strides, root mean square over the joints, of a step after which the agent feels.
     """
 
+    agent: Agent | None
+    q: np.ndarray
+    felt: np.ndarray
+    rng: np.random.Generator
     lower: np.ndarray
     upper: np.ndarray
     stride: np.ndarray
     pace: float = 1.0
 
-
-class Explorer(ABC):
-    """Moves an agent through one round, in which what it knows stays the same.
-
-    Args:
-        agent: what the agent knows; None if nothing.
-        joints: limits and strides of the robot's joints.
-        q: `(J,)` where the joints are.
-        felt: `(S,)` N, what is felt there.
-        rng: from which all randomness comes.
-    """
-
-    def __init__(
-        self,
-        agent: Agent | None,
-        joints: JointRanges,
-        q: np.ndarray,
-        felt: np.ndarray,
-        rng: np.random.Generator,
-    ) -> None:
-        self._agent, self._joints, self._rng = agent, joints, rng
-        self._q, self._felt = np.asarray(q, dtype=float), felt
+    def __post_init__(self) -> None:
         # The last touch.
-        self._touch = self._q
+        self.touch = self.q = np.asarray(self.q, dtype=float)
 
     @abstractmethod
     def moves(self) -> Moves:
         """Explores without end."""
 
     def _go(self, path: np.ndarray) -> Moves:
-        """Moves."""
-        q, felt = yield path
-        self._arrive(q, felt)
+        self._arrive(*(yield path))
 
     def _arrive(self, q: np.ndarray, felt: np.ndarray) -> None:
         """Takes note of where it is after a move, what it feels there, and its last touch."""
         if len(q):
-            self._q, self._felt = q[-1].astype(float), felt[-1]
+            self.q, self.felt = q[-1].astype(float), felt[-1]
             if (touching := np.flatnonzero(felt.any(axis=1))).size:
-                self._touch = q[touching[-1]].astype(float)
-
-    def _within(self, q: np.ndarray) -> np.ndarray:
-        return q.clip(self._joints.lower, self._joints.upper)
+                self.touch = q[touching[-1]].astype(float)
 
 
 class Walker(Explorer):
@@ -114,125 +112,190 @@ class Walker(Explorer):
     anything it moves at random, and slides about from any touch.
     """
 
-    def __init__(self, *known: Any) -> None:
-        super().__init__(*known)
-        self._pace = self._joints.pace
-        self._walk = np.zeros(len(self._q))
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._walk = np.zeros(len(self.q))
         # How fast the felt force grows along each joint, N per stride.
-        self._slope = np.zeros(len(self._q))
+        self._slope = np.zeros(len(self.q))
         self._wanted = 0.0
-        if self._agent is not None:
-            representation = self._agent.representation
+        if self.agent is not None:
+            representation = self.agent.representation
             self._wanted = float(np.median(representation.kernel_strength))
             self._visits = np.diff(representation.kernel_offsets).astype(float)
 
     def moves(self) -> Moves:
         """Explores without end."""
-        yield from self._go(self._q[None])  # asks what is felt before the first move
+        yield from self._go(self.q[None])  # asks what is felt before the first move
         while True:
-            if self._agent is None or self._rng.random() < _AIR:
+            if self.agent is None or self.rng.random() < _AIR:
                 yield from self._wander()
             else:
-                known = self._agent.representation
+                known = self.agent.representation
                 goal = self._goal(known)
                 rows = known.members(goal)
-                row = self._rng.integers(rows.start, rows.stop)
+                row = self.rng.integers(rows.start, rows.stop)
                 self._visits[goal] += 1.0
                 self._slope[:] = 0.0
                 yield from self._straight(known.kernel_q[row].astype(float))
-            if self._felt.any():
+            if self.felt.any():
                 yield from self._roam()
 
     def _wander(self) -> Moves:
         """Walks at random until it meets another touch, and goes back to that touch."""
         # Near the last touch the walk would meet the same place again.
-        yield from self._go(self._random_walk(round(_AWAY / self._pace)))
+        yield from self._go(self._random_walk(round(_AWAY / self.pace)))
         self._slope[:] = 0.0
-        left = self._touch
-        while self._touch is left:
+        left = self.touch
+        while self.touch is left:
             yield from self._go(self._random_walk(1))
-        yield from self._straight(self._touch)
+        yield from self._straight(self.touch)
 
     def _random_walk(self, num_steps: int) -> np.ndarray:
         """`(n, J)` the next configurations of a random walk that turns round at the limits."""
-        walk = np.empty((num_steps, len(self._q)))
-        q = self._q
-        for step in range(len(walk)):
-            walk[step] = q = self._turned_round(q + self._heading())
-        return walk
+        walk = [self.q]
+        for _ in range(num_steps):
+            walk.append(self._turned_round(walk[-1] + self._heading()))
+        return np.array(walk[1:])
 
     def _heading(self) -> np.ndarray:
         """`(J,)` the next step of a random walk, as fast as random babbling."""
-        kept = _PERSISTENCE**self._pace
-        noise = self._rng.standard_normal(len(self._q))
+        kept = _PERSISTENCE**self.pace
+        noise = self.rng.standard_normal(len(self.q))
         self._walk = kept * self._walk + np.sqrt(1.0 - kept**2) * noise
-        return self._walk * self._pace * self._joints.stride
+        return self._walk * self.pace * self.stride
 
     def _turned_round(self, q: np.ndarray) -> np.ndarray:
         """`(J,)` `q` within the limits; joints that pass a limit turn round."""
-        self._walk[(q < self._joints.lower) | (q > self._joints.upper)] *= -1.0
-        return self._within(q)
+        self._walk[(q < self.lower) | (q > self.upper)] *= -1.0
+        return q.clip(self.lower, self.upper)
 
     def _straight(self, q: np.ndarray) -> Moves:
         """Goes through the air, a pace at a time."""
-        strides = (q - self._q) / self._joints.stride
-        count = max(int(np.ceil(np.sqrt(np.mean(strides**2)) / self._pace)), 1)
+        strides = (q - self.q) / self.stride
+        count = max(int(np.ceil(np.sqrt(np.mean(strides**2)) / self.pace)), 1)
         share = np.linspace(0.0, 1.0, count + 1)[1:, None]
-        yield from self._go(self._q + share * (q - self._q))
+        yield from self._go(self.q + share * (q - self.q))
 
     def _goal(self, known: QuotientRepresentation) -> int:
         """A kernel that was seldom visited, or an end of a poor link."""
-        if self._rng.random() < _LINKS and len(known.edges):
+        if self.rng.random() < _LINKS and len(known.edges):
             # The ends of a poor link have no postures near each other; there are better ones in
             # between.
             worst = np.argsort(-known.edge_cost, kind="stable")[: max(len(known.edges) // 10, 1)]
-            return int(self._rng.choice(known.edges[self._rng.choice(worst)]))
+            return int(self.rng.choice(known.edges[self.rng.choice(worst)]))
         need = 1.0 / (1.0 + self._visits) ** 2
-        return int(self._rng.choice(len(need), p=need / need.sum()))
+        return int(self.rng.choice(len(need), p=need / need.sum()))
 
     def _roam(self) -> Moves:
         """Slides about: walks at random, bent along the skin."""
         lost = returns = 0
         for _ in range(_DWELL):
-            yield from self._go(self._turned_round(self._q + self._in_touch(self._heading()))[None])
-            if self._felt.any():
+            yield from self._go(self._turned_round(self.q + self._in_touch(self._heading()))[None])
+            if self.felt.any():
                 lost = returns = 0
                 continue
             lost += 1
             if lost == _MOST_LOST:
                 lost, returns = 0, returns + 1
-                yield from self._straight(self._touch)
-                if returns == _MOST_RETURNS and not self._felt.any():
+                yield from self._straight(self.touch)
+                if returns == _MOST_RETURNS and not self.felt.any():
                     return
                 # This direction left the skin; take another one.
-                self._walk = self._rng.standard_normal(len(self._q))
+                self._walk = self.rng.standard_normal(len(self.q))
 
     def _in_touch(self, step: np.ndarray) -> np.ndarray:
         """`(J,)` the step, bent along the skin so that the agent feels as much as usual."""
         steepness = float(np.linalg.norm(self._slope))
         if not steepness > 0.0:
             return step
-        stride, up = self._joints.stride, self._slope / steepness
+        stride, up = self.stride, self._slope / steepness
         along = step / stride
         along = along - up * (up @ along)
-        short = (self._wanted - float(np.linalg.norm(self._felt))) / steepness
-        most = _PRESSED * self._pace
+        short = (self._wanted - float(np.linalg.norm(self.felt))) / steepness
+        most = _PRESSED * self.pace
         return (along + up * np.clip(short, -most, most)) * stride
 
-    def _go(self, path: np.ndarray) -> Moves:
-        """Moves, and learns from each step which way is into the skin (Broyden's update)."""
-        here, before = self._q, float(np.linalg.norm(self._felt))
-        q, felt = yield path
+    def _arrive(self, q: np.ndarray, felt: np.ndarray) -> None:
+        """Learns from each step which way is into the skin, too (Broyden's update)."""
+        here, before = self.q, float(np.linalg.norm(self.felt))
         strength = np.linalg.norm(felt, axis=1)
         for there, after in zip(q.astype(float), strength, strict=True):
-            step = (there - here) / self._joints.stride
+            step = (there - here) / self.stride
             size = float(step @ step)
             # In a smaller step, noise would change what is felt more than the skin does.
-            if size < (0.5 * self._pace) ** 2 and after > 0.0:
+            if size < (0.5 * self.pace) ** 2 and after > 0.0:
                 continue
             if size > 0.0 and (before > 0.0 or after > 0.0):
                 self._slope += (after - before - self._slope @ step) / size * step
             here, before = there, after
-        self._arrive(q, felt)
-        if self._agent is None and strength.any():
+        super()._arrive(q, felt)
+        if self.agent is None and strength.any():
             self._wanted = max(self._wanted, 0.5 * float(strength.max()))
+
+
+class PostureSampler(Explorer):
+    """Tries postures anywhere, without a way from one to the next: those that miss cost nothing.
+
+    Places that are met at random lie far apart in motor space, and neighbours on the skin seem
+    farther apart than they are: so it looks about each place that it meets. The nearest postures of
+    two linked kernels may still be so far apart that a plan between them leaves the skin: so it
+    looks there too. On a body of several parts, some receptors are hard to reach: it looks about
+    touches of receptors that seldom felt anything, as the way to others leads there.
+    """
+
+    def moves(self) -> Moves:
+        """Explores without end."""
+        agent = self.agent
+        # The more parts a body has, the more places the agent may not have met.
+        parts = 1 if agent is None else max(agent.representation.num_parts, 1)
+        about = max(_TOUCHES // parts, 2) - 1
+        seldom_felt = self._seldom_felt(agent) if agent is not None and parts > 1 else None
+        shape = _AT_ONCE, len(self.q)
+        while True:
+            before = self.touch
+            while self.touch is before:
+                yield from self._go(self.rng.uniform(self.lower, self.upper, shape))
+            yield from self._look_about(self.touch, _ABOUT, about)
+            if seldom_felt is not None:
+                yield from self._look_about(next(seldom_felt), _ABOUT, about)
+            if agent is not None and len(agent.representation.edges):
+                for _ in range(_GAPS // parts):
+                    yield from self._look_between(agent)
+
+    def _seldom_felt(self, agent: Agent) -> Iterator[np.ndarray]:
+        """Yields `(J,)` remembered touches of receptors that seldom felt anything."""
+        felt = csc_array(agent.kernel_sensation)
+        often = np.diff(felt.indptr).astype(float)
+        need = np.divide(1.0, np.square(often), out=np.zeros_like(often), where=often > 0)
+        while True:
+            receptor = self.rng.choice(len(need), p=need / need.sum())
+            row = self.rng.choice(felt.indices[slice(*felt.indptr[receptor : receptor + 2])])
+            yield agent.representation.kernel_q[row].astype(float)
+
+    def _look_about(self, q: np.ndarray, strides: float, num_touches: int) -> Moves:
+        """Tries postures about `q` until `num_touches` of them touched."""
+        for _ in range(_TRIES * num_touches):
+            tried = q + strides * self.rng.standard_normal(len(q)) * self.stride
+            yield from self._go(tried.clip(self.lower, self.upper)[None])
+            num_touches -= bool(self.felt.any())
+            if not num_touches:
+                return
+
+    def _look_between(self, agent: Agent) -> Moves:
+        """Tries postures between a touch of one end of a link and firm touches of the other."""
+        known = agent.representation
+        tail, head = self.rng.permutation(self.rng.choice(known.edges)).tolist()
+        mode = int(self.rng.choice(known.kernel_mode[known.members(tail)]))
+        start = known.kernel_q[self.rng.choice(firm_members(known, tail, mode))].astype(float)
+        if mode == NO_MODE:
+            return
+        ahead = firm_members(known, head, mode)
+        if not len(ahead):
+            return
+        matters = known.mode_joints[mode]
+        near = cdist(
+            known.scaled(start)[None, matters], known.scaled(known.kernel_q[ahead])[:, matters]
+        )
+        end = known.kernel_q[ahead[near.argmin()]]
+        between = np.where(matters, (start + end) / 2, start)
+        yield from self._look_about(between, _BETWEEN, _IN_GAP)

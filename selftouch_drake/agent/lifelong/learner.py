@@ -1,19 +1,13 @@
 """Online learning: from a stream of touches to the quotient representation (naive).
 
-The agent remembers at most `max_kernel_size` touches of each kernel. A new touch goes to the kernel
-with the most similar target sensation; once that kernel is full, it replaces an old touch.
-Distances are recomputed for kernels with enough new touches.
-
-When a fifth of the memory is new, or when many touches are unlike every target, the targets are
-chosen again from the remembered touches, as in the offline learner: farthest points, each moved to
-the centre of its cell. Targets keep their numbers: a new target takes the number of the most
-similar old one. Memory and work are bounded: a touch costs the same at any age.
+A new touch goes to the kernel with the most similar target sensation; once that kernel is full, it
+replaces an old touch. Distances are recomputed for kernels with enough new touches. When a fifth of
+the memory is new, or when many touches are unlike every target, the targets are chosen again from
+the remembered touches, as in the offline learner; a new target takes the number of the most similar
+old one. Memory and work are bounded: a touch costs the same at any age.
 """
 
 from __future__ import annotations
-
-import dataclasses
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -57,32 +51,6 @@ _UNLIKE = 0.1
 _CHANGED = 0.1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Layout:
-    """Results that are recomputed now and then from all remembered touches.
-
-    Targets, overlap, part, joint scale and modes are as of `QuotientRepresentation`.
-
-    Attributes:
-        chance: whether touches of two places of a part come together by chance.
-        reach: greatest cosine distance between a touch of one place and its target.
-        unlike: share of touches farther than that at the time: touches of several places at once.
-        num_touches: rows of the experience at that time.
-        num_held_for_modes: number of remembered touches when modes were last found.
-    """
-
-    targets: np.ndarray
-    overlap: np.ndarray
-    chance: bool
-    part: np.ndarray
-    joint_scale: np.ndarray
-    reach: float
-    unlike: float
-    mode_joints: np.ndarray
-    num_touches: int
-    num_held_for_modes: int
-
-
 class OnlineLearner:
     """Learns motor kernel sets and the quotient graph from a stream of touches.
 
@@ -103,8 +71,17 @@ class OnlineLearner:
         # The last one is not a kernel: it holds touches of several places, which are set aside.
         self._memory = KernelReservoir(num_targets + 1, max_kernel_size, seed=seed)
         self._num_set_aside = 0
-        self._layout: _Layout | None = None
-        #: Remembered touches per kernel, and the new ones since its distances were computed.
+        # Chosen now and then, as of `QuotientRepresentation`; whether touches of two places of a
+        # part come together by chance; and the number of touches at that time.
+        self._targets = np.zeros((0, 0), dtype=np.float32)
+        self._overlap = self._part = self._joint_scale = np.zeros(0)
+        self._chance, self._laid_out_at = False, 0
+        # Greatest cosine distance between a touch of one place and its target; share of touches
+        # farther than that at that time: touches of several places at once.
+        self._reach = self._unlike = 0.0
+        # `(M, J)` bool, and the number of remembered touches in which they were found.
+        self._mode_joints, self._num_held_for_modes = np.ones((1, 0), dtype=bool), 0
+        # Remembered touches per kernel, and the new ones since its distances were computed.
         self._size = np.zeros(num_targets + 1, dtype=int)
         self._changed = np.zeros(num_targets + 1, dtype=int)
         self._num_new = self._num_unlike = 0
@@ -119,7 +96,7 @@ class OnlineLearner:
     @property
     def knows(self) -> bool:
         """Whether there were enough touches for a representation."""
-        return self._layout is not None
+        return len(self._targets) > 0
 
     @threadpool_limits.wrap(limits=1, user_api="blas")
     def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
@@ -127,23 +104,36 @@ class OnlineLearner:
         if not len(q):
             return
         self._known = None
-        label, error = self._labels(sensation)
+        if self.knows:
+            label, error = assign(sensation, self._targets)
+            aside = ambiguous_touches(sensation, self._overlap, self._chance)
+            label = np.where(aside, self.num_targets, label)
+            self._num_unlike += int(np.sum(error > self._reach))
+        else:
+            # Spread evenly, so that no kernel is full before the first targets are chosen.
+            label = (self.num_touches + np.arange(len(q))) % self.num_targets
+            error = np.zeros(len(q), np.float32)
         self._num_set_aside += int(np.sum(label == self.num_targets))
+        # The mode of new touches is unknown, unless there is only one.
+        mode = 0 if len(self._mode_joints) == 1 else NO_MODE
         taken = self._memory.add(
             label,
             q=np.asarray(q, dtype=np.float32),
             sensation=np.asarray(sensation, dtype=np.float32),
             strength=strength(sensation).astype(np.float32),
             error=error,
-            mode=np.full(len(q), self._mode_of_new, dtype=np.int8),
+            mode=np.full(len(q), mode, dtype=np.int8),
         )
         added = np.bincount(label[taken], minlength=self.num_targets + 1)
         self._size = np.minimum(self._size + added, self._max_kernel_size)
         self._changed += added
         self._num_new += len(taken)
-        if self._layout is not None:
-            self._num_unlike += int(np.sum(error > self._layout.reach))
-        if self._is_due:
+        due = self.num_touches >= _FIRST
+        if self.knows:
+            new = max(self.num_touches - self._laid_out_at, _FIRST)
+            due = self._num_new >= _NEW * self._size.sum()
+            due |= self._num_unlike >= (self._unlike + _UNLIKE) * new
+        if due:
             self._lay_out()
 
     def remembered(self) -> KernelSample:
@@ -160,46 +150,20 @@ class OnlineLearner:
         Raises:
             ValueError: there were too few touches.
         """
-        return self._learned[0]
+        return self._learn()[0]
 
     @property
     def kernel_sensation(self) -> csr_array:
         """`(R, S)` unit L2 norm, the sensation at each configuration of `representation`."""
-        return self._learned[1]
+        return self._learn()[1]
 
-    @property
-    def _is_due(self) -> bool:
-        if self._layout is None:
-            return self._memory.num_rows >= _FIRST
-        new = max(self._memory.num_rows - self._layout.num_touches, _FIRST)
-        return self._num_new >= _NEW * self._size.sum() or (
-            self._num_unlike >= (self._layout.unlike + _UNLIKE) * new
-        )
-
-    @property
-    def _mode_of_new(self) -> int:
-        """Mode of new touches: the only one, or `NO_MODE` as long as it is unknown."""
-        one = self._layout is None or len(self._layout.mode_joints) == 1
-        return 0 if one else NO_MODE
-
-    def _labels(self, sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`(n,)` the kernel of each touch (`num_targets` if of several places), and its error."""
-        if self._layout is None:
-            # Spread evenly, so that no kernel is full before the first targets are chosen.
-            row = self._memory.num_rows + np.arange(len(sensation))
-            return row % self.num_targets, np.zeros(len(sensation), np.float32)
-        label, error = assign(sensation, self._layout.targets)
-        aside = ambiguous_touches(sensation, self._layout.overlap, self._layout.chance)
-        return np.where(aside, self.num_targets, label), error
-
-    @threadpool_limits.wrap(limits=1, user_api="blas")
     def _lay_out(self) -> None:
         """Chooses targets again and assigns each remembered touch to the most similar one."""
-        held = self._memory.sample()
+        held = self.remembered()
         q, sensation = held.columns["q"], held.columns["sensation"]
         some = np.arange(len(q))
         if len(some) > MAX_ROWS:
-            rng = np.random.default_rng([self._seed, self._memory.num_rows])
+            rng = np.random.default_rng([self._seed, self.num_touches])
             some = np.sort(rng.choice(some, MAX_ROWS, replace=False))
         overlap, chance = receptors_together(sensation[some])
         aside = ambiguous_touches(sensation, overlap, chance)
@@ -207,68 +171,57 @@ class OnlineLearner:
         num_targets = min(len(some) // _TOUCHES_A_TARGET, self.num_targets)
         if num_targets < LEAST_KERNELS:
             return
-        old = self._layout
         targets = common_targets(
             sensation[some], num_targets, overlap if chance else None, or_fewer=True
         )
-        if old is not None:
-            targets = _numbered_as(targets, old.targets)
+        if self.knows:
+            # Each takes the number of the most similar old one; further ones come last.
+            before, now = linear_sum_assignment(-(self._targets @ targets.T))
+            now = now[np.argsort(before)]
+            targets = targets[np.concatenate([now, np.setdiff1d(np.arange(len(targets)), now)])]
+        else:
+            self._mode_joints = np.ones((1, q.shape[1]), dtype=bool)
         label, error = assign(sensation, targets)
         self._memory.relabel(np.where(aside, self.num_targets, label), error=error)
-        reach = float(error[some].max())
-        layout = _Layout(
-            targets=targets,
-            overlap=overlap,
-            chance=chance,
-            part=kernel_parts(targets, overlap),
-            joint_scale=joint_scale(q[some], sensation[some]),
-            reach=reach,
-            unlike=float(np.mean(error > reach)),
-            mode_joints=np.ones((1, q.shape[1]), dtype=bool) if old is None else old.mode_joints,
-            num_touches=self._memory.num_rows,
-            num_held_for_modes=0 if old is None else old.num_held_for_modes,
-        )
-        if len(q) >= (1.0 + _NEW_FOR_MODES) * layout.num_held_for_modes:
-            layout = self._with_modes(layout)
-        self._layout = layout
-        self._size = np.bincount(self._memory.sample().kernel, minlength=self.num_targets + 1)
+        self._targets, self._overlap, self._chance = targets, overlap, chance
+        self._part = kernel_parts(targets, overlap)
+        self._joint_scale = joint_scale(q[some], sensation[some])
+        self._reach = float(error[some].max())
+        self._unlike = float(np.mean(error > self._reach))
+        self._laid_out_at = self.num_touches
+        held = self.remembered()
+        if len(q) >= (1.0 + _NEW_FOR_MODES) * self._num_held_for_modes:
+            self._find_modes(held)
+        self._size = np.bincount(held.kernel, minlength=self.num_targets + 1)
         self._distance = np.zeros((len(targets),) * 2, dtype=np.float32)
         self._changed = self._size.copy()
         self._num_new = self._num_unlike = 0
-        self._known = None
 
-    def _with_modes(self, layout: _Layout) -> _Layout:
+    def _find_modes(self, held: KernelSample) -> None:
         """Finds the joints that matter to each remembered touch."""
-        held = self._memory.sample()
-        known = held.first(len(layout.targets))
+        known = held.first(len(self._targets))
+        x = (known.columns["q"] * self._joint_scale).astype(np.float32)
+        sets = KernelSets(x, known.offsets(len(self._targets)))
         mode = np.full(len(held.row), NO_MODE, dtype=np.int8)
-        x = (known.columns["q"] * layout.joint_scale).astype(np.float32)
-        sets = KernelSets(x, known.offsets(len(layout.targets)))
-        mode[: len(x)], mode_joints = touch_modes(
-            sets, layout.targets, layout.part, seed=self._seed
+        mode[: len(x)], self._mode_joints = touch_modes(
+            sets, self._targets, self._part, seed=self._seed
         )
         self._memory.relabel(held.kernel, mode=mode)
-        return dataclasses.replace(
-            layout, mode_joints=mode_joints, num_held_for_modes=len(held.row)
-        )
+        self._num_held_for_modes = len(held.row)
 
-    @property
     @threadpool_limits.wrap(limits=1, user_api="blas")
-    def _learned(self) -> tuple[QuotientRepresentation, csr_array]:
-        if self._layout is None:
+    def _learn(self) -> tuple[QuotientRepresentation, csr_array]:
+        """The representation of the touches remembered now, and what was felt in them."""
+        if not self.knows:
             raise ValueError(
-                f"{self._memory.num_rows} touches are too few to learn from: take at least {_FIRST}"
+                f"{self.num_touches} touches are too few to learn from: take at least {_FIRST}"
             )
-        if self._known is None:
-            self._known = self._learn(self._layout)
-        return self._known
-
-    def _learn(self, layout: _Layout) -> tuple[QuotientRepresentation, csr_array]:
-        """The representation of the touches remembered now."""
-        num = len(layout.targets)
-        sample = self._memory.sample().first(num)
+        if self._known is not None:
+            return self._known
+        num = len(self._targets)
+        sample = self.remembered().first(num)
         q, mode = sample.columns["q"], sample.columns["mode"]
-        x = mattering((q * layout.joint_scale).astype(np.float32), mode, layout.mode_joints)
+        x = mattering((q * self._joint_scale).astype(np.float32), mode, self._mode_joints)
         sets = KernelSets(x, sample.offsets(num))
         changed = self._changed[:num] >= _CHANGED * self._size[:num]
         if changed.any():
@@ -279,20 +232,14 @@ class OnlineLearner:
             sample,
             sets,
             self._distance,
-            target_sensations=layout.targets,
+            target_sensations=self._targets,
             kernel_mode=mode,
-            mode_joints=layout.mode_joints,
-            joint_scale=layout.joint_scale,
-            overlap=layout.overlap,
-            part=layout.part,
-            num_touches=self._memory.num_rows,
+            mode_joints=self._mode_joints,
+            joint_scale=self._joint_scale,
+            overlap=self._overlap,
+            part=self._part,
+            num_touches=self.num_touches,
             num_set_aside=self._num_set_aside,
         )
-        return learned.representation, csr_array(unit(sample.columns["sensation"]))
-
-
-def _numbered_as(targets: np.ndarray, old: np.ndarray) -> np.ndarray:
-    """`(K, S)` targets, each with the number of the most similar old one; further ones last."""
-    before, now = linear_sum_assignment(-(old @ targets.T))
-    now = now[np.argsort(before)]
-    return targets[np.concatenate([now, np.setdiff1d(np.arange(len(targets)), now)])]
+        self._known = learned.representation, csr_array(unit(sample.columns["sensation"]))
+        return self._known

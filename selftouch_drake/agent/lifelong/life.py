@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest
-from selftouch_drake.agent.lifelong.body_change import BodyChange
 from selftouch_drake.agent.lifelong.expectation import (
     NUM_STEPS,
     Expectation,
     TouchSet,
     with_unit_norm,
 )
-from selftouch_drake.agent.lifelong.explanation import explain_change, refined
+from selftouch_drake.agent.lifelong.explanation import BodyChange, explain_change, refined
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 
 #: Touches of a body after which the agent learns what to expect, and the factor by which they have
@@ -83,16 +82,19 @@ class Life:
         self.surprise: list[np.ndarray] = []
         self.doubts: list[tuple[float, ...]] = []
         self.num_touches = 0
-        self._expectation: Expectation | None = None
-        self._tests: tuple[SurpriseTest, ReceptorTest] | None = None
+        self._watching: tuple[Expectation, SurpriseTest, ReceptorTest] | None = None
         self._expects_again_at: float = _FIRST
+        # `(S,)` receptors that had felt nothing when the agent first knew what to expect.
+        self._never_felt: np.ndarray | None = None
         # Touches that wait for a full block; the last learned ones; those of a changed body.
-        self._waiting = self._last = self._strange = TouchSet.none()
+        self._waiting = self._last = self._strange = TouchSet()
         # Remembered touches from before the last change, as they were, and the numbers of strange
         # touches at which the agent makes a guess more exact.
-        self._before, self._to_refine = TouchSet.none(), list[int]()
+        self._before = TouchSet()
+        self._to_refine: Sequence[int] = ()
         # Number of the first touch of the body as it is.
         self._born = 0
+        # Where the alarm was raised, and the first touch of the changed body, if unexplained.
         self._raised: tuple[int, int] | None = None
         # Number of the learner's touches from before the change.
         self._num_before = 0
@@ -111,57 +113,52 @@ class Life:
         self._waiting = touches
 
     def _live(self, block: TouchSet) -> None:
-        first = self.num_touches
         self.num_touches += len(block)
-        strange = block
-        if self._raised is None:
-            block, strange = self._watched(block, first)
-            self._learn(block)
-        else:
-            self._surprised(block)
+        changed = self._watch(block)
+        self._learn(block[:changed])
         if self._raised is not None:
-            self._strange = self._strange.and_then(strange)
+            self._strange = self._strange.and_then(block[changed:])
             if len(self._strange) >= _TO_EXPLAIN:
                 self._explain(*self._raised)
             return
         if self._to_refine:
             self._strange = self._strange.and_then(block)
             if len(self._strange) >= self._to_refine[0]:
-                self._refine()
+                # More touches of the changed body make a guess more exact.
+                self._to_refine = self._to_refine[1:]
+                change = refined(self.noticed[-1].change, self._strange, seed=self._seed)
+                self.noticed[-1] = replace(self.noticed[-1], change=change)
+                self._begin_again(change)
         if self.num_touches - self._born >= self._expects_again_at:
             self._expect()
 
-    def _surprised(self, block: TouchSet) -> np.ndarray:
-        """`(n, S)` N, what was expected of these touches; keeps how much they surprised."""
-        assert self._expectation is not None
-        expected = self._expectation(block.q)
-        self.surprise.append(self._expectation.surprise(expected, block.sensation))
-        return expected
-
-    def _watched(self, block: TouchSet, first: int) -> tuple[TouchSet, TouchSet]:
-        """Cuts a block where the body changed: touches before and after; all before if not."""
-        if self._expectation is None or self._tests is None:
+    def _watch(self, block: TouchSet) -> int:
+        """The row from which on the touches are of a changed body; their number if none is."""
+        if self._watching is None:
             self.surprise.append(np.full(len(block), np.nan))
-            return block, TouchSet.none()
-        expected = with_unit_norm(self._surprised(block))
-        by_surprise, by_receptors = self._tests
+            return len(block)
+        expectation, rise, receptors = self._watching
+        expected = expectation(block.q)
+        self.surprise.append(expectation.surprise(expected, block.sensation))
+        if self._raised is not None:
+            return 0
         rows = (
-            (by_surprise.watch(self.surprise[-1], self._expectation.novelty(block.q)), by_surprise),
-            (by_receptors.watch(expected, block.sensation), by_receptors),
+            (rise.watch(self.surprise[-1], expectation.novelty(block.q)), rise),
+            (receptors.watch(with_unit_norm(expected), block.sensation), receptors),
         )
-        self.doubts.append(by_surprise.doubt + by_receptors.doubt)
+        self.doubts.append(rise.doubt + receptors.doubt)
         raised = [(row, test.since) for row, test in rows if row is not None]
         if not raised:
-            return block, TouchSet.none()
+            return len(block)
         row, num = min(raised, key=lambda one: one[0])
-        since = row + 1 - num
+        since, first = row + 1 - num, self.num_touches - len(block)
         self._raised = first + row, first + since
-        self._strange, self._to_refine = TouchSet.none(), []
+        self._strange, self._to_refine = TouchSet(), ()
         self._num_before = self.learner.num_touches + since
         if since < 0:
             # The last touches that it learned may be of the changed body.
             self._last = self._last[: max(len(self._last) + since, _BLOCK)]
-        return block[: max(since, 0)], block[max(since, 0) :]
+        return max(since, 0)
 
     def _learn(self, block: TouchSet) -> None:
         if len(block):
@@ -170,40 +167,34 @@ class Life:
             self._last = self._last.and_then(block)[-num:]
 
     def _explain(self, row: int, since: int) -> None:
-        assert self._expectation is not None
+        assert self._watching is not None
         remembered, number = self._remembered()
-        before = self._before = remembered[number < self._num_before]
+        self._before = remembered[number < self._num_before]
         change = explain_change(
-            self._expectation,
+            self._watching[0],
             self._last,
-            before,
+            self._before,
             self._strange,
             num_steps=self._num_steps,
             seed=self._seed,
         )
-        self._born = since
         self.noticed.append(
             Noticed(row=row, since=since, explained_at=self.num_touches, change=change)
         )
-        self._raised = self._tests = None
-        self._begin_again(change, _TO_REFINE if change.is_a_guess else ())
+        self._born, self._raised, self._never_felt = since, None, None
+        guess = change.displacement or change.new.receptors.any()
+        self._to_refine = _TO_REFINE if guess else ()
+        self._begin_again(change)
         self._expect()
 
-    def _refine(self) -> None:
-        """Makes a guess more exact, with more touches of the changed body."""
-        change = refined(self.noticed[-1].change, self._strange, seed=self._seed)
-        self.noticed[-1] = replace(self.noticed[-1], change=change)
-        self._begin_again(change, self._to_refine[1:])
-
-    def _begin_again(self, change: BodyChange, to_refine: Sequence[int]) -> None:
+    def _begin_again(self, change: BodyChange) -> None:
         """A new learner takes the adapted touches, and the touches of the changed body."""
         self.learner, strange = self._make_learner(), self._strange
         # At once, so that targets are chosen where the body feels now.
         self._learn(change.adapted(self._before).and_then(strange))
         self._last = strange[len(strange) // 2 :]
-        self._to_refine = list(to_refine)
-        if not to_refine:
-            self._before = self._strange = TouchSet.none()
+        if not self._to_refine:
+            self._before = self._strange = TouchSet()
 
     def _remembered(self) -> tuple[TouchSet, np.ndarray]:
         """The learner's touches, and `(n,)` their numbers in the order in which it took them."""
@@ -212,26 +203,17 @@ class Life:
 
     def _expect(self) -> None:
         """Learns what to expect from all remembered touches except the last ones."""
-        remembered, number = self._remembered()
-        early = number < self.learner.num_touches - len(self._last)
-        self._expectation = Expectation.learn(
-            remembered[early], num_steps=self._num_steps, seed=self._seed
-        )
-        expected = self._expectation(self._last.q)
-        usual = self._expectation.surprise(expected, self._last.sensation)
-        # What began to feel shortly before is still new.
-        never_felt = (
-            ~np.any(remembered.sensation > 0, axis=0)
-            if self._tests is None
-            else self._tests[1].never_felt
-        )
-        self._tests = (
-            SurpriseTest.calibrated(usual, self._expectation.novelty(self._last.q)),
-            ReceptorTest.calibrated(
-                with_unit_norm(expected),
-                self._last.sensation,
-                never_felt,
-                self.learner.num_touches,
-            ),
+        (remembered, number), last = self._remembered(), self._last
+        early = remembered[number < self.learner.num_touches - len(last)]
+        expectation = Expectation(early, num_steps=self._num_steps, seed=self._seed)
+        expected = expectation(last.q)
+        if self._never_felt is None:  # later, what began to feel shortly before is still new
+            self._never_felt = ~np.any(remembered.sensation > 0, axis=0)
+        usual = expectation.surprise(expected, last.sensation)
+        num_touches = self.learner.num_touches
+        self._watching = (
+            expectation,
+            SurpriseTest(usual, expectation.novelty(last.q)),
+            ReceptorTest(with_unit_norm(expected), last.sensation, self._never_felt, num_touches),
         )
         self._expects_again_at = max(_FIRST, _AGAIN * (self.num_touches - self._born))

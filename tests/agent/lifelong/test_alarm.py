@@ -21,7 +21,7 @@ def test_the_threshold_is_passed_by_chance_once_in_a_hundred_lifetimes():
 def test_the_alarm_is_silent_on_what_is_usual_and_quick_on_what_is_not():
     rng = np.random.default_rng(0)
     for _ in range(5):
-        alarm = SurpriseTest.calibrated(rng.exponential(size=2000), alike(2000))
+        alarm = SurpriseTest(rng.exponential(size=2000), alike(2000))
         assert alarm.watch(rng.exponential(size=100_000), alike(100_000)) is None
         row = alarm.watch(2.0 * rng.exponential(size=500), alike(500))
         assert row is not None
@@ -36,7 +36,7 @@ def test_novel_touches_surprise_and_raise_no_alarm():
         novelty = np.where(rng.random(num) < novel, rng.uniform(1, 2, num), rng.uniform(0, 1, num))
         return rise * rng.exponential(size=num) * np.where(novelty > 1, 5.0, 1.0), novelty
 
-    alarm = SurpriseTest.calibrated(*touched(2000, 0.5))
+    alarm = SurpriseTest(*touched(2000, 0.5))
     assert alarm.watch(*touched(50_000, 0.8)) is None
     row = alarm.watch(*touched(500, 0.5, rise=2.0))
     assert row is not None
@@ -46,7 +46,7 @@ def test_novel_touches_surprise_and_raise_no_alarm():
 def test_touches_that_come_in_runs_count_for_less():
     rng = np.random.default_rng(1)
     runs, novelty = np.repeat(rng.exponential(size=20_000), 5), np.repeat(alike(20_000), 5)
-    alarm = SurpriseTest.calibrated(runs[:4000], novelty[:4000])
+    alarm = SurpriseTest(runs[:4000], novelty[:4000])
     assert alarm.correlation > 3
     assert alarm.watch(runs[4000:], novelty[4000:]) is None
 
@@ -60,10 +60,10 @@ def test_receptors_that_are_rare_are_not_new_and_those_that_begin_to_feel_are():
         never_felt = ~felt[:10_000].any(axis=0)
         assert never_felt.any()
         nothing = np.zeros_like(felt)
-        test = ReceptorTest.calibrated(nothing[:1000], felt[:1000], never_felt, 10_000)
+        test = ReceptorTest(nothing[:1000], felt[:1000], never_felt, 10_000)
         assert test.watch(nothing[10_000:], felt[10_000:]) is None
         felt[:500][:, never_felt] = rng.random((500, never_felt.sum())) < 0.03
-        test = ReceptorTest.calibrated(nothing[:1000], felt[:1000], never_felt, 10_000)
+        test = ReceptorTest(nothing[:1000], felt[:1000], never_felt, 10_000)
         row = test.watch(nothing[:500], felt[:500])
         assert row is not None
         assert row < 300
@@ -72,7 +72,7 @@ def test_receptors_that_are_rare_are_not_new_and_those_that_begin_to_feel_are():
 
 def calibrated(expected, felt):
     """A test of receptors that have all felt something."""
-    return ReceptorTest.calibrated(expected, felt, np.zeros(felt.shape[1], dtype=bool), len(felt))
+    return ReceptorTest(expected, felt, np.zeros(felt.shape[1], dtype=bool), len(felt))
 
 
 def encounters(rng, num, miss):

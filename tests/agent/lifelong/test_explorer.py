@@ -6,21 +6,19 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.lifelong import (
-    JointRanges,
-    OnlineLearner,
-    PostureSampler,
-    Walker,
-)
+from selftouch_drake.agent.lifelong import OnlineLearner, PostureSampler, Walker
 from selftouch_drake.agent.lifelong import explorer as module
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 
-JOINTS = JointRanges(
-    lower=np.full(3, -1.3), upper=np.full(3, 1.3), stride=np.full(3, 0.15), pace=0.2
-)
+JOINTS = {
+    "lower": np.full(3, -1.3),
+    "upper": np.full(3, 1.3),
+    "stride": np.full(3, 0.15),
+    "pace": 0.2,
+}
 #: A searcher makes moves of some strides at once.
-NARROW = JointRanges(lower=JOINTS.lower, upper=JOINTS.upper, stride=np.full(3, 0.05))
+NARROW = JOINTS | {"stride": np.full(3, 0.05), "pace": 1.0}
 DEPTH = 0.15
 
 
@@ -50,10 +48,8 @@ def dwells_shortly(monkeypatch):
 
 def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=Walker, joints=JOINTS):
     start = np.array(start)
-    explorer = explores(
-        agent, joints, start, ball_feels(start[None])[0], np.random.default_rng(seed)
-    )
-    moves = explorer.moves()
+    felt, rng = ball_feels(start[None])[0], np.random.default_rng(seed)
+    moves = explores(agent, start, felt, rng, **joints).moves()
     path, met = next(moves), []
     while sum(map(len, met)) < num_steps:
         met.append(path)
@@ -109,7 +105,7 @@ def test_it_looks_between_neighbours_on_the_skin():
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     agent = who_knows(points, ball_feels(points))
     nowhere = np.zeros(3)
-    searcher = PostureSampler(agent, NARROW, nowhere, nowhere, np.random.default_rng(0))
+    searcher = PostureSampler(agent, nowhere, nowhere, np.random.default_rng(0), **NARROW)
     tried = [next(searcher._look_between(agent))[0] for _ in range(200)]
     # Neighbouring targets are half a radius apart, a target and a random one 1.4.
     apart = np.linalg.norm(np.array(tried)[:, None] - points, axis=2).min(axis=1)
@@ -123,7 +119,7 @@ def test_it_starts_from_touches_of_receptors_that_seldom_felt_anything():
     # Below, only few places are known; there all receptors were felt, though seldom.
     points = np.concatenate([points[points[:, 2] > -0.2], points[points[:, 2] <= -0.2][:20]])
     agent, nowhere = who_knows(points, ball_feels(points)), np.zeros(3)
-    searcher = PostureSampler(agent, NARROW, nowhere, nowhere, np.random.default_rng(0))
+    searcher = PostureSampler(agent, nowhere, nowhere, np.random.default_rng(0), **NARROW)
     starts = np.array(list(islice(searcher._seldom_felt(agent), 300)))
     assert (np.linalg.norm(starts[:, None] - points, axis=2).min(axis=1) < 1e-6).all()
     assert (points[:, 2] <= -0.2).mean() < 0.05
@@ -132,8 +128,8 @@ def test_it_starts_from_touches_of_receptors_that_seldom_felt_anything():
 
 def test_moves_stay_within_the_limits_of_the_joints():
     q, _ = explored(None, 2000)
-    assert (q >= JOINTS.lower).all()
-    assert (q <= JOINTS.upper).all()
+    assert (q >= JOINTS["lower"]).all()
+    assert (q <= JOINTS["upper"]).all()
 
 
 def test_the_same_seed_gives_the_same_moves():

@@ -7,16 +7,15 @@ import pytest
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.lifelong import TouchSet, explanation
-from selftouch_drake.agent.lifelong.body_change import NewReceptors
 from selftouch_drake.agent.lifelong.expectation import Expectation, cosine_distance
-from selftouch_drake.agent.lifelong.explanation import explain_change
+from selftouch_drake.agent.lifelong.explanation import NewReceptors, explain_change
 
 NUM_OLD = 6000
 
 
 @pytest.fixture(scope="module")
 def expectation(touches):
-    return Expectation.learn(touches[:5000], num_steps=1600)
+    return Expectation(touches[:5000], num_steps=1600)
 
 
 def found(expectation, touches, change):
@@ -90,7 +89,7 @@ def test_a_new_receptor_is_filled_in_where_it_would_have_felt(touches):
     blind[:, 7] = 0.0
     some = blind.any(axis=1)
     before = TouchSet(q, blind)[:NUM_OLD]
-    expectation = Expectation.learn(before[:5000][some[:5000]], num_steps=1600)
+    expectation = Expectation(before[:5000][some[:5000]], num_steps=1600)
     usual = before[5000:][some[5000:NUM_OLD]]
     change = explain_change(expectation, usual, before, touches[NUM_OLD:])
     assert np.flatnonzero(change.new.receptors).tolist() == [7]
@@ -111,14 +110,14 @@ def test_receptors_that_felt_less_often_are_new_too_and_touches_unlike_all_stay_
     once = np.array([[0.6, 0, 0, 0, 0.8, 0]], np.float32)
     often = np.repeat(np.array([[0.8, 0, 0, 0.6, 0, 0], [0, 0.6, 0, 0.8, 0, 0]], np.float32), 20, 0)
     silent_before = np.arange(6) >= 3
-    new = NewReceptors.learned(silent_before, np.concatenate([once, often]))
+    new = NewReceptors(silent_before, np.concatenate([once, often]))
     assert np.flatnonzero(new.receptors).tolist() == [3, 4]
     before = np.array([[0, 3.0, 0, 0, 0, 0], [0, 0, 2.0, 0, 0, 0]], np.float32)
     assert new.filled_in(before) == pytest.approx(
         np.array([[0, 3, 0, 4, 0, 0], [0, 0, 2, 0, 0, 0]])
     )
-    assert not NewReceptors.learned(silent_before, once).receptors.any()
-    assert np.array_equal(NewReceptors.learned(silent_before, once).filled_in(before), before)
+    assert not NewReceptors(silent_before, once).receptors.any()
+    assert np.array_equal(NewReceptors(silent_before, once).filled_in(before), before)
 
 
 def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(touches):
@@ -126,7 +125,7 @@ def test_an_agent_that_expects_badly_finds_no_displacement_that_is_not_there(tou
     _, place = cKDTree(touches.q[:150]).query(touches.q)
     touches = touches[np.argsort(place, kind="stable")]
     before, since = touches[:NUM_OLD], touches[NUM_OLD:]
-    poor = Expectation.learn(before[:5000], num_steps=30)
+    poor = Expectation(before[:5000], num_steps=30)
     dead = np.argsort(since.sensation.sum(axis=0))[-8:]
     sensation = since.sensation.copy()
     sensation[:, dead] = 0.0
@@ -163,12 +162,13 @@ def test_a_bent_arm_is_a_displacement_which_more_touches_make_exact(
 
     change = found(expectation, touches, lambda q, s: (unbent(q)[:700], s[:700]))
     assert change.displacement
-    before, after = change.surprise
-    assert after < before / 2
+    since = touches[NUM_OLD:]
+    felt = TouchSet(unbent(since.q), since.sensation)
+    unexplained = dataclasses.replace(change, displacement=(), offset=np.zeros(5))
+    assert change.surprise_left(felt[:700]) < unexplained.surprise_left(felt[:700]) / 2
     rows, now = moved(change)
     assert off(change) < 0.5 * np.abs(q - unbent(q))[rows, :3].mean()
-    since = touches[NUM_OLD:]
-    again = explanation.refined(change, TouchSet(unbent(since.q), since.sensation))
+    again = explanation.refined(change, felt)
     assert off(again) < off(change)
     # Joints without effect do not go astray.
     assert np.array_equal(rows, np.flatnonzero(firm))
