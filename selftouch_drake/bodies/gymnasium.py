@@ -10,7 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from selftouch_drake.agent.body import BodyError, Felt, Followed
-from selftouch_drake.bodies.drive import Drive, Kind, find_actions
+from selftouch_drake.bodies.drive import Actions, Drive, Kind, find_actions
 from selftouch_drake.bodies.own import load_class, make_instance, split_reference
 from selftouch_drake.experiment import GymnasiumSettings, closest, shown
 
@@ -100,35 +100,30 @@ class GymnasiumBody:
             _picked(getattr(env.observation_space, "spaces", env.observation_space), joints, end)
             for end in ("low", "high")
         )
-        bounds = [np.asarray(low if lower is None else lower, dtype=float)]
-        bounds += [np.asarray(high if upper is None else upper, dtype=float)]
-        actions = None
+        given = (low if lower is None else lower, high if upper is None else upper)
+        bounds = [np.asarray(bound, dtype=float) for bound in given]
+        #: What was found out, or None if nothing moves by actions.
+        self.actions: Actions | None = None
         if action != "none":
             span = bounds[1] - bounds[0]
             span = np.where(np.isfinite(span) & (span > 0), span, _UNKNOWN_RANGE)
             space = env.action_space
             if getattr(space, "shape", None) is None or len(space.shape) != 1:
                 raise BodyError(f"the action space is {shown(space)}; only Box(n,) can be used")
-            actions = find_actions(
-                self._trial,
-                space.low.astype(float),
-                space.high.astype(float),
-                span,
-                self.joint_names,
-                self._step_s,
-                cast("Kind | None", action),
+            low, high = space.low.astype(float), space.high.astype(float)
+            kind = cast("Kind | None", action)
+            self.actions = find_actions(
+                self._trial, low, high, span, self.joint_names, self._step_s, kind
             )
-            self._drive = Drive(actions)
+            self._drive = Drive(self.actions)
             self._reset()
-            if actions.kind == "position":
+            if self.actions.kind == "position":
                 bounds = [
                     np.where(np.isfinite(bound), bound, end)
-                    for bound, end in zip(bounds, actions.limits(), strict=True)
+                    for bound, end in zip(bounds, self.actions.limits(), strict=True)
                 ]
         elif not self.jumps:
             raise BodyError("action is none; then give set_posture or reset_option")
-        #: What was found out, or None if nothing moves by actions.
-        self.actions = actions
         for name, bound in zip(("lower", "upper"), bounds, strict=True):
             if bound.shape != (num_joints,) or not np.isfinite(bound).all():
                 raise BodyError(

@@ -4,8 +4,10 @@ import gymnasium
 import numpy as np
 from toys import Flat
 
-#: Which joint each of four actions moves (one moves nothing), and by how much.
-OF_ACTION, GAIN = [2, None, 0, 1], np.array([0.5, 1.0, -2.0, 1.5])
+#: How much each of four actions moves each joint; the second moves nothing. Coupled, the others
+#: move two joints each.
+SINGLE = np.array([[0.0, 0.0, -2.0, 0.0], [0.0, 0.0, 0.0, 1.5], [0.5, 0.0, 0.0, 0.0]])
+COUPLED = np.array([[0.5, 0.0, 0.0, -1.0], [0.0, 0.0, 1.5, 1.0], [0.5, 0.0, 0.7, 0.0]])
 LOW, HIGH = np.array([-0.5, 0.0, -1.0]), np.array([1.0, 1.0, 0.5])
 
 
@@ -14,8 +16,11 @@ class Sliders(gymnasium.Env):
 
     metadata = {"render_modes": [], "render_fps": 50}  # noqa: RUF012
 
-    def __init__(self, kind="position", flat=False, limited=True, length=None, gain=1.0, rough=0.0):
-        self.kind, self.flat, self.length, self.gain, self.rough = kind, flat, length, gain, rough
+    def __init__(
+        self, kind="position", flat=False, limited=True, length=None, rough=0.0, effect=SINGLE
+    ):
+        self.kind, self.flat, self.length, self.rough = kind, flat, length, rough
+        self.effect = np.array(effect)
         box = gymnasium.spaces.Box
         most = np.inf if not limited else 1.0
         self.action_space = box(-3.0, 3.0, (4,), np.float32)
@@ -42,10 +47,7 @@ class Sliders(gymnasium.Env):
         return None if q[0] > 0.9 else self.observation()
 
     def step(self, action):
-        wanted = np.zeros(3)
-        for number, joint in enumerate(OF_ACTION):
-            if joint is not None:
-                wanted[joint] = self.gain * GAIN[number] * action[number]
+        wanted = self.effect @ action
         gravity = np.array([-2.0, 0.0, 0.0])
         for _ in range(5):
             if self.kind == "velocity":
