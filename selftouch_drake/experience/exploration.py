@@ -57,25 +57,33 @@ class Exploration:
         experiment: decides everything that happens.
         body: the body of the experiment.
         explorer: decides where the agent goes; by default the one that suits the body.
+        mind: takes the touches; by default a new one, a life if the body changes in the course of
+            the experiment.
 
     Attributes:
-        mind: takes the touches; a life if the body changes in the course of the experiment.
+        mind: as above.
         round: number of the next round.
         num_touches: number of touches in the rounds before.
     """
 
-    def __init__(self, experiment: Experiment, body: Body, explorer: type[Explorer] | None = None):
+    def __init__(
+        self,
+        experiment: Experiment,
+        body: Body,
+        explorer: type[Explorer] | None = None,
+        mind: Life | OnlineLearner | None = None,
+    ):
         self.experiment, self._explorer = experiment, explorer
         self.enter(body)
         (seed,) = experiment.random_stream("explorer").generate_state(1)
-        self.mind: Life | OnlineLearner = (
+        self.mind: Life | OnlineLearner = mind or (
             new_life(experiment)
             if any(change.after > 0 for change in experiment.changes)
             else OnlineLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
         )
         self.round = self.num_touches = 0
         self._q: np.ndarray | None = None
-        self._agent: Agent | None = None
+        self._agent = self._knows()
 
     def enter(self, body: Body) -> None:
         """From now on, the agent has this body."""

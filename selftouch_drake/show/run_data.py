@@ -176,17 +176,12 @@ class RunData:
     @cached_property
     def life(self) -> LifeCurves:
         """The life of the agent."""
+        remedy = f"run `selftouch live {self.run.path}`"
         if not self.run.life.exists():
-            raise MissingError(
-                f"the life of the agent is missing; run `selftouch live {self._source}`"
-            )
+            raise MissingError(f"the life of the agent is missing; {remedy}")
         arrays = load_arrays(self.run.life)
-        self.run.require_stamp(self.run.life, arrays, remedy=f"run `selftouch live {self._source}`")
+        self.run.require_stamp(self.run.life, arrays, remedy=remedy)
         return LifeCurves.from_arrays(arrays)
-
-    @property
-    def _source(self) -> str:
-        return f"{self.run.path / 'experiment.yaml'} --out {self.run.path}"
 
     def skins_of(self, kernels: np.ndarray) -> tuple[int, ...]:
         """Numbers of the true skins of some kernels, the most frequent first."""

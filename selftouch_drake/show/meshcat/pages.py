@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform
 
 from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
+from selftouch_drake.run.lifelong import mood
 from selftouch_drake.show.meshcat.skin_drawing import rgba
 from selftouch_drake.show.meshcat.stage import VIEW, FeelingRobot, shown_page
 from selftouch_drake.show.recovered import laid_on_skins
@@ -131,7 +132,7 @@ class LifePage:
                 raise KeyboardInterrupt
             self._robot.show(q[row].astype(float), sensation[row].astype(float))
             time.sleep(self._frame_s)
-        self._robot.say(f"{life.num_touches:,} touches: {_mood(life)}")
+        self._robot.say(f"{life.num_touches:,} touches: {mood(life)}")
 
     def scored(self, found: Quality, num_touches: int) -> None:
         """Draws the body that the agent knows so far."""
@@ -149,11 +150,3 @@ class LifePage:
             self._meshcat.SetTriangleMesh(
                 f"{path}/edges", part.places.T, part.faces.T, rgba(INK), wireframe=True
             )
-
-
-def _mood(life: Life) -> str:
-    if life.has_doubts:
-        return "this is not what it expects"
-    if life.noticed:
-        return f"it found: {life.noticed[-1].change.in_words}"
-    return "it learns" if life.learner.knows else "it begins"
