@@ -109,7 +109,8 @@ def find_actions(
     least = np.maximum(chance, _LEAST_EFFECT * span)
     responses = np.zeros((len(low), 2 * held, len(span)))
     for action, ends in enumerate(zip(high - neutral, low - neutral, strict=True)):
-        for push in _STRENGTHS * max(ends, key=abs):
+        # One way and, if nothing moves, as of a joint that rests at its limit, the other.
+        for push in np.outer(sorted(ends, key=abs, reverse=True), _STRENGTHS).flat:
             pushed = quiet.copy()
             pushed[:held, action] += push
             moved = trial(pushed) - still

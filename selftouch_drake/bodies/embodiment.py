@@ -83,9 +83,8 @@ def make_bodies(
     """
     if experiment.body_from in ("python", "gymnasium"):
         return LivingBody(open_body(experiment), calibration)
-    if cache is None:
-        return DrakeBodies(build_world(experiment))
-    return DrakeBodies(build_world(experiment, partial(kept_skins, cache, fingerprint)))
+    make = make_skins if cache is None else partial(kept_skins, cache, fingerprint)
+    return DrakeBodies(build_world(experiment, make))
 
 
 @OncePerThread

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, cast
 
 import numpy as np
@@ -139,12 +140,9 @@ class GymnasiumBody:
 
     def feel(self, q: np.ndarray) -> Felt:
         """As of `Body`."""
-        where, felt = np.empty(q.shape), np.empty((len(q), self.num_receptors))
-        reached = np.empty(len(q), dtype=bool)
-        for row, posture in enumerate(q):
-            reached[row] = self._go(posture)
-            self._at = posture.copy() if reached[row] else None
-            where[row], felt[row] = self._q, self._sensation
+        rows = [(self._go(posture), self._q, self._sensation) for posture in q]
+        reached, where, felt = map(np.array, zip(*rows, strict=True))
+        self._at = q[-1].copy() if reached[-1] else None
         return Felt(q=where, sensation=felt, reached=reached)
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
@@ -162,16 +160,14 @@ class GymnasiumBody:
         for _ in range(_TRIES):
             if self._at is None or not np.array_equal(q[0], self._at):
                 self._go(q[0])
-            try:
+            with suppress(_EpisodeEndedError):
                 rows = [(self._q, self._sensation)]
                 for target, speed in zip(path[1:], speeds[1:], strict=True):
                     self._step(self._drive.action(self._q, target, speed))
                     rows.append((self._q, self._sensation))
-            except _EpisodeEndedError:
-                continue
-            self._at = q[-1].copy()
-            where, felt = zip(*rows, strict=True)
-            return Followed(time_s=times, q=np.array(where), sensation=np.array(felt))
+                self._at = q[-1].copy()
+                where, touched = map(np.array, zip(*rows, strict=True))
+                return Followed(time_s=times, q=where, sensation=touched)
         raise BodyError(
             f"the episode ended in each of {_TRIES} tries of a motion of {time_s[-1]:.1f} s; make "
             "the environment with longer episodes"
@@ -191,10 +187,8 @@ class GymnasiumBody:
                     self._drive.forget()
             return observation is not None
         for _ in range(_TRIES):
-            try:
+            with suppress(_EpisodeEndedError):
                 return self._travel(posture)
-            except _EpisodeEndedError:
-                continue
         return False
 
     def _travel(self, goal: np.ndarray) -> bool:
