@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 import numpy as np
-from toys import GRID, Flat
+from toys import Flat
 
 from selftouch_drake.agent.body import Felt, Followed
 
@@ -68,13 +68,6 @@ class FewerReceptors(Travels):
         return super().touch(q)[:, :15]
 
 
-class Numb(Flat):
-    """Feels nothing, anywhere."""
-
-    def touch(self, q):
-        return np.full((len(q), len(GRID)), 10.0)
-
-
 class Jumps(Flat):
     """As `Travels`, but it is put into its postures."""
 
@@ -100,3 +93,10 @@ class Wounded(Bumpy):
 
     def touch(self, q):
         return np.where(np.isin(np.arange(16), [5, 6]), 10.0, super().touch(q))
+
+
+class Numb(Bumpy):
+    """As `Bumpy`, but it feels nothing any more."""
+
+    def touch(self, q):
+        return np.full((len(q), 16), 10.0)

@@ -121,3 +121,14 @@ def test_its_life_goes_on_in_the_body_and_notices_what_changed(tmp_path, monkeyp
 def test_another_body_is_refused(learned, words, line):
     words = [str(word).replace("RUN", str(learned)) for word in words]
     assert refused(*words) == line.replace("RUN", str(learned))
+
+
+def test_a_body_that_feels_nothing_where_the_run_did_is_said(run):
+    done = selftouch("plan", run, *PLAN, "--body", f"{LIVES}:Numb")
+    assert "selftouch: warning: --body feels something at 0 of " in done.stderr
+
+
+def test_a_robot_of_drakes_has_its_body(tmp_path):
+    done = selftouch("live", "sphere", "--out", tmp_path / "run", *BODY)
+    assert done.status == 2
+    assert f"selftouch: --body is {BODY[1]}, but {tmp_path / 'run'} has a robot of" in done.stderr
