@@ -109,7 +109,7 @@ class GymnasiumBody:
             span = bounds[1] - bounds[0]
             span = np.where(np.isfinite(span) & (span > 0), span, _UNKNOWN_RANGE)
             space = env.action_space
-            if getattr(space, "shape", None) is None or len(space.shape) != 1:
+            if not hasattr(space, "low") or len(space.shape) != 1:
                 raise BodyError(f"the action space is {shown(space)}; only Box(n,) can be used")
             low, high = space.low.astype(float), space.high.astype(float)
             kind = cast("Kind | None", action)

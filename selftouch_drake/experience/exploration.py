@@ -57,33 +57,25 @@ class Exploration:
         experiment: decides everything that happens.
         body: the body of the experiment.
         explorer: decides where the agent goes; by default the one that suits the body.
-        mind: takes the touches; by default a new one, a life if the body changes in the course of
-            the experiment.
 
     Attributes:
-        mind: as above.
+        mind: takes the touches; a life if the body changes in the course of the experiment.
         round: number of the next round.
         num_touches: number of touches in the rounds before.
     """
 
-    def __init__(
-        self,
-        experiment: Experiment,
-        body: Body,
-        explorer: type[Explorer] | None = None,
-        mind: Life | OnlineLearner | None = None,
-    ):
+    def __init__(self, experiment: Experiment, body: Body, explorer: type[Explorer] | None = None):
         self.experiment, self._explorer = experiment, explorer
         self.enter(body)
         (seed,) = experiment.random_stream("explorer").generate_state(1)
-        self.mind: Life | OnlineLearner = mind or (
+        self.mind: Life | OnlineLearner = (
             new_life(experiment)
             if any(change.after > 0 for change in experiment.changes)
             else OnlineLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
         )
         self.round = self.num_touches = 0
         self._q: np.ndarray | None = None
-        self._agent = self._knows()
+        self._agent: Agent | None = None
 
     def enter(self, body: Body) -> None:
         """From now on, the agent has this body."""

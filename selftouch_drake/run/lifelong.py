@@ -24,6 +24,8 @@ BLOCK = 500
 _FIRST, _MORE = 500, 1.5
 #: Number of touches after a change until it is scored again.
 _AFTER = 2500
+#: Number of touches that it finds at random before it goes by what it knows.
+_AT_RANDOM = 50
 
 
 class Watcher(Protocol):
@@ -66,10 +68,10 @@ def live(
             biography.take(q, sensation, life.take)
             progress(life.num_touches / total, f"{life.num_touches:,} touches: {mood(life)}")
         if num_more:
-            body = run_bodies(run).babbling
-            exploration = Exploration(run.experiment, body, mind=life)
-        for start in range(0, num_more, BLOCK):
-            shard = exploration.explore(min(BLOCK, num_more - start))
+            exploration = Exploration(run.experiment, run_bodies(run).babbling)
+            exploration.mind = life
+        while num_more and (left := num_more - exploration.num_touches):
+            shard = exploration.explore(min(left, BLOCK if exploration.round else _AT_RANDOM))
             biography.take(shard.q, shard.sensation, exploration.remember)
             progress(life.num_touches / total, f"{life.num_touches:,} touches: {mood(life)}")
     finally:

@@ -175,6 +175,10 @@ def test_an_environment_that_can_be_put_into_a_posture_jumps(given):
             "that move with others",
         ),
         (
+            lambda: body_of(action_space=gymnasium.spaces.MultiDiscrete([3, 3])),
+            "the action space is MultiDiscrete([3 3]); only Box(n,) can be used",
+        ),
+        (
             lambda: body_of(length=50),
             "the episode ends after 0.98 s without actions; make the environment with longer",
         ),

@@ -17,13 +17,19 @@ class Sliders(gymnasium.Env):
     metadata = {"render_modes": [], "render_fps": 50}  # noqa: RUF012
 
     def __init__(
-        self, kind="position", flat=False, limited=True, length=None, rough=0.0, effect=SINGLE
+        self,
+        kind="position",
+        flat=False,
+        limited=True,
+        length=None,
+        effect=SINGLE,
+        action_space=None,
     ):
-        self.kind, self.flat, self.length, self.rough = kind, flat, length, rough
+        self.kind, self.flat, self.length = kind, flat, length
         self.effect = np.array(effect)
         box = gymnasium.spaces.Box
         most = np.inf if not limited else 1.0
-        self.action_space = box(-3.0, 3.0, (4,), np.float32)
+        self.action_space = action_space or box(-3.0, 3.0, (4,), np.float32)
         low, high = (LOW, HIGH) if limited else (np.full(3, -most), np.full(3, most))
         entries = {
             "joints": box(low, high, dtype=np.float64),
@@ -39,7 +45,6 @@ class Sliders(gymnasium.Env):
         self.q, self.v, self.steps = np.array([0.3, 0.4, -0.5]), np.zeros(3), 0
         if options and "posture" in options:
             self.q = np.array(options["posture"], dtype=float)
-        self.q += self.rough * np.random.default_rng().normal(size=3)
         return self.observation(), {}
 
     def set_posture(self, q):
