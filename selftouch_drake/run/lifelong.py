@@ -70,10 +70,10 @@ def live(
         if num_more:
             exploration = Exploration(run.experiment, run_bodies(run).babbling)
             exploration.mind = life
-        while num_more and (left := num_more - exploration.num_touches):
-            shard = exploration.explore(min(left, BLOCK if exploration.round else _AT_RANDOM))
-            biography.take(shard.q, shard.sensation, exploration.remember)
-            progress(life.num_touches / total, f"{life.num_touches:,} touches: {mood(life)}")
+            while left := num_more - exploration.num_touches:
+                shard = exploration.explore(min(left, BLOCK if exploration.round else _AT_RANDOM))
+                biography.take(shard.q, shard.sensation, exploration.remember)
+                progress(life.num_touches / total, f"{life.num_touches:,} touches: {mood(life)}")
     finally:
         save_arrays(run.life, biography.curves.to_arrays() | run.stamp())
     return biography.curves
