@@ -239,7 +239,7 @@ def summary(data: Data, experiment: Experiment) -> list[str]:
     recording, felt = data.recording, data.felt
     calibration, imported = felt.calibration, experiment.imported
     assert imported is not None
-    lines = [
+    found = [
         f"rows: {recording.num_rows:,}, of which {recording.num_incomplete:,} are incomplete and "
         f"{len(felt.null):,} feel nothing; {len(felt.rows):,} touches",
         f"joints: {_listed(recording.joints)}",
@@ -248,32 +248,23 @@ def summary(data: Data, experiment: Experiment) -> list[str]:
         f"at rest: {_range(calibration.offset)}, drift {_range(calibration.drift)}, noise "
         f"{_range(calibration.noise)}, threshold {_range(calibration.threshold)} above rest "
         "(median, least to most)",
-    ]
-    if calibration.smoothed:
-        lines.append("spikes: each reading is the median of three in time")
-    if felt.num_lone:
-        lines.append(
-            f"spikes: {felt.num_lone:,} readings that no other receptor shared are left out"
-        )
-    if felt.num_fading:
-        lines.append(
-            f"hysteresis: {felt.num_fading:,} rows in which pressure falls are left out, because "
-            "readings come back slowly"
-        )
-    if data.silent:
-        lines.append(f"receptors that never read anything: {_listed(data.silent)}")
-    if data.still:
-        lines.append(f"joints that never move: {_listed(data.still)}")
-    lines += [
-        f"column {name} holds {_listed(values)}: if it says what touches, choose one by --rows "
-        f"'{name}={values[0]}'; several that press one part blur its shape"
-        for name, values in recording.choices.items()
-    ]
-    lines.append(
+        calibration.smoothed and "spikes: each reading is the median of three in time",
+        felt.num_lone
+        and f"spikes: {felt.num_lone:,} readings that no other receptor shared are left out",
+        felt.num_fading
+        and f"hysteresis: {felt.num_fading:,} rows in which pressure falls are left out, because "
+        "readings come back slowly",
+        data.silent and f"receptors that never read anything: {_listed(data.silent)}",
+        data.still and f"joints that never move: {_listed(data.still)}",
+        *(
+            f"column {name} holds {_listed(values)}: if it says what touches, choose one by --rows "
+            f"'{name}={values[0]}'; several that press one part blur its shape"
+            for name, values in recording.choices.items()
+        ),
         f"limits of plans: {_range(np.array(imported.max_velocity))} per second, "
-        f"{_range(np.array(imported.max_acceleration))} per second²"
-    )
-    return lines
+        f"{_range(np.array(imported.max_acceleration))} per second²",
+    ]
+    return [line for line in found if isinstance(line, str)]
 
 
 def _listed(names: tuple[str, ...] | list[str]) -> str:
