@@ -348,9 +348,11 @@ def _limit_efforts(
     for index in plant.GetJointActuatorIndices():
         actuator = plant.get_mutable_joint_actuator(index)
         name = actuator.joint().name()
-        if actuator.model_instance() == model:
-            actuator.set_effort_limit(efforts.get(name, actuator.effort_limit()))
+        if name in without and actuator.model_instance() == model:
+            actuator.set_effort_limit(efforts[name])
             without.discard(name)
+        elif name in efforts and actuator.model_instance() == model:
+            plant.RemoveJointActuator(actuator)  # the first one exerts what all do together
     for name in sorted(without):
         joint = plant.GetJointByName(name, model)
         if joint.num_velocities() == 1:

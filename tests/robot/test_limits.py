@@ -104,5 +104,4 @@ def test_actuators_of_mjcf_are_as_strong_as_in_mujoco(tmp_path):
     indices = plant.GetJointActuatorIndices()
     found = [(a.joint().name(), a.effort_limit()) for a in map(plant.get_joint_actuator, indices)]
     assert {*found} == {(f"joint_{k}", most) for k, most in enumerate(actuators.values())}
-    # No joint got another one beside those of the file.
-    assert len(found) == len(actuators) + 1
+    assert len(found) == len(actuators)
