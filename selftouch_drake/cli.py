@@ -495,13 +495,16 @@ def live(
     button on the page or with Ctrl-C. An imported run lives through what was recorded, and then
     explores the body that --body gives.
     """
+    from selftouch_drake.run.directory import RunDirectory
+
     experiment = given["experiment"]
     if not _is_run(experiment):
         directory = _begin(**given)
     elif given["out"] or given["overrides"]:
         raise click.UsageError(f"{experiment} is a run: leave --out and --set out")
     else:
-        directory = _open(Path(experiment))
+        directory = RunDirectory.open(Path(experiment))
+        click.get_current_context().with_resource(directory.writing())
 
     from selftouch_drake.run import lifelong, stages
     from selftouch_drake.run.worlds import living_in
