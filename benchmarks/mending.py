@@ -137,7 +137,8 @@ def life_of(agent: Walks | Explores) -> Life:
 def scored(mind: Life | OnlineLearner, world: World, num_pairs: int) -> dict[str, Any]:
     """Error of the shape, holes, and contact on planned paths, measured in `world`."""
     found = quality(mind.learner if isinstance(mind, Life) else mind, world, num_pairs)
-    holes = " ".join(map(str, found.holes))
+    topology = found.body.parts[0].topology
+    holes = " ".join(map(str, () if topology is None else topology.betti))
     return {"error": found.error, "holes": holes, "contact": found.contact}
 
 

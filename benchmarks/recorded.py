@@ -38,7 +38,7 @@ from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.agent.rehearsal import reached
 from selftouch_drake.bodies.checked import CheckedBody
-from selftouch_drake.bodies.living import CalibratedBody
+from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.run.imported import free_rows, imported_experiment, read_data, timed
 
 sys.path.insert(0, str(ROOT / "tests" / "bodies"))
@@ -100,7 +100,7 @@ def pairs_within_parts(agent: Agent, num: int) -> list[tuple[int, int]]:
     return pairs
 
 
-def judged(motions: list[Motion], body: CalibratedBody, agent: Agent) -> dict[str, float]:
+def judged(motions: list[Motion], body: LivingBody, agent: Agent) -> dict[str, float]:
     """Means over motions that the body follows without dynamics."""
     contact, goals, overlap = [], [], []
     for motion in motions:
@@ -126,7 +126,7 @@ def measured(seed: int, options: argparse.Namespace) -> Iterator[dict[str, Any]]
     assert experiment.imported is not None
     felt = data.felt
     agent = Agent.learn(felt.q, felt.sensation, num_targets=options.targets, seed=seed)
-    body = CalibratedBody(CheckedBody(raw), felt.calibration)
+    body = LivingBody(CheckedBody(raw), felt.calibration)
     recorded = Recorded(agent.representation, free_rows(data, seed)["q"])
     pairs = pairs_within_parts(agent, options.pairs)
     for way in ("typical start", "recording", "body"):

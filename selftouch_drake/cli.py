@@ -156,17 +156,10 @@ def in_a_body(command: Callable[..., None]) -> Callable[..., None]:
 
     @functools.wraps(command)
     def living(directory: RunDirectory, *given: Any, body: str | None, **options: Any) -> None:
-        from selftouch_drake.run.worlds import keep_met, live_in
+        from selftouch_drake.run.worlds import living_in
 
-        if body is not None:
-            live_in(directory, body)
-        try:
+        with living_in(directory, body):
             command(directory, *given, **options)
-        finally:
-            if body is not None or not (
-                directory.experiment.has_truth or directory.experiment.imported
-            ):
-                keep_met(directory)
 
     return BODY(living)
 
@@ -480,33 +473,62 @@ def report(directory: RunDirectory, vector: bool) -> None:
 @WORKERS
 @PORT
 @click.option("--no-page", is_flag=True, help="Show no page; only store the curves for the report.")
-def live(workers: int | None, port: int | None, no_page: bool, **given: Any) -> None:
+@BODY
+@click.option(
+    "--touches",
+    type=click.IntRange(min=1),
+    default=2000,
+    show_default=True,
+    help="Number of touches that it then finds in the body that --body gives.",
+)
+def live(
+    workers: int | None,
+    port: int | None,
+    no_page: bool,
+    body: str | None,
+    touches: int,
+    **given: Any,
+) -> None:
     """Watch an agent learn from its first touch on.
 
-    EXPERIMENT is the name of a shipped experiment (by default cube) or a YAML file.
+    EXPERIMENT is the name of a shipped experiment (by default cube), a YAML file or a run.
 
     The page shows the robot, and beside it the body that the agent knows so far. The robot babbles
     as in `selftouch run`. Then the agent learns from its touches one after another, notices if its
     body changes, and corrects what it knows. The report shows its life as curves. End with the
-    button on the page or with Ctrl-C.
+    button on the page or with Ctrl-C. An imported run lives through what was recorded, and then
+    explores the body that --body gives.
     """
-    directory = _begin(**given)
+    from selftouch_drake.run.directory import RunDirectory
+
+    experiment = given["experiment"]
+    if not _is_run(experiment):
+        directory = _begin(**given)
+    elif given["out"] or given["overrides"]:
+        raise click.UsageError(f"{experiment} is a run: leave --out and --set out")
+    else:
+        directory = RunDirectory.open(Path(experiment))
+        click.get_current_context().with_resource(directory.writing())
 
     from selftouch_drake.run import lifelong, stages
-    from selftouch_drake.run.worlds import require_robot
-    from selftouch_drake.show.meshcat.pages import LifePage
-    from selftouch_drake.show.meshcat.stage import shown_page
+    from selftouch_drake.run.worlds import living_in
 
-    require_robot(directory.experiment)
-    if not stages.has_babbled(directory):
-        with local_executor(workers) as executor:
-            _babble(directory, executor, None)
-    if no_page:
-        with _progress("live") as progress:
-            lifelong.live(directory, progress=progress)
-    else:
-        with shown_page("live", port, click.echo) as meshcat:
-            lifelong.live(directory, LifePage(meshcat))
+    with living_in(directory, body) if body else nullcontext():
+        if not (no_page or directory.experiment.has_truth):
+            click.echo("selftouch: the page needs a robot of Drake's: going on without", err=True)
+            no_page = True
+        if not (stages.has_babbled(directory) or directory.experiment.imported):
+            with local_executor(workers) as executor:
+                _babble(directory, executor, None)
+        if no_page:
+            with _progress("live") as progress:
+                lifelong.live(directory, progress=progress, num_more=touches if body else 0)
+        else:
+            from selftouch_drake.show.meshcat.pages import LifePage
+            from selftouch_drake.show.meshcat.stage import shown_page
+
+            with shown_page("live", port, click.echo) as meshcat:
+                lifelong.live(directory, LifePage(meshcat))
     click.echo(f"life: {directory.life}; `selftouch report {directory.path}` draws it")
 
 
@@ -579,7 +601,7 @@ def robot(experiment: str, overrides: dict[str, Any], show: bool) -> None:
     from selftouch_drake.bodies.embodiment import build_world
     from selftouch_drake.robot.describe import describe
 
-    if (Path(experiment) / "experiment.yaml").is_file():
+    if _is_run(experiment):
         experiment = str(Path(experiment) / "experiment.yaml")
     world = build_world(_load(experiment, overrides)[0])
     click.echo(describe(world))
@@ -604,8 +626,7 @@ def body(body: str, overrides: dict[str, Any], postures: int | None) -> None:
     `python` or `gymnasium`. A body that travels goes to the middle of its limits first, and on from
     there in small steps.
     """
-    from selftouch_drake.bodies.making import open_body, open_reference
-    from selftouch_drake.bodies.own import split_reference
+    from selftouch_drake.bodies.own import open_body, open_reference, split_reference
     from selftouch_drake.bodies.trying import try_body
 
     if split_reference(body) is not None:
@@ -752,6 +773,10 @@ def _begin(
     keep_bodies(directory, bodies)
     click.echo(f"run: {directory.path}")
     return directory
+
+
+def _is_run(experiment: str) -> bool:
+    return (Path(experiment) / "experiment.yaml").is_file()
 
 
 def _babble(directory, executor, scheduler: str | None) -> None:

@@ -1,4 +1,4 @@
-"""Wraps a body that others wrote, believes nothing of it, and counts what it was asked to do."""
+"""Wraps a body that others wrote, believes nothing of it, and counts the time that it needs."""
 
 from __future__ import annotations
 
@@ -10,9 +10,8 @@ import traceback
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass, replace
-from types import TracebackType
-from typing import Any, Self, TypeVar
+from contextlib import AbstractContextManager
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -41,23 +40,6 @@ _ELSEWHERE = 0.5
 
 class UnrestWarning(UserWarning):
     """A body could not be brought to rest."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Spent:
-    """What a body was asked to do so far.
-
-    Attributes:
-        configurations: number of configurations that were felt.
-        motions: number of timed motions that were followed.
-        distance: in motor space, in the body's own units; 0 for a body that jumps.
-        robot_s: s of the body's own time, or of the clock if it keeps none; 0 for one that jumps.
-    """
-
-    configurations: int = 0
-    motions: int = 0
-    distance: float = 0.0
-    robot_s: float = 0.0
 
 
 class Worker:
@@ -116,7 +98,7 @@ class Worker:
         self._begin()
 
 
-class CheckedBody:
+class CheckedBody(AbstractContextManager):
     """A `Body` whose answers are what they should be, or a `BodyError` says what is wrong.
 
     All its calls are made in one thread, which is not the caller's. If the body has a method
@@ -130,7 +112,8 @@ class CheckedBody:
         worker: in whose thread the body was made; by default, a new one.
 
     Attributes:
-        spent: what the body was asked to do so far.
+        robot_s: s of the body's own time so far, or of the clock if it keeps none; 0 for a body
+            that jumps.
 
     Raises:
         BodyError: a method or an array is missing, or has the wrong shape or values.
@@ -154,34 +137,29 @@ class CheckedBody:
                 )
         self.joint_names: Sequence[str] = self._names(self._attribute("joint_names"))
         self.lower, self.upper = self._limits("lower"), self._limits("upper")
-        for joint in np.flatnonzero(~(self.lower < self.upper)).tolist():
-            raise self._wrong(
-                f"lower of {self.joint_names[joint]} is {self.lower[joint]:g}, and upper "
-                f"{self.upper[joint]:g}; give the smaller one as lower"
-            )
         self.velocity, self.acceleration = self._limits("velocity"), self._limits("acceleration")
-        for limit in ("velocity", "acceleration"):
-            for joint in np.flatnonzero(~(getattr(self, limit) > 0)).tolist():
+        for joint, name in enumerate(self.joint_names):
+            low, high = self.lower[joint], self.upper[joint]
+            if not low < high:
                 raise self._wrong(
-                    f"{limit} of {self.joint_names[joint]} is {getattr(self, limit)[joint]:g}; "
-                    "give a number above 0"
+                    f"lower of {name} is {low:g}, and upper {high:g}; give the smaller one as lower"
                 )
-        self.num_receptors = self._attribute("num_receptors")
-        whole = isinstance(self.num_receptors, (int, np.integer))
-        if not whole or self.num_receptors < _FEWEST_RECEPTORS:
+            for limit in ("velocity", "acceleration"):
+                if not (most := getattr(self, limit)[joint]) > 0:
+                    raise self._wrong(f"{limit} of {name} is {most:g}; give a number above 0")
+        num = self._attribute("num_receptors")
+        if not isinstance(num, (int, np.integer)) or num < _FEWEST_RECEPTORS:
             raise self._wrong(
-                f"num_receptors is {shown(self.num_receptors)}; give a whole number, at least "
-                f"{_FEWEST_RECEPTORS}"
+                f"num_receptors is {shown(num)}; give a whole number, at least {_FEWEST_RECEPTORS}"
             )
-        self.num_receptors = int(self.num_receptors)
+        self.num_receptors = int(num)
         self.jumps = self._attribute("jumps")
         if not isinstance(self.jumps, (bool, np.bool_)):
             raise self._wrong(
                 f"jumps is {shown(self.jumps)}; give True if any posture may be asked for next, or "
                 "False if it must be travelled to"
             )
-        self.spent = Spent()
-        self._q: np.ndarray | None = None
+        self.robot_s = 0.0
 
     def feel(self, q: np.ndarray) -> Felt:
         """As of `Body`; what is beyond the limits is felt at the limit, and not reached.
@@ -218,13 +196,11 @@ class CheckedBody:
                 f"follow returned time_s {shown(times.tolist())}; give seconds from the start of "
                 "the motion, ascending"
             )
-        followed = Followed(
+        return Followed(
             time_s=times,
             q=self._array("follow", found, "q", (len(times), len(self.joint_names))),
             sensation=self._array("follow", found, "sensation", (len(times), self.num_receptors)),
         )
-        self._count(followed.q, motions=1)
-        return followed
 
     def close(self) -> None:
         """Leaves the body at rest, and lets go of it.
@@ -239,15 +215,7 @@ class CheckedBody:
                 except BodyError as error:
                     warnings.warn(f"{error}; look after it", UnrestWarning, stacklevel=2)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _feel(self, asked: np.ndarray) -> Felt:
@@ -264,7 +232,6 @@ class CheckedBody:
                 f"that it is at {felt.q[row, joint]:.4g}; give q in the unit of lower and upper, "
                 "or reached False"
             )
-        self._count(felt.q, configurations=len(asked))
         return felt
 
     def _call(self, method: str, timeout_s: float, *arguments: np.ndarray) -> Any:
@@ -273,18 +240,8 @@ class CheckedBody:
         found = self._worker.call(lambda: call(*arguments), f"{self.name}.{method}", timeout_s)
         if not self.jumps:
             lived = time.monotonic() - began if own is None else self._body.robot_s - own  # type: ignore[attr-defined]
-            self.spent = replace(self.spent, robot_s=self.spent.robot_s + float(lived))
+            self.robot_s += float(lived)
         return found
-
-    def _count(self, q: np.ndarray, configurations: int = 0, motions: int = 0) -> None:
-        path, self._q = q if self._q is None else np.vstack([self._q, q]), q[-1]
-        distance = 0.0 if self.jumps else np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
-        self.spent = replace(
-            self.spent,
-            configurations=self.spent.configurations + configurations,
-            motions=self.spent.motions + motions,
-            distance=self.spent.distance + float(distance),
-        )
 
     def _attribute(self, name: str) -> Any:
         """An attribute of the body, which may be a property that asks a device."""
@@ -306,17 +263,15 @@ class CheckedBody:
 
     def _limits(self, name: str) -> np.ndarray:
         """`(J,)` limits of the joints, read-only."""
-        found = _numbers(self._attribute(name))
-        if found is None or found.shape != (num := (len(self.joint_names),)):
+        value, num_joints = self._attribute(name), len(self.joint_names)
+        limits = _numbers(value)
+        if limits is None or limits.shape != (num_joints,):
             raise self._wrong(
-                f"{name} is {shown(self._attribute(name))}; give one number for each of "
-                f"{len(self.joint_names)} joints"
+                f"{name} is {shown(value)}; give one number for each of {num_joints} joints"
             )
-        for joint in np.flatnonzero(~np.isfinite(found)).tolist():
-            raise self._wrong(
-                f"{name} of {self.joint_names[joint]} is {found[joint]}; give a finite number"
-            )
-        limits = np.broadcast_to(found, num).copy()
+        for joint, limit in zip(self.joint_names, limits, strict=True):
+            if not np.isfinite(limit):
+                raise self._wrong(f"{name} of {joint} is {limit}; give a finite number")
         limits.flags.writeable = False
         return limits
 
@@ -335,10 +290,9 @@ class CheckedBody:
                 f"{method} returned {name} {shown(getattr(found, name))}; return numbers of shape "
                 f"{wanted}"
             )
-        right = numbers.ndim == len(shape) and all(
-            n in (-1, m) for n, m in zip(shape, numbers.shape, strict=True)
-        )
-        if not right:
+        if len(shape) != numbers.ndim or any(
+            n not in (-1, m) for n, m in zip(shape, numbers.shape, strict=True)
+        ):
             raise self._wrong(
                 f"{method} returned {name} of shape {numbers.shape}; return {wanted}, each time"
             )

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from selftouch_drake.agent.body import BodyError
 
@@ -23,6 +22,13 @@ _LITTLE = 0.01
 #: An effect is one if it is this many times what differs when nothing is done, and at least this
 #: share of a joint's range.
 _ABOVE_CHANCE, _LEAST_EFFECT = 10.0, 1e-4
+
+#: Joints whose actions differ by less than this share move together only.
+_TOGETHER = 1e-4
+
+#: A torque moves other joints too, because they carry each other. Up to this share that changes
+#: with the posture, and is left to feedback: an arm misses fewer postures.
+_CARRIED = 0.6
 
 #: A joint that differs by less than this share after a while has settled, or stays.
 _SAME = 0.35
@@ -41,12 +47,12 @@ Trial = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Actions:
-    """What actions do to J joints.
+    """What A actions do to J joints.
 
     Attributes:
         kind: what an action sets.
-        of_joint: `(J,)` number of the action of each joint.
-        effect: `(J,)` change of position, velocity or acceleration per unit of action.
+        effect: `(J, A)` change of position, velocity or acceleration per unit of action.
+        needed: `(A, J)` smallest action per unit of change.
         neutral: `(A,)` action that pushes nothing.
         low: `(A,)` least action.
         high: `(A,)` greatest action.
@@ -56,8 +62,8 @@ class Actions:
     """
 
     kind: Kind
-    of_joint: np.ndarray
     effect: np.ndarray
+    needed: np.ndarray
     neutral: np.ndarray
     low: np.ndarray
     high: np.ndarray
@@ -66,12 +72,9 @@ class Actions:
     step_s: float
 
     def limits(self) -> tuple[np.ndarray, np.ndarray]:
-        """`(J,)` where the least and the greatest actions put joints, if they set positions."""
-        ends = [
-            self.q + (end - self.neutral)[self.of_joint] * self.effect
-            for end in (self.low, self.high)
-        ]
-        return np.minimum(*ends), np.maximum(*ends)
+        """`(J,)` least and greatest positions that actions reach, if they set positions."""
+        ends = [self.effect * (end - self.neutral) for end in (self.low, self.high)]
+        return self.q + np.minimum(*ends).sum(axis=1), self.q + np.maximum(*ends).sum(axis=1)
 
 
 def find_actions(
@@ -83,7 +86,7 @@ def find_actions(
     step_s: float,
     kind: Kind | None = None,
 ) -> Actions:
-    """Tries each action by itself, weakly, and sees which joint follows and how.
+    """Tries each action by itself, weakly, and sees which joints follow and how.
 
     Args:
         trial: tries actions.
@@ -95,7 +98,7 @@ def find_actions(
         kind: what actions set; by default found out.
 
     Raises:
-        BodyError: a joint has no action.
+        BodyError: no action moves a joint, or some joints move together only.
     """
     low, high = np.where(np.isfinite(low), low, -1.0), np.where(np.isfinite(high), high, 1.0)
     neutral = np.zeros(len(low)).clip(low, high)
@@ -105,52 +108,66 @@ def find_actions(
     chance = _ABOVE_CHANCE * np.abs(trial(quiet) - still).max(axis=0)
     least = np.maximum(chance, _LEAST_EFFECT * span)
     responses = np.zeros((len(low), 2 * held, len(span)))
-    for action, room in enumerate(np.maximum(high - neutral, neutral - low)):
-        sign = 1.0 if high[action] - neutral[action] >= neutral[action] - low[action] else -1.0
-        for strength in _STRENGTHS * room:
+    for action, ends in enumerate(zip(high - neutral, low - neutral, strict=True)):
+        # One way and, if nothing moves, as of a joint that rests at its limit, the other.
+        for push in np.outer(sorted(ends, key=abs, reverse=True), _STRENGTHS).flat:
             pushed = quiet.copy()
-            pushed[:held, action] += sign * strength
+            pushed[:held, action] += push
             moved = trial(pushed) - still
-            responses[action] = moved / (sign * strength)
-            if (np.abs(moved).max(axis=0) > np.maximum(_LITTLE * span, least)).any():
+            most = np.abs(moved).max(axis=0)
+            responses[action] = np.where(most > least, moved, 0.0) / (push or 1.0)
+            if (most > np.maximum(_LITTLE * span, least)).any():
                 break
-        else:
-            responses[action] *= (np.abs(moved) > least).any(axis=0)
-    of_joint = _own_actions(responses, span, joint_names)
-    own = responses[of_joint, :, np.arange(len(span))].T
-    kind = kind or _kind(own, held, step_s)
-    return _described(own, of_joint, kind, neutral, low, high, still, step_s)
-
-
-def _own_actions(responses: np.ndarray, span: np.ndarray, joint_names: Sequence[str]) -> np.ndarray:
-    """`(J,)` the action of each joint."""
-    strength = np.abs(responses).max(axis=1) / span
+    strength = np.abs(responses).max(axis=1)
     if not strength.any():
         raise BodyError(
-            f"no action moves a joint: {len(responses)} were tried; name others as `joints`, or "
-            "say what an action sets"
+            f"no action moves a joint: {len(low)} were tried; name others as `joints`, or say what "
+            "an action sets"
         )
     for name, moves in zip(joint_names, strength.any(axis=0), strict=True):
         if not moves:
             raise BodyError(f"no action moves {name}; leave it out of `joints`")
-    if len(responses) < len(span):
+    # How each joint answers the action that moves it most.
+    own = responses[strength.argmax(axis=0), :, np.arange(len(span))].T
+    kind, lag_s = kind or _kind(own, held, step_s), np.zeros(len(span))
+    if kind == "position":
+        settled = slice(3 * held // 4, held)
+        effect = responses[:, settled].mean(axis=1).T
+        share = own[:held] / own[settled].mean(axis=0)
+        lag_s = step_s * (1 - share).sum(axis=0).clip(0.0, held / 2)
+    elif kind == "velocity":
+        half = held // 2
+        effect = (responses[:, held - 1] - responses[:, half - 1]).T / ((held - half) * step_s)
+    else:
+        # Before friction and gravity make a difference.
+        square = np.square(step_s * np.arange(1, 4)) / 2
+        effect = (square @ responses[:, :3]).T / (square @ square)
+    unit = np.ones(effect.shape)  # of each joint, and of each action
+    for axis in (1, 0):
+        most = np.abs(effect / unit).max(axis=axis, keepdims=True)
+        unit *= np.where(most > 0, most, 1.0)
+    if kind == "torque":
+        effect = np.where(np.abs(effect) < _CARRIED * unit, 0.0, effect)
+    if (num := np.linalg.matrix_rank(effect / unit, tol=_TOGETHER)) < len(span):
         raise BodyError(
-            f"{len(responses)} actions cannot move {len(span)} joints; leave out of `joints` those "
-            "that have no action of their own"
+            f"{len(low)} actions move {', '.join(joint_names)} in {num} ways only; leave out of "
+            "`joints` those that move with others"
         )
-    # The greatest product: for inertias it is the diagonal, whatever the units.
-    with np.errstate(divide="ignore"):
-        likely = np.log(strength).clip(-700.0)
-    actions, joints = linear_sum_assignment(likely, maximize=True)
-    of_joint = np.empty(len(span), dtype=int)
-    of_joint[joints] = actions
-    for joint in np.flatnonzero(strength[of_joint, np.arange(len(span))] == 0).tolist():
-        raise BodyError(f"{joint_names[joint]} has no action of its own; leave it out of `joints`")
-    return of_joint
+    return Actions(
+        kind=kind,
+        effect=effect,
+        needed=np.linalg.pinv(effect / unit) / unit.T,
+        neutral=neutral,
+        low=low,
+        high=high,
+        q=still[-1],
+        lag_s=lag_s,
+        step_s=step_s,
+    )
 
 
 def _kind(own: np.ndarray, held: int, step_s: float) -> Kind:
-    """What most of the actions set; `own` `(2 n, J)` is how each joint answers its own."""
+    """What most of the actions set; `own` `(2 n, J)` is how each joint answers one."""
     half, end, after = own[held // 2 - 1], own[held - 1], own[-1]
     settled = (np.abs(end - half) < _SAME * np.abs(end)) & (np.abs(after) < _SAME * np.abs(end))
     if np.mean(settled) > 0.5:
@@ -160,40 +177,6 @@ def _kind(own: np.ndarray, held: int, step_s: float) -> Kind:
         lag_s = step_s * (held - (held - held // 2) * end / (end - half))
     # Friction that stops a joint less promptly is no servo.
     return "velocity" if np.mean(stays & (lag_s < max(_PROMPT_S, 2 * step_s))) > 0.5 else "torque"
-
-
-def _described(
-    own: np.ndarray,
-    of_joint: np.ndarray,
-    kind: Kind,
-    neutral: np.ndarray,
-    low: np.ndarray,
-    high: np.ndarray,
-    still: np.ndarray,
-    step_s: float,
-) -> Actions:
-    held = len(own) // 2
-    lag_s = np.zeros(own.shape[1])
-    if kind == "position":
-        effect = own[3 * held // 4 : held].mean(axis=0)
-        lag_s = step_s * (1 - own[:held] / effect).sum(axis=0).clip(0.0, held / 2)
-    elif kind == "velocity":
-        effect = (own[held - 1] - own[held // 2 - 1]) / ((held - held // 2) * step_s)
-    else:
-        # Before friction and gravity make a difference.
-        square = np.square(step_s * np.arange(1, 4)) / 2
-        effect = square @ own[:3] / (square @ square)
-    return Actions(
-        kind=kind,
-        of_joint=of_joint,
-        effect=effect,
-        neutral=neutral,
-        low=low,
-        high=high,
-        q=still[-1],
-        lag_s=lag_s,
-        step_s=step_s,
-    )
 
 
 class Drive:
@@ -233,11 +216,10 @@ class Drive:
         else:
             push = firm**2 * error + 2 * _DAMPING * firm * (speed - moving)
             wanted, gain = push + self.correction, firm**3
-        action = known.neutral.copy()
-        action[known.of_joint] += wanted / known.effect
+        action = known.neutral + known.needed @ wanted
         possible = action.clip(known.low, known.high)
         more = gain * _PATIENCE[known.kind] * known.step_s * error
         # Not further beyond what is possible.
-        excess = (action - possible)[known.of_joint] * known.effect
+        excess = known.effect @ (action - possible)
         self.correction = self.correction + np.where(more * excess > 0, 0.0, more)
         return possible

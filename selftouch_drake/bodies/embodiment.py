@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from functools import lru_cache
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 
@@ -14,6 +13,8 @@ from selftouch_drake.agent.body import Body
 from selftouch_drake.agent.calibration import Calibration
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.bodies.drake import DrakeBodies
+from selftouch_drake.bodies.living import LivingBody
+from selftouch_drake.bodies.own import open_body
 from selftouch_drake.experiment import Experiment, ExperimentError
 from selftouch_drake.files import content_digest, kept_arrays
 from selftouch_drake.robot import World
@@ -21,46 +22,10 @@ from selftouch_drake.robot.models import one_line
 from selftouch_drake.robot.skins import ARRAYS, SkinModel
 from selftouch_drake.threads import OncePerThread
 
-__all__ = [
-    "Bodies",
-    "World",
-    "bodies_of",
-    "body_of",
-    "build_world",
-    "get_ready",
-    "kept_skins",
-    "make_bodies",
-    "pilot_in",
-    "without_robot",
-]
-
-
-class Bodies(Protocol):
-    """The bodies of one agent: mostly one robot, and what stands for it.
-
-    Attributes:
-        world: what the experimenter knows of it; None if nobody knows.
-    """
-
-    @property
-    def babbling(self) -> Body:
-        """The body that collects experience."""
-
-    @property
-    def practice(self) -> Body:
-        """The body in which plans are practised, slowly."""
-
-    @property
-    def acting(self) -> Body:
-        """The body that executes plans."""
-
-    @property
-    def still(self) -> Body | None:
-        """The body in which motions are scored without dynamics; None if there is none."""
-
-    @property
-    def world(self) -> World | None:
-        """As above."""
+#: The bodies of one agent, mostly one robot and what stands for it: `babbling` collects experience,
+#: in `practice` plans are practised slowly, `acting` executes them, and `still` scores motions
+#: without dynamics, if it is there. The experimenter knows the `world` of Drake's alone.
+Bodies = DrakeBodies | LivingBody
 
 
 def without_robot(experiment: Experiment) -> str | None:
@@ -120,10 +85,6 @@ def make_bodies(
         ValueError: as `build_world`.
     """
     if experiment.body_from in ("python", "gymnasium"):
-        # What Drake's robots do not need.
-        from selftouch_drake.bodies.living import LivingBody
-        from selftouch_drake.bodies.making import open_body
-
         return LivingBody(open_body(experiment), calibration)
     return DrakeBodies(build_world(experiment, cache, fingerprint))
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any, cast
 
 import numpy as np
 
 from selftouch_drake.agent.body import BodyError, Felt, Followed
-from selftouch_drake.bodies.drive import Drive, Kind, find_actions
+from selftouch_drake.bodies.drive import Actions, Drive, Kind, find_actions
 from selftouch_drake.bodies.own import load_class, make_instance, split_reference
 from selftouch_drake.experiment import GymnasiumSettings, closest, shown
 
@@ -100,35 +101,30 @@ class GymnasiumBody:
             _picked(getattr(env.observation_space, "spaces", env.observation_space), joints, end)
             for end in ("low", "high")
         )
-        bounds = [np.asarray(low if lower is None else lower, dtype=float)]
-        bounds += [np.asarray(high if upper is None else upper, dtype=float)]
-        actions = None
+        given = (low if lower is None else lower, high if upper is None else upper)
+        bounds = [np.asarray(bound, dtype=float) for bound in given]
+        #: What was found out, or None if nothing moves by actions.
+        self.actions: Actions | None = None
         if action != "none":
             span = bounds[1] - bounds[0]
             span = np.where(np.isfinite(span) & (span > 0), span, _UNKNOWN_RANGE)
             space = env.action_space
-            if getattr(space, "shape", None) is None or len(space.shape) != 1:
+            if not hasattr(space, "low") or len(space.shape) != 1:
                 raise BodyError(f"the action space is {shown(space)}; only Box(n,) can be used")
-            actions = find_actions(
-                self._trial,
-                space.low.astype(float),
-                space.high.astype(float),
-                span,
-                self.joint_names,
-                self._step_s,
-                cast("Kind | None", action),
+            low, high = space.low.astype(float), space.high.astype(float)
+            kind = cast("Kind | None", action)
+            self.actions = find_actions(
+                self._trial, low, high, span, self.joint_names, self._step_s, kind
             )
-            self._drive = Drive(actions)
+            self._drive = Drive(self.actions)
             self._reset()
-            if actions.kind == "position":
+            if self.actions.kind == "position":
                 bounds = [
                     np.where(np.isfinite(bound), bound, end)
-                    for bound, end in zip(bounds, actions.limits(), strict=True)
+                    for bound, end in zip(bounds, self.actions.limits(), strict=True)
                 ]
         elif not self.jumps:
             raise BodyError("action is none; then give set_posture or reset_option")
-        #: What was found out, or None if nothing moves by actions.
-        self.actions = actions
         for name, bound in zip(("lower", "upper"), bounds, strict=True):
             if bound.shape != (num_joints,) or not np.isfinite(bound).all():
                 raise BodyError(
@@ -144,12 +140,9 @@ class GymnasiumBody:
 
     def feel(self, q: np.ndarray) -> Felt:
         """As of `Body`."""
-        where, felt = np.empty(q.shape), np.empty((len(q), self.num_receptors))
-        reached = np.empty(len(q), dtype=bool)
-        for row, posture in enumerate(q):
-            reached[row] = self._go(posture)
-            self._at = posture.copy() if reached[row] else None
-            where[row], felt[row] = self._q, self._sensation
+        rows = [(self._go(posture), self._q, self._sensation) for posture in q]
+        reached, where, felt = map(np.array, zip(*rows, strict=True))
+        self._at = q[-1].copy() if reached[-1] else None
         return Felt(q=where, sensation=felt, reached=reached)
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
@@ -167,16 +160,14 @@ class GymnasiumBody:
         for _ in range(_TRIES):
             if self._at is None or not np.array_equal(q[0], self._at):
                 self._go(q[0])
-            try:
+            with suppress(_EpisodeEndedError):
                 rows = [(self._q, self._sensation)]
                 for target, speed in zip(path[1:], speeds[1:], strict=True):
                     self._step(self._drive.action(self._q, target, speed))
                     rows.append((self._q, self._sensation))
-            except _EpisodeEndedError:
-                continue
-            self._at = q[-1].copy()
-            where, felt = zip(*rows, strict=True)
-            return Followed(time_s=times, q=np.array(where), sensation=np.array(felt))
+                self._at = q[-1].copy()
+                where, touched = map(np.array, zip(*rows, strict=True))
+                return Followed(time_s=times, q=where, sensation=touched)
         raise BodyError(
             f"the episode ended in each of {_TRIES} tries of a motion of {time_s[-1]:.1f} s; make "
             "the environment with longer episodes"
@@ -196,10 +187,8 @@ class GymnasiumBody:
                     self._drive.forget()
             return observation is not None
         for _ in range(_TRIES):
-            try:
+            with suppress(_EpisodeEndedError):
                 return self._travel(posture)
-            except _EpisodeEndedError:
-                continue
         return False
 
     def _travel(self, goal: np.ndarray) -> bool:

@@ -48,22 +48,22 @@ def try_body(body: CheckedBody, num_postures: int | None = None) -> Iterator[str
     began = time.perf_counter()
     felt = body.feel(asked)
     speed = num / (time.perf_counter() - began)
-    slow = "" if body.jumps else f", {body.spent.robot_s / num:.2g} s of the robot each"
+    slow = "" if body.jumps else f", {body.robot_s / num:.2g} s of the robot each"
     yield (
         f"feels {speed:.3g} postures per second{slow}; "
         f"it {'jumps' if body.jumps else 'travels'} to them, and reached {felt.reached.mean():.0%}"
     )
-    there = np.flatnonzero(felt.reached)
     if felt.reached.mean() < _MISSED:
         yield (
             f"problem: {1 - felt.reached.mean():.0%} of the postures are not reached; narrow lower "
             "and upper, or look why it stops"
         )
-    if len(there):
-        once, others = asked[there[0]], asked[there[-1]]
-        again = body.feel(np.stack([once, others] * _VISITS))
-        yield from _differences(body, again, felt)
-    yield from _unmoved(body, asked, felt)
+    if felt.reached.any():
+        ends = asked[felt.reached][[0, -1]]
+        yield from _differences(body, body.feel(np.tile(ends, (_VISITS, 1))), felt)
+    moved = np.ptp(felt.q, axis=0) > 0.1 * np.ptp(asked, axis=0)
+    for name in np.array(body.joint_names)[~moved]:
+        yield f"problem: {name} does not move; leave it out, or look what holds it"
 
 
 def _differences(body: CheckedBody, again: Felt, felt: Felt) -> Iterator[str]:
@@ -97,11 +97,3 @@ def _differences(body: CheckedBody, again: Felt, felt: Felt) -> Iterator[str]:
         yield (
             "problem: it touches in nearly every posture; most receptors must rest most of the time"
         )
-
-
-def _unmoved(body: CheckedBody, asked: np.ndarray, felt: Felt) -> Iterator[str]:
-    """Joints that were asked to move and did not."""
-    if len(asked) > 1:
-        moved = np.ptp(felt.q, axis=0) > 0.1 * np.ptp(asked, axis=0)
-        for name in np.array(body.joint_names)[~moved]:
-            yield f"problem: {name} does not move; leave it out, or look what holds it"

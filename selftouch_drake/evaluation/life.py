@@ -31,7 +31,6 @@ class Quality:
         body: the body that it recovers.
         truth: where its kernels touch now; None if one of them touches nothing any more.
         error: shape error of the skin that is off most, as a share of its size; NaN without truth.
-        holes: Betti numbers of the largest part; empty if it is too small.
         contact: share of planned paths in contact, without practice and dynamics; NaN if none was
             planned.
     """
@@ -39,7 +38,6 @@ class Quality:
     body: RecoveredBody
     truth: KernelTruth | None
     error: float
-    holes: tuple[int, ...]
     contact: float
 
 
@@ -62,12 +60,10 @@ def quality(learner: OnlineLearner, world: World, num_pairs: int) -> Quality:
     except ValueError:
         truth = None
     errors = {} if truth is None else shape_errors(body.positions, known.part, truth)
-    holes = body.parts[0].topology
     return Quality(
         body=body,
         truth=truth,
         error=max(errors.values(), default=float("nan")),
-        holes=() if holes is None else holes.betti,
         contact=planned_contact(learner, world, num_pairs),
     )
 

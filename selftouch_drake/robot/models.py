@@ -302,11 +302,15 @@ def _limit_efforts(
 ) -> None:
     """Limits actuators as MuJoCo does; Drake leaves `gear` out, and some kinds of actuators."""
     without = {name for name in efforts if plant.HasJointNamed(name, model)}
-    for index in plant.GetJointActuatorIndices(model):
+    # Before a plant is finalized, it does not tell the actuators of one model.
+    for index in plant.GetJointActuatorIndices():
         actuator = plant.get_mutable_joint_actuator(index)
         name = actuator.joint().name()
-        actuator.set_effort_limit(efforts.get(name, actuator.effort_limit()))
-        without.discard(name)
+        if name in without and actuator.model_instance() == model:
+            actuator.set_effort_limit(efforts[name])
+            without.discard(name)
+        elif name in efforts and actuator.model_instance() == model:
+            plant.RemoveJointActuator(actuator)  # the first one exerts what all do together
     for name in sorted(without):
         joint = plant.GetJointByName(name, model)
         if joint.num_velocities() == 1:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from selftouch_drake.bodies.making import body_files
+from selftouch_drake.bodies.own import body_files
 from selftouch_drake.experiment import Experiment, ExperimentError, shown
 from selftouch_drake.files import content_digest
 

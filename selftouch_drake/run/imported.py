@@ -42,6 +42,8 @@ _ACCELERATION_PER_SPEED = 5.0
 _MOST_FREE = 20_000
 # rad/s or m/s, if the data have no times.
 _DEFAULT_SPEED = 1.0
+# How touches are found; everything else says how a recording is read.
+_OF_TOUCHES = ("offset", "threshold", "rising", "filtering")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,11 +61,6 @@ class Data:
     felt: Felt
 
     @property
-    def num_null(self) -> int:
-        """Number of complete rows in which nothing is felt."""
-        return len(self.felt.null)
-
-    @property
     def still(self) -> list[str]:
         """Names of the joints that never move."""
         travel = np.ptp(self.recording.q, axis=0)
@@ -75,38 +72,20 @@ class Data:
         return [self.recording.receptors[number] for number in self.felt.silent]
 
 
-def read_data(
-    source: Path,
-    *,
-    offset: float | None = None,
-    threshold: float | None = None,
-    rising: bool | None = None,
-    filtering: str | None = None,
-    **how: Any,
-) -> Data:
+def read_data(source: Path, **how: Any) -> Data:
     """Reads a recording and finds the touches in it.
 
     Args:
         source: as of `read_recording`.
-        offset: as of `felt_touches`, as are `threshold`, `rising` and `filtering`.
-        threshold: see `offset`.
-        rising: see `offset`.
-        filtering: see `offset`.
-        how: further arguments of `read_recording`.
+        how: arguments of `read_recording` and of `felt_touches`.
 
     Raises:
         FileNotFoundError: there is no recording.
         ValueError: it cannot be used; the text says why.
     """
+    settings = {name: how.pop(name) for name in _OF_TOUCHES if name in how}
     recording = read_recording(source, **how)
-    felt = felt_touches(
-        recording.q,
-        recording.readings,
-        offset=offset,
-        threshold=threshold,
-        rising=rising,
-        filtering=filtering,
-    )
+    felt = felt_touches(recording.q, recording.readings, **settings)
     return Data(source=source.resolve(), recording=recording, felt=felt)
 
 
@@ -132,10 +111,9 @@ def imported_experiment(
     recording, felt = data.recording, data.felt
     num_joints = len(recording.joints)
     velocity = _speeds(recording) if max_velocity is None else np.full(num_joints, max_velocity)
-    if max_acceleration is None:
-        acceleration = _ACCELERATION_PER_SPEED * velocity
-    else:
-        acceleration = np.full(num_joints, max_acceleration)
+    acceleration = _ACCELERATION_PER_SPEED * velocity
+    if max_acceleration is not None:
+        acceleration[:] = max_acceleration
     given = {"name": data.source.stem, **(overrides or {})}
     if taken := [name for name in ("imported", "babbling") if name in given]:
         raise ExperimentError(f"{taken[0]} comes from the imported data; leave it out of --set")
@@ -244,7 +222,7 @@ def _metrics(data: Data) -> dict[str, Any]:
         "babbling_num_samples": len(felt.rows),
         "import_num_rows": recording.num_rows,
         "import_num_incomplete": recording.num_incomplete,
-        "import_num_null": data.num_null,
+        "import_num_null": len(felt.null),
         "import_offset_median": float(np.median(calibration.offset)),
         "import_drift_max": float(calibration.drift.max()),
         "import_noise_median": float(np.median(calibration.noise)),
@@ -261,41 +239,32 @@ def summary(data: Data, experiment: Experiment) -> list[str]:
     recording, felt = data.recording, data.felt
     calibration, imported = felt.calibration, experiment.imported
     assert imported is not None
-    lines = [
+    found = [
         f"rows: {recording.num_rows:,}, of which {recording.num_incomplete:,} are incomplete and "
-        f"{data.num_null:,} feel nothing; {len(felt.rows):,} touches",
+        f"{len(felt.null):,} feel nothing; {len(felt.rows):,} touches",
         f"joints: {_listed(recording.joints)}",
         f"receptors: {_listed(recording.receptors)}; readings "
         f"{'rise' if calibration.rising else 'fall'} with pressure",
         f"at rest: {_range(calibration.offset)}, drift {_range(calibration.drift)}, noise "
         f"{_range(calibration.noise)}, threshold {_range(calibration.threshold)} above rest "
         "(median, least to most)",
-    ]
-    if calibration.smoothed:
-        lines.append("spikes: each reading is the median of three in time")
-    if felt.num_lone:
-        lines.append(
-            f"spikes: {felt.num_lone:,} readings that no other receptor shared are left out"
-        )
-    if felt.num_fading:
-        lines.append(
-            f"hysteresis: {felt.num_fading:,} rows in which pressure falls are left out, because "
-            "readings come back slowly"
-        )
-    if data.silent:
-        lines.append(f"receptors that never read anything: {_listed(data.silent)}")
-    if data.still:
-        lines.append(f"joints that never move: {_listed(data.still)}")
-    lines += [
-        f"column {name} holds {_listed(values)}: if it says what touches, choose one by --rows "
-        f"'{name}={values[0]}'; several that press one part blur its shape"
-        for name, values in recording.choices.items()
-    ]
-    lines.append(
+        calibration.smoothed and "spikes: each reading is the median of three in time",
+        felt.num_lone
+        and f"spikes: {felt.num_lone:,} readings that no other receptor shared are left out",
+        felt.num_fading
+        and f"hysteresis: {felt.num_fading:,} rows in which pressure falls are left out, because "
+        "readings come back slowly",
+        data.silent and f"receptors that never read anything: {_listed(data.silent)}",
+        data.still and f"joints that never move: {_listed(data.still)}",
+        *(
+            f"column {name} holds {_listed(values)}: if it says what touches, choose one by --rows "
+            f"'{name}={values[0]}'; several that press one part blur its shape"
+            for name, values in recording.choices.items()
+        ),
         f"limits of plans: {_range(np.array(imported.max_velocity))} per second, "
-        f"{_range(np.array(imported.max_acceleration))} per second²"
-    )
-    return lines
+        f"{_range(np.array(imported.max_acceleration))} per second²",
+    ]
+    return [line for line in found if isinstance(line, str)]
 
 
 def _listed(names: tuple[str, ...] | list[str]) -> str:

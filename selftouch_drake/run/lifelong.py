@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Protocol
 
 import numpy as np
@@ -11,11 +11,11 @@ from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.bodies.embodiment import World, build_world
 from selftouch_drake.evaluation.life import LifeCurves, Quality, quality
 from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.experience.exploration import new_life
+from selftouch_drake.experience.exploration import Exploration, new_life
 from selftouch_drake.files import save_arrays
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.stages import Progress, require_experience, silent
-from selftouch_drake.run.worlds import require_robot
+from selftouch_drake.run.worlds import run_bodies
 
 #: Number of touches per block.
 BLOCK = 500
@@ -24,6 +24,8 @@ BLOCK = 500
 _FIRST, _MORE = 500, 1.5
 #: Number of touches after a change until it is scored again.
 _AFTER = 2500
+#: Number of touches that it finds at random before it goes by what it knows.
+_AT_RANDOM = 50
 
 
 class Watcher(Protocol):
@@ -40,7 +42,10 @@ class Watcher(Protocol):
 
 
 def live(
-    run: RunDirectory, watcher: Watcher | None = None, progress: Progress = silent
+    run: RunDirectory,
+    watcher: Watcher | None = None,
+    progress: Progress = silent,
+    num_more: int = 0,
 ) -> LifeCurves:
     """Lets an agent live through the experience of a run, and stores its life as curves.
 
@@ -48,20 +53,27 @@ def live(
 
     Args:
         run: a run that has babbled.
-        watcher: called at all events.
+        watcher: called at all events, if the run has a robot of Drake's.
         progress: called with the fraction done, 0 to 1.
+        num_more: number of touches for which it then explores the body of the run.
 
     Raises:
         RunError: the experience is not complete.
     """
-    require_robot(run.experiment)
     require_experience(run)
     biography = _Biography(run, watcher)
-    total = run.experiment.babbling.num_samples
+    life, total = biography.life, run.experiment.babbling.num_samples + num_more
     try:
         for q, sensation in _blocks(run):
-            biography.take(q, sensation)
-            progress(biography.life.num_touches / total, f"{biography.life.num_touches:,} touches")
+            biography.take(q, sensation, life.take)
+            progress(life.num_touches / total, f"{life.num_touches:,} touches: {mood(life)}")
+        if num_more:
+            exploration = Exploration(run.experiment, run_bodies(run).babbling)
+            exploration.mind = life
+            while left := num_more - exploration.num_touches:
+                shard = exploration.explore(min(left, BLOCK if exploration.round else _AT_RANDOM))
+                biography.take(shard.q, shard.sensation, exploration.remember)
+                progress(life.num_touches / total, f"{life.num_touches:,} touches: {mood(life)}")
     finally:
         save_arrays(run.life, biography.curves.to_arrays() | run.stamp())
     return biography.curves
@@ -71,6 +83,15 @@ def _blocks(run: RunDirectory) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     for sensation, q in ExperienceReader(run.experience).touches():
         for start in range(0, len(q), BLOCK):
             yield q[start : start + BLOCK], sensation[start : start + BLOCK]
+
+
+def mood(life: Life) -> str:
+    """What the agent makes of its last touches, in words."""
+    if life.has_doubts:
+        return "this is not what it expects"
+    if life.noticed:
+        return f"it found: {life.noticed[-1].change.in_words}"
+    return "it learns" if life.learner.knows else "it begins"
 
 
 class _Biography:
@@ -85,8 +106,8 @@ class _Biography:
         self._scores: list[tuple[int, float, float, float]] = []
         self._world = self._enter(0)
 
-    def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
-        """The next touches."""
+    def take(self, q: np.ndarray, sensation: np.ndarray, learn: Callable[..., None]) -> None:
+        """The next touches, from which the agent is to learn."""
         if self._taken in self._changes:
             self._world = self._enter(self._taken)
             self._due = min(self._due, self._taken + _AFTER)
@@ -94,25 +115,30 @@ class _Biography:
                 self._score()
         self._taken += len(q)
         self._felt |= sensation.any(axis=0)
-        self.life.take(q, sensation)
+        learn(q, sensation)
         if self._watcher is not None:
             self._watcher.lived(q, sensation, self.life)
         if self._taken >= self._due and self.life.learner.knows and not self.life.has_doubts:
             self._score()
             self._due = _MORE * self._taken
 
-    def _enter(self, num_touches: int) -> World:
+    def _enter(self, num_touches: int) -> World | None:
+        """The world with the body at that time; None if nobody knows it."""
+        if not self._experiment.has_truth:
+            return None
         world = build_world(self._experiment.after(num_touches))
         if self._watcher is not None:
             self._watcher.enter(world)
         return world
 
     def _score(self) -> None:
-        found = quality(self.life.learner, self._world, self._experiment.evaluation.num_pairs)
-        score = self._taken, float(self._felt.mean()), found.error, found.contact
-        self._scores.append(score)
-        if self._watcher is not None:
-            self._watcher.scored(found, self._taken)
+        error = contact = float("nan")
+        if self._world is not None:
+            found = quality(self.life.learner, self._world, self._experiment.evaluation.num_pairs)
+            error, contact = found.error, found.contact
+            if self._watcher is not None:
+                self._watcher.scored(found, self._taken)
+        self._scores.append((self._taken, float(self._felt.mean()), error, contact))
 
     @property
     def curves(self) -> LifeCurves:

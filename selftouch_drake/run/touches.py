@@ -78,7 +78,7 @@ def warn_of_changes(run: RunDirectory) -> None:
         warnings.warn(
             f"changes[].after is {', '.join(f'{touches:,}' for touches in when)}: the body changes "
             f"within its {num_samples:,} touches, and this run learns from all of them as one "
-            f"body's; follow the change with `selftouch live {run.path / 'experiment.yaml'}`",
+            f"body's; follow the change with `selftouch live {run.path}`",
             ChangedBodyWarning,
             stacklevel=3,
         )

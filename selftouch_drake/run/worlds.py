@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
-from selftouch_drake.agent.body import Body
+from selftouch_drake.agent.body import Body, Felt
 from selftouch_drake.bodies.embodiment import (
     Bodies,
     World,
@@ -16,6 +18,7 @@ from selftouch_drake.bodies.embodiment import (
     without_robot,
 )
 from selftouch_drake.bodies.living import LivingBody
+from selftouch_drake.bodies.own import open_reference
 from selftouch_drake.experience.store import ExperienceReader, Shard, shards_of, write_shard
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
@@ -66,12 +69,14 @@ def babbling_body(run: RunDirectory, experiment: Experiment, fingerprint: str) -
     return bodies_of(*known).babbling
 
 
-def live_in(run: RunDirectory, reference: str) -> None:
-    """From now on, the agent of a run without a robot of Drake's lives in another body.
+@contextmanager
+def living_in(run: RunDirectory, reference: str | None = None) -> Iterator[None]:
+    """Keeps the touches that a body of others meets meanwhile, for `selftouch learn --add`.
 
     Args:
-        run: an imported run, or one with a body of its own.
-        reference: the body, as `my_body.py:MyBody`.
+        run: the run.
+        reference: a body in which its agent lives from now on, as `my_body.py:MyBody`; of an
+            imported run, or of one with a body of its own.
 
     Raises:
         BodyError: as `open_reference`.
@@ -80,8 +85,34 @@ def live_in(run: RunDirectory, reference: str) -> None:
     Warns:
         OtherBodyWarning: it feels nothing where the run did.
     """
-    from selftouch_drake.bodies.making import open_reference
+    if reference is not None:
+        keep_bodies(run, _opened(run, reference))
+    elif run.experiment.has_truth or run.experiment.imported is not None:
+        yield
+        return
+    body = run_bodies(run)
+    assert isinstance(body, LivingBody)
+    body.met = list[Felt]()
+    try:
+        yield
+    finally:
+        met, body.met = body.met, None
+        q = np.concatenate([np.empty((0, len(body.joint_names))), *(felt.q for felt in met)])
+        if len(q):
+            shard = Shard(
+                walk=len(shards_of(run.met)) + len(shards_of(run.added)),
+                num_steps=len(q),
+                num_impossible=0,
+                step=np.arange(len(q)),
+                q=q.astype(np.float32),
+                sensation=np.concatenate([felt.sensation for felt in met]).astype(np.float32),
+                contacts=None,
+            )
+            write_shard(run.path, shard, fingerprint=run.fingerprint(), folder=run.met.name)
 
+
+def _opened(run: RunDirectory, reference: str) -> LivingBody:
+    """The body that a user names for a run."""
     if run.experiment.has_truth:
         raise RunError(
             f"--body is {reference}, but {run.path} has a robot of Drake's: leave it out"
@@ -110,30 +141,7 @@ def live_in(run: RunDirectory, reference: str) -> None:
                 OtherBodyWarning,
                 stacklevel=2,
             )
-    keep_bodies(run, living)
-
-
-def keep_met(run: RunDirectory) -> int:
-    """Stores the touches that the body met since the last call; returns how many.
-
-    `selftouch learn --add` learns from them.
-    """
-    bodies = run_bodies(run)
-    if not isinstance(bodies, LivingBody):
-        return 0
-    q, sensation = bodies.babbling.take_met()
-    if len(q):
-        shard = Shard(
-            walk=len(shards_of(run.met)) + len(shards_of(run.added)),
-            num_steps=len(q),
-            num_impossible=0,
-            step=np.arange(len(q)),
-            q=q.astype(np.float32),
-            sensation=sensation.astype(np.float32),
-            contacts=None,
-        )
-        write_shard(run.path, shard, fingerprint=run.fingerprint(), folder=run.met.name)
-    return len(q)
+    return living
 
 
 def add_met(run: RunDirectory) -> int:
@@ -160,6 +168,6 @@ def keep_bodies(run: RunDirectory, bodies: Bodies) -> None:
     """Makes `bodies` those that `run_bodies` returns; skins are kept for other processes."""
     if (world := bodies.world) is not None:
         kept_skins(run.cache, run.fingerprint(), world)
-    if isinstance(bodies, LivingBody):
-        bodies.recall(run.known_calibration())
+    elif isinstance(bodies, LivingBody):
+        bodies.calibration = bodies.calibration or run.known_calibration()
     bodies_of.keep(bodies, run.experiment.after(0), run.fingerprint())

@@ -147,12 +147,11 @@ class RunData:
     @cached_property
     def life(self) -> LifeCurves:
         """The life of the agent."""
-        folder, file = self.run.path, self.run.life
-        remedy = f"run `selftouch live {folder / 'experiment.yaml'} --out {folder}`"
-        if not file.exists():
+        remedy = f"run `selftouch live {self.run.path}`"
+        if not self.run.life.exists():
             raise MissingError(f"the life of the agent is missing; {remedy}")
-        arrays = load_arrays(file)
-        self.run.require_stamp(file, arrays, remedy=remedy)
+        arrays = load_arrays(self.run.life)
+        self.run.require_stamp(self.run.life, arrays, remedy=remedy)
         return LifeCurves.from_arrays(arrays)
 
     @cached_property

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 import numpy as np
-from toys import GRID, Flat
+from toys import Flat
 
 from selftouch_drake.agent.body import Felt, Followed
 
@@ -68,15 +68,35 @@ class FewerReceptors(Travels):
         return super().touch(q)[:, :15]
 
 
-class Numb(Flat):
-    """Feels nothing, anywhere."""
-
-    def touch(self, q):
-        return np.full((len(q), len(GRID)), 10.0)
-
-
 class Jumps(Flat):
     """As `Travels`, but it is put into its postures."""
 
     def touch(self, q):
         return 10.0 + np.rint(200.0 * super().touch(q))
+
+
+class Bumpy(Jumps):
+    """Its skin is curved and thin: a finger that would press too deep is not let in."""
+
+    def depth(self, q):
+        return q[:, 2] - 0.3 * np.sin(7 * q[:, 0]) * np.cos(6 * q[:, 1])
+
+    def touch(self, q):
+        return super().touch(np.column_stack([q[:, :2], self.depth(q)]))
+
+    def feel(self, q):
+        return Felt(q=q, sensation=self.touch(q), reached=self.depth(q) < 0.1)
+
+
+class Wounded(Bumpy):
+    """As `Bumpy`, with receptors that died."""
+
+    def touch(self, q):
+        return np.where(np.isin(np.arange(16), [5, 6]), 10.0, super().touch(q))
+
+
+class Numb(Bumpy):
+    """As `Bumpy`, but it feels nothing any more."""
+
+    def touch(self, q):
+        return np.full((len(q), 16), 10.0)

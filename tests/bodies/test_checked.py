@@ -9,7 +9,7 @@ import pytest
 from toys import FELT, FOLLOWED, MADE, Flat, changed, disconnects, hangs
 
 from selftouch_drake.agent.body import Body, BodyError
-from selftouch_drake.bodies.checked import CheckedBody, Spent, UnrestWarning
+from selftouch_drake.bodies.checked import CheckedBody, UnrestWarning
 
 POSTURES = np.array([[0.5, 0.5, 0.2], [0.1, 0.9, 0.1], [0.2, 0.2, -0.3], [0.9, 0.1, 0.5]])
 
@@ -88,7 +88,7 @@ def test_nothing_beyond_the_limits_is_asked_for():
     assert felt.reached.tolist() == [False, True]
 
 
-def test_a_body_that_travels_is_asked_for_one_posture_at_a_time_and_its_way_is_counted():
+def test_a_body_that_travels_is_asked_for_one_posture_at_a_time_and_its_time_is_counted():
     inner = Flat(jumps=False)
     inner.robot_s = 0.0
 
@@ -100,27 +100,22 @@ def test_a_body_that_travels_is_asked_for_one_posture_at_a_time_and_its_way_is_c
     body = CheckedBody(inner)
     body.feel(POSTURES)
     assert inner.calls == [1] * 4
-    steps = np.linalg.norm(np.diff(POSTURES, axis=0), axis=1)
-    assert body.spent == Spent(configurations=4, distance=pytest.approx(steps.sum()), robot_s=8.0)
-    body.follow(np.array([0.0, 1.0]), POSTURES[[3, 0]])
-    back = np.linalg.norm(POSTURES[3] - POSTURES[0])
-    assert body.spent.motions == 1
-    assert body.spent.distance == pytest.approx(steps.sum() + back)
+    assert body.robot_s == 8.0
 
 
-def test_a_body_that_jumps_travels_nowhere():
+def test_a_body_that_jumps_needs_no_time():
     inner = Flat()
     body = CheckedBody(inner)
     body.feel(np.tile(POSTURES, (100, 1)))
     assert inner.calls == [256, 144]
-    assert body.spent == Spent(configurations=400)
+    assert body.robot_s == 0
 
 
 def test_without_a_clock_of_its_own_the_time_on_the_wall_counts():
     slow = changed(jumps=False, feel=lambda self, q: time.sleep(0.05) or Flat().feel(q))
     body = CheckedBody(slow())
     body.feel(POSTURES)
-    assert 0.2 <= body.spent.robot_s < 2
+    assert 0.2 <= body.robot_s < 2
 
 
 def test_a_body_rests_and_is_closed_at_the_end_even_if_it_failed():

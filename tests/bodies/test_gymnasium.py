@@ -8,13 +8,14 @@ gymnasium = pytest.importorskip("gymnasium", reason="pip install gymnasium")
 
 from pathlib import Path  # noqa: E402
 
+from scipy.optimize import linear_sum_assignment  # noqa: E402
 from toys import Flat  # noqa: E402
-from worlds import GAIN, HIGH, LOW, Sliders  # noqa: E402
+from worlds import COUPLED, HIGH, LOW, SINGLE, Sliders  # noqa: E402
 
 from selftouch_drake.agent.body import Body, BodyError  # noqa: E402
 from selftouch_drake.bodies.checked import CheckedBody  # noqa: E402
 from selftouch_drake.bodies.gymnasium import GymnasiumBody  # noqa: E402
-from selftouch_drake.bodies.making import open_body  # noqa: E402
+from selftouch_drake.bodies.own import open_body  # noqa: E402
 from selftouch_drake.experiment import load_experiment  # noqa: E402
 from selftouch_drake.run.fingerprint import model_digests  # noqa: E402
 
@@ -26,34 +27,35 @@ def body_of(kind="position", given=None, **fields):
     return GymnasiumBody(Sliders(kind, **fields), joints="joints", touch="touch", **given or {})
 
 
+@pytest.mark.parametrize("effect", [SINGLE, COUPLED], ids=["single", "coupled"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_actions_do_is_found_out(kind):
-    body = body_of(kind)
+def test_what_actions_do_is_found_out(kind, effect):
+    body = body_of(kind, effect=effect)
     assert isinstance(body, Body)
     assert body.actions.kind == kind
-    assert body.actions.of_joint.tolist() == [2, 3, 0]
     unit = {"position": 1.0, "velocity": 1.0, "torque": 10.0}[kind]
-    assert body.actions.effect == pytest.approx(unit * GAIN[[2, 3, 0]], rel=0.15)
+    assert body.actions.effect == pytest.approx(unit * effect, rel=0.15, abs=1e-6)
+    assert np.abs(body.actions.needed[1]).max() < 1e-12
     assert body.lower.tolist() == LOW.tolist()
 
 
+@pytest.mark.parametrize("effect", [SINGLE, COUPLED], ids=["single", "coupled"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_postures_are_reached_and_felt(kind):
-    body = CheckedBody(body_of(kind))
+def test_postures_are_reached_and_felt(kind, effect):
+    body = CheckedBody(body_of(kind, effect=effect))
     felt = body.feel(POSTURES)
     assert felt.reached.all()
     assert felt.q == pytest.approx(POSTURES, abs=0.012 * 1.5)
     assert felt.sensation == pytest.approx(Flat().touch(felt.q))
     assert felt.sensation.any(axis=1).tolist() == [True, True, False]
     assert not body.jumps
-    assert body.spent.configurations == 3
-    assert body.spent.robot_s > 3
-    assert body.spent.distance == pytest.approx(1.3, abs=0.3)
+    assert body.robot_s > 3
 
 
+@pytest.mark.parametrize("effect", [SINGLE, COUPLED], ids=["single", "coupled"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_motion_is_followed(kind):
-    body = body_of(kind)
+def test_a_motion_is_followed(kind, effect):
+    body = body_of(kind, effect=effect)
     s = np.linspace(0, 1, 101)
     share = (s**3 * (10 - 15 * s + 6 * s**2))[:, None]
     path = (1 - share) * POSTURES[0] + share * POSTURES[1]
@@ -84,7 +86,7 @@ def test_numbers_of_one_array_are_joints_and_touch(joints, touch):
 def test_part_of_an_entry():
     body = GymnasiumBody(Sliders(), joints="joints[1:3]", touch="touch[4:]")
     assert body.upper.tolist() == HIGH[1:].tolist()
-    assert body.actions.of_joint.tolist() == [3, 0]
+    assert body.actions.effect == pytest.approx(SINGLE[1:], rel=0.05, abs=1e-6)
     assert body.num_receptors == 12
 
 
@@ -133,7 +135,7 @@ def test_an_environment_that_can_be_put_into_a_posture_jumps(given):
     felt = body.feel(POSTURES)
     assert felt.q.tolist() == POSTURES.tolist()
     assert body.follow(np.arange(3.0), POSTURES).q.tolist() == POSTURES.tolist()
-    assert body.spent.robot_s == 0
+    assert body.robot_s == 0
     if "set_posture" in given:
         assert body.feel(np.array([[0.95, 0.5, 0.0]])).reached.tolist() == [False]
 
@@ -159,13 +161,22 @@ def test_an_environment_that_can_be_put_into_a_posture_jumps(given):
             "in 'qpos[7:19]'",
         ),
         (
-            lambda: body_of(gain=0.0, kind="torque"),
+            lambda: body_of(effect=0 * SINGLE, kind="torque"),
             "no action moves a joint: 4 were tried; name others as `joints`, or say what an action "
             "sets",
         ),
         (
             lambda: GymnasiumBody(Sliders(), joints="touch", touch="joints"),
             "no action moves joint_",
+        ),
+        (
+            lambda: body_of("velocity", effect=COUPLED[[0, 0, 2]]),
+            "4 actions move joint_0, joint_1, joint_2 in 2 ways only; leave out of `joints` those "
+            "that move with others",
+        ),
+        (
+            lambda: body_of(action_space=gymnasium.spaces.MultiDiscrete([3, 3])),
+            "the action space is MultiDiscrete([3 3]); only Box(n,) can be used",
         ),
         (
             lambda: body_of(length=50),
@@ -231,7 +242,8 @@ def test_a_foreign_arm_walks_under_dynamics_and_does_not_get_stuck(control):
 
     body = Dynamic(control)
     assert body.actions.kind == control
-    assert body.actions.of_joint.tolist() == list(range(12))
+    of_joint, _ = linear_sum_assignment(np.log(np.abs(body.actions.effect).clip(1e-300)).T, True)
+    assert of_joint.tolist() == list(range(12))
     rng, span, q, step = np.random.default_rng(0), body.upper - body.lower, START, np.zeros(12)
     reached, touched = [], np.zeros(160, dtype=bool)
     for _ in range(150):

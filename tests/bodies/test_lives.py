@@ -1,6 +1,7 @@
 """Bodies of others in runs: calibrated at birth, led without jumps, stopped and resumed."""
 
 import json
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -129,6 +130,41 @@ def test_hours_are_refused_for_a_body_that_keeps_no_time(tmp_path):
     assert done.stderr.splitlines()[-1].startswith(
         "selftouch: babbling.robot_hours is 1, but the body is set to its postures"
     )
+
+
+def test_hours_are_refused_for_a_body_of_ones_own_that_keeps_no_time(tmp_path):
+    done = babble(written(tmp_path, "Jumps", babbling={"robot_hours": 1}), tmp_path / "run")
+    assert done.status == 2
+    assert "babbling.robot_hours is 1, but the body is set to its postures" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("feel = None", "Mine has no method feel; write one, as "),
+        ("lower = np.full(3, 2.0)", "Mine: lower of x is 2, and upper 1; give the smaller one as"),
+        ("touch = lambda self, q: np.zeros((len(q), 3))", "Mine: feel returned sensation of shape "
+         "(256, 3); return (256, 16), each time"),
+        ("touch = lambda self, q: np.full((len(q), 16), np.nan)", "Mine: feel returned sensation "
+         "with nan at [0, 0]; return the last good reading, or reached False"),
+        ("feel = lambda self, q: Felt(q=q, sensation=self.touch(q)[:, self.calls.pop():], "
+         "reached=q[:, 0] > -1)\n    calls = [2] + 20 * [0]\n    __init__ = lambda self: None",
+         "Mine: feel returned sensation of shape (256, 14); return (256, 16), each time"),
+        ("touch = lambda self, q: np.full((len(q), 16), 10.0)", "babbling touched nothing in "),
+    ],
+)  # fmt: skip
+def test_mistakes_of_a_body_are_one_line(tmp_path, monkeypatch, text, line):
+    monkeypatch.setattr(sys.modules[collect_walk.__module__], "PATIENCE", 20_000)
+    (tmp_path / "mine.py").write_text(
+        "import numpy as np\nfrom toys import Flat, Felt\n\nclass Mine(Flat):\n    " + text
+    )
+    settings = SMALL | {"python": {"file": "mine.py", "class": "Mine"}}
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(settings))
+    done = babble(tmp_path / "mine.yaml", tmp_path / "run")
+    assert done.status == 2
+    (said,) = [one for one in done.stderr.splitlines() if one.startswith("selftouch: ")]
+    assert said.startswith(f"selftouch: {line}")
+    assert "Traceback" not in done.stderr
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import yaml
 from fenced import blocks
 
 from selftouch_drake.agent.body import BodyError
-from selftouch_drake.bodies.making import open_body, open_reference
+from selftouch_drake.bodies.own import open_body, open_reference
 from selftouch_drake.experiment import (
     ExperimentError,
     dump_experiment,

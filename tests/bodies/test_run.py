@@ -3,9 +3,12 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from commands import selftouch
+
+from selftouch_drake.files import load_arrays
 
 TOYS = Path(__file__).with_name("toys.py")
 SMALL = {
@@ -38,3 +41,30 @@ def test_a_plan_is_executed_on_it(finished):
         done = selftouch(verb, finished, "--from", 3, "--to", 40)
         assert done.status == 0, done.stderr
     assert "in contact: " in done.stdout
+
+
+def test_its_life_is_shown_as_curves_without_what_needs_a_truth(finished):
+    done = selftouch("live", finished)
+    assert done.status == 0, done.stderr
+    assert "selftouch: the page needs a robot of Drake's: going on without" in done.stderr
+    life = load_arrays(finished / "life.npz")
+    assert life["block_touches"].tolist() == [500, 1000, 1500, 2000]
+    assert life["coverage"][-1] == 1
+    assert np.isnan(life["error"]).all()
+    assert np.isnan(life["contact"]).all()
+
+
+def test_an_environment_lives(tmp_path):
+    pytest.importorskip("gymnasium", reason="pip install gymnasium")
+    env = {
+        "env": f"{TOYS.with_name('worlds.py')}:Sliders",
+        "joints": "joints",
+        "touch": "touch",
+        "action": "none",
+        "set_posture": "set_posture",
+    }
+    settings = SMALL | {"gymnasium": env, "babbling": {"num_samples": 1000}}
+    (tmp_path / "env.yaml").write_text(yaml.safe_dump(settings))
+    done = selftouch("live", tmp_path / "env.yaml", "--out", tmp_path / "run", "--no-page")
+    assert done.status == 0, done.stderr
+    assert load_arrays(tmp_path / "run" / "life.npz")["block_touches"].tolist() == [500, 1000]

@@ -107,8 +107,3 @@ def test_a_foreign_arm_under_dynamics_is_a_body(control, tmp_path):
     done = selftouch("body", file, "--postures", 5)
     assert done.status == 0, done.stderr
     assert "Dynamic: 12 joints, 160 receptors" in done.stdout
-
-
-def test_a_body_that_lacks_something_is_one_line(tmp_path):
-    (tmp_path / "mine.py").write_text("class Mine: ...")
-    assert refused("body", f"{tmp_path}/mine.py:Mine").startswith("Mine has no method feel; ")

@@ -4,8 +4,10 @@ import gymnasium
 import numpy as np
 from toys import Flat
 
-#: Which joint each of four actions moves (one moves nothing), and by how much.
-OF_ACTION, GAIN = [2, None, 0, 1], np.array([0.5, 1.0, -2.0, 1.5])
+#: How much each of four actions moves each joint; the second moves nothing. Coupled, the others
+#: move two joints each.
+SINGLE = np.array([[0.0, 0.0, -2.0, 0.0], [0.0, 0.0, 0.0, 1.5], [0.5, 0.0, 0.0, 0.0]])
+COUPLED = np.array([[0.5, 0.0, 0.0, -1.0], [0.0, 0.0, 1.5, 1.0], [0.5, 0.0, 0.7, 0.0]])
 LOW, HIGH = np.array([-0.5, 0.0, -1.0]), np.array([1.0, 1.0, 0.5])
 
 
@@ -14,11 +16,20 @@ class Sliders(gymnasium.Env):
 
     metadata = {"render_modes": [], "render_fps": 50}  # noqa: RUF012
 
-    def __init__(self, kind="position", flat=False, limited=True, length=None, gain=1.0, rough=0.0):
-        self.kind, self.flat, self.length, self.gain, self.rough = kind, flat, length, gain, rough
+    def __init__(
+        self,
+        kind="position",
+        flat=False,
+        limited=True,
+        length=None,
+        effect=SINGLE,
+        action_space=None,
+    ):
+        self.kind, self.flat, self.length = kind, flat, length
+        self.effect = np.array(effect)
         box = gymnasium.spaces.Box
         most = np.inf if not limited else 1.0
-        self.action_space = box(-3.0, 3.0, (4,), np.float32)
+        self.action_space = action_space or box(-3.0, 3.0, (4,), np.float32)
         low, high = (LOW, HIGH) if limited else (np.full(3, -most), np.full(3, most))
         entries = {
             "joints": box(low, high, dtype=np.float64),
@@ -34,7 +45,6 @@ class Sliders(gymnasium.Env):
         self.q, self.v, self.steps = np.array([0.3, 0.4, -0.5]), np.zeros(3), 0
         if options and "posture" in options:
             self.q = np.array(options["posture"], dtype=float)
-        self.q += self.rough * np.random.default_rng().normal(size=3)
         return self.observation(), {}
 
     def set_posture(self, q):
@@ -42,10 +52,7 @@ class Sliders(gymnasium.Env):
         return None if q[0] > 0.9 else self.observation()
 
     def step(self, action):
-        wanted = np.zeros(3)
-        for number, joint in enumerate(OF_ACTION):
-            if joint is not None:
-                wanted[joint] = self.gain * GAIN[number] * action[number]
+        wanted = self.effect @ action
         gravity = np.array([-2.0, 0.0, 0.0])
         for _ in range(5):
             if self.kind == "velocity":

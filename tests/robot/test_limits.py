@@ -101,8 +101,7 @@ def test_actuators_of_mjcf_are_as_strong_as_in_mujoco(tmp_path):
     directives.write_text("directives:\n- add_model: {name: robot, file: robot.xml}\n")
     plant = MultibodyPlant(time_step=0.0)
     parse(plant, load_model(str(directives), {}))
-    found = {
-        actuator.joint().name(): actuator.effort_limit()
-        for actuator in map(plant.get_joint_actuator, plant.GetJointActuatorIndices())
-    }
-    assert [found[f"joint_{k}"] for k in range(len(actuators))] == list(actuators.values())
+    indices = plant.GetJointActuatorIndices()
+    found = [(a.joint().name(), a.effort_limit()) for a in map(plant.get_joint_actuator, indices)]
+    assert {*found} == {(f"joint_{k}", most) for k, most in enumerate(actuators.values())}
+    assert len(found) == len(actuators)

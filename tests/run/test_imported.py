@@ -130,6 +130,29 @@ def test_what_touched_can_be_chosen(recording, tmp_path, capfd):
     assert "spikes" not in out
 
 
+def test_a_simulators_log_and_an_archive_give_the_same_touches(tmp_path, capfd):
+    """A log in pyCub's format, with lists in columns; and an archive of transposed arrays."""
+    made = recorded(4000, 60)
+    names = ["r_elbow", "r_roll", "r_wrist", "r_yaw", "l_elbow", "l_roll", "l_yaw"]
+    lines = [f"timestamp;steps_done;{';'.join(names)};torso;head"]
+    for step, (time_s, q, raw) in enumerate(zip(made.time_s, made.q, made.raw, strict=True)):
+        parts = [",".join(map(str, part.tolist())) for part in (raw[:40], raw[40:])]
+        lines.append(";".join([str(time_s), str(step), *map(repr, q.tolist()), *parts]))
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    arrays = {"q": made.q.T, "touch": made.raw.T, "time_s": made.time_s}
+    np.savez(tmp_path / "log.npz", **arrays, joint_names=np.array(names))
+    columns = ("--q", "r_*,l_*", "--sensation", "torso,head")
+    for file, options in (("log.csv", columns), ("log.npz", ())):
+        settings = ("--out", tmp_path / file[4:], "--set", SET.replace("150", "50"))
+        assert selftouch("import", tmp_path / file, *options, *settings) == 0
+        out = capfd.readouterr().out
+        assert f"joints: 7 ({', '.join(names)})" in out
+        assert "receptors: 60 (" in out
+    one, other = (RunDirectory.open(tmp_path / kind).experiment for kind in ("csv", "npz"))
+    assert one.imported.content == other.imported.content
+    assert one.imported.max_velocity == other.imported.max_velocity
+
+
 def test_touches_are_stored_as_those_of_any_run(learned):
     reader = ExperienceReader(learned.experience)
     assert reader.num_rows == learned.experiment.babbling.num_samples

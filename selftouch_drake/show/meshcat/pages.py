@@ -12,6 +12,7 @@ from pydrake.math import RigidTransform
 
 from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
+from selftouch_drake.run.lifelong import mood
 from selftouch_drake.show.meshcat.meshcat_scene import draw_parts
 from selftouch_drake.show.meshcat.stage import APART, FRAMES_PER_S, FeelingRobot, shown_page
 from selftouch_drake.show.recovered import laid_on_skins
@@ -120,7 +121,7 @@ class LifePage:
                 raise KeyboardInterrupt
             self.robot.show(q[row].astype(float), sensation[row].astype(float))
             time.sleep(FRAME_S)
-        self.robot.say(f"{life.num_touches:,} touches: {_mood(life)}")
+        self.robot.say(f"{life.num_touches:,} touches: {mood(life)}")
 
     def scored(self, found: Quality, num_touches: int) -> None:
         """Draws the body that the agent knows so far."""
@@ -132,11 +133,3 @@ class LifePage:
         self._meshcat.SetTransform(_KNOWN, RigidTransform(APART * size * VIEW.axes[0]))
         parts = laid_on_skins(found.body, found.truth, skins, home)
         draw_parts(self._meshcat, _KNOWN, parts, typical_extent(skins))
-
-
-def _mood(life: Life) -> str:
-    if life.has_doubts:
-        return "this is not what it expects"
-    if life.noticed:
-        return f"it found: {life.noticed[-1].change.in_words}"
-    return "it learns" if life.learner.knows else "it begins"

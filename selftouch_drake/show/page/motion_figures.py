@@ -178,14 +178,18 @@ def _unit(rows: np.ndarray) -> np.ndarray:
 @styled
 def life(curves: LifeCurves) -> Figure:
     """Coverage, shape error, contact and surprise; changes of the body, and when it noticed."""
-    figure = Figure(figsize=(10.5, 5.0), layout="constrained")
-    panels = (
-        ("receptors that have felt", "%", curves.touches, 100 * curves.coverage, BLUE),
-        ("shape error, worst skin", "% of the size", curves.touches, 100 * curves.error, VERMILION),
-        ("plans in contact, before practice", "%", curves.touches, 100 * curves.contact, GREEN),
+    at = curves.touches
+    panels = [
+        ("receptors that have felt", "%", at, 100 * curves.coverage, BLUE),
+        ("shape error, worst skin", "% of the size", at, 100 * curves.error, VERMILION),
+        ("plans in contact, before practice", "%", at, 100 * curves.contact, GREEN),
         ("surprise", "cosine distance", curves.block_touches, curves.surprise, ORANGE),
-    )
-    axes: list[Axes] = figure.subplots(2, 2, sharex=True).ravel().tolist()
+    ]
+    if not np.isfinite([curves.error, curves.contact]).any():
+        del panels[1:3]  # nobody knows the truth
+    rows = len(panels) // 2
+    figure = Figure(figsize=(10.5, 2.5 * rows), layout="constrained")
+    axes: list[Axes] = figure.subplots(rows, 2, sharex=True).ravel().tolist()
     for ax, (title, unit, touches, values, color) in zip(axes, panels, strict=True):
         ax.plot(touches, values, color=color, marker="." if len(touches) < 50 else "")
         for moments, style, label in (
@@ -199,7 +203,7 @@ def life(curves: LifeCurves) -> Figure:
         ax.set_ylabel(unit)
         if np.isfinite(values).any():
             ax.set_ylim(bottom=0)
-    for ax in axes[2:]:
+    for ax in axes[-2:]:
         ax.set_xlabel("touches")
     if len(curves.changed) or len(curves.noticed):
         axes[-1].legend(loc="upper left", fontsize="small")
