@@ -120,7 +120,7 @@ def learn(
         label[left_out] = -1
         felt = strength(sensation).astype(np.float32)
         kernels.add(label, q=q.astype(np.float32), strength=felt, error=error)
-        progress(0.2 + 0.1 * min(kernels.num_rows / num_rows, 1.0), "motor kernels")
+        progress(min(0.2 + 0.1 * kernels.num_rows / num_rows, 0.3), "motor kernels")
     if kernels.num_rows != num_rows:
         raise ValueError(
             f"batches gave {num_rows} rows, then {kernels.num_rows}: give the same experience "
