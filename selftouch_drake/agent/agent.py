@@ -17,6 +17,7 @@ from selftouch_drake.agent.planning import Planner, predict_sensation
 from selftouch_drake.agent.planning.planner import checked_target
 from selftouch_drake.agent.planning.prediction import Prediction, recall_sensation
 from selftouch_drake.agent.planning.smoothing import KNOT_SPACING
+from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation import (
     QuotientRepresentation,
     felt_kernels,
@@ -43,12 +44,14 @@ class Agent:
         kernel_sensation: `(R, S)` unit L2 norm, the sensation at each configuration of the
             representation; it makes prediction errors five times smaller. None if not kept.
         knot_spacing: as of `Planner`.
+        touch_model: as of `Planner`.
     """
 
     representation: QuotientRepresentation
     memory: RehearsalMemory
     kernel_sensation: csr_array | None = None
     knot_spacing: float = KNOT_SPACING
+    touch_model: TouchModel | None = None
 
     @classmethod
     def of(
@@ -89,7 +92,8 @@ class Agent:
         sizes = {"num_targets": num_targets, "max_kernel_size": max_kernel_size}
         found = learn(lambda: [(sensation, q)], **sizes, seed=seed, **parameters).representation
         felt = kernel_sensations(found.kernel_row, [sensation])
-        return cls.of(found, kernel_sensation=felt)
+        touch_model = TouchModel.learn(found, lambda: felt, seed=seed)
+        return cls.of(found, kernel_sensation=felt, touch_model=touch_model)
 
     def recover(self, metric: str = "learned", *, seed: int = 0) -> RecoveredBody:
         """Recovers the body: shape, holes and dimension of each of its parts."""
@@ -150,4 +154,6 @@ class Agent:
     @cached_property
     def planner(self) -> Planner:
         """The planner that makes all plans."""
-        return Planner(self.representation, knot_spacing=self.knot_spacing)
+        return Planner(
+            self.representation, knot_spacing=self.knot_spacing, touch_model=self.touch_model
+        )

@@ -6,7 +6,7 @@ adds what happened. Each holds the one before.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import BSpline
@@ -30,6 +30,7 @@ class Plan(Record):
         links: `(W - 1,)` row of each step in the planner's `links`; -1 where there is none: in the
             air.
         in_air: `(W - 1,)` bool, steps through the air, from one touch (or none) to another.
+        imagined: `(W,)` bool, waypoints between two touches, where the agent only expects one.
         waypoints_q: `(W, J)` one motor configuration per kernel.
         waypoint_s: `(W,)` rad, parameter of each waypoint on `path`: polyline length up to it.
         path: smooth quintic B-spline of motor configurations over `[0, waypoint_s[-1]]`, from the
@@ -39,6 +40,7 @@ class Plan(Record):
     nodes: np.ndarray
     links: np.ndarray
     in_air: np.ndarray
+    imagined: np.ndarray
     waypoints_q: np.ndarray
     waypoint_s: np.ndarray
     path: BSpline
@@ -46,13 +48,20 @@ class Plan(Record):
     def __post_init__(self) -> None:
         num = self.nodes.size
         steps = dict.fromkeys(("links", "in_air"), (num - 1,))
-        waypoints = {"waypoints_q": (num, None), "waypoint_s": (num,)}
-        self.check_arrays({"nodes": (num,), **steps, **waypoints})
+        waypoints = dict.fromkeys(("nodes", "imagined", "waypoint_s"), (num,))
+        self.check_arrays({**waypoints, **steps, "waypoints_q": (num, None)})
 
     @property
     def goal(self) -> int:
         """The kernel to be felt at the end."""
         return int(self.nodes[-1])
+
+    def without_imagined(self) -> Plan:
+        """The same path, without the waypoints that are imagined."""
+        rows = np.flatnonzero(~self.imagined)
+        steps = {name: getattr(self, name)[rows[:-1]] for name in ("links", "in_air")}
+        names = ("nodes", "imagined", "waypoints_q", "waypoint_s")
+        return replace(self, **steps, **{name: getattr(self, name)[rows] for name in names})
 
     def touching(self, s: np.ndarray) -> np.ndarray:
         """`(T,)` bool, whether the agent expects contact at each `s`; at the end it always does."""

@@ -186,9 +186,12 @@ def other_ways(
         The memory with the ways that were found, and the links of the steps without one.
     """
     slides, x = memory.slides, representation.scaled(plan.waypoints_q)
+    # What the agent only imagined between two touches is no place to slide from.
+    touches = np.flatnonzero(~plan.imagined)
     without = []
-    for step in doubtful:
-        x_from, x_to = x[step : step + 2]
+    for number in np.unique(np.searchsorted(touches, doubtful, side="right")).tolist():
+        step = touches[number - 1]
+        x_from, x_to = x[touches[number - 1 : number + 1]]
         passed, node = x[:0], plan.nodes[:0]
         if plan.in_air[step]:
             passed = _detour(representation, slider, x_from, x_to)

@@ -12,7 +12,7 @@ from scipy.interpolate import BSpline
 #: Kinds of numbers of the arrays that do not hold finite numbers, and their names in errors.
 _KINDS = {
     "embedding": ("iuf", "real numbers"),
-    **dict.fromkeys(("in_air", "overlap", "mode_joints"), ("b", "booleans")),
+    **dict.fromkeys(("in_air", "imagined", "overlap", "mode_joints"), ("b", "booleans")),
     **dict.fromkeys(("nodes", "links", "node", "offsets", "missed"), ("iu", "whole numbers")),
     **dict.fromkeys(("kernel_offsets", "kernel_row", "kernel_mode"), ("iu", "whole numbers")),
     **dict.fromkeys(("edges", "part"), ("iu", "whole numbers")),

@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.memory import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
+from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation import (
     QuotientRepresentation,
     kernel_sensations,
@@ -47,16 +49,29 @@ def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
         ValueError: a file is damaged.
     """
     representation = load_representation(run)
-    felt = None
-    if predicts:
-        batches = run.touches().batches("sensation")
-        felt = kernel_sensations(representation.kernel_row, batches)
     return Agent.of(
         representation,
         memory=load_memory(run, representation),
-        kernel_sensation=felt,
+        kernel_sensation=stored_sensations(run, representation) if predicts else None,
         knot_spacing=run.experiment.planning.knot_spacing,
+        touch_model=_load_touch_model(run),
     )
+
+
+def stored_sensations(run: RunDirectory, representation: QuotientRepresentation) -> csr_array:
+    """`(R, S)` unit L2 norm, the sensation at each row of `kernel_q`; reads all experience."""
+    return kernel_sensations(representation.kernel_row, run.touches().batches("sensation"))
+
+
+def _load_touch_model(run: RunDirectory) -> TouchModel | None:
+    """What the agent learned of the ways between its touches; None in an older run."""
+    file = run.touch_model
+    if not file.exists():
+        return None
+    arrays = load_arrays(file)
+    run.require_stamp(file, arrays)
+    with _read_as("a model of touch", file, f"run `selftouch learn {run.path}`"):
+        return TouchModel.from_arrays(arrays)
 
 
 def load_representation(run: RunDirectory) -> QuotientRepresentation:
@@ -85,7 +100,10 @@ def load_representation(run: RunDirectory) -> QuotientRepresentation:
 
 
 def save_learned(
-    run: RunDirectory, representation: QuotientRepresentation, body: RecoveredBody
+    run: RunDirectory,
+    representation: QuotientRepresentation,
+    body: RecoveredBody,
+    touch_model: TouchModel,
 ) -> None:
     """Saves what was learned, embedded in the body: everything or nothing.
 
@@ -96,6 +114,7 @@ def save_learned(
     with ExitStack() as files:
         for file, arrays in (
             (run.representation, representation.to_arrays()),
+            (run.touch_model, touch_model.to_arrays()),
             (run.topology, _topology_arrays(body)),
             (run.body_distances, {"distances": body.distances.astype(np.float32)}),
         ):

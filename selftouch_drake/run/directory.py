@@ -77,6 +77,9 @@ class RunDirectory:
     )
     free = Inside("free.npz", "Where nothing was felt, of an imported run.")
     representation = Inside("representation.npz", "What the agent learned.")
+    touch_model = Inside(
+        "touch_model.npz", "How firmly the agent expects to touch, between touches."
+    )
     rehearsal = Inside("rehearsal.npz", "What the agent remembers of its rehearsals.")
     trials = Inside("trials.npz", "The result of each random pair.")
     topology = Inside("topology.npz", "The persistence diagram of the recovered body.")

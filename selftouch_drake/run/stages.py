@@ -35,6 +35,7 @@ from selftouch_drake.run.artifacts import (
     save_learned,
     save_memory,
     save_plan,
+    stored_sensations,
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.executors import InTurn
@@ -153,11 +154,17 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
         learned.representation,
         settings.metric,
         seed=seed,
-        progress=lambda fraction: progress(0.6 + 0.35 * fraction, "shape and holes"),
+        progress=lambda fraction: progress(0.6 + 0.2 * fraction, "shape and holes"),
+    )
+    progress(0.8, "ways between touches")
+    touch_model = TouchModel.learn(
+        learned.representation,
+        lambda: stored_sensations(run, learned.representation),
+        seed=seed,
     )
     representation = body.embed(learned.representation)
     body.warn_of_misfit()
-    save_learned(run, representation, body)
+    save_learned(run, representation, body, touch_model)
     sizes = np.diff(representation.kernel_offsets)
     bridges = learned.bridges.tolist()
     run.add_metrics(

@@ -13,6 +13,7 @@ from scipy.optimize import least_squares
 
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning import smooth_path
+from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.shape import Embedding, RecoveredBody, RecoveredPart, topology
 from selftouch_drake.evaluation.life import LifeCurves
@@ -230,7 +231,7 @@ def _learn(run: RunDirectory, laid: _Laid) -> None:
         embedding=body.positions,
         num_touches=len(laid.q),
     )
-    save_learned(run, representation, body)
+    save_learned(run, representation, body, TouchModel((None,)))
     touches = np.arange(1, 10)
     life = LifeCurves(
         touches=touches,

@@ -16,6 +16,7 @@ from selftouch_drake.agent.planning.route import (
     leap_penalty,
 )
 from selftouch_drake.agent.planning.smoothing import KNOT_SPACING, path_length, smooth_path
+from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.planning.waypoints import Waypoints
 from selftouch_drake.agent.representation.graphs import step_links
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
@@ -30,18 +31,24 @@ class Planner:
     Args:
         representation: what the agent has learned.
         knot_spacing: rad of path length between knots of the smooth path; larger is smoother.
+        touch_model: bends steps along links into the skin; without, they are straight.
 
     Raises:
         ValueError: `knot_spacing` is not positive.
     """
 
     def __init__(
-        self, representation: QuotientRepresentation, *, knot_spacing: float = KNOT_SPACING
+        self,
+        representation: QuotientRepresentation,
+        *,
+        knot_spacing: float = KNOT_SPACING,
+        touch_model: TouchModel | None = None,
     ) -> None:
         if not knot_spacing > 0.0:
             raise ValueError(f"knot_spacing is {knot_spacing} rad: give a positive number")
         self.representation = representation
         self.knot_spacing = knot_spacing
+        self.touch_model = touch_model
         self.links = step_links(representation)
         self._graphs = [
             RouteGraph.of(representation, self.links, mode)
@@ -191,7 +198,8 @@ class Planner:
         penalty = self._leap_penalty * memory.link_penalty
         nodes = carried_route(graph, way.end[graph.joints], start, goal, goal_x, penalty).tolist()
         links = [self._link_row[min(step), max(step)] for step in pairwise(nodes)]
-        way.follow(nodes[1:], links, [*(graph.firm.members(k) for k in nodes[1:-1]), goal_x])
+        layers = [*(graph.firm.members(k) for k in nodes[1:-1]), goal_x]
+        way.follow(nodes[1:], links, layers, mode)
 
     def _through(
         self, q_start: np.ndarray, way: Waypoints, slides: Slides, limits: Limits | None
@@ -201,8 +209,9 @@ class Planner:
         lower, upper = (representation.scaled(limit) for limit in limits or self._range)
         if limits is not None:
             slides = slides.within(lower, upper)
-        nodes, of_step, waypoints_x = way.passed(slides)
-        path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, limits=(lower, upper))
+        limited = lower, upper
+        nodes, of_step, waypoints_x, imagined = way.passed(slides, self.touch_model, limited)
+        path = smooth_path(waypoints_x, knot_spacing=self.knot_spacing, limits=limited)
         path.c = path.c / representation.joint_scale
         waypoints_q = waypoints_x / representation.joint_scale
         waypoints_q[0] = path.c[0] = q_start
@@ -210,6 +219,7 @@ class Planner:
             nodes=np.array(nodes),
             links=np.array(way.links, dtype=np.int64)[of_step],
             in_air=np.array(way.in_air, dtype=bool)[of_step],
+            imagined=np.array(imagined),
             waypoints_q=waypoints_q,
             waypoint_s=path_length(waypoints_x),
             path=path,

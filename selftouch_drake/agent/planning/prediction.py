@@ -53,6 +53,7 @@ def predict_sensation(
     `plan.waypoint_s[-1]`; `(R, S)` kernel sensations of unit L2 norm were felt at the rows of
     `kernel_q`.
     """
+    plan = plan.without_imagined()
     at_waypoints = np.array(representation.target_sensations[plan.nodes], dtype=float)
     if kernel_sensation is not None:
         for row, (node, q) in enumerate(zip(plan.nodes, plan.waypoints_q, strict=True)):

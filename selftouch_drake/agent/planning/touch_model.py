@@ -1,0 +1,288 @@
+"""How firmly the skin is touched at any motor configuration, as small networks learned it (naive).
+
+The straight way from one touch to the next leaves the skin where the body curves. Neighbours in
+motor space do not tell where: they are too far apart. But what is felt, and how firmly, is a smooth
+function of the motor configuration. A network that learned it from touches alone says of a
+configuration beside them that it is touched less than lightly, or more than firmly, and in which
+direction lies the skin. So a path is bent into the skin before anybody follows it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from selftouch_drake.agent.network import Network, train
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+
+#: Units of the hidden layers, touches per training step, and standard deviation of initial weights.
+_HIDDEN, _BATCH, _GAIN = (128, 128, 128), 256, 0.7
+
+#: Most training steps, and touches per step if there are few. With 6000 steps, networks of twelve
+#: joints still tell nothing of the skin; with 10,000 they do.
+_MOST_STEPS, _ROWS_PER_STEP = 10_000, 3
+
+#: One in this many touches is held out; least correlation with what was felt in these.
+_HELD_OUT, _LEAST_CORRELATION = 8, 0.1
+
+#: rad, median way from a touch to the nearest one of a linked kernel from which straight steps leave
+#: the skin. It is 0.7 for six joints and 100,000 touches, 3.0 for twelve and 400,000. For short
+#: steps a network is no better: contact of 40 plans on a cube with six joints is 99.3 % if they are
+#: straight, 98.9 to 99.2 % if they are bent.
+_LONG = 1.5
+
+#: Shares of the touches that are predicted lighter than the least and the greatest firmness of a
+#: path: those of the middle of the skin.
+_LIGHTEST, _FIRMEST = 0.4, 0.6
+
+#: rad, distance of the configurations that are bent, and the farthest that they go at a time.
+_SPACING, _FARTHEST = 0.15, 0.2
+_MOST_ROUNDS, _CLOSE = 8, 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Firmness:
+    """What touches of one mode feel like: their firmness is a share, that of lighter touches.
+
+    Attributes:
+        network: from J standardised joints to firmness less a half, and to the sensation.
+        joints: `(J,)` the joints that matter in the mode.
+        middle: `(J,)` rad, mean of the scaled configurations.
+        deviation: `(J,)` rad, their standard deviation.
+        lightest: least firmness of a path, less a half.
+        firmest: greatest firmness of a path, less a half.
+    """
+
+    network: Network
+    joints: np.ndarray
+    middle: np.ndarray
+    deviation: np.ndarray
+    lightest: float
+    firmest: float
+
+    def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """`(n,)` firmness less a half at scaled configurations `(n, J)`, and `(n, J)` its slope, per rad."""
+        outputs, _, slopes = self.network.forward(self._standardised(x))
+        first = np.zeros_like(outputs)
+        first[:, 0] = 1.0
+        return outputs[:, 0], self.network.slope_of_inputs(first, slopes) / self.deviation
+
+    def bent(self, x: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+        """Scaled configurations `(n, J)` moved into the skin, along the slope, within limits."""
+        x = np.array(x, dtype=float)
+        for _ in range(_MOST_ROUNDS):
+            firm, slope = self(x)
+            short = firm.clip(self.lightest, self.firmest) - firm
+            if np.abs(short).max(initial=0.0) < _CLOSE:
+                break
+            step = (short / np.maximum(np.square(slope).sum(axis=1), 1e-9))[:, None] * slope
+            length = np.linalg.norm(step, axis=1, keepdims=True)
+            step *= np.minimum(1.0, _FARTHEST / np.maximum(length, 1e-9))
+            x = (x + step).clip(lower, upper)
+        return x
+
+    def _standardised(self, x: np.ndarray) -> np.ndarray:
+        return ((x - self.middle) / self.deviation).astype(np.float32)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TouchModel:
+    """What the agent knows of the ways between its touches.
+
+    Attributes:
+        of_mode: what touches of each mode feel like; None where straight steps are short, or where
+            touches did not tell.
+    """
+
+    of_mode: tuple[_Firmness | None, ...]
+
+    @classmethod
+    def learn(
+        cls,
+        representation: QuotientRepresentation,
+        kernel_sensation: Callable[[], csr_array],
+        *,
+        seed: int = 0,
+    ) -> TouchModel:
+        """Learns from stored touches.
+
+        Args:
+            representation: what was learned from the touches.
+            kernel_sensation: returns `(R, S)` of unit L2 norm, the sensation at each row of
+                `kernel_q`; called if there is something to learn.
+            seed: the same seed and touches give the same bytes, on one machine.
+        """
+        modes = range(len(representation.mode_joints))
+        long = [_typical_step(representation, mode) > _LONG for mode in modes]
+        if not any(long):
+            return cls((None,) * len(modes))
+        felt = kernel_sensation()
+        firmness = _firmness(representation, felt)
+        return cls(
+            tuple(
+                _learned(representation, felt, firmness, mode, seed) if long[mode] else None
+                for mode in modes
+            )
+        )
+
+    def between(
+        self,
+        x: np.ndarray,
+        modes: list[int],
+        kept: list[bool],
+        limits: tuple[np.ndarray, np.ndarray],
+    ) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Bends the steps of a plan into the skin.
+
+        Args:
+            x: `(W, J)` scaled waypoints.
+            modes: of each of the W - 1 steps; below 0 in the air.
+            kept: whether each of the W waypoints must stay where it is.
+            limits: `(J,)` lowest and highest scaled configuration.
+
+        Returns:
+            The waypoints, and for each step the `(n, J)` configurations to pass.
+        """
+        x, steps = x.copy(), np.array(modes, dtype=int)
+        passed = [x[:0]] * len(steps)
+        for mode, firmness in enumerate(self.of_mode):
+            of_mode = np.flatnonzero(steps == mode)
+            if firmness is None or not len(of_mode):
+                continue
+            joints = firmness.joints
+            lower, upper = (limit[joints] for limit in limits)
+            moved = np.ix_([at for at in of_mode + 1 if not kept[at]], joints)
+            x[moved] = firmness.bent(x[moved], lower, upper)
+            ways = [_inner(x[at], x[at + 1]) for at in of_mode]
+            inner = np.concatenate(ways)
+            inner[:, joints] = firmness.bent(inner[:, joints], lower, upper)
+            parts = np.split(inner, np.cumsum([len(way) for way in ways])[:-1])
+            for at, part in zip(of_mode, parts, strict=True):
+                passed[at] = part
+        return x, passed
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """All networks as arrays, by name."""
+        arrays = {"num_modes": np.array(len(self.of_mode))}
+        for mode, one in enumerate(self.of_mode):
+            if one is not None:
+                levels = np.array([one.lightest, one.firmest])
+                named = {"joints": one.joints, "middle": one.middle, "deviation": one.deviation}
+                layers = zip(one.network.weights, one.network.biases, strict=True)
+                for number, (weights, biases) in enumerate(layers):
+                    named |= {f"weights_{number}": weights, f"biases_{number}": biases}
+                named |= {"levels": levels}
+                arrays |= {f"mode_{mode}_{name}": array for name, array in named.items()}
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> TouchModel:
+        """Inverse of `to_arrays`; other names are ignored.
+
+        Raises:
+            KeyError: an array is missing.
+        """
+        found = list[_Firmness | None]()
+        for mode in range(int(arrays["num_modes"])):
+            prefix = f"mode_{mode}_"
+            named = {n.removeprefix(prefix): a for n, a in arrays.items() if n.startswith(prefix)}
+            if not named:
+                found.append(None)
+                continue
+            layers = range(len(_HIDDEN) + 1)
+            lightest, firmest = named["levels"].tolist()
+            network = Network(
+                weights=[named[f"weights_{layer}"] for layer in layers],
+                biases=[named[f"biases_{layer}"] for layer in layers],
+            )
+            kept = {name: named[name] for name in ("joints", "middle", "deviation")}
+            found.append(_Firmness(network=network, lightest=lightest, firmest=firmest, **kept))
+        return cls(tuple(found))
+
+
+def _firmness(representation: QuotientRepresentation, sensation: csr_array) -> np.ndarray:
+    """`(R,)` the share of the touches of the same kernel that are lighter.
+
+    The sum of the readings, unlike their norm, hardly depends on where receptors are.
+    """
+    total = representation.kernel_strength * sensation.sum(axis=1)
+    offsets = representation.kernel_offsets
+    sizes = np.diff(offsets)
+    kernel = np.repeat(np.arange(len(sizes)), sizes)
+    share = np.empty(len(total), dtype=np.float32)
+    order = np.lexsort((total, kernel))
+    share[order] = (np.arange(len(total)) - offsets[kernel] + 0.5) / sizes[kernel]
+    return share
+
+
+def _touches_of(
+    representation: QuotientRepresentation, mode: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`(n,)` rows of the touches of a mode, its J joints, and `(n, J)` scaled positions there."""
+    rows = np.flatnonzero(representation.kernel_mode == mode)
+    joints = np.flatnonzero(representation.mode_joints[mode])
+    return rows, joints, representation.scaled(representation.kernel_q[rows])[:, joints]
+
+
+def _learned(
+    representation: QuotientRepresentation,
+    sensation: csr_array,
+    firmness: np.ndarray,
+    mode: int,
+    seed: int,
+) -> _Firmness | None:
+    """What touches of a mode feel like; None if they do not tell."""
+    rng = np.random.default_rng([seed, mode])
+    rows, joints, positions = _touches_of(representation, mode)
+    num_steps = min(len(rows) * _MOST_STEPS // len(firmness), len(rows) // _ROWS_PER_STEP)
+    if num_steps < 1:
+        return None
+    middle, deviation = positions.mean(axis=0), np.maximum(positions.std(axis=0), 1e-6)
+    x = ((positions - middle) / deviation).astype(np.float32)
+    firm, felt = firmness[rows], sensation[rows]
+    typical = np.asarray(felt.mean(axis=0), dtype=np.float32)
+    held_out = np.zeros(len(rows), dtype=bool)
+    held_out[::_HELD_OUT] = True
+    learning = np.flatnonzero(~held_out)
+
+    def slope(found: np.ndarray, drawn: np.ndarray) -> np.ndarray:
+        wanted = np.column_stack([firm[drawn] - 0.5, felt[drawn].toarray() - typical])
+        return 2.0 * (found - wanted.astype(np.float32)) / len(found)
+
+    network = Network.random([len(joints), *_HIDDEN, 1 + felt.shape[1]], rng, gain=_GAIN)
+    train(network, x, lambda: learning[rng.integers(len(learning), size=_BATCH)], slope, num_steps)
+    told = network(x[held_out])[:, 0]
+    correlation = np.corrcoef(told, firm[held_out])[0, 1]
+    if not correlation > _LEAST_CORRELATION:
+        return None
+    lightest, firmest = np.quantile(told, [_LIGHTEST, _FIRMEST])
+    return _Firmness(
+        network=network,
+        joints=joints,
+        middle=middle,
+        deviation=deviation,
+        lightest=float(lightest),
+        firmest=float(firmest),
+    )
+
+
+def _typical_step(representation: QuotientRepresentation, mode: int) -> float:
+    """rad, the median way from a touch of a mode to the nearest one of a linked kernel."""
+    rng = np.random.default_rng(mode)
+    rows, _, x = _touches_of(representation, mode)
+    first, steps = np.searchsorted(rows, representation.kernel_offsets), [0.0]
+    for i, j in rng.permutation(representation.edges)[:1000].tolist():
+        here, there = x[first[i] : first[i + 1]], x[first[j] : first[j + 1]]
+        if len(here) and len(there):
+            start = here[rng.integers(len(here))]
+            steps.append(float(np.linalg.norm(there - start, axis=1).min()))
+    return float(np.median(steps))
+
+
+def _inner(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """`(n, J)` configurations on the straight way, without its ends."""
+    count = max(1, int(np.ceil(np.linalg.norm(end - start) / _SPACING)))
+    return start + np.linspace(0.0, 1.0, count + 1)[1:-1, None] * (end - start)
