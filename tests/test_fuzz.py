@@ -186,6 +186,8 @@ def run(tmp_path_factory):
             nodes=np.array([3, 1, 4]),
             links=np.array([2, 3]),
             in_air=np.zeros(2, bool),
+            modes=np.full(len(np.array([3, 1, 4])) - 1, -1),
+            imagined=np.zeros(len(np.array([3, 1, 4])), bool),
             waypoints_q=random.uniform(-1, 1, (3, 6)),
             waypoint_s=np.arange(3.0),
             path=smooth_path(random.uniform(-1, 1, (3, 6))),

@@ -140,7 +140,9 @@ class Agent:
         """
         if dry_run is not None:
             return recall_sensation(plan, s, dry_run.s, dry_run.felt)
-        return predict_sensation(self.representation, plan, s, self.kernel_sensation)
+        return predict_sensation(
+            self.representation, plan, s, self.kernel_sensation, self.touch_model
+        )
 
     def motion(self, plan: Plan, *, dry_run: DryRun | None = None, **timed: np.ndarray) -> Motion:
         """A plan with times and with the sensations that the agent expects.

@@ -30,6 +30,7 @@ class Plan(Record):
         links: `(W - 1,)` row of each step in the planner's `links`; -1 where there is none: in the
             air.
         in_air: `(W - 1,)` bool, steps through the air, from one touch (or none) to another.
+        modes: `(W - 1,)` the mode of the touches on each step along links; `NO_MODE` of others.
         imagined: `(W,)` bool, waypoints between two touches, where the agent only expects one.
         waypoints_q: `(W, J)` one motor configuration per kernel.
         waypoint_s: `(W,)` rad, parameter of each waypoint on `path`: polyline length up to it.
@@ -40,6 +41,7 @@ class Plan(Record):
     nodes: np.ndarray
     links: np.ndarray
     in_air: np.ndarray
+    modes: np.ndarray
     imagined: np.ndarray
     waypoints_q: np.ndarray
     waypoint_s: np.ndarray
@@ -47,7 +49,7 @@ class Plan(Record):
 
     def __post_init__(self) -> None:
         num = self.nodes.size
-        steps = dict.fromkeys(("links", "in_air"), (num - 1,))
+        steps = dict.fromkeys(("links", "in_air", "modes"), (num - 1,))
         waypoints = dict.fromkeys(("nodes", "imagined", "waypoint_s"), (num,))
         self.check_arrays({**waypoints, **steps, "waypoints_q": (num, None)})
 
@@ -59,7 +61,7 @@ class Plan(Record):
     def without_imagined(self) -> Plan:
         """The same path, without the waypoints that are imagined."""
         rows = np.flatnonzero(~self.imagined)
-        steps = {name: getattr(self, name)[rows[:-1]] for name in ("links", "in_air")}
+        steps = {name: getattr(self, name)[rows[:-1]] for name in ("links", "in_air", "modes")}
         names = ("nodes", "imagined", "waypoints_q", "waypoint_s")
         return replace(self, **steps, **{name: getattr(self, name)[rows] for name in names})
 

@@ -13,9 +13,9 @@ from scipy.interpolate import BSpline
 _KINDS = {
     "embedding": ("iuf", "real numbers"),
     **dict.fromkeys(("in_air", "imagined", "overlap", "mode_joints"), ("b", "booleans")),
-    **dict.fromkeys(("nodes", "links", "node", "offsets", "missed"), ("iu", "whole numbers")),
-    **dict.fromkeys(("kernel_offsets", "kernel_row", "kernel_mode"), ("iu", "whole numbers")),
-    **dict.fromkeys(("edges", "part"), ("iu", "whole numbers")),
+    **dict.fromkeys(("nodes", "links", "modes", "node", "offsets"), ("iu", "whole numbers")),
+    **dict.fromkeys(("missed", "kernel_offsets", "kernel_row"), ("iu", "whole numbers")),
+    **dict.fromkeys(("kernel_mode", "edges", "part"), ("iu", "whole numbers")),
 }
 
 

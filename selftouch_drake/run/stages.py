@@ -20,6 +20,7 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.planning.novelty import Recorded
+from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.bodies.embodiment import World, pilot_in

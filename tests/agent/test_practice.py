@@ -60,6 +60,8 @@ def a_plan(waypoints, *, links=None, in_air=None):
         nodes=np.arange(num + 1),
         links=np.zeros(num, dtype=int) if links is None else np.array(links),
         in_air=np.zeros(num, dtype=bool) if in_air is None else np.array(in_air),
+        modes=np.full(len(np.arange(num + 1)) - 1, -1),
+        imagined=np.zeros(len(np.arange(num + 1)), bool),
         waypoints_q=waypoints,
         waypoint_s=path_length(waypoints),
         path=path,
@@ -149,6 +151,8 @@ def test_a_plan_to_stay_has_no_step_to_doubt():
         nodes=np.zeros(1, dtype=int),
         links=np.empty(0, dtype=int),
         in_air=np.empty(0, dtype=bool),
+        modes=np.full(len(np.zeros(1, dtype=int)) - 1, -1),
+        imagined=np.zeros(len(np.zeros(1, dtype=int)), bool),
         waypoints_q=np.array([[np.pi, 0.0, 0.0, 0.0]]),
         waypoint_s=np.zeros(1),
     )

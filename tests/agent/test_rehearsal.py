@@ -22,6 +22,8 @@ def judged(felt, *, links=(4, 7), goal=2, in_air=None, known=CHAIN):
         nodes=np.array([*range(3, 3 + num_steps), goal]),
         links=np.array(links, dtype=int),
         in_air=np.zeros(num_steps, bool) if in_air is None else np.array(in_air),
+        modes=np.full(len(np.array([*range(3, 3 + num_steps), goal])) - 1, -1),
+        imagined=np.zeros(len(np.array([*range(3, 3 + num_steps), goal])), bool),
         waypoints_q=np.zeros((num_steps + 1, 2)),
         waypoint_s=np.arange(num_steps + 1.0),
         path=smooth_path(np.zeros((1, 2))),

@@ -219,6 +219,7 @@ class Planner:
             nodes=np.array(nodes),
             links=np.array(way.links, dtype=np.int64)[of_step],
             in_air=np.array(way.in_air, dtype=bool)[of_step],
+            modes=np.array(way.modes, dtype=np.int64)[of_step],
             imagined=np.array(imagined),
             waypoints_q=waypoints_q,
             waypoint_s=path_length(waypoints_x),

@@ -28,10 +28,10 @@ _MOST_STEPS, _ROWS_PER_STEP = 10_000, 3
 #: One in this many touches is held out; least correlation with what was felt in these.
 _HELD_OUT, _LEAST_CORRELATION = 8, 0.1
 
-#: rad, median way from a touch to the nearest one of a linked kernel from which straight steps leave
-#: the skin. It is 0.7 for six joints and 100,000 touches, 3.0 for twelve and 400,000. For short
-#: steps a network is no better: contact of 40 plans on a cube with six joints is 99.3 % if they are
-#: straight, 98.9 to 99.2 % if they are bent.
+#: rad, median way from a touch to the nearest one of a linked kernel; beyond it, straight steps
+#: leave the skin. It is 0.7 for six joints and 100,000 touches, 3.0 for twelve and 400,000. For
+#: short steps a network is no better: contact of 40 plans on a cube with six joints is 99.3 % if
+#: they are straight, 98.9 to 99.2 % if they are bent.
 _LONG = 1.5
 
 #: Shares of the touches that are predicted lighter than the least and the greatest firmness of a
@@ -41,6 +41,9 @@ _LIGHTEST, _FIRMEST = 0.4, 0.6
 #: rad, distance of the configurations that are bent, and the farthest that they go at a time.
 _SPACING, _FARTHEST = 0.15, 0.2
 _MOST_ROUNDS, _CLOSE = 8, 0.02
+
+#: Names of the arrays of a mode, beside those of its network.
+_ARRAYS = ("joints", "middle", "deviation", "typical")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,6 +55,7 @@ class _Firmness:
         joints: `(J,)` the joints that matter in the mode.
         middle: `(J,)` rad, mean of the scaled configurations.
         deviation: `(J,)` rad, their standard deviation.
+        typical: `(S,)` unit L2 norm, the mean sensation.
         lightest: least firmness of a path, less a half.
         firmest: greatest firmness of a path, less a half.
     """
@@ -60,15 +64,21 @@ class _Firmness:
     joints: np.ndarray
     middle: np.ndarray
     deviation: np.ndarray
+    typical: np.ndarray
     lightest: float
     firmest: float
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`(n,)` firmness less a half at scaled configurations `(n, J)`, and `(n, J)` its slope, per rad."""
+        """`(n,)` firmness less a half at scaled `(n, J)`, and `(n, J)` its slope, per rad."""
         outputs, _, slopes = self.network.forward(self._standardised(x))
         first = np.zeros_like(outputs)
         first[:, 0] = 1.0
         return outputs[:, 0], self.network.slope_of_inputs(first, slopes) / self.deviation
+
+    def sensation(self, x: np.ndarray) -> np.ndarray:
+        """`(n, S)` what is felt at scaled configurations `(n, all joints)`, without its scale."""
+        outputs = self.network(self._standardised(x[:, self.joints]))
+        return np.maximum(outputs[:, 1:] + self.typical, 0.0)
 
     def bent(self, x: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """Scaled configurations `(n, J)` moved into the skin, along the slope, within limits."""
@@ -170,7 +180,7 @@ class TouchModel:
         for mode, one in enumerate(self.of_mode):
             if one is not None:
                 levels = np.array([one.lightest, one.firmest])
-                named = {"joints": one.joints, "middle": one.middle, "deviation": one.deviation}
+                named = {name: getattr(one, name) for name in _ARRAYS}
                 layers = zip(one.network.weights, one.network.biases, strict=True)
                 for number, (weights, biases) in enumerate(layers):
                     named |= {f"weights_{number}": weights, f"biases_{number}": biases}
@@ -198,7 +208,7 @@ class TouchModel:
                 weights=[named[f"weights_{layer}"] for layer in layers],
                 biases=[named[f"biases_{layer}"] for layer in layers],
             )
-            kept = {name: named[name] for name in ("joints", "middle", "deviation")}
+            kept = {name: named[name] for name in _ARRAYS}
             found.append(_Firmness(network=network, lightest=lightest, firmest=firmest, **kept))
         return cls(tuple(found))
 
@@ -264,6 +274,7 @@ def _learned(
         joints=joints,
         middle=middle,
         deviation=deviation,
+        typical=typical,
         lightest=float(lightest),
         firmest=float(firmest),
     )
