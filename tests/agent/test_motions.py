@@ -65,7 +65,8 @@ def test_arrays_and_back_are_the_same(plan, motion, execution):
 
 def test_the_names_are_those_of_the_files(execution):
     assert set(execution.to_arrays()) == {
-        *("nodes", "links", "in_air", "waypoints_q", "waypoint_s", "path_knots", "path_control"),
+        *("nodes", "links", "in_air", "modes", "imagined", "waypoints_q", "waypoint_s"),
+        *("path_knots", "path_control"),
         *("time_s", "s", "q", "v", "predicted", "predicted_spread"),
         *("felt", "q_measured", "v_measured", "torque"),
     }
