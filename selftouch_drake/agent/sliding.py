@@ -34,7 +34,7 @@ _ACROSS = 1e-3
 
 #: A body that travels follows a path at this share of its velocity limits, to feel along it. It was
 #: there if each joint was within this share of its range.
-_SLOWLY, _NEAR = 0.25, 0.01
+_SLOWLY, _NEAR = 0.25, 0.03
 #: Steps within which it gets up speed.
 _BEGINNING = 8
 

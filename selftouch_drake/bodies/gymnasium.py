@@ -23,7 +23,7 @@ _PEAK = 1.875
 
 #: Shares of a joint's range: it is there, as far as soft contact lets it; it is so far behind that
 #: something is in its way.
-_NEAR, _BLOCKED = 0.012, 0.08
+_NEAR, _BLOCKED = 0.03, 0.08
 
 #: Seconds to become still; seconds in which a joint that is still moves by less than this share of
 #: its range.
