@@ -219,6 +219,13 @@ MUTANTS = (
         first=("tests/agent/planning/test_timing.py",),
     ),
     Mutant(
+        name="bending: out of the skin",
+        file="agent/planning/touch_model.py",
+        old="short = firm.clip(self.lightest, self.firmest) - firm",
+        new="short = firm - firm.clip(self.lightest, self.firmest)",
+        first=("tests/agent/planning/test_touch_model.py",),
+    ),
+    Mutant(
         name="servo: corrects to the wrong side",
         file="robot/servo.py",
         old="aim = x - BANDWIDTH * PERIOD * off * across",

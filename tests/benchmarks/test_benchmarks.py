@@ -49,6 +49,7 @@ SMALL: dict[str, list[str]] = {
     "trust": ["luck", "--out={tmp}", "--touches=3000", "--targets=60", "--networks=1", "--cases=1"],
     "live": ["{run}", "--seconds", "1", "--no-browser"],
     "sensor": ["--quick", "--looks", "2"],
+    "bending": ["{run}", "--pairs", "2"],
     "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }
 
