@@ -98,7 +98,7 @@ FROM_Q = click.option(
 BODY = click.option(
     "--body",
     metavar="FILE:CLASS",
-    help="Body of your own in which to live, as in my_robot.py:MyRobot; for imported runs.",
+    help="Body of your own for the agent, as in my_robot.py:MyRobot; for imported runs.",
 )
 
 
@@ -309,8 +309,8 @@ def import_data(
     """Begin a run with data recorded by another robot.
 
     DATA is a Parquet, CSV or NPZ file, or a folder of them, with joint positions and raw readings
-    of the skin in each row. `learn`, `plan` and `report` work on such a run; commands that need a
-    simulated robot do not.
+    of the skin in each row. `learn`, `plan`, `live` and `report` work on such a run; `execute` and
+    `evaluate` need a body of your own, with --body.
     """
     from selftouch_drake.run import imported
     from selftouch_drake.run.directory import RunDirectory
@@ -333,7 +333,7 @@ def import_data(
 @click.option(
     "--add",
     is_flag=True,
-    help="Learn from the touches, too, that a body of your own met in practice and execution.",
+    help="Learn also from touches that a body of your own met in practice, execution and life.",
 )
 def learn(directory: RunDirectory, add: bool) -> None:
     """Learn the quotient graph and recover the body.
@@ -479,7 +479,7 @@ def report(directory: RunDirectory, vector: bool) -> None:
     type=click.IntRange(min=1),
     default=2000,
     show_default=True,
-    help="Number of touches that it then finds in the body that --body gives.",
+    help="Number of touches that the agent then collects in the body that --body gives.",
 )
 def live(
     workers: int | None,
@@ -496,8 +496,8 @@ def live(
     The page shows the robot, and beside it the body that the agent knows so far. The robot babbles
     as in `selftouch run`. Then the agent learns from its touches one after another, notices if its
     body changes, and corrects what it knows. The report shows its life as curves. End with the
-    button on the page or with Ctrl-C. An imported run lives through what was recorded, and then
-    explores the body that --body gives.
+    button on the page or with Ctrl-C. In an imported run the agent lives through the recording,
+    and then explores the body that --body gives.
     """
     from selftouch_drake.run.directory import RunDirectory
 

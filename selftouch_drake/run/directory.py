@@ -68,7 +68,7 @@ class RunDirectory:
     experiment: Experiment
 
     experience = Inside("experience", "The agent's experience, in shards.")
-    met = Inside("met", "Touches that were met in practice and execution, in shards.")
+    met = Inside("met", "Touches that were met in practice, execution and life, in shards.")
     added = Inside("added", "Touches that `learn --add` added to the experience, in shards.")
     truth = Inside("truth", "The truth, in shards; only the experimenter may read it.")
     skin = Inside("skin.npz", "Receptors and outer surfaces of the skins; part of the truth.")

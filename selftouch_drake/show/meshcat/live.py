@@ -39,7 +39,7 @@ _TRACE_EVERY = 6
 class LiveShow:
     """An agent in Meshcat with controls, advanced frame by frame.
 
-    It rests on its skin until the slider, a button or the tour asks for a sensation. Then it plans
+    It rests on its skin until the slider or the tour asks for a sensation. Then it plans
     and slides there. Another target interrupts a motion: the agent slows down on its path,
     and plans from where it comes to rest.
 
