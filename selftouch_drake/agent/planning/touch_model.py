@@ -250,7 +250,7 @@ def _learned(
     mode: int,
     seed: int,
 ) -> _Firmness | None:
-    """What touches of a mode feel like; None if that does not show straight steps leave the skin."""
+    """What touches of a mode feel like; None if that shows no need to bend steps."""
     rng = np.random.default_rng([seed, mode])
     rows, joints, positions = _touches_of(representation, mode)
     num_steps = min(len(rows) * _MOST_STEPS // len(firmness), len(rows) // _ROWS_PER_STEP)
