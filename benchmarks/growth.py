@@ -1,7 +1,6 @@
 """How the cost of a touch grows with receptors, joints and skins. Run it as a script.
 
-Times are of the processor, of one core; how learning grows with touches and targets is in
-`benchmarks/learning.py`. The tables stand in docs/performance.md.
+Times are of the processor, of one core. The tables stand in docs/performance.md.
 """
 
 from __future__ import annotations

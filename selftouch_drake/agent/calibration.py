@@ -214,6 +214,9 @@ def calibrate(
         ValueError: shapes disagree, or a number is not finite.
     """
     q, readings = _checked(q, readings)
+    for name, given in (("offset", offset), ("threshold", threshold)):
+        if given is not None and not np.isfinite(given):
+            raise ValueError(f"{name} is {given}: give a finite number")
     row, level = np.zeros(1), np.full((1, readings.shape[1]), float(offset or 0.0))
     if offset is None:
         cuts = np.linspace(0, len(readings), max(len(readings) // _WINDOW, 1) + 1).astype(int)

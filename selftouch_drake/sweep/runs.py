@@ -183,12 +183,13 @@ def _do(stage: str, runs: list[RunDirectory]) -> tuple[dict[str, str], list[str]
         The reason by the name of each run that failed, and warnings that begin with a run's name.
     """
     failed: dict[str, str] = {}
+    if not runs:
+        return failed, []
     # Runs are many and cores are few: one thread each.
     with threadpool_limits(1), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         try:
-            if runs:
-                _once(stage, [RunDirectory.create(run.path, run.experiment) for run in runs])
+            _once(stage, [RunDirectory.create(run.path, run.experiment) for run in runs])
         except ValueError as error:
             failed = {run.path.name: " ".join(str(error).split()) for run in runs}
     # Warnings of other packages are for developers.

@@ -258,3 +258,9 @@ def test_what_cannot_be_used_is_refused(q, readings, message):
     with pytest.raises(ValueError, match=r"^\w") as error:
         felt_touches(q, readings)
     assert str(error.value).startswith(message)
+
+
+@pytest.mark.parametrize("name", ["offset", "threshold"])
+def test_what_is_given_is_finite(recording, name):
+    with pytest.raises(ValueError, match=rf"^{name} is nan: give a finite number$"):
+        felt_touches(recording.q, recording.raw, **{name: float("nan")})

@@ -84,10 +84,10 @@ _LEAST_INFLUENCE = 0.02
 def joint_scale(q: np.ndarray, sensation: np.ndarray) -> np.ndarray:
     """`(J,)` positive factors, so that equal scaled steps change the sensation equally.
 
-    The squared change of the sensation is fitted as a weighted sum
-    of the squared changes of the joints. Changing the unit of a joint changes its factor inversely,
-    and nothing else. A joint that did not move has 1. From `(n, J)` q, a sample of the experience,
-    and `(n, S)` N that was felt there; no row null.
+    The squared change of the sensation is fitted as a weighted sum of the squared changes of the
+    joints. Changing the unit of a joint changes its factor inversely, and nothing else. A joint
+    that did not move has 1. From `(n, J)` q, a sample of the experience, and `(n, S)` N that was
+    felt there; no row null.
     """
     deviation = q.std(axis=0, dtype=float)
     moved = deviation > 0
