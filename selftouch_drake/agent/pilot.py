@@ -26,6 +26,10 @@ from selftouch_drake.randomness import random_stream
 #: Hz, rate of the samples of a timed motion.
 RATE_HZ = 100.0
 
+#: s, rest at the end of a motion of a body that travels, until its joints have arrived. Without it,
+#: an arm under dynamics that soft contact pushes off feels 63 instead of 94 % of its goals.
+_REST_S = 1.0
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Query:
@@ -137,9 +141,13 @@ class Pilot:
             acceleration_limit=self.body.acceleration,
             rate_hz=RATE_HZ,
         )
-        return self.agent.motion(
-            plan, time_s=timed.time_s, s=timed.s, q=timed.q, v=timed.v, dry_run=felt
+        num = 0 if self.body.jumps else round(_REST_S * RATE_HZ)
+        time_s, s, q, v = (
+            np.concatenate([samples, np.repeat(samples[-1:], num, axis=0)])
+            for samples in (timed.time_s, timed.s, timed.q, timed.v)
         )
+        time_s[len(time_s) - num :] += np.arange(1, num + 1) / RATE_HZ
+        return self.agent.motion(plan, time_s=time_s, s=s, q=q, v=v, dry_run=felt)
 
     def execute(self, motion: Motion, *, practised: bool = True) -> tuple[Execution, Followed]:
         """Lets the body follow a motion from its start.
