@@ -2,7 +2,7 @@
 
 The straight way from one touch to the next leaves the skin where the body curves. Neighbours in
 motor space do not tell where: they are too far apart. But what is felt, and how firmly, is a smooth
-function of the motor configuration. A network that learned it from touches alone says of a
+function of the motor configuration. Networks that learned it from touches alone say of a
 configuration beside them that it is touched less than lightly, or more than firmly, and in which
 direction lies the skin. So a path is bent into the skin before anybody follows it.
 """
@@ -94,11 +94,17 @@ class _Firmness:
         num = len(self.networks)
         return firm / num, slope / (num * self.deviation)
 
+    def outputs(self, x: np.ndarray) -> np.ndarray:
+        """`(n, 1 + S)` mean of the networks' outputs at scaled configurations `(n, J)`."""
+        x = self._standardised(x)
+        outputs = self.networks[0](x)
+        for network in self.networks[1:]:
+            outputs += network(x)
+        return outputs / np.float32(len(self.networks))
+
     def sensation(self, x: np.ndarray) -> np.ndarray:
         """`(n, S)` what is felt at scaled configurations `(n, all joints)`, without its scale."""
-        x = self._standardised(x[:, self.joints])
-        outputs = np.mean([network(x) for network in self.networks], axis=0)
-        return np.maximum(outputs[:, 1:] + self.typical, 0.0)
+        return np.maximum(self.outputs(x[:, self.joints])[:, 1:] + self.typical, 0.0)
 
     def bent(self, x: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
         """Scaled configurations `(n, J)` moved into the skin, along the slope, within limits."""
@@ -304,10 +310,10 @@ def _learned(
         lightest=0.0,
         firmest=0.0,
     )
-    told, _ = found(positions[held_out])
+    told = found.outputs(positions[held_out])[:, 0]
     if not np.corrcoef(told, firm[held_out])[0, 1] > _LEAST_CORRELATION:
         return None
-    expected, _ = found(_straight_steps(representation, mode)[1])
+    expected = found.outputs(_straight_steps(representation, mode)[1])[:, 0]
     least, most = np.quantile(told, [_EXTREME, 1.0 - _EXTREME])
     if np.mean((expected < least) | (expected > most)) < _OFF:
         return None
