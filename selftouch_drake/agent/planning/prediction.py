@@ -81,10 +81,10 @@ def predict_sensation(
         smooth = smooth_curve(truly_felt, at_waypoints[[0, -1]], length, num_intervals)
         expected = np.clip(smooth(s), 0.0, None)
     if touch_model is not None and len(plan.modes):
-        at, modes = representation.scaled(plan.path(s)), plan.modes[steps(plan.waypoint_s, s)]
+        modes = plan.modes[steps(plan.waypoint_s, s)]
         for mode, firmness in enumerate(touch_model.of_mode):
             if firmness is not None and (rows := modes == mode).any():
-                expected[rows] = firmness.sensation(at[rows])
+                expected[rows] = firmness.sensation(representation.scaled(plan.path(s[rows])))
     expected[~plan.touching(s)] = 0.0
     return Prediction(
         sensation=_unit(expected), spread=_spread(plan.waypoint_s, _unit(at_waypoints), s)

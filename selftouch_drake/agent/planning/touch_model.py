@@ -83,7 +83,7 @@ class _Firmness:
 
     def __call__(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """`(n,)` firmness at scaled configurations `(n, J)`, and `(n, J)` its slope, per rad."""
-        x = self._standardised(x)
+        x = self.standardised(x)
         firm, slope = np.zeros(len(x)), np.zeros(x.shape)
         for network in self.networks:
             outputs, _, slopes = network.forward(x)
@@ -96,7 +96,7 @@ class _Firmness:
 
     def outputs(self, x: np.ndarray) -> np.ndarray:
         """`(n, 1 + S)` mean of the networks' outputs at scaled configurations `(n, J)`."""
-        x = self._standardised(x)
+        x = self.standardised(x)
         outputs = self.networks[0](x)
         for network in self.networks[1:]:
             outputs += network(x)
@@ -120,7 +120,8 @@ class _Firmness:
             x = (x + step).clip(lower, upper)
         return x
 
-    def _standardised(self, x: np.ndarray) -> np.ndarray:
+    def standardised(self, x: np.ndarray) -> np.ndarray:
+        """`(n, J)` float32, scaled configurations as the networks take them."""
         return ((x - self.middle) / self.deviation).astype(np.float32)
 
 
@@ -152,14 +153,17 @@ class TouchModel:
             seed: the same seed and touches give the same bytes, on one machine.
         """
         modes = range(len(representation.mode_joints))
-        long = [np.median(_straight_steps(representation, mode)[0]) > _LONG for mode in modes]
+        straight = [_straight_steps(representation, mode) for mode in modes]
+        long = [np.median(lengths) > _LONG for lengths, _ in straight]
         if not any(long):
             return cls((None,) * len(modes))
         felt = kernel_sensation()
         firmness = _firmness(representation, felt)
         return cls(
             tuple(
-                _learned(representation, felt, firmness, mode, seed) if long[mode] else None
+                _learned(representation, felt, firmness, mode, straight[mode][1], seed)
+                if long[mode]
+                else None
                 for mode in modes
             )
         )
@@ -273,18 +277,28 @@ def _learned(
     sensation: csr_array,
     firmness: np.ndarray,
     mode: int,
+    middles: np.ndarray,
     seed: int,
 ) -> _Firmness | None:
-    """What touches of a mode feel like; None if that shows no need to bend steps."""
+    """What touches of a mode feel like; None if it shows no need to bend steps at `middles`."""
     rng = np.random.default_rng([seed, mode])
     rows, joints, positions = _touches_of(representation, mode)
     num_steps = min(len(rows) * _MOST_STEPS // len(firmness), len(rows) // _ROWS_PER_STEP)
     if num_steps < 1:
         return None
-    middle, deviation = positions.mean(axis=0), np.maximum(positions.std(axis=0), 1e-6)
-    x = ((positions - middle) / deviation).astype(np.float32)
     firm, felt = firmness[rows], sensation[rows]
     typical = np.asarray(felt.mean(axis=0), dtype=np.float32)
+    sizes = [len(joints), *_HIDDEN, 1 + felt.shape[1]]
+    found = _Firmness(
+        networks=[Network.random(sizes, rng, gain=_GAIN) for _ in range(_NUM_NETWORKS)],
+        joints=joints,
+        middle=positions.mean(axis=0),
+        deviation=np.maximum(positions.std(axis=0), 1e-6),
+        typical=typical,
+        lightest=0.0,
+        firmest=0.0,
+    )
+    x = found.standardised(positions)
     held_out = np.zeros(len(rows), dtype=bool)
     held_out[::_HELD_OUT] = True
     learning = np.flatnonzero(~held_out)
@@ -296,24 +310,13 @@ def _learned(
         wanted = np.column_stack([firm[drawn] - 0.5, felt[drawn].toarray() - typical])
         return 2.0 * (found - wanted.astype(np.float32)) / len(found)
 
-    sizes = [len(joints), *_HIDDEN, 1 + felt.shape[1]]
-    networks = [Network.random(sizes, rng, gain=_GAIN) for _ in range(_NUM_NETWORKS)]
-    for network in networks:
+    for network in found.networks:
         train(network, x, draw, slope, num_steps)
-    _agree(networks, x[held_out])
-    found = _Firmness(
-        networks=networks,
-        joints=joints,
-        middle=middle,
-        deviation=deviation,
-        typical=typical,
-        lightest=0.0,
-        firmest=0.0,
-    )
+    _agree(found.networks, x[held_out])
     told = found.outputs(positions[held_out])[:, 0]
     if not np.corrcoef(told, firm[held_out])[0, 1] > _LEAST_CORRELATION:
         return None
-    expected = found.outputs(_straight_steps(representation, mode)[1])[:, 0]
+    expected = found.outputs(middles)[:, 0]
     least, most = np.quantile(told, [_EXTREME, 1.0 - _EXTREME])
     if np.mean((expected < least) | (expected > most)) < _OFF:
         return None
