@@ -170,11 +170,16 @@ class DrakeDynamicBody(_Joints):
 
     def __init__(self, world: World, simulation: Simulation | None = None, *, jumps: bool = True):
         super().__init__(world)
-        self._simulation = world.simulation if simulation is None else simulation
+        if simulation is not None:
+            self._simulation = simulation
         self.jumps = jumps
         self.robot_s = 0.0
         # Where the last motion ended; at birth the robot is put where it first goes.
         self._at: np.ndarray | None = None
+
+    @cached_property
+    def _simulation(self) -> Simulation:
+        return self.world.simulation  # takes as long to build as a plan; who only plans needs none
 
     def feel(self, q: np.ndarray) -> DrakeFelt:
         """What is felt at `(n, J)` configurations, after the robot came to rest at each."""
