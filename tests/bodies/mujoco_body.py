@@ -232,10 +232,10 @@ class Kinematic:
 
 
 class Dynamic(GymnasiumBody):
-    """The body under dynamics, which travels."""
+    """The body under dynamics, which travels; `velocity` in rad/s limits each joint."""
 
-    def __init__(self, control="position"):
-        limits = {"velocity": [1.0] * 12, "acceleration": [4.0] * 12}
+    def __init__(self, control="position", velocity=1.0):
+        limits = {"velocity": [velocity] * 12, "acceleration": [4.0 * velocity] * 12}
         super().__init__(
             Arm(control), joints="qpos", touch="touch", joint_names=list(JOINTS), **limits
         )

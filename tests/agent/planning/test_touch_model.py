@@ -6,7 +6,7 @@ from kernels_by_hand import laid_by_hand
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.memory import RehearsalMemory, Slides
-from selftouch_drake.agent.planning import Planner
+from selftouch_drake.agent.planning import Planner, touch_model
 from selftouch_drake.agent.planning.touch_model import TouchModel
 
 #: A ring of skin round a rigid core, touched by a point whose x is the sum of the first three
@@ -26,11 +26,10 @@ def felt(q):
     return near / np.linalg.norm(near, axis=1, keepdims=True), SKIN - radius(q), turn
 
 
-@pytest.fixture(scope="module")
-def known():
-    q = np.random.default_rng(0).uniform(-1.5, 1.5, (200_000, 6))
-    q = q[(radius(q) > CORE) & (radius(q) < SKIN)][:9000]
-    sensation, firmness, turn = felt(q)
+def met(q, firmness=None):
+    """What is known from touches at q, in this order, and what was felt at its rows."""
+    sensation, pressed, turn = felt(q)
+    firmness = pressed if firmness is None else firmness
     kernel = ((turn + np.pi) / (2 * np.pi) * NUM_KERNELS).astype(int).clip(0, NUM_KERNELS - 1)
     order = np.argsort(kernel, kind="stable")
     q, sensation, kernel = q[order], sensation[order], kernel[order]
@@ -42,12 +41,19 @@ def known():
         flat,
         target_sensations=means / np.linalg.norm(means, axis=1, keepdims=True),
         kernel_q=q,
+        kernel_row=order,
         kernel_strength=firmness[order],
         mode_joints=np.ones((1, 6), dtype=bool),
         joint_scale=np.full(6, 4.0),
         overlap=np.ones((24, 24), dtype=bool),
     )
     return representation, csr_array(sensation.astype(np.float32))
+
+
+@pytest.fixture(scope="module")
+def known():
+    q = np.random.default_rng(0).uniform(-1.5, 1.5, (200_000, 6))
+    return met(q[(radius(q) > CORE) & (radius(q) < SKIN)][:9000])
 
 
 @pytest.fixture(scope="module")
@@ -88,13 +94,14 @@ def test_short_steps_stay_straight(known):
     assert unread.of_mode == (None,)
 
 
-def test_touches_that_tell_nothing_bend_nothing(known):
-    representation, sensation = known
-    rng = np.random.default_rng(0)
-    mixed = dataclasses.replace(
-        representation, kernel_strength=rng.permutation(representation.kernel_strength)
-    )
-    assert TouchModel.learn(mixed, lambda: sensation).of_mode == (None,)
+def test_a_way_known_by_heart_is_not_taken_for_the_skin(monkeypatch):
+    """Touches on a slow way, whose firmness has nothing to do with where they are."""
+    monkeypatch.setattr(touch_model, "_OFF", 0.0)  # correlation alone decides
+    monkeypatch.setattr(touch_model, "_LEAST_CORRELATION", 0.6)
+    noise = np.random.default_rng(0).standard_normal((7, 9299))
+    *way, firmness = (np.convolve(row, np.full(300, 0.06), "valid") for row in noise)
+    representation, sensation = met(np.stack(way, axis=1), np.exp(firmness))
+    assert TouchModel.learn(representation, lambda: sensation).of_mode == (None,)
 
 
 def test_it_is_saved_whole(known, model):
