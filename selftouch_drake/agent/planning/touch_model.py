@@ -31,8 +31,8 @@ _MOST_STEPS, _ROWS_PER_STEP = 10_000, 3
 _NUM_NETWORKS = 3
 
 #: Share of the touches that is held out; least correlation with what was felt in these. They are
-#: the last ones: a body that travels feels nearly the same again and again, and would tell a network
-#: that knows nothing but its path by heart from one that knows the skin.
+#: the last ones: a body that travels feels nearly the same again and again, so that a network which
+#: knows nothing but its path by heart would pass for one that knows the skin.
 _HELD_OUT, _LEAST_CORRELATION = 0.125, 0.1
 
 #: rad, median way from a touch to the nearest one of a linked kernel; beyond it, straight steps
