@@ -229,7 +229,14 @@ def test_a_plan_that_does_not_fit_together_is_refused(run):
 
 
 # Every verb that writes, and what it needs beside the run.
-WRITING = [["learn"], ["plan", *PAIR], ["execute", *PAIR], ["evaluate"], ["report"]]
+WRITING = [
+    ["learn"],
+    ["evaluate"],
+    *(
+        pytest.param(verb, marks=pytest.mark.slow)
+        for verb in (["plan", *PAIR], ["execute", *PAIR], ["report"])
+    ),
+]
 
 
 @pytest.fixture

@@ -205,7 +205,7 @@ def test_the_station_reads_what_the_probe_reads(name):
     np.testing.assert_array_equal(made.probe.sensations(q[::-1])[::-1], expected)
 
 
-@pytest.mark.parametrize("name", ["cube", "two_arms"])
+@pytest.mark.parametrize("name", ["cube", pytest.param("two_arms", marks=pytest.mark.slow)])
 def test_a_dynamic_walk_reads_what_the_probe_reads(name):
     world = robots.shipped(name)
     made = flawed(world, multiplicative_noise=0.05, additive_noise=0.02, dead=0.05)

@@ -1,9 +1,16 @@
 """One sensor model: the probe, Drake's contact and the dynamic simulation feel the same."""
 
 import numpy as np
+import pytest
 import robots
 
 from selftouch_drake.robot import MakeDynamicStation
+
+#: All shipped robots; the quick tests have one with several touchers and one that moves linearly.
+QUICK_AND_SLOW = [
+    name if name in ("torus_two_fingers", "gantry") else pytest.param(name, marks=pytest.mark.slow)
+    for name in robots.SHIPPED
+]
 
 
 def swing_through(world, q, duration=0.3):
@@ -20,6 +27,7 @@ def swing_through(world, q, duration=0.3):
     return simulation.take_log()
 
 
+@pytest.mark.parametrize("world", QUICK_AND_SLOW, indirect=True)
 def test_a_moving_simulation_feels_what_the_probe_feels_where_it_is(world):
     q, _ = robots.touches(world)
     for middle in q[:3].astype(float):

@@ -299,6 +299,7 @@ def test_pairs_are_drawn_from_all_pairs_of_the_one_part(run):
     assert len(set(everything)) == len(everything) == 60 * 59
 
 
+@pytest.mark.slow
 def test_evaluation_in_another_process_gives_the_same(run, world, tmp_path):
     other = RunDirectory.open(shutil.copytree(run.path, tmp_path / "other"))
     stages.evaluate(run)

@@ -350,6 +350,7 @@ def test_mistakes_leave_no_run(data, tmp_path, capfd):
         assert not (tmp_path / "run").exists()
 
 
+@pytest.mark.slow
 def test_the_program_of_the_page_works(recording, tmp_path, monkeypatch, capsys):
     page = (ROOT / "docs" / "real_robots.md").read_text(encoding="utf-8")
     program, _ = re.findall(r"```python\n(.*?)```", page, flags=re.DOTALL)

@@ -167,6 +167,7 @@ def test_circumspheres_by_hand():
     np.testing.assert_allclose(radius2, [1])
 
 
+@pytest.mark.slow
 def test_a_thousand_kernels_take_seconds():
     start = time.perf_counter()
     topology(torus(1000))
