@@ -1,5 +1,7 @@
 """A checked body says what is wrong with a user's body, and counts what it was asked to do."""
 
+import os
+import signal
 import threading
 import time
 import warnings
@@ -140,7 +142,7 @@ def test_on_ctrl_c_the_call_ends_before_the_body_rests():
             done.append("ended")
 
     body = CheckedBody(changed(feel=feel, rest=lambda self: done.append("rest"))())
-    threading.Timer(0.2, __import__("_thread").interrupt_main).start()
+    threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt), body:
         body.feel(POSTURES)
     assert done == ["ended", "rest"]
