@@ -123,19 +123,29 @@ class SensorModel:
         sensation = np.zeros((len(X_WL), self.num_receptors))
         contacts, totals = [], []
         for row, faces in surfaces:
-            for pressed, pressing in (faces.ends, faces.ends[::-1]):
-                if (skin := self._skin_of.get(pressed)) is None:
-                    continue
-                if skin not in self._soft:
-                    first = self.readings[skin].start
-                    self._soft[skin] = soft_skin(self._models[skin], first)
-                totals.append(np.zeros(4))
-                X = np.ascontiguousarray(X_WL[row, skin])
-                press_faces(
-                    self._soft[skin], faces.centroid, faces.force, X, sensation[row], totals[-1]
-                )
-                # Without a number is, for instance, the floor of a user's own diagram.
-                contacts.append((row, skin, self._toucher_of.get(pressing, -1)))
+            for skin, toucher, total in self.press(faces, X_WL[row], sensation[row]):
+                contacts.append((row, skin, toucher))
+                totals.append(total)
         row_of, skin_of, toucher_of = np.array(contacts, dtype=int).reshape(-1, 3).T
-        total = np.array(totals).reshape(-1, 4)
-        return Touches.of(sensation, row_of, skin_of, toucher_of, total)
+        return Touches.of(sensation, row_of, skin_of, toucher_of, np.reshape(totals, (-1, 4)))
+
+    def press(
+        self, faces: Faces, X_WL: np.ndarray, felt: np.ndarray
+    ) -> list[tuple[int, int, np.ndarray]]:
+        """Adds what a contact surface causes to what is `felt` `(S,)` N.
+
+        The links have poses `(skins, 3, 4)`. Returns skin, toucher and total as of `Touches.of`,
+        for each skin that is pressed.
+        """
+        found = []
+        for pressed, pressing in (faces.ends, faces.ends[::-1]):
+            if (skin := self._skin_of.get(pressed)) is None:
+                continue
+            if skin not in self._soft:
+                first = self.readings[skin].start
+                self._soft[skin] = soft_skin(self._models[skin], first)
+            X, total = np.ascontiguousarray(X_WL[skin]), np.zeros(4)
+            press_faces(self._soft[skin], faces.centroid, faces.force, X, felt, total)
+            # Without a number is, for instance, the floor of a user's own diagram.
+            found.append((skin, self._toucher_of.get(pressing, -1), total))
+        return found

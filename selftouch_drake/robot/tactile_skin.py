@@ -286,13 +286,13 @@ class TactileSkin(LeafSystem):
     def _calc_sensation(self, context, output):
         contact = self._contact.Eval(context)
         self._warn_of_points(contact)
-        surfaces = [(0, faces) for faces in self._faces.read(contact, self._skin_ids)]
-        if not surfaces:
-            output.SetZero()
-            return
-        poses = self._poses.Eval(context)
-        X_WL = [poses[link].GetAsMatrix34() for link in self._links]
-        output.SetFromVector(self._sensor.touches(surfaces, np.array([X_WL])).sensation[0])
+        felt = np.zeros(self._sensor.num_receptors)
+        if surfaces := list(self._faces.read(contact, self._skin_ids)):
+            poses = self._poses.Eval(context)
+            X_WL = np.array([poses[link].GetAsMatrix34() for link in self._links])
+            for faces in surfaces:
+                self._sensor.press(faces, X_WL, felt)
+        output.SetFromVector(felt)
 
     def _warn_of_points(self, contact: ContactResults) -> None:
         for i in range(contact.num_point_pair_contacts()):
