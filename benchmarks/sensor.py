@@ -54,7 +54,7 @@ from selftouch_drake.robot import (
     SkinModel,
     WornSkin,
 )
-from selftouch_drake.robot.contact import pressed_faces
+from selftouch_drake.robot.faces import Faces
 
 GRAVITY = 9.81
 # m and Pa, of all skins but those that vary.
@@ -192,7 +192,7 @@ class Rest:
     def centre_by_sensor(self) -> np.ndarray:
         """`(3,)` m, in the world: the centre of pressure in `Touches`, the truth."""
         sensor = SensorModel([self.worn])
-        surfaces = [(0, contact.contact_surface()) for contact in self.contacts]
+        surfaces = [(0, Faces.of(contact.contact_surface())) for contact in self.contacts]
         touches = sensor.touches(surfaces, self.X_WL.GetAsMatrix34()[None, None])
         return self.X_WL @ touches.p_LC[0]
 
@@ -375,7 +375,7 @@ def tip_accuracy(quick: bool) -> Iterator[str]:
     for radius, tip, depth in cases[: 1 if quick else None]:
         rest = tip_in_ball(radius, tip, depth)
         felt, force = rest.felt.sum(), np.linalg.norm(rest.force)
-        pressure = sum(pressed_faces(c.contact_surface())[1].sum() for c in rest.contacts)
+        pressure = sum(Faces.of(c.contact_surface()).force.sum() for c in rest.contacts)
         yield (
             f"| {radius} | {tip} | {1e3 * depth:.0f} | {felt:.3f} | {force:.3f} | "
             f"{deviation(felt, force)} | {deviation(felt, pressure)} |"

@@ -7,9 +7,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from pydrake.geometry import ContactSurface
 
+from selftouch_drake.robot.faces import Faces
 from selftouch_drake.robot.pairs import Toucher, WornSkin
+from selftouch_drake.robot.soft_skin import SoftSkin, press_faces, soft_skin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,23 +86,6 @@ class Touches:
         )
 
 
-def pressed_faces(surface: ContactSurface) -> tuple[np.ndarray, np.ndarray]:
-    """The faces of a contact surface.
-
-    Returns:
-        `(F, 3)` m, their centroids in the world, and `(F,)` N, the pressure integrated over each.
-    """
-    pressure = (
-        surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
-    ).EvaluateCartesian
-    centroid, area = surface.centroid, surface.area
-    faces = range(surface.num_faces())
-    points = [centroid(face) for face in faces]
-    # Pressure is linear on a face: its value at the centroid times the area is the exact integral.
-    force = [pressure(face, p) * area(face) for face, p in zip(faces, points, strict=True)]
-    return np.array(points).reshape(-1, 3), np.array(force)
-
-
 class SensorModel:
     """Computes the readings of all skins of a robot from contact surfaces.
 
@@ -115,18 +99,21 @@ class SensorModel:
     """
 
     def __init__(self, skins: Sequence[WornSkin], touchers: Sequence[Toucher] = ()):
-        self._fields = [skin.model.fields for skin in skins]
+        self._models = [skin.model for skin in skins]
+        # Of the skins that something has pressed so far.
+        self._soft: dict[int, SoftSkin] = {}
         self._skin_of = {skin.geometry_id: k for k, skin in enumerate(skins)}
         self._toucher_of = {g: t for t, each in enumerate(touchers) for g in each.geometry_ids}
         self._toucher_of |= {g: len(touchers) + skin for g, skin in self._skin_of.items()}
-        self._spread = [f.vertex_weights.T.tocsr() for f in self._fields]
-        ends = itertools.accumulate((f.num_receptors for f in self._fields), initial=0)
+        ends = itertools.accumulate(
+            (model.fields.num_receptors for model in self._models), initial=0
+        )
         #: The slice of a sensation that holds the readings of each skin.
         self.readings = [slice(a, b) for a, b in itertools.pairwise(ends)]
         #: S, number of receptors of all skins together.
         self.num_receptors = self.readings[-1].stop
 
-    def touches(self, surfaces: Iterable[tuple[int, ContactSurface]], X_WL: np.ndarray) -> Touches:
+    def touches(self, surfaces: Iterable[tuple[int, Faces]], X_WL: np.ndarray) -> Touches:
         """The touches that contact surfaces cause at N instants.
 
         Args:
@@ -135,23 +122,30 @@ class SensorModel:
         """
         sensation = np.zeros((len(X_WL), self.num_receptors))
         contacts, totals = [], []
-        for row, surface in surfaces:
-            ends = surface.id_M(), surface.id_N()
-            for pressed, pressing in (ends, ends[::-1]):
-                if (skin := self._skin_of.get(pressed)) is None:
-                    continue
-                p_WQ, force = pressed_faces(surface)
-                X = X_WL[row, skin]
-                p_LQ = (p_WQ - X[:, 3]) @ X[:, :3]
-                corner, part = self._fields[skin].parts_at(p_LQ)
-                # Forces are summed at the corners of the surface first, because there are fewer.
-                load = np.bincount(
-                    corner.ravel(), (force[:, None] * part).ravel(), self._spread[skin].shape[1]
-                )
-                sensation[row, self.readings[skin]] += self._spread[skin] @ load
-                # Without a number is, for instance, the floor of a user's own diagram.
-                contacts.append((row, skin, self._toucher_of.get(pressing, -1)))
-                totals.append([force.sum(), *force @ p_LQ])
+        for row, faces in surfaces:
+            for skin, toucher, total in self.press(faces, X_WL[row], sensation[row]):
+                contacts.append((row, skin, toucher))
+                totals.append(total)
         row_of, skin_of, toucher_of = np.array(contacts, dtype=int).reshape(-1, 3).T
-        total = np.array(totals).reshape(-1, 4)
-        return Touches.of(sensation, row_of, skin_of, toucher_of, total)
+        return Touches.of(sensation, row_of, skin_of, toucher_of, np.reshape(totals, (-1, 4)))
+
+    def press(
+        self, faces: Faces, X_WL: np.ndarray, felt: np.ndarray
+    ) -> list[tuple[int, int, np.ndarray]]:
+        """Adds what a contact surface causes to what is `felt` `(S,)` N.
+
+        The links have poses `(skins, 3, 4)`. Returns skin, toucher and total as of `Touches.of`,
+        for each skin that is pressed.
+        """
+        found = []
+        for pressed, pressing in (faces.ends, faces.ends[::-1]):
+            if (skin := self._skin_of.get(pressed)) is None:
+                continue
+            if skin not in self._soft:
+                first = self.readings[skin].start
+                self._soft[skin] = soft_skin(self._models[skin], first)
+            X, total = np.ascontiguousarray(X_WL[skin]), np.zeros(4)
+            press_faces(self._soft[skin], faces.centroid, faces.force, X, felt, total)
+            # Without a number is, for instance, the floor of a user's own diagram.
+            found.append((skin, self._toucher_of.get(pressing, -1), total))
+        return found

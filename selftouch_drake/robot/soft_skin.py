@@ -305,3 +305,48 @@ def feel_loads(skin, load, loaded, num_loaded, felt, row):
         for entry in range(skin.weight_ends[corner], skin.weight_ends[corner + 1]):
             felt[row, skin.weight_receptor[entry]] += load[corner] * skin.weight[entry]
         load[corner] = 0.0
+
+
+@compiled
+def press_faces(skin, centroid, force, X_WL, felt, total):
+    """Adds what receptors feel of the faces of a contact surface to `felt` `(S,)` N.
+
+    The faces have a centroid `(F, 3)` m in the world, inside the skin, and a force `(F,)` N; the
+    link with the skin has the pose `(3, 4)`. Adds to `total` `(4,)` as `Touches.of` takes it.
+    """
+    place, parts = np.empty(3), np.empty(3)
+    load = np.zeros(len(skin.weight_ends) - 1)
+    loaded = np.empty(len(load), dtype=np.int64)
+    num_loaded, row = np.int64(0), np.int64(0)
+    for face in range(len(force)):
+        total[0] += force[face]
+        for i in range(3):
+            place[i] = 0.0
+            for k in range(3):
+                place[i] += (centroid[face, k] - X_WL[k, 3]) * X_WL[k, i]
+            total[1 + i] += force[face] * place[i]
+        tet = _tet_at(skin, place)
+        num_loaded = add_load(skin, tet, place, force[face], parts, load, loaded, num_loaded)
+    feel_loads(skin, load, loaded, num_loaded, felt.reshape(1, len(felt)), row)
+
+
+@inner
+def _tet_at(skin, place):
+    """The tetrahedron that holds a place in the wall, or is beyond by rounding."""
+    cell, best, deepest = np.int64(0), np.int64(0), -np.inf
+    for i in range(3):
+        along = int(np.floor((place[i] - skin.grid[i]) / skin.grid[3]))
+        cell = cell * skin.shape[i] + min(max(along, 0), skin.shape[i] - 1)
+    first, last = skin.cell_ends[cell], skin.cell_ends[cell + 1]
+    if first == last:
+        first, last = 0, len(skin.cell_tets)
+    for entry in range(first, last):
+        tet, least, planes = skin.cell_tets[entry], np.inf, skin.planes
+        for k in range(4):
+            height = planes[tet, k, 3]
+            for i in range(3):
+                height += planes[tet, k, i] * place[i]
+            least = min(least, height)
+        if least > deepest:
+            best, deepest = tet, least
+    return best

@@ -41,6 +41,7 @@ from selftouch_drake.experiment import (
 from selftouch_drake.geometry import vtk_text
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.contact import SensorModel
+from selftouch_drake.robot.faces import FaceReader
 from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.links import FRICTION, all_links, find_link, in_memory, link_geometries
 from selftouch_drake.robot.models import one_line
@@ -269,6 +270,7 @@ class TactileSkin(LeafSystem):
     def __init__(self, skins: Sequence[WornSkin]):
         super().__init__()
         self._sensor = SensorModel(skins)
+        self._faces = FaceReader(skins[0].link.GetParentPlant())
         self._links = [int(skin.link.index()) for skin in skins]
         self._skin_ids = frozenset(skin.geometry_id for skin in skins)
         self._contact = self.DeclareAbstractInputPort("contact_results", Value(ContactResults()))
@@ -284,13 +286,13 @@ class TactileSkin(LeafSystem):
     def _calc_sensation(self, context, output):
         contact = self._contact.Eval(context)
         self._warn_of_points(contact)
-        surfaces = (
-            (0, contact.hydroelastic_contact_info(i).contact_surface())
-            for i in range(contact.num_hydroelastic_contacts())
-        )
-        poses = self._poses.Eval(context)
-        X_WL = [poses[link].GetAsMatrix34() for link in self._links]
-        output.SetFromVector(self._sensor.touches(surfaces, np.array([X_WL])).sensation[0])
+        felt = np.zeros(self._sensor.num_receptors)
+        if surfaces := list(self._faces.read(contact, self._skin_ids)):
+            poses = self._poses.Eval(context)
+            X_WL = np.array([poses[link].GetAsMatrix34() for link in self._links])
+            for faces in surfaces:
+                self._sensor.press(faces, X_WL, felt)
+        output.SetFromVector(felt)
 
     def _warn_of_points(self, contact: ContactResults) -> None:
         for i in range(contact.num_point_pair_contacts()):

@@ -15,6 +15,7 @@ from selftouch_drake.experiment import Experiment
 from selftouch_drake.robot.broadphase import BroadPhase
 from selftouch_drake.robot.collisions import CollisionCheck
 from selftouch_drake.robot.contact import SensorModel, Touches
+from selftouch_drake.robot.faces import Faces
 from selftouch_drake.robot.hydroelastic import RigidTouchers
 from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.robot import JointLimits, MakeRobot, Robot
@@ -105,7 +106,7 @@ class ContactProbe:
         postures, sensor = self._soft_postures
         skins = frozenset(s.geometry_id for s in postures.robot.skins)
         surfaces = [
-            (int(row), surface)
+            (int(row), Faces.of(surface))
             for row in np.flatnonzero(near[:, ~self._rigid_touchers.is_rigid].any(axis=1))
             for surface in postures.query(q[row]).ComputeContactSurfaces(
                 HydroelasticContactRepresentation.kPolygon

@@ -11,6 +11,7 @@ from selftouch_drake.experience import random_walk
 from selftouch_drake.experiment import experiment_from_fields, load_experiment
 from selftouch_drake.robot import ImperfectSkins, World
 from selftouch_drake.robot.contact import SensorModel
+from selftouch_drake.robot.faces import Faces
 from selftouch_drake.robot.world import Postures
 
 SHIPPED = ("cube", "torus_two_fingers", "turning_body", "gantry", "two_arms", "infant")
@@ -34,7 +35,7 @@ class DrakesPostures:
     def sensations(self, q):
         """`(N, S)` N, at `(N, J)` configurations."""
         surfaces = [
-            (row, surface)
+            (row, Faces.of(surface))
             for row in range(len(q))
             for surface in self.query(q[row]).ComputeContactSurfaces(
                 HydroelasticContactRepresentation.kPolygon

@@ -16,6 +16,7 @@ from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.geometry import hollow_skin, place_receptors, receptive_fields, surfaces
 from selftouch_drake.robot import SkinModel
 from selftouch_drake.robot.contact import SensorModel
+from selftouch_drake.robot.faces import Faces
 from selftouch_drake.robot.hydroelastic import cut
 from selftouch_drake.robot.soft_skin import (
     add_load,
@@ -48,7 +49,7 @@ def drake_touches(world, q):
     """Drake's result: all contact surfaces at every configuration."""
     postures = Postures(world.experiment, world.skins, soft=True)
     surfaces = (
-        (row, surface)
+        (row, Faces.of(surface))
         for row, at in enumerate(q)
         for surface in postures.query(at).ComputeContactSurfaces(
             HydroelasticContactRepresentation.kPolygon

@@ -36,6 +36,7 @@ from selftouch_drake.robot import (
     SensorModel,
     SkinModel,
 )
+from selftouch_drake.robot.faces import Faces
 
 SURFACES = {
     "sphere": lambda: geometry.sphere(0.25),
@@ -113,7 +114,9 @@ class TouchRig:
         query = self._scene_graph.get_query_output_port().Eval(context)
         found = query.ComputeContactSurfaces(HydroelasticContactRepresentation.kPolygon)
         X_WL = query.GetPoseInWorld(self._skin_id).GetAsMatrix34()[None, None]
-        return self._sensor.touches([(0, surface) for surface in found], X_WL).sensation[0]
+        return self._sensor.touches([(0, Faces.of(surface)) for surface in found], X_WL).sensation[
+            0
+        ]
 
     def contacts(self):
         """The hydroelastic contacts of the last `feel`."""

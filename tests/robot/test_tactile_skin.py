@@ -1,5 +1,6 @@
 """A tactile skin in a user's own diagram."""
 
+import dataclasses
 import warnings
 
 import numpy as np
@@ -8,17 +9,19 @@ import trimesh
 from pydrake.geometry import (
     AddRigidHydroelasticProperties,
     Box,
+    HydroelasticContactRepresentation,
     ProximityProperties,
     Role,
     Sphere,
 )
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, CoulombFriction
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
 from selftouch_drake import geometry
 from selftouch_drake.robot import AddTactileSkin, RegisterSkin, SkinModel, UnfeltContactWarning
+from selftouch_drake.robot.faces import Faces
 
 
 @pytest.fixture(scope="module")
@@ -137,3 +140,57 @@ def test_what_no_experiment_names_is_felt_too(skin):
     plant.SetFreeBodyPose(plant.GetMyMutableContextFromRoot(context), body, pose)
     felt = touch.GetOutputPort("sensation").Eval(touch.GetMyContextFromRoot(context))
     assert felt.sum() > 1.0
+
+
+@pytest.mark.parametrize("representation", ["kPolygon", "kTriangle"])
+def test_readings_are_those_of_the_faces_one_by_one(skin, representation):
+    # Three skins, the first two pressed by balls and by each other; the third by nothing. A ball
+    # without hydroelastic properties puts a point contact into the plant's results.
+    builder = DiagramBuilder()
+    plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
+    plant.set_contact_model(ContactModel.kHydroelasticWithFallback)
+    plant.set_contact_surface_representation(
+        getattr(HydroelasticContactRepresentation, representation)
+    )
+    rigid = ProximityProperties()
+    AddRigidHydroelasticProperties(0.01, rigid)
+    inertia = SpatialInertia.SolidSphereWithMass(1.0, 0.1)
+    names = ("one", "two", "three", "ball_a", "ball_b", "post", "pin")
+    bodies = {name: plant.AddRigidBody(name, inertia) for name in names}
+    worn = [
+        RegisterSkin(plant, dataclasses.replace(skin, name=name, link=name))
+        for name in ("one", "two", "three")
+    ]
+    for ball in ("ball_a", "ball_b", "post"):
+        shape = Sphere(0.01)
+        plant.RegisterCollisionGeometry(bodies[ball], RigidTransform(), shape, ball, rigid)
+    plant.RegisterCollisionGeometry(
+        bodies["pin"], RigidTransform(), Sphere(0.01), "pin", CoulombFriction(0.5, 0.5)
+    )
+    plant.Finalize()
+    touch = AddTactileSkin(builder, plant, scene_graph, worn)
+    context = builder.Build().CreateDefaultContext()
+    plant_context = plant.GetMyMutableContextFromRoot(context)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        at = {"one": [0, 0, 0], "two": [0, 0.19, 0], "three": [0, 9, 0], "pin": [0, 5, 0]}
+        at["post"] = [0.01, 5.01, 0.01]
+        for ball, centre in (("ball_a", "one"), ("ball_b", "two")):
+            away = rng.standard_normal(3)
+            at[ball] = at[centre] + rng.uniform(0.08, 0.105) * away / np.linalg.norm(away)
+        for name, body in bodies.items():
+            turn = RollPitchYaw(rng.uniform(-1, 1, 3))
+            plant.SetFreeBodyPose(plant_context, body, RigidTransform(turn, at[name]))
+        felt = touch.GetOutputPort("sensation").Eval(touch.GetMyContextFromRoot(context))
+        contact = plant.get_contact_results_output_port().Eval(plant_context)
+        assert contact.num_point_pair_contacts() == 1
+        expected = np.zeros((3, 20))
+        for i in range(contact.num_hydroelastic_contacts()):
+            faces = Faces.of(contact.hydroelastic_contact_info(i).contact_surface())
+            for reading, each in zip(expected, worn, strict=True):
+                if each.geometry_id in faces.ends:
+                    X_LW = plant.EvalBodyPoseInWorld(plant_context, each.link).inverse()
+                    p_LQ = X_LW.multiply(faces.centroid.T).T
+                    reading += faces.force @ skin.fields.weights_at(p_LQ).toarray()
+        assert (expected.sum(axis=1) > 0).tolist() == [True, True, False]
+        np.testing.assert_allclose(felt, expected.ravel(), rtol=0, atol=1e-12)

@@ -1,0 +1,135 @@
+"""The faces of contact surfaces: where they are in the world, and the force on each.
+
+Drake's Python gives three numbers of one face at a time. Its message for visualisers has all
+vertices, pressures and polygons of all contacts at once, and is made in C++: a plant's contacts are
+read from that.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Set
+from typing import Any, NamedTuple
+
+import drake
+import numpy as np
+from pydrake.common.value import Value
+from pydrake.geometry import ContactSurface, GeometryId
+from pydrake.multibody.plant import ContactResults, ContactResultsToLcmSystem, MultibodyPlant
+from pydrake.systems.lcm import _Serializer_
+
+from selftouch_drake.compiled import compiled
+
+# As they are in a message.
+_NUMBERS = {"double": ">f8", "int32_t": ">i4", "int64_t": ">i8", "boolean": "?"}
+
+
+class Faces(NamedTuple):
+    """The F faces of one contact surface.
+
+    Attributes:
+        ends: the two geometries that are in contact.
+        centroid: `(F, 3)` m, in the world.
+        force: `(F,)` N, the pressure integrated over each face.
+    """
+
+    ends: tuple[GeometryId, GeometryId]
+    centroid: np.ndarray
+    force: np.ndarray
+
+    @staticmethod
+    def of(surface: ContactSurface) -> Faces:
+        """Reads a contact surface face by face."""
+        pressure = surface.tri_e_MN() if surface.is_triangle() else surface.poly_e_MN()
+        points = [surface.centroid(face) for face in range(surface.num_faces())]
+        # Pressure is linear on a face: its value at the centroid times the area is its integral.
+        force = [
+            pressure.EvaluateCartesian(face, p) * surface.area(face)
+            for face, p in enumerate(points)
+        ]
+        ends = surface.id_M(), surface.id_N()
+        return Faces(ends, np.array(points).reshape(-1, 3), np.array(force))
+
+
+class FaceReader:
+    """Reads the hydroelastic contacts of a finalized plant, all faces of a contact at once."""
+
+    def __init__(self, plant: MultibodyPlant):
+        self._to_message = ContactResultsToLcmSystem(plant)
+        self._encode = _Serializer_[drake.lcmt_contact_results_for_viz]().Serialize
+
+    def read(self, contact: ContactResults, geometries: Set[GeometryId]) -> Iterator[Faces]:
+        """The faces of each contact of one of some geometries."""
+        surfaces = [
+            contact.hydroelastic_contact_info(i).contact_surface()
+            for i in range(contact.num_hydroelastic_contacts())
+        ]
+        ends = [(surface.id_M(), surface.id_N()) for surface in surfaces]
+        if all(geometries.isdisjoint(pair) for pair in ends):
+            return
+        context = self._to_message.CreateDefaultContext()
+        self._to_message.get_input_port(0).FixValue(context, Value[ContactResults](contact))
+        data = self._encode(self._to_message.get_output_port(0).EvalAbstract(context))
+        # A message starts with the eight bytes of its type.
+        message, _ = _decode(drake.lcmt_contact_results_for_viz, data, 8)
+        for pair, found in zip(ends, message["hydroelastic_contacts"], strict=True):
+            if not geometries.isdisjoint(pair):
+                polygons, p, pressure = (
+                    found[name].astype(kind)
+                    for name, kind in (("poly_data", int), ("p_WV", float), ("pressure", float))
+                )
+                centroid, force = _of_polygons(polygons, p.reshape(-1, 3), pressure)
+                yield Faces(pair, centroid, force)
+
+
+def _decode(kind: Any, data: bytes, at: int) -> tuple[dict[str, Any], int]:
+    """The fields of an LCM message from a place in its bytes, without texts, and where it ends."""
+    found: dict[str, Any] = {}
+    for name, called, shape in zip(
+        kind.__slots__, kind.__typenames__, kind.__dimensions__, strict=True
+    ):
+        num = 1 if shape is None else found.get(shape[0], shape[0])
+        if called == "string":
+            at += 4 + struct.unpack_from(">i", data, at)[0]
+        elif number := _NUMBERS.get("double" if called == "drake.lcmt_point" else called):
+            num *= 3 if called == "drake.lcmt_point" else 1
+            values = np.frombuffer(data, number, num, at)
+            found[name] = values[0] if shape is None else values
+            at += values.nbytes
+        else:
+            found[name] = []
+            for _ in range(num):
+                part, at = _decode(getattr(drake, called.removeprefix("drake.")), data, at)
+                found[name].append(part)
+    return found, at
+
+
+@compiled
+def _of_polygons(polygons, p, pressure):
+    """Centroids and forces as of `Faces`, where pressure `(V,)` Pa is linear on each polygon.
+
+    Each is as many vertices of `p` `(V, 3)` m as the number before them says.
+    """
+    num, at = 0, 0
+    while at < len(polygons):
+        num, at = num + 1, at + polygons[at] + 1
+    centroid, force = np.zeros((num, 3)), np.zeros(num)
+    at = 0
+    for face in range(num):
+        a, end, whole = polygons[at + 1], at + polygons[at] + 1, 0.0
+        for corner in range(at + 2, end - 1):
+            b, c, square = polygons[corner], polygons[corner + 1], 0.0
+            for i in range(3):
+                j, k = (i + 1) % 3, (i + 2) % 3
+                across = (p[b, j] - p[a, j]) * (p[c, k] - p[a, k])
+                across -= (p[b, k] - p[a, k]) * (p[c, j] - p[a, j])
+                square += across * across
+            area = np.sqrt(square) / 2
+            whole += area
+            force[face] += area * (pressure[a] + pressure[b] + pressure[c]) / 3
+            for i in range(3):
+                centroid[face, i] += area * (p[a, i] + p[b, i] + p[c, i]) / 3
+        for i in range(3):
+            centroid[face, i] = centroid[face, i] / whole if whole > 0.0 else p[a, i]
+        at = end
+    return centroid, force
