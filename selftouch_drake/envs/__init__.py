@@ -9,10 +9,12 @@ import gymnasium
 
 from selftouch_drake.envs.environment import SelfTouchEnv, Truth
 from selftouch_drake.envs.goals import ReachEnv, SlideEnv, likeness
+from selftouch_drake.envs.vector import SelfTouchVectorEnv
 
 __all__ = [
     "ReachEnv",
     "SelfTouchEnv",
+    "SelfTouchVectorEnv",
     "SlideEnv",
     "Truth",
     "environments",
@@ -38,7 +40,7 @@ _TASKS = {
 
 
 def environments() -> list[str]:
-    """The names of all environments."""
+    """The names of all environments under dynamics; `...Kinematic-v0` are many robots at once."""
     return [f"SelfTouch/{robot}{task}-v0" for robot in _ROBOTS for task in _TASKS]
 
 
@@ -50,6 +52,14 @@ def register() -> None:
             if name not in gymnasium.registry:
                 gymnasium.register(
                     name, entry_point, max_episode_steps=max_episode_steps, kwargs=dict(kwargs)
+                )
+            many = f"SelfTouch/{robot}{task}Kinematic-v0"
+            if many not in gymnasium.registry:
+                gymnasium.register(
+                    many,
+                    vector_entry_point="selftouch_drake.envs.vector:SelfTouchVectorEnv",
+                    max_episode_steps=max_episode_steps,
+                    kwargs={"task": task, **kwargs},
                 )
 
 

@@ -18,7 +18,6 @@ from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import Simulation, Touches, World
 from selftouch_drake.robot.imperfections import remembered
 from selftouch_drake.robot.models import one_line
-from selftouch_drake.robot.robot import JointLimits
 from selftouch_drake.show.meshcat.stage import FeelingRobot, open_meshcat
 from selftouch_drake.show.page.robot_pictures import PostureCamera
 
@@ -29,6 +28,7 @@ _LARGEST_READING = 1000.0
 # Contact can push joints beyond their limits, and throw them back. Observations are clipped at
 # these shares of the range and of the velocity limit.
 _BEYOND_RANGE, _BEYOND_VELOCITY = 0.1, 10.0
+_REFUSED = "robot.directives holds a robot that Drake refuses"
 
 Observation = dict[str, np.ndarray]
 
@@ -102,12 +102,10 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         self.metadata = {**self.metadata, "render_fps": round(1 / self.period_s)}
         self.render_mode = render_mode
         self.world = World(self.experiment)
-        log_period = min(self._log_period or self.period_s, self.period_s)
-        with one_line("robot.directives holds a robot that Drake refuses"):
-            self._simulation = Simulation(self.experiment, self.world.skins, log_period=log_period)
-        robot = self._simulation.robot
+        with one_line(_REFUSED):
+            robot = self.world.robot
         self._range = robot.babbled_range
-        self._step_size = self.period_s * JointLimits.of(robot, self.experiment.execution).velocity
+        self._step_size = self.period_s * self.world.limits.velocity
         self.action_space = Box(-1.0, 1.0, (robot.num_joints,), np.float32)
         self.observation_space = Dict(self._spaces())
         self._num_steps, self._due = 0, 0.0
@@ -146,13 +144,8 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         Raises:
             ValueError: the action has another shape, or is not finite.
         """
-        action = np.asarray(action, dtype=float)
-        if action.shape != self.action_space.shape or not np.isfinite(action).all():
-            raise ValueError(
-                f"action is {action.tolist()}: give {self.action_space.shape} numbers, -1 to 1"
-            )
         self._num_steps += 1
-        moved = self._simulation.q_commanded + self._step_size * action.clip(-1.0, 1.0)
+        moved = self._simulation.q_commanded + self._step_size * shares(action, self.action_space)
         # Computed as Drake counts its steps, so that all periods have the same number of steps.
         time_step = self.experiment.execution.time_step
         until = self._num_steps * self._plant_steps * time_step
@@ -270,6 +263,12 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         return {"steps": self._num_steps, "touches": touches}
 
     @cached_property
+    def _simulation(self) -> Simulation:
+        log_period = min(self._log_period or self.period_s, self.period_s)
+        with one_line(_REFUSED):
+            return Simulation(self.experiment, self.world.skins, log_period=log_period)
+
+    @cached_property
     def _browser(self) -> FeelingRobot:
         meshcat = open_meshcat()
         print(f"{self.experiment.name} at {meshcat.web_url()}")  # noqa: T201 - where to look
@@ -278,3 +277,11 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
     @cached_property
     def _camera(self) -> PostureCamera:
         return PostureCamera(self.world)
+
+
+def shares(action: np.ndarray, space: Space) -> np.ndarray:
+    """Actions from -1 to 1; a ValueError if they have another shape, or are not finite."""
+    action = np.asarray(action, dtype=float)
+    if action.shape != space.shape or not np.isfinite(action).all():
+        raise ValueError(f"action is {action.tolist()}: give {space.shape} numbers, -1 to 1")
+    return action.clip(-1.0, 1.0)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from gymnasium.spaces import Box, Space
 
 from selftouch_drake.envs.environment import Observation, SelfTouchEnv
-from selftouch_drake.envs.postures import Contacts, contacts_of, touching_posture
+from selftouch_drake.envs.postures import Contacts, FirmTouches, contacts_of
 from selftouch_drake.robot import LOG_PERIOD
 
 #: Likeness at which a sensation counts as the wanted one.
@@ -53,8 +54,8 @@ class ReachEnv(SelfTouchEnv):
         return float(found) if found.ndim == 0 else found
 
     def _spaces(self) -> dict[str, Space]:
-        unit = Box(0.0, 1.0, (self.experiment.num_receptors,), np.float32)
-        return {**super()._spaces(), "achieved_goal": unit, "desired_goal": unit}
+        goal = Box(0.0, 1.0, (self.experiment.num_receptors,), np.float32)
+        return {**super()._spaces(), "achieved_goal": goal, "desired_goal": goal}
 
     def _options(self) -> dict[str, int]:
         return {**super()._options(), "goal": self.experiment.num_receptors}
@@ -77,9 +78,13 @@ class ReachEnv(SelfTouchEnv):
     ) -> np.ndarray:
         """The goal of an episode; a random one has the given contacts."""
         if "goal" in options:
-            return _unit(options["goal"])
-        _, touches = touching_posture(self.world, self.np_random, contacts)
-        return _unit(touches.sensation[0])
+            return unit(options["goal"])
+        _, touches = self._firm_touches.next(self.np_random, contacts)
+        return unit(touches.sensation[0])
+
+    @cached_property
+    def _firm_touches(self) -> FirmTouches:
+        return FirmTouches(self.world)
 
     def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
         found = likeness(observation["achieved_goal"], observation["desired_goal"])
@@ -87,10 +92,10 @@ class ReachEnv(SelfTouchEnv):
 
     def _observation(self) -> Observation:
         plain = super()._observation()
-        return {**plain, "achieved_goal": _unit(plain["touch"]), "desired_goal": self._goal.copy()}
+        return {**plain, "achieved_goal": unit(plain["touch"]), "desired_goal": self._goal.copy()}
 
     def _info(self) -> dict[str, Any]:
-        found = float(likeness(_unit(self._simulation.felt), self._goal))
+        found = float(likeness(unit(self._simulation.felt), self._goal))
         return {**super()._info(), "likeness": found, "is_success": found >= REACHED}
 
 
@@ -113,9 +118,9 @@ class SlideEnv(ReachEnv):
                     f"options['q'] is {q.tolist()}, where nothing touches: give a touching start"
                 )
         else:
-            q, touches = touching_posture(self.world, self.np_random)
+            q, touches = self._firm_touches.next(self.np_random)
             while len(contacts_of(touches)) > 1:  # hardly ever found a second time, for the goal
-                q, touches = touching_posture(self.world, self.np_random)
+                q, touches = self._firm_touches.next(self.np_random)
         self._goal = self._wanted(options, contacts_of(touches))
         return q
 
@@ -124,8 +129,7 @@ class SlideEnv(ReachEnv):
         return reward, not felt.any(axis=1).all()
 
 
-def _unit(sensation: np.ndarray) -> np.ndarray:
-    """`(S,)` float32 of unit L2 norm; zero where nothing is felt."""
-    norm = np.linalg.norm(sensation)
-    unit = sensation / norm if norm > 0 else sensation
-    return unit.astype(np.float32).clip(0.0, 1.0)
+def unit(sensation: np.ndarray) -> np.ndarray:
+    """`(..., S)` float32 of unit L2 norm; zero where nothing is felt."""
+    norm = np.linalg.norm(sensation, axis=-1, keepdims=True)
+    return (sensation / np.where(norm > 0, norm, 1.0)).astype(np.float32).clip(0.0, 1.0)

@@ -32,36 +32,52 @@ def possible_posture(world: World, random: np.random.Generator) -> np.ndarray:
     )
 
 
-def touching_posture(
-    world: World, random: np.random.Generator, contacts: Contacts | None = None
-) -> tuple[np.ndarray, Touches]:
-    """A posture `(J,)` rad or m that the robot can take, and its touches, which are firm.
+class FirmTouches:
+    """Random touching postures, found many at a time and given out one by one.
 
-    Firm are the stronger half of random touches, as in plans.
+    Firm is the stronger half of random touches, as in plans.
 
     Args:
         world: of the robot.
-        random: source of randomness.
-        contacts: pairs that are to touch; any pairs by default.
-
-    Raises:
-        ExperimentError: no such posture was found among very many.
     """
-    lower, upper = world.robot.babbled_range
-    for _ in range(_MOST_BATCHES):
+
+    def __init__(self, world: World):
+        self._world = world
+        self._random: np.random.Generator | None = None
+        self._left: list[tuple[np.ndarray, Touches]] = []
+
+    def next(
+        self, random: np.random.Generator, contacts: Contacts | None = None
+    ) -> tuple[np.ndarray, Touches]:
+        """A posture `(J,)` rad or m that the robot can take, and its touches, which are firm.
+
+        Args:
+            random: source of randomness; a new one decides all postures from now on.
+            contacts: pairs that are to touch; any pairs by default.
+
+        Raises:
+            ExperimentError: no such posture was found among very many.
+        """
+        if random is not self._random:
+            self._random, self._left = random, []
+        for _ in range(_MOST_BATCHES):
+            for k, (_, touches) in enumerate(self._left):
+                if contacts is None or contacts_of(touches) == contacts:
+                    return self._left.pop(k)
+            self._left = self._found(random)
+        raise ExperimentError(
+            f"none of {_BATCH * _MOST_BATCHES} random postures makes the wanted touch; see what "
+            "can touch what with `selftouch robot EXPERIMENT --show`"
+        )
+
+    def _found(self, random: np.random.Generator) -> list[tuple[np.ndarray, Touches]]:
+        lower, upper = self._world.robot.babbled_range
         q = random.uniform(lower, upper, (_BATCH, len(lower)))
-        rows, touches = world.probe.felt(q)
+        rows, touches = self._world.probe.felt(q)
         strength = np.linalg.norm(touches.sensation, axis=1)
         firm = np.flatnonzero(strength >= np.median(strength)) if len(rows) else rows
-        for k in firm:
-            found = touches.of_rows(np.array([k]))
-            wanted = contacts is None or contacts_of(found) == contacts
-            if wanted and world.probe.collision_depth(q[rows[k]][None])[0] == 0:
-                return q[rows[k]], found
-    raise ExperimentError(
-        f"none of {_BATCH * _MOST_BATCHES} random postures makes the wanted touch; see what can "
-        "touch what with `selftouch robot EXPERIMENT --show`"
-    )
+        firm = firm[self._world.probe.collision_depth(q[rows[firm]]) == 0]
+        return [(q[rows[k]], touches.of_rows(np.array([k]))) for k in firm]
 
 
 def contacts_of(touches: Touches) -> Contacts:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from selftouch_drake.envs import ReachEnv, SelfTouchEnv, SlideEnv, likeness
-from selftouch_drake.envs.postures import contacts_of, possible_posture, touching_posture
+from selftouch_drake.envs.postures import FirmTouches, contacts_of, possible_posture
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def slide():
 
 @pytest.fixture
 def posture(env):
-    return touching_posture(env.world, np.random.default_rng(0))
+    return FirmTouches(env.world).next(np.random.default_rng(0))
 
 
 def still(env) -> np.ndarray:
@@ -93,10 +93,11 @@ def test_postures_are_possible_and_firm():
     random = np.random.default_rng(1)
     q = np.stack([possible_posture(env.world, random) for _ in range(5)])
     assert not env.world.probe.collision_depth(q).any()
-    there, touches = touching_posture(env.world, random)
+    postures = FirmTouches(env.world)
+    there, touches = postures.next(random)
     assert np.array_equal(env.world.probe.sensations(there[None]), touches.sensation)
     contacts = contacts_of(touches)
-    alike, touches = touching_posture(env.world, random, contacts)
+    alike, touches = postures.next(random, contacts)
     assert contacts_of(touches) == contacts
     assert not np.array_equal(alike, there)
 
@@ -167,7 +168,7 @@ def test_an_invalid_action_is_refused(env):
 
 def test_pictures_show_what_is_felt():
     env = SelfTouchEnv("sphere", render_mode="rgb_array")
-    posture = touching_posture(env.world, np.random.default_rng(0))
+    posture = FirmTouches(env.world).next(np.random.default_rng(0))
     env.reset(options={"q": posture[0]})
     picture = env.render()
     assert picture.shape == (480, 480, 3)
