@@ -25,7 +25,7 @@ SMALL: dict[str, list[str]] = {
     "table": ["--touching", "--turns", "1"],
     "joints": ["--joints=6", "--touches=3000", "--targets=60", "--pairs=1", "--out={tmp}"],
     "recordings": ["--bodies=raw", "--seeds=1", "--out={tmp}"],
-    "rivals": ["{tmp}/sphere_1", "--touches=3000", "--targets=60", "--ways=isomap"],
+    "rivals": ["torus_1", "--touches=3000", "--targets=60", "--ways", "sensorimotor", "isomap"],
     "exploration": [
         "touches",
         *("--bodies", "sphere"),
