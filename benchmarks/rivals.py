@@ -1,248 +1,364 @@
-"""Published methods for the shape of a skin, compared with ours: same touches, targets, scores.
+"""Published methods beside ours, all judged by `selftouch score` on the same recordings.
 
-    python benchmarks/rivals.py runs/torus runs/cube --touches 10000 100000 --targets 300
+    python benchmarks/recordings.py
+    python benchmarks/rivals.py build/recordings/*_[123].npz
 
-Needs `pip install 'selftouch-drake[bench]'`. Each way lays out the kernels in space:
+Every method lays out what it can in three dimensions, and its places are handed in. A rival runs
+with its authors' own code where a package has it; the table says whose code it is, and which
+packages are missing (`pip install umap-learn pacmap phate minisom`).
 
-- `learned`, `sensorimotor`, `motor`, `literal`: ours, and the paper's to the letter;
-- `isomap`: Isomap on target sensations (ANISOMAP: McGregor, Polani and Dautenhahn 2011);
-- `correlation`: receptors laid out by multidimensional scaling of 1 - correlation (Pierce and
-  Kuipers 1997); a kernel lies at the mean of the receptors, weighted by what it feels;
-- `correlation_local`: the same by Isomap, which trusts high correlations only (as Modayil 2010
-  lays out receptors from their nearest ones);
-- `information`: as `correlation`, by the information distance of readings in eight bins (Olsson,
-  Nehaniv and Polani 2006);
-- `som`: a self-organising sheet trained on sensations (Hoffmann et al. 2018); a kernel lies at its
-  best matching unit, the sheet bent in space by the distances between its units;
-- `autoencoder`: the three middle units of an autoencoder of sensations, a stand-in for the
-  variational one of Marcel, O'Regan and Hoffmann 2022, which no small package has;
+- `learned`, `sensorimotor`, `motor`: ours; `literal`: ours, the paper's method to the letter;
+- `isomap` (ANISOMAP: McGregor, Polani and Dautenhahn 2011), `mds`, `tsne`, `spectral`, `umap`,
+  `pacmap`, `phate`: of sensations, with the settings that their packages recommend;
+- `som`: a self-organising sheet (Hoffmann et al. 2018), bent in space by its distances;
+- `correlation`: receptors laid out by 1 - correlation (Pierce and Kuipers 1997), `near_correlation`
+  by Isomap, which trusts high correlations only (as Modayil 2010), `information` by the information
+  distance of readings in eight bins (Olsson, Nehaniv and Polani 2006);
+- `autoencoder`: its three middle units, a stand-in for Marcel, O'Regan and Hoffmann 2022;
 - `random`: anywhere.
 
-All but `motor` and `literal` use sensations; only ours use motor configurations. A rival sees all
-the touches. Scores are those of a run: error of the shape, the same from the nearest points of the
-surface, holes with their margin, dimension, and share of the six nearest kernels that truly are
-among the twelve nearest. Seconds are of CPU time.
+Only ours use motor configurations. To help the rivals, each lays out by itself every part that our
+agent found; and those that lay out sensations do so twice: our target sensations (`targets`; each
+touch then lies between the four most similar ones, as with ours), and 1,500 random touches as they
+are (`touches`). Raw readings are calibrated by our import first. Seconds are of CPU time.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
+import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
-from babbled import run_at
 from results import add_update_option, results
-from scipy.spatial.distance import cdist, pdist, squareform
-from shape import Case, Experience, learned_representation
-from sklearn.manifold import MDS, Isomap
-from sklearn.metrics import mutual_info_score
+from scipy.spatial.distance import cdist
+from sklearn.manifold import MDS, TSNE, Isomap, SpectralEmbedding
+from sklearn.neighbors import KNeighborsRegressor
 from sklearn.neural_network import MLPRegressor
 
-from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
-from selftouch_drake.agent.shape import intrinsic_dimension, recover, topology
-from selftouch_drake.evaluation import kernel_truth, neighbour_agreement, shape_errors
+from selftouch_drake.agent.calibration import felt_touches
+from selftouch_drake.agent.representation import QuotientRepresentation, learn
+from selftouch_drake.agent.representation.quantise import assign
+from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
+from selftouch_drake.agent.shape import recover
+from selftouch_drake.files import load_arrays, save_arrays
+from selftouch_drake.run.judged import find_recording, judge
 
-#: Touches that a rival learns from at most, where more only take longer.
-_MOST_ROWS = 20_000
-
-COLUMNS = (
-    "body",
-    "touches",
-    "way",
-    "error",
-    "surface error",
-    "holes",
-    "margin",
-    "dimension",
-    "neighbours",
-    "CPU s",
-)
-
-Layout = tuple[np.ndarray, np.ndarray]
-Rival = Callable[[QuotientRepresentation, np.ndarray, int], Layout]
+#: Sensations `(n, S)` and a seed to places `(n, 3)`.
+Layout = Callable[[np.ndarray, int], np.ndarray]
+# Touches from which receptors are laid out, and networks learn, at most.
+_MOST_ROWS = 5000
 
 
-def ours(metric: str) -> Rival:
-    def lay(representation: QuotientRepresentation, felt: np.ndarray, seed: int) -> Layout:
-        body = recover(representation, metric, seed=seed, holes=False)
-        return body.positions, body.distances
+class Way(NamedTuple):
+    """A method: whose code it is, the package that it needs, and how it lays out what it gets."""
 
-    return lay
-
-
-def isomap(representation: QuotientRepresentation, felt: np.ndarray, seed: int) -> Layout:
-    found = Isomap(n_neighbors=8, n_components=3).fit(representation.target_sensations)
-    return found.embedding_, found.dist_matrix_
+    code: str
+    package: str
+    lay: Layout
+    of: tuple[str, ...] = ("targets", "touches")
 
 
-def by_receptors(apart: Callable[[np.ndarray], np.ndarray], *, local: bool = False) -> Rival:
-    """A layout of receptors by distances between their readings `(n, S)`."""
-
-    def lay(representation: QuotientRepresentation, felt: np.ndarray, seed: int) -> Layout:
-        if local:
-            scaling = Isomap(n_neighbors=6, n_components=3, metric="precomputed")
-        else:
-            scaling = MDS(3, dissimilarity="precomputed", n_init=4, random_state=seed)
-        receptors = scaling.fit_transform(apart(some(felt, seed)))
-        weight = representation.target_sensations
-        positions = (weight / weight.sum(axis=1, keepdims=True)) @ receptors
-        return positions, squareform(pdist(positions))
-
-    return lay
-
-
-def correlation(felt: np.ndarray) -> np.ndarray:
-    """`(S, S)` one minus the correlation; receptors that never read get the largest distance."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        apart = 1.0 - np.nan_to_num(np.corrcoef(felt.T))
+def angles(felt: np.ndarray) -> np.ndarray:
+    apart = np.arccos(np.clip(felt @ felt.T, -1.0, 1.0))
     np.fill_diagonal(apart, 0.0)
-    return apart
+    return (apart + apart.T) / 2
 
 
-def information(felt: np.ndarray) -> np.ndarray:
-    """`(S, S)` bits, H(X | Y) + H(Y | X) of the readings in eight bins."""
-    edges = [np.unique(np.quantile(x[x > 0], np.arange(8) / 7)) if x.any() else [] for x in felt.T]
-    bins = np.array([np.digitize(x, e) for x, e in zip(felt.T, edges, strict=True)])
-    entropy = np.array([mutual_info_score(b, b) for b in bins])
-    apart = np.zeros((len(bins), len(bins)))
-    for i, j in zip(*np.triu_indices(len(bins), 1), strict=True):
-        apart[i, j] = entropy[i] + entropy[j] - 2.0 * mutual_info_score(bins[i], bins[j])
-    return (apart + apart.T) / np.log(2.0)
+def isomap(felt: np.ndarray, seed: int) -> np.ndarray:
+    return Isomap(n_neighbors=8, n_components=3).fit_transform(felt)
 
 
-def som(representation: QuotientRepresentation, felt: np.ndarray, seed: int) -> Layout:
-    side = round(np.sqrt(representation.num_targets))
-    rows = unit(some(felt, seed))
-    # Not in the extra `test`; the other rivals run without it.
+def mds(felt: np.ndarray, seed: int) -> np.ndarray:
+    return scaled(angles(felt), seed)
+
+
+def scaled(apart: np.ndarray, seed: int) -> np.ndarray:
+    return MDS(3, dissimilarity="precomputed", n_init=4, random_state=seed).fit_transform(apart)
+
+
+def tsne(felt: np.ndarray, seed: int) -> np.ndarray:
+    perplexity = min(30.0, (len(felt) - 1) / 3)
+    return TSNE(3, perplexity=perplexity, random_state=seed).fit_transform(felt)
+
+
+def spectral(felt: np.ndarray, seed: int) -> np.ndarray:
+    options = {"affinity": "nearest_neighbors", "n_neighbors": 10, "random_state": seed}
+    return SpectralEmbedding(3, **options).fit_transform(felt)
+
+
+def by_umap(felt: np.ndarray, seed: int) -> np.ndarray:
+    import umap  # only where it is installed, as the next two
+
+    return umap.UMAP(n_components=3, metric="cosine", random_state=seed).fit_transform(felt)
+
+
+def by_pacmap(felt: np.ndarray, seed: int) -> np.ndarray:
+    import pacmap
+
+    return pacmap.PaCMAP(n_components=3, random_state=seed).fit_transform(felt)
+
+
+def by_phate(felt: np.ndarray, seed: int) -> np.ndarray:
+    import phate
+
+    return phate.PHATE(n_components=3, random_state=seed, verbose=0, n_jobs=1).fit_transform(felt)
+
+
+def som(felt: np.ndarray, seed: int) -> np.ndarray:
     from minisom import MiniSom
 
-    sheet = MiniSom(side, side, rows.shape[1], sigma=side / 4, random_seed=seed)
-    sheet.train(rows, 10 * len(rows))
+    side = round(np.sqrt(min(len(felt), 300)))
+    sheet = MiniSom(side, side, felt.shape[1], sigma=side / 4, random_seed=seed)
+    sheet.train(felt, 20_000)
     units = sheet.get_weights().reshape(side * side, -1)
     # Paths along the sheet: from each unit to the eight around it.
     place = np.stack(np.divmod(np.arange(side * side), side), axis=1)
     beside = np.abs(place[:, None] - place).max(axis=2) == 1
-    bent = Isomap(n_neighbors=8, n_components=3, metric="precomputed")
     step = cdist(units, units)
+    bent = Isomap(n_neighbors=8, n_components=3, metric="precomputed")
     bent.fit(np.where(beside, step, step.max() * side + step))
-    best = cdist(representation.target_sensations, units).argmin(axis=1)
-    return bent.embedding_[best], bent.dist_matrix_[np.ix_(best, best)]
+    return bent.embedding_[cdist(felt, units).argmin(axis=1)]
 
 
-def autoencoder(representation: QuotientRepresentation, felt: np.ndarray, seed: int) -> Layout:
-    network = MLPRegressor(
-        hidden_layer_sizes=(128, 3, 128), activation="tanh", max_iter=100, random_state=seed
-    )
-    rows = unit(some(felt, seed))
-    network.fit(rows, rows)
-    hidden = representation.target_sensations
+def autoencoder(felt: np.ndarray, seed: int) -> np.ndarray:
+    options = {"activation": "tanh", "max_iter": 100, "random_state": seed}
+    network = MLPRegressor(hidden_layer_sizes=(128, 3, 128), **options).fit(felt, felt)
+    hidden = felt
     for weight, bias in list(zip(network.coefs_, network.intercepts_, strict=True))[:2]:
         hidden = np.tanh(hidden @ weight + bias)
-    return hidden, squareform(pdist(hidden))
+    return hidden
 
 
-def anywhere(representation: QuotientRepresentation, felt: np.ndarray, seed: int) -> Layout:
-    positions = np.random.default_rng(seed).normal(size=(representation.num_targets, 3))
-    return positions, squareform(pdist(positions))
+def anywhere(felt: np.ndarray, seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).normal(size=(len(felt), 3))
 
 
-def some(felt: np.ndarray, seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    return felt[rng.choice(len(felt), min(len(felt), _MOST_ROWS), replace=False)]
+def correlation(readings: np.ndarray, seed: int) -> np.ndarray:
+    return scaled(uncorrelated(readings), seed)
 
 
-def unit(felt: np.ndarray) -> np.ndarray:
-    return felt / np.linalg.norm(felt, axis=1, keepdims=True)
+def near_correlation(readings: np.ndarray, seed: int) -> np.ndarray:
+    near = Isomap(n_neighbors=6, n_components=3, metric="precomputed")
+    return near.fit_transform(uncorrelated(readings))
 
 
-WAYS: dict[str, Rival] = {
-    "learned": ours("learned"),
-    "sensorimotor": ours("sensorimotor"),
-    "motor": ours("motor"),
-    "literal": ours("literal"),
-    "isomap": isomap,
-    "correlation": by_receptors(correlation),
-    "correlation_local": by_receptors(correlation, local=True),
-    "information": by_receptors(information),
-    "som": som,
-    "autoencoder": autoencoder,
-    "random": anywhere,
+def uncorrelated(readings: np.ndarray) -> np.ndarray:
+    """`(S, S)` one minus the correlation; receptors that never read get the largest distance."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        apart = 1.0 - np.nan_to_num(np.corrcoef(readings))
+    np.fill_diagonal(apart, 0.0)
+    return (apart + apart.T) / 2
+
+
+def information(readings: np.ndarray, seed: int) -> np.ndarray:
+    """By bits, H(X | Y) + H(Y | X) of the readings in eight bins."""
+    held = np.zeros((*readings.shape, 8), dtype=np.float32)
+    for x, into in zip(readings, held, strict=True):
+        edges = np.unique(np.quantile(x[x > 0], np.arange(8) / 7)[:7]) if x.any() else []
+        into[np.arange(len(x)), np.digitize(x, edges)] = 1.0
+    share = np.tensordot(held, held, axes=(1, 1)) / readings.shape[1]
+    bits = -np.sum(share * np.log2(np.maximum(share, 1e-12)), axis=(1, 3))
+    alone = np.diag(bits)
+    apart = np.maximum(2.0 * bits - alone[:, None] - alone, 0.0)
+    np.fill_diagonal(apart, 0.0)
+    return scaled((apart + apart.T) / 2, seed)
+
+
+_OURS = ("learned", "sensorimotor", "motor", "literal")
+_HERE, _LEARN = "written here from the paper, by ", "scikit-learn"
+WAYS: dict[str, Way] = {
+    "isomap": Way("", _LEARN, isomap),
+    "mds": Way("", _LEARN, mds, ("targets",)),
+    "tsne": Way("", _LEARN, tsne),
+    "spectral": Way("", _LEARN, spectral),
+    "umap": Way("its authors': ", "umap-learn", by_umap),
+    "pacmap": Way("its authors': ", "pacmap", by_pacmap),
+    "phate": Way("its authors': ", "phate", by_phate),
+    "som": Way("bent in space here, by ", "minisom", som),
+    "autoencoder": Way(_HERE, _LEARN, autoencoder, ("touches",)),
+    "correlation": Way(_HERE, _LEARN, correlation, ("receptors",)),
+    "near_correlation": Way(_HERE, _LEARN, near_correlation, ("receptors",)),
+    "information": Way(_HERE, _LEARN, information, ("receptors",)),
+    "random": Way("written here, by ", _LEARN, anywhere, ("targets",)),
 }
+
+
+class Touches:
+    """What a recording gives, and what our agent learns from it, on which others may build."""
+
+    def __init__(self, path: Path, options: argparse.Namespace):
+        given = load_arrays(path)
+        q, sensation = given["q"][: options.touches], given["sensation"][: options.touches]
+        self.path, self.rows, self.q, self.felt = path, np.arange(len(q)), q, sensation
+        if sensation.dtype.kind in "iu":
+            felt = felt_touches(q, sensation)
+            self.rows, self.q, self.felt = felt.rows, felt.q, felt.sensation
+        began, seed = time.process_time(), options.seed
+        sizes = {"num_targets": options.targets, "max_kernel_size": 1000}
+        learned = learn(lambda: [(self.felt, self.q)], **sizes, seed=seed)
+        self.representation: QuotientRepresentation = learned.representation
+        self.seconds = time.process_time() - began
+        self.unit = self.felt / np.linalg.norm(self.felt, axis=1, keepdims=True)
+        fragment = self.representation.part >= self.representation.num_parts
+        self.target_part = np.where(fragment, -1, self.representation.part)
+        self.part = self.target_part[assign(self.felt, self.representation.target_sensations)[0]]
+
+    def by_targets(self, places: np.ndarray) -> dict[str, np.ndarray]:
+        """A hand-in by `(K, 3)` places of the target sensations."""
+        targets, found = self.representation.target_sensations, np.zeros((len(self.unit), 3))
+        for part in range(self.representation.num_parts):
+            here, touches = self.target_part == part, self.part == part
+            between = KNeighborsRegressor(4, weights="distance")
+            found[touches] = between.fit(targets[here], places[here]).predict(self.unit[touches])
+        return {"touch_places": found, "rows": self.rows, "parts": self.part}
+
+    def handed_in(self, lay: Layout, of: str, seed: int) -> dict[str, np.ndarray]:
+        """A hand-in by a rival."""
+        rng = np.random.default_rng(seed)
+        rows = rng.permutation(len(self.unit))
+        if of == "receptors":
+            felt = self.felt[rows[:_MOST_ROWS]]
+            part = self.target_part[self.representation.target_sensations.argmax(axis=0)]
+            part = np.where(felt.any(axis=0), part, -1)
+            places, part = in_parts(lay, felt.T, part, seed)
+            return {"receptor_places": places, "parts": part}
+        if of == "targets":
+            targets = self.representation.target_sensations
+            return self.by_targets(in_parts(lay, targets, self.target_part, seed)[0])
+        rows = np.sort(rows[:1500])
+        places, part = in_parts(lay, self.unit[rows], self.part[rows], seed)
+        return {"touch_places": places, "rows": self.rows[rows], "parts": part}
+
+
+def in_parts(
+    lay: Layout, items: np.ndarray, part: np.ndarray, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """`(n, 3)` places, each part laid out by itself, and `(n,)` parts, -1 if too small."""
+    places, kept = np.zeros((len(items), 3)), np.full(len(items), -1)
+    for number in np.unique(part[part >= 0]):
+        here = np.flatnonzero(part == number)
+        if len(here) >= LEAST_KERNELS:
+            places[here], kept[here] = lay(items[here], seed), number
+    return places, kept
+
+
+def rows_of(touches: Touches, options: argparse.Namespace) -> Iterator[dict[str, object]]:
+    seed = options.seed
+    for way in options.ways:
+        if way in _OURS:
+            began = time.process_time()
+            body = recover(touches.representation, way, seed=seed, holes=False)
+            spent = time.process_time() - began + touches.seconds
+            places = np.nan_to_num(body.positions)
+            yield row(touches, way, "ours", "targets", touches.by_targets(places), spent)
+            continue
+        known = WAYS[way]
+        try:
+            code = f"{known.code}{known.package} {version(known.package)}"
+        except PackageNotFoundError:
+            yield row(touches, way, f"{known.package} is missing", "", None, 0.0)
+            continue
+        for of in (one for one in known.of if one in options.of):
+            began = time.process_time()
+            try:
+                handed = touches.handed_in(known.lay, of, seed)
+            # A package of others may fail in any way; the table says so, and goes on.
+            except Exception as error:
+                print(f"{way} of {of}: {type(error).__name__}: {error}")
+                handed, code = None, f"{code}: failed"
+            yield row(touches, way, code, of, handed, time.process_time() - began)
+
+
+def row(
+    touches: Touches,
+    way: str,
+    code: str,
+    of: str,
+    handed: dict[str, np.ndarray] | None,
+    seconds: float,
+) -> dict[str, object]:
+    """A row of the table, judged."""
+    found = {}
+    if handed is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            save_arrays(Path(folder) / "handed_in.npz", handed)
+            found = judge(Path(folder) / "handed_in.npz", str(touches.path))
+    betti = list(
+        zip(
+            found.get("topology_betti_by_part", []),
+            found.get("topology_betti_true_by_part", []),
+            strict=True,
+        )
+    )
+    body, _, seed = touches.path.stem.rpartition("_")
+    right = sum(one is not None and one == true for one, true in betti)
+    figure = lambda key, digits: round(found[key], digits) if key in found else ""  # noqa: E731
+    return {
+        "body": body,
+        "seed": seed,
+        "touches": len(touches.rows),
+        "way": way,
+        "of": of,
+        "surface_error": figure("surface_rms_fraction", 4),
+        "holes_right": right if found else "",
+        "parts_found": figure("parts_found", 0),
+        "parts_true": figure("parts_true", 0),
+        "margin": figure("topology_margin", 1),
+        "neighbours": figure("neighbour_agreement", 3),
+        "judged": figure("judged_share", 3),
+        "cpu_s": round(seconds, 1),
+        "code": code,
+    }
+
+
+def summary(rows: list[dict[str, object]]) -> str:
+    """The shape errors as Markdown, median / worst of the data seeds; × where holes are wrong."""
+    bodies = list(dict.fromkeys(str(one["body"]) for one in rows))
+    lines = [["method", "of", *bodies], ["---"] * (2 + len(bodies))]
+    for way, of in dict.fromkeys((one["way"], one["of"]) for one in rows):
+        cells = []
+        for body in bodies:
+            mine = [one for one in rows if (one["body"], one["way"], one["of"]) == (body, way, of)]
+            error = [100 * float(str(one["surface_error"])) for one in mine if one["judged"] != ""]
+            wrong = any(one["holes_right"] != one["parts_true"] for one in mine)
+            text = f"{np.median(error):.1f}" if error else "none"
+            text += f" / {max(error):.1f}" if len(error) > 1 else ""
+            cells.append(f"{text} ×" if wrong else text)
+        lines.append([str(way), str(of), *cells])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "runs", nargs="+", type=Path, help="a missing one, such as torus_951, is babbled"
-    )
-    parser.add_argument("--touches", nargs="+", type=int, default=[10_000, 100_000])
+    parser.add_argument("recordings", nargs="+", help="paths, or names of shipped ones")
+    parser.add_argument("--touches", type=int, help="the first rows  [default: all]")
     parser.add_argument("--targets", type=int, default=300)
-    parser.add_argument("--ways", nargs="+", choices=WAYS, default=list(WAYS))
-    parser.add_argument("--seed", type=int, default=0, help="of the ways that learn")
+    parser.add_argument("--ways", nargs="+", choices=(*_OURS, *WAYS), default=[*_OURS, *WAYS])
+    of = ["targets", "touches", "receptors"]
+    parser.add_argument("--of", nargs="+", choices=of, default=of, help="what rivals lay out")
+    parser.add_argument("--seed", type=int, default=0, help="of all that is random in a method")
     add_update_option(parser, "rivals")
-    arguments = parser.parse_args()
-    print("| body | touches | way | shape error | surface error | holes | margin ", end="")
-    print("| dimension | neighbours | CPU s |")
-    print("|---" * len(COLUMNS) + "|")
-    with results("rivals", update=arguments.update) as add:
-        for path in arguments.runs:
-            experience = Experience(run_at(path, max(arguments.touches)))
-            for touches in arguments.touches:
-                for row in rows(experience, touches, arguments):
-                    add(dict(zip(COLUMNS, row, strict=True)))
-                    print(line(row), flush=True)
-
-
-def rows(experience: Experience, touches: int, arguments: argparse.Namespace):
-    experiment = experience.run.experiment
-    case = Case(
-        body=experiment.name,
-        seed=experiment.seed,
-        skin="whole",
-        samples=touches,
-        targets=arguments.targets,
-        receptors=experiment.num_receptors,
-        queries=MAX_QUERIES,
-    )
-    felt, q, contacts = experience.felt(case)
-    representation, _ = learned_representation(case, felt, q)
-    truth = kernel_truth(representation, contacts[representation.kernel_row])
-    on_surface = truth.on_surface(experience.fields)
-    for way in arguments.ways:
-        began = time.process_time()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            positions, distances = WAYS[way](representation, felt, arguments.seed)
-        seconds = time.process_time() - began
-        holes = topology(positions)
-        yield (
-            case.body,
-            touches,
-            way,
-            *(
-                round(max(shape_errors(positions, representation.part, where).values()), 4)
-                for where in (truth, on_surface)
-            ),
-            " ".join(map(str, holes.betti)),
-            round(holes.margin, 1),
-            round(intrinsic_dimension(distances), 2),
-            round(neighbour_agreement(distances, truth.positions), 3),
-            round(seconds, 1),
-        )
-
-
-def line(row: tuple) -> str:
-    body, touches, way, error, from_surface, betti, margin, dimension, neighbours, seconds = row
-    return (
-        f"| {body} | {touches:,} | {way} | {error:.1%} | {from_surface:.1%} | {betti} "
-        f"| {margin} | {dimension} | {neighbours:.0%} | {seconds} |"
-    )
+    options = parser.parse_args()
+    # Some packages start as many threads as there are cores, whatever they are told.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    rows = []
+    with results("rivals", update=options.update) as add, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for recording in options.recordings:
+            for one in rows_of(Touches(find_recording(recording), options), options):
+                add(one)
+                rows.append(one)
+                print(*one.values(), sep=" | ", flush=True)
+    print(summary(rows))
 
 
 if __name__ == "__main__":

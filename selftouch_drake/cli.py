@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import functools
 import gc
+import itertools
+import json
 import os
 import sys
 import warnings
@@ -451,6 +453,35 @@ def evaluate(directory: RunDirectory, workers: int | None) -> None:
     with _progress("evaluate") as progress, local_executor(workers) as executor:
         stages.evaluate(directory, progress, executor)
     _print_headline(directory)
+
+
+@cli.command()
+@click.argument("file", metavar="FILE", type=click.Path(path_type=Path))
+@click.option(
+    "--recording", metavar="NAME_OR_PATH", required=True, help="As in torus_1, or a file."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print the metrics as JSON.")
+def score(file: Path, recording: str, as_json: bool) -> None:
+    """Score what any other method makes of a recording.
+
+    FILE is an .npz archive with one of `touch_places` (a row for each touch), `receptor_places` and
+    `distances`, and if you like `rows`, `parts` and `plans`. The figures are those of `evaluate`.
+    """
+    from selftouch_drake.run.judged import judge
+
+    found = judge(file, recording)
+    if as_json:
+        click.echo(json.dumps(found, indent=2))
+    else:
+        from rich.console import Console
+        from rich.table import Table
+
+        from selftouch_drake.run.metrics import readings
+
+        table = Table("metric", "value", "target")
+        for reading in itertools.chain(*readings(found).values()):
+            table.add_row(reading.name, reading.value, reading.metric.target)
+        Console().print(table)
 
 
 @cli.command()

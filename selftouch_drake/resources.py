@@ -1,4 +1,4 @@
-"""Folders of the shipped models, experiments and sweeps: in a wheel, or beside the package."""
+"""Folders of shipped models, experiments, sweeps, recordings: in a wheel, or beside the package."""
 
 import itertools
 import re
@@ -10,6 +10,7 @@ _ROOT = _PACKAGE if (_PACKAGE / "models").is_dir() else _PACKAGE.parent
 MODELS = _ROOT / "models"
 EXPERIMENTS = _ROOT / "experiments"
 SWEEPS = _ROOT / "sweeps"
+RECORDINGS = _ROOT / "recordings"
 
 
 def shipped(folder: Path) -> list[str]:

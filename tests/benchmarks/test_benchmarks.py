@@ -24,7 +24,8 @@ SMALL: dict[str, list[str]] = {
     "memory": ["{tmp}/run", "--touches", "5000", "--targets", "50", "--times", "2"],
     "table": ["--touching", "--turns", "1"],
     "joints": ["--joints=6", "--touches=3000", "--targets=60", "--pairs=1", "--out={tmp}"],
-    "rivals": ["{tmp}/sphere_1", "--touches=3000", "--targets=60", "--ways=isomap"],
+    "recordings": ["--bodies=raw", "--seeds=1", "--out={tmp}"],
+    "rivals": ["torus_1", "--touches=3000", "--targets=60", "--ways", "sensorimotor", "isomap"],
     "exploration": [
         "touches",
         *("--bodies", "sphere"),
