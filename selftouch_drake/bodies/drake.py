@@ -80,12 +80,13 @@ class DrakeFelt(Felt):
             rows = np.flatnonzero(self.sensation.any(axis=1))
             return rows, self.of_rows(rows)
         # Where touches are rare, this takes a fraction of the time of all readings.
-        rows, touches = self._world.probe.felt(self._q)
+        rows, touches = self._world.probe.touching(self._q)
         return rows, DrakeFelt(self._world, self._q[rows], self._margin, touches)
 
     def of_rows(self, rows: np.ndarray) -> DrakeFelt:
         """What was felt at some of the configurations, in ascending order."""
-        return DrakeFelt(self._world, self._q[rows], self._margin, self._touches.of_rows(rows))
+        touches = self._touches.of_rows(rows) if "_touches" in vars(self) else None
+        return DrakeFelt(self._world, self._q[rows], self._margin, touches)
 
     @cached_property
     def _touches(self) -> Touches:

@@ -62,9 +62,10 @@ class CollisionCheck:
         self._near = radius[self._ends].sum(axis=1) - allowed
 
     def depth(self, q: np.ndarray, margin: float = 0.0) -> np.ndarray:
-        """`(N,)` m, by how much rigid parts are deeper in each other than allowed at `q` `(N, J)`.
+        """`(N,)` m, by how much two rigid parts are deeper in each other than allowed.
 
-        0 where the posture is possible. With a margin (m), less is allowed.
+        It is that of the first pair that is found to be too deep at `q` `(N, J)`; 0 where the
+        posture is possible. With a margin (m), less is allowed.
         """
         depth = np.zeros(len(q))
         if not self._pairs:
@@ -72,15 +73,21 @@ class CollisionCheck:
         X_WL = self._kinematics.poses(q)
         p_WC = np.einsum("ngij,gj->ngi", X_WL[..., :3], self._centre) + X_WL[..., 3]
         half_W = np.einsum("ngij,gj->ngi", X_WL[..., :3], self._half)
-        apart = np.empty((len(q), len(self._pairs)))
-        _axes_apart(p_WC, half_W, self._ends, apart)
-        near = np.argwhere(apart < self._near + margin).tolist()
+        beyond = np.empty((len(q), len(self._pairs)))
+        _axes_apart(p_WC, half_W, self._ends, beyond)
+        beyond -= self._near + margin
+        rows, pairs = np.nonzero(beyond < 0.0)
+        # What is deepest, as far as one can see, comes first.
+        order = np.lexsort([beyond[rows, pairs], rows])
+        near = zip(rows[order].tolist(), pairs[order].tolist(), strict=True)
         for row, some in itertools.groupby(near, key=lambda row_and_pair: row_and_pair[0]):
             found = self._query(q[row])
             for _, pair in some:
                 first, second, allowed = self._pairs[pair]
                 distance = found.ComputeSignedDistancePairClosestPoints(first, second).distance
-                depth[row] = max(depth[row], -distance - (allowed - margin))
+                depth[row] = max(0.0, -distance - (allowed - margin))
+                if depth[row]:
+                    break
         return depth
 
 

@@ -72,14 +72,15 @@ class FaceReader:
         data = self._encode(self._to_message.get_output_port(0).EvalAbstract(context))
         # A message starts with the eight bytes of its type.
         message, _ = _decode(drake.lcmt_contact_results_for_viz, data, 8)
-        for pair, found in zip(ends, message["hydroelastic_contacts"], strict=True):
+        read = message["hydroelastic_contacts"]
+        for surface, pair, found in zip(surfaces, ends, read, strict=True):
             if not geometries.isdisjoint(pair):
                 polygons, p, pressure = (
                     found[name].astype(kind)
                     for name, kind in (("poly_data", int), ("p_WV", float), ("pressure", float))
                 )
-                centroid, force = _of_polygons(polygons, p.reshape(-1, 3), pressure)
-                yield Faces(pair, centroid, force)
+                num_faces = surface.num_faces()
+                yield Faces(pair, *_of_polygons(polygons, p.reshape(-1, 3), pressure, num_faces))
 
 
 def _decode(kind: Any, data: bytes, at: int) -> tuple[dict[str, Any], int]:
@@ -105,16 +106,12 @@ def _decode(kind: Any, data: bytes, at: int) -> tuple[dict[str, Any], int]:
 
 
 @compiled
-def _of_polygons(polygons, p, pressure):
-    """Centroids and forces as of `Faces`, where pressure `(V,)` Pa is linear on each polygon.
+def _of_polygons(polygons, p, pressure, num):
+    """Centroids and forces as of `Faces` of `num` polygons, on which pressure `(V,)` Pa is linear.
 
     Each is as many vertices of `p` `(V, 3)` m as the number before them says.
     """
-    num, at = 0, 0
-    while at < len(polygons):
-        num, at = num + 1, at + polygons[at] + 1
-    centroid, force = np.zeros((num, 3)), np.zeros(num)
-    at = 0
+    centroid, force, at = np.zeros((num, 3)), np.zeros(num), 0
     for face in range(num):
         a, end, whole = polygons[at + 1], at + polygons[at] + 1, 0.0
         for corner in range(at + 2, end - 1):

@@ -44,12 +44,13 @@ class RigidTouchers:
         self._skins = {s: soft_skin(robot.skins[s].model, int(ends[s])) for s in pressed}
         self._num_receptors = int(ends[-1])
 
-    def touches(self, X_WL: np.ndarray, near: np.ndarray) -> Touches:
+    def touches(self, X_WL: np.ndarray, near: np.ndarray, *, once: bool = False) -> Touches:
         """The touches that rigid touchers cause.
 
         Args:
             X_WL: `(N, L, 3, 4)` poses of all frames of the robot's kinematics, m.
             near: `(N, P)` bool, pairs that are near enough to touch.
+            once: whether only a little of each contact counts: enough to see that there is one.
         """
         sensation = np.zeros((len(X_WL), self._num_receptors))
         number, row = np.nonzero(near.T & self.is_rigid[:, None])
@@ -61,17 +62,18 @@ class RigidTouchers:
             t, s = self._pairs[pair].tolist()
             here = slice(*np.searchsorted(number, [pair, pair + 1]))
             frames = s, self._num_skins + t
-            press(self._skins[s], self._meshes[t], X_WL, *frames, row[here], sensation, total[here])
+            parts = self._skins[s], self._meshes[t]
+            press(*parts, X_WL, *frames, row[here], sensation, total[here], once)
         return Touches.of(sensation, row, skin, toucher, total)
 
 
 @compiled
-def press(skin, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total):
+def press(skin, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total, once):
     """Presses a `RigidMesh` on a `SoftSkin`.
 
     This happens at `(R,)` rows of `X_WL`, `(N, L, 3, 4)` m, poses in the world of frames, two of
     which are those of the skin's link and of the mesh. Adds to `sensation` `(N, S)` N, and sets
-    `total` `(R, 4)` as `Touches.of` takes it.
+    `total` `(R, 4)` as `Touches.of` takes it. Pressing `once` stops at the first force.
     """
     g, X = skin.pressure, np.empty((3, 4))
     p, planes = np.empty((3 * PATCH, 3)), np.empty((PATCH, 4))
@@ -88,6 +90,8 @@ def press(skin, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total):
         for i in range(4):
             total[r, i] = 0.0
         for patch in range(len(mesh.point_ends) - 1):
+            if once and total[r, 0] != 0.0:
+                break
             num_points = _place(mesh, patch, X, p, box)
             look += 1
             num_tets = tets_near(skin, box, look, seen, tets)
@@ -96,6 +100,8 @@ def press(skin, mesh, X_WL, skin_frame, mesh_frame, rows, sensation, total):
                 _turn(mesh, first, last, X, p, planes)
             for entry in range(num_tets):
                 tet, measured = tets[entry], False
+                if once and total[r, 0] != 0.0:
+                    break
                 for face in range(first, last):
                     if not _meets_plane(skin.corners, g, tet, planes, face - first):
                         continue

@@ -90,13 +90,28 @@ class ContactProbe:
         felt = np.flatnonzero(touches.sensation.any(axis=1))
         return rows[felt], touches.of_rows(felt)
 
-    def _of_perfect_skins(self, q: np.ndarray) -> tuple[np.ndarray, Touches]:
-        """The rows of `q` with something near a skin, and the touches of perfect skins there."""
+    def touching(self, q: np.ndarray) -> tuple[np.ndarray, Touches | None]:
+        """As `felt`; without touches where it costs less to ask later for those that matter.
+
+        So it does if a touching posture may be impossible, and if no skin has to be read for
+        seeing whether it is touched.
+        """
+        rigid = self._imperfections is None and self._rigid_touchers.is_rigid.all()
+        if not rigid or not self.robot.rigid_pairs:
+            return self.felt(q)
+        rows, touches = self._of_perfect_skins(q, once=True)
+        return rows[touches.sensation.any(axis=1)], None
+
+    def _of_perfect_skins(self, q: np.ndarray, *, once: bool = False) -> tuple[np.ndarray, Touches]:
+        """The rows of `q` with something near a skin, and the touches of perfect skins there.
+
+        `once` is as of `RigidTouchers.touches`.
+        """
         near = self._screen.near(q)
         rows = np.flatnonzero(near.any(axis=1))
         near, q = near[rows], q[rows]
         X_WL = self.robot.kinematics.poses(q)
-        touches = self._rigid_touchers.touches(X_WL, near)
+        touches = self._rigid_touchers.touches(X_WL, near, once=once)
         if not self._rigid_touchers.is_rigid.all():
             touches = touches.and_also(self._of_soft_touchers(q, X_WL, near))
         return rows, touches

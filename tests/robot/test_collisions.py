@@ -78,19 +78,24 @@ def brute_force(world, q):
     return depth
 
 
-def test_depths_are_those_of_drake_s_signed_distances(dummy):
+def assert_some_pair_is_so_deep(depth, expected):
+    np.testing.assert_array_equal(depth > 0, (expected > 0).any(axis=1))
+    assert (depth <= expected.max(axis=1)).all()
+
+
+def test_possible_is_what_drake_s_signed_distances_allow(dummy):
     q = robots.anywhere(dummy.robot, 400, seed=0)
-    depth, expected = dummy.probe.collision_depth(q), brute_force(dummy, q).max(axis=1)
-    np.testing.assert_array_equal(depth, expected)
+    depth, expected = dummy.probe.collision_depth(q), brute_force(dummy, q)
+    assert_some_pair_is_so_deep(depth, expected)
     assert (depth > 0).sum() > 20
     assert (depth == 0).sum() > 40
 
 
-def test_depths_of_an_infant_are_those_of_drake_s_signed_distances():
+def test_what_is_possible_for_an_infant_is_what_drake_s_signed_distances_allow():
     infant = robots.shipped("infant")
     q = robots.anywhere(infant.robot, 150, seed=0)
-    depth, expected = infant.probe.collision_depth(q), brute_force(infant, q).max(axis=1)
-    np.testing.assert_array_equal(depth, expected)
+    depth, expected = infant.probe.collision_depth(q), brute_force(infant, q)
+    assert_some_pair_is_so_deep(depth, expected)
     assert 5 < (depth > 0).sum() < 100
 
 
@@ -158,8 +163,9 @@ def test_rigid_parts_push_each_other_away_under_dynamics(dummy):
     robot, simulation = dummy.robot, dummy.simulation
     q = robots.anywhere(robot, 2000, seed=3)
     free = q[dummy.probe.collision_depth(q) == 0]
-    deep = q[dummy.probe.collision_depth(q) > 0.02]
-    depth = brute_force(dummy, deep)
+    impossible = q[dummy.probe.collision_depth(q) > 0]
+    depth = brute_force(dummy, impossible)
+    deep, depth = (each[depth.max(axis=1) > 0.02] for each in (impossible, depth))
     # All of an arm but what touches the torso, whose outer layer is its skin.
     torso = [any(link.name() == "base" for link in pair.links) for pair in robot.rigid_pairs]
     apart = ~(depth[:, torso] > 0).any(axis=1)
@@ -168,6 +174,6 @@ def test_rigid_parts_push_each_other_away_under_dynamics(dummy):
         path = np.stack([start, goal])
         simulation.follow(np.array([0.0, 1.0]), path, np.zeros((2, 4)), jump=True)
         simulation.advance_to(1.5)
-        reached, wanted = dummy.probe.collision_depth(np.stack([simulation.q, goal]))
+        reached, wanted = brute_force(dummy, np.stack([simulation.q, goal])).max(axis=1)
         assert reached < wanted / 2
     assert apart.sum() >= 3

@@ -246,3 +246,18 @@ def test_what_is_felt_is_what_touches_has_in_those_rows(world):
     np.testing.assert_array_equal(felt.sensation, touches.sensation[rows])
     np.testing.assert_array_equal(rows[felt.row], touches.row)
     np.testing.assert_array_equal(felt.p_LC, touches.p_LC)
+
+
+@pytest.mark.parametrize("name", ["infant", "turning_body"])
+def test_what_touches_is_seen_without_its_readings(name):
+    world = robots.shipped(name)
+    q = random_walk(world.experiment, DrakeBody(world), 3).steps(3000)
+    rows, touches = world.probe.touching(q)
+    assert (touches is None) == (name == "infant")
+    np.testing.assert_array_equal(rows, world.probe.felt(q)[0])
+    assert len(rows) > 20
+    felt_rows, felt = DrakeBody(world).feel(q).touches()
+    np.testing.assert_array_equal(felt_rows, rows)
+    some = felt.of_rows(np.arange(5))
+    np.testing.assert_array_equal(some.sensation, world.probe.sensations(q[rows[:5]]))
+    assert some.contacts.skin.size >= 5
