@@ -80,8 +80,8 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 20}  # noqa: RUF012 - Gymnasium's
     observation_space: Dict
-    # s between two evaluations of contact; by default one per step.
-    _log_period: float | None = None
+    # s between two looks at the sensation; by default one per step.
+    _look_period: float = np.inf
 
     def __init__(
         self,
@@ -98,6 +98,9 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         if not period_s >= time_step:
             raise ValueError(f"period_s is {period_s}: give {time_step} s or more")
         self._plant_steps = round(period_s / time_step)
+        num_looks = max(1, round(period_s / self._look_period))
+        # The plant's steps after which a robot looks.
+        self._looks = np.unique(np.linspace(0, self._plant_steps, num_looks + 1).round()[1:])
         self.period_s = self._plant_steps * time_step
         self.metadata = {**self.metadata, "render_fps": round(1 / self.period_s)}
         self.render_mode = render_mode
@@ -128,7 +131,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         super().reset(seed=seed)
         options = self._known(options)
         self._simulation.rest_at(self._starting_posture(options))
-        self._simulation.take_log()
+        self._feel()
         self._num_steps = 0
         self._touches[:] = 0
         if self.render_mode == "human":
@@ -144,28 +147,29 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         Raises:
             ValueError: the action has another shape, or is not finite.
         """
-        self._num_steps += 1
-        moved = self._simulation.q_commanded + self._step_size * shares(action, self.action_space)
+        start = self._simulation.q_commanded
+        moved = start + self._step_size * shares(action, self.action_space)
+        way = moved.clip(*self._range) - start
+        felt = []
         # Computed as Drake counts its steps, so that all periods have the same number of steps.
-        time_step = self.experiment.execution.time_step
-        until = self._num_steps * self._plant_steps * time_step
-        began = self._simulation.time_s
-        self._simulation.lead_through(moved.clip(*self._range), until)
-        log = self._simulation.take_log()
-        # An entry at the very end of a period may come into the next log.
-        looks = [log.felt[log.time_s > began + time_step / 2], self._simulation.felt[None]]
-        felt = np.concatenate(looks)
-        touched = np.unique(self._receptor_skin[felt.any(axis=0)])
+        for done in self._looks:
+            until = (
+                self._num_steps * self._plant_steps + done
+            ) * self.experiment.execution.time_step
+            self._simulation.lead_through(start + done / self._plant_steps * way, until)
+            felt.append(self._feel())
+        self._num_steps += 1
+        touched = np.unique(self._receptor_skin[np.any(felt, axis=0)])
         self._touches[touched] += 1
         observation = self._observation()
-        reward, terminated = self._judge(observation, felt)
+        reward, terminated = self._judge(observation, np.array(felt))
         if self.render_mode == "human":
             self.render()
         return observation, reward, terminated, False, self._info()
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]
         """Shows the robot and its sensation; `(height, width, 3)` uint8 for `rgb_array`."""
-        q, felt = self._simulation.q, self._simulation.felt
+        q, felt = self._simulation.q, self._felt
         if self.render_mode == "rgb_array":
             return self._camera.picture(q, felt)
         if self.render_mode == "human":
@@ -240,6 +244,18 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
     def _starting_posture(self, options: dict[str, np.ndarray]) -> np.ndarray:
         return options["q"] if "q" in options else possible_posture(self.world, self.np_random)
 
+    def _feel(self) -> np.ndarray:
+        """Takes a look; `(S,)` N.
+
+        For the readings of its own skins Drake solves for contact forces anew, which takes as long
+        as a third of a step; the same readings follow from the posture.
+        """
+        if any(skin.imperfections.delay for skin in self.experiment.skins.values()):
+            self._felt = self._simulation.felt
+        else:
+            self._felt = self.world.probe.sensations(self._simulation.q[None])[0]
+        return self._felt
+
     def _judge(self, observation: Observation, felt: np.ndarray) -> tuple[float, bool]:
         """The reward of a step with sensations `(T, S)` N, and whether it ends the episode."""
         return 0.0, False
@@ -249,7 +265,7 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         (q,) = remembered(self.experiment, simulation.q_read[None])
         return {
             "observation": self._within("observation", np.concatenate([q, simulation.v])),
-            "touch": self._within("touch", simulation.felt),
+            "touch": self._within("touch", self._felt),
         }
 
     def _within(self, name: str, values: np.ndarray) -> np.ndarray:
@@ -264,9 +280,8 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
 
     @cached_property
     def _simulation(self) -> Simulation:
-        log_period = min(self._log_period or self.period_s, self.period_s)
         with one_line(_REFUSED):
-            return Simulation(self.experiment, self.world.skins, log_period=log_period)
+            return Simulation(self.experiment, self.world.skins, log_period=np.inf)
 
     @cached_property
     def _browser(self) -> FeelingRobot:

@@ -95,7 +95,7 @@ class ReachEnv(SelfTouchEnv):
         return {**plain, "achieved_goal": unit(plain["touch"]), "desired_goal": self._goal.copy()}
 
     def _info(self) -> dict[str, Any]:
-        found = float(likeness(unit(self._simulation.felt), self._goal))
+        found = float(likeness(unit(self._felt), self._goal))
         return {**super()._info(), "likeness": found, "is_success": found >= REACHED}
 
 
@@ -107,7 +107,7 @@ class SlideEnv(ReachEnv):
     by the same toucher in both.
     """
 
-    _log_period = LOG_PERIOD
+    _look_period = LOG_PERIOD
 
     def _starting_posture(self, options: dict[str, np.ndarray]) -> np.ndarray:
         if "q" in options:

@@ -170,7 +170,7 @@ class Simulation:
     Attributes:
         robot: the robot.
         slip: `(J,)` rad or m, by how much joints read more than their true position.
-        log_period: s, between two entries of the log.
+        log_period: s, between two entries of the log; infinite if there is no log.
 
     Args:
         experiment: whose robot acts.
@@ -223,6 +223,7 @@ class Simulation:
                 ("torque", "torque", experiment.execution.time_step),
                 ("state_steps", "state", experiment.execution.time_step),
             )
+            if np.isfinite(log_period)
         }
         self.diagram = builder.Build()
         self._simulator = Simulator(self.diagram)
