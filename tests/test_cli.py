@@ -32,8 +32,8 @@ def files_below(folder):
     }
 
 
-# `icub` and `icub_skin` need a package of their own, and hours; they have tests of their own. Of some, another has the
-# same robot, and only the surface differs.
+# `icub` and `icub_skin` need a package of their own, and hours; they have tests of their own. Of
+# some, another has the same robot, and only the surface differs.
 ELSEWHERE = (
     "cube",
     "icub",
