@@ -32,9 +32,18 @@ def files_below(folder):
     }
 
 
-# `icub` needs a package of its own, and hours; it has a test of its own. Of some, another has the
-# same robot, and only the surface differs.
-ELSEWHERE = ("cube", "icub", "cylinder", "double_torus", "ellipsoid", "sphere_two_fingers", "torus")
+# `icub` and `icub_skin` need a package of their own, and hours; they have tests of their own. Of
+# some, another has the same robot, and only the surface differs.
+ELSEWHERE = (
+    "cube",
+    "icub",
+    "icub_skin",
+    "cylinder",
+    "double_torus",
+    "ellipsoid",
+    "sphere_two_fingers",
+    "torus",
+)
 SMOKED = [name for name in shipped(EXPERIMENTS) if name not in ELSEWHERE]
 
 

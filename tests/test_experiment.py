@@ -126,7 +126,7 @@ BALL_OR_LINK = "give frame and radius for a ball, or link for a link's own geome
         (
             "skins: {body: {surface: {shape: pyramid}}}",
             "skins.body.surface.shape is 'pyramid'; choose one of sphere, cube, torus, ellipsoid, "
-            "cylinder, capsule, mesh, collision, visual",
+            "cylinder, capsule, mesh, collision, visual, receptors",
         ),
         (
             "skins: {body: {surface: colision}}",
@@ -206,7 +206,7 @@ BALL_OR_LINK = "give frame and radius for a ball, or link for a link's own geome
             "what the body is by python or gymnasium",
         ),
         ("skins: {body: {unevenness: 1}}", "skins.body.unevenness is 1; give at most 0.9"),
-        ("skins: {body: {field_width: 0.5}}", "skins.body.field_width is 0.5; give at least 1"),
+        ("skins: {body: {field_width: 0.1}}", "skins.body.field_width is 0.1; give at least 0.2"),
         (
             "skins: {body: {imperfections: {dead: -0.1}}}",
             "skins.body.imperfections.dead is -0.1; give at least 0",

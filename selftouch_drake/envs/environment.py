@@ -211,8 +211,10 @@ class SelfTouchEnv(gymnasium.Env[Any, np.ndarray]):
         lowest = np.concatenate([lower - margin, -fastest]).astype(np.float32)
         highest = np.concatenate([upper + margin, fastest]).astype(np.float32)
         saturation = [
-            np.full(each.num_receptors, each.imperfections.saturation or _LARGEST_READING)
+            np.full(each.num_receptors, largest if np.isinf(most) else most)
             for each in self.experiment.skins.values()
+            for most in [each.reading.most]
+            for largest in [each.imperfections.saturation or _LARGEST_READING]
         ]
         most = np.concatenate(saturation).astype(np.float32)
         return {

@@ -85,7 +85,23 @@ def collect_walk(
     walker, path = walker_of(experiment, body), random_walk(experiment, body, walk)
     if walker.timed:
         walker.begin_at(path.steps(1)[0])
-    return keep_touches(lambda: walker.walk(path.steps(walker.batch)), body, walk, num_rows, most_s)
+
+    def next_steps() -> Felt:
+        return walker.walk(path.steps(walker.batch))
+
+    try:
+        return keep_touches(next_steps, body, walk, num_rows, most_s)
+    except NeverTouchesError as error:
+        raise NeverTouchesError(f"{error}{_thresholds(experiment)}") from None
+
+
+def _thresholds(experiment: Experiment) -> str:
+    """What else may be the reason why nothing is touched: thresholds of skins."""
+    return "".join(
+        f", or lower skins.{name}.reading.threshold, which is {skin.reading.threshold:g} N"
+        for name, skin in experiment.skins.items()
+        if skin.reading.threshold is not None
+    )
 
 
 def keep_touches(

@@ -184,8 +184,9 @@ def _absolute_paths(folder: Path, fields: Any, section: str = "") -> Any:
         return fields
     return {
         key: _absolute(folder, value)
-        if key in ("directives", "mesh")
+        if (key in ("directives", "mesh", "receptors") and isinstance(value, str))
         or section == "packages"
+        or (section, key) == ("receptors", "file")
         or (section, key) == ("python", "file")
         or ((section, key) == ("gymnasium", "env") and ".py:" in str(value))
         else _absolute_paths(folder, value, key)

@@ -15,10 +15,11 @@ from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, model_v
 from pydantic.dataclasses import dataclass
 
 from selftouch_drake.experiment.errors import Mistake, closest, require, shown
+from selftouch_drake.experiment.receptor_files import ReceptorTable, read_receptors
 from selftouch_drake.randomness import random_stream
 
 # Dimensions that each shape needs, in metres. `collision` and `visual` stand for the geometry of
-# the link in the robot's model.
+# the link in the robot's model, `receptors` for the convex hull of receptors from a file.
 SHAPES = {
     "sphere": ("radius",),
     "cube": ("side",),
@@ -29,6 +30,7 @@ SHAPES = {
     "mesh": ("mesh",),
     "collision": (),
     "visual": (),
+    "receptors": (),
 }
 ShapeMetric = Literal["learned", "sensorimotor", "motor", "literal"]
 SHAPE_METRICS = typing.get_args(ShapeMetric)
@@ -205,6 +207,68 @@ class Imperfections(Settings):
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)
+class Reading(Settings):
+    """What a skin reports of the force on each receptor."""
+
+    # `pressure`: the force. `binary`: whether it reaches a threshold. `counts`: whole numbers, as
+    # of an analogue-to-digital converter. `centre`: force and centre of pressure of each group of
+    # receptors, in three readings.
+    mode: Literal["pressure", "binary", "counts", "centre"] = "pressure"
+    # N, with `binary`: the force that switches a receptor on.
+    threshold: Positive | None = None
+    # N, with `binary`: how far the force falls below the threshold before a receptor that is on
+    # switches off. Under dynamics only: kinematic postures are approached from no touch.
+    hysteresis: Annotated[Number, Field(ge=0)] = 0.0
+    # With `counts`: number of bits, and the force in N at which they are exhausted.
+    bits: Annotated[Whole, Field(ge=1, le=16)] | None = None
+    full_scale: Positive | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled_out(cls, reading: Any) -> Any:
+        """Expands the short form, the mode alone."""
+        return {"mode": reading} if isinstance(reading, str) else reading
+
+    @model_validator(mode="after")
+    def _has_what_its_mode_needs(self) -> Self:
+        for name, mode in (("threshold", "binary"), ("bits", "counts"), ("full_scale", "counts")):
+            value = getattr(self, name)
+            remedy = f"mode {mode} needs it" if self.mode == mode else f"only mode {mode} takes it"
+            require((value is not None) == (self.mode == mode), name, value, remedy)
+        remedy = "give less than threshold, of mode binary"
+        valid = self.hysteresis < (self.threshold or 0) or not self.hysteresis
+        require(valid, "hysteresis", self.hysteresis, remedy)
+        return self
+
+    @property
+    def most(self) -> float:
+        """The largest reading; infinite for forces."""
+        return 1.0 if self.mode == "binary" else 2.0 ** (self.bits or np.inf) - 1
+
+
+@dataclass(kw_only=True, slots=True, frozen=True)
+class ReceptorFile(Settings):
+    """Where the receptors of a skin are, from a file: .csv, .txt, .npz or .pcd."""
+
+    # Places in the frame of the link, one row each, in columns x, y, z; normals in nx, ny, nz, the
+    # radius of the field in width, group and name may follow. The path is relative to the
+    # experiment's file.
+    file: Annotated[Text, that(is_printable, "give the path of a file")]
+    # Metres per unit of the file; 0.001 for millimetres.
+    scale: Positive = 1.0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _spelled_out(cls, receptors: Any) -> Any:
+        """Expands the short form, the path alone."""
+        return {"file": receptors} if isinstance(receptors, str) else receptors
+
+    def read(self) -> ReceptorTable:
+        """The receptors; raises a ValueError that begins with the file if it cannot be read."""
+        return read_receptors(self.file, self.scale)
+
+
+@dataclass(kw_only=True, slots=True, frozen=True)
 class Skin(Settings):
     """A soft tactile skin on one link, moving or not."""
 
@@ -213,17 +277,43 @@ class Skin(Settings):
     surface: SurfaceSettings
     # Metres, from the outer face inwards.
     thickness: Positive = 0.03
-    # Number of receptors; the paper uses 20 to 200 on one body.
-    num_receptors: Annotated[Whole, Field(ge=4, le=1000)] = 100
+    # Number of receptors; the paper uses 20 to 200 on one body. By default 100, or as many as there
+    # are in the file, and so the resolved experiment has it.
+    num_receptors: Annotated[Whole, Field(ge=4)] = None  # type: ignore[assignment]
+    # Receptors where they are, instead of spread evenly.
+    receptors: ReceptorFile | None = None
     # Pa. Soft skin keeps contact forces at a few newtons; 1e6 gives hundreds.
     hydroelastic_modulus: Positive = 3.0e4
     # 0 for an even layout. At u, receptors on one side of the skin are 1 / (1 - u) times as far
     # apart as on the other. The seed decides which side.
     unevenness: Share = 0.0
     # Radius of the receptive fields, as a multiple of the smallest at which three fields overlap
-    # everywhere.
-    field_width: Annotated[Number, Field(ge=1, le=3)] = 1.0
+    # everywhere; of a file without widths, at which typical fields reach their third neighbour.
+    # Below 1 there are gaps between the fields, where nothing is felt.
+    field_width: Annotated[Number, Field(ge=0.2, le=3)] = 1.0
     imperfections: Imperfections = field(default_factory=Imperfections)
+    # What is reported of the forces, after imperfections.
+    reading: Reading = field(default_factory=Reading)
+
+    @model_validator(mode="after")
+    def _has_a_number(self) -> Self:
+        if self.num_receptors is None:
+            object.__setattr__(self, "num_receptors", self._usual_number())
+        if self.receptors is None:
+            shape, remedy = self.surface.shape, "give receptors a file, or another shape"
+            require(shape != "receptors", "surface.shape", shape, remedy)
+            number, mode = self.num_receptors, self.reading.mode
+            require(number <= 1000, "num_receptors", number, "give at most 1000")
+            require(mode != "centre", "reading.mode", mode, "give receptors a file with groups")
+        return self
+
+    def _usual_number(self) -> int:
+        if self.receptors is None:
+            return 100
+        try:
+            return self.receptors.read().num_readings(self.reading.mode == "centre")
+        except ValueError as error:
+            raise Mistake("receptors", f"{{path}} {error}") from None
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)

@@ -10,7 +10,13 @@ from selftouch_drake.geometry.hollow import (
     vtk_text,
 )
 from selftouch_drake.geometry.patches import betti_of_patch, touched_patch
-from selftouch_drake.geometry.receptors import ReceptiveFields, place_receptors, receptive_fields
+from selftouch_drake.geometry.receptors import (
+    ReceptiveFields,
+    group_centres,
+    place_receptors,
+    placed_fields,
+    receptive_fields,
+)
 from selftouch_drake.geometry.surfaces import (
     capsule,
     cube,
@@ -32,9 +38,11 @@ __all__ = [
     "cylinder",
     "ellipsoid",
     "farthest_points",
+    "group_centres",
     "hollow_skin",
     "mesh_file",
     "place_receptors",
+    "placed_fields",
     "receptive_fields",
     "sphere",
     "surface_distances",

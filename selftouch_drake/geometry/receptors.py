@@ -1,13 +1,14 @@
-"""Receptors spread evenly over a surface, and their overlapping receptive fields."""
+"""Receptors spread evenly over a surface or placed on it, and their receptive fields."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, vstack
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
@@ -28,20 +29,23 @@ FIELD_MARGIN = 1.15
 FIELD_RESOLUTION = 0.012
 EDGES_BETWEEN_RECEPTORS = 4
 
+# Receptors whose distances to the vertices are found at once: bounds the memory.
+_AT_ONCE = 64
+
 
 @dataclass(frozen=True, kw_only=True)
 class ReceptiveFields:
     """Overlapping receptive fields of S receptors, measured along a surface.
 
     At each point of the surface the weights of all receptors sum to one, so distributing a force
-    over the receptors conserves it.
+    over the receptors conserves it. Where there are gaps between fields, they sum to less.
 
     Attributes:
         p_LS: `(S, 3)` m, receptors in the link's frame L.
         vertices: `(V, 3)` m, of the surface on which the fields are sampled.
         faces: `(F, 3)` indices into `vertices`.
         vertex_weights: `(V, S)` sparse, the share of each receptor at each vertex.
-        radius: m, distance along the surface at which a field ends.
+        radius: m, distance along the surface at which a typical field ends.
     """
 
     p_LS: np.ndarray
@@ -127,7 +131,7 @@ def place_receptors(
         raise ValueError(
             f"num_receptors is {num_receptors}; give {FEWEST_RECEPTORS} to {MOST_RECEPTORS}"
         )
-    surface = _refined(surface, num_receptors)
+    surface = _refined(surface, math.sqrt(surface.area / num_receptors))
     paths = surface_paths(surface)
     nearest = np.full(len(surface.vertices), np.inf)
 
@@ -157,9 +161,10 @@ def receptive_fields(
     Args:
         surface: Closed outer surface in the link's frame L, m.
         p_LS: `(S, 3)` m, receptors on the surface.
-        width: Radius of the fields, as a multiple of this smallest radius.
+        width: Radius of the fields, as a multiple of this smallest radius. Below 1, a force in a
+            gap between fields is not felt, and on the slope of a single one it is felt in part.
     """
-    surface = _refined(surface, len(p_LS))
+    surface = _refined(surface, math.sqrt(surface.area / len(p_LS)))
     _, nearest = cKDTree(surface.vertices).query(p_LS)
     paths = surface_paths(surface)
     reach = 3 * math.sqrt(surface.area / len(p_LS))
@@ -173,7 +178,8 @@ def receptive_fields(
     bump = np.square(np.divide(distance, radius, out=distance), out=distance)
     np.square(np.maximum(np.subtract(1, bump, out=bump), 0, out=bump), out=bump)
     vertex_weights = csr_matrix(bump.T)
-    vertex_weights.data /= np.repeat(bump.T.sum(axis=1), np.diff(vertex_weights.indptr))
+    total = np.maximum(bump.T.sum(axis=1), 1.0 if width < 1 else 0.0)
+    vertex_weights.data /= np.repeat(total, np.diff(vertex_weights.indptr))
     return ReceptiveFields(
         p_LS=surface.vertices[nearest],
         vertices=np.array(surface.vertices),
@@ -183,9 +189,97 @@ def receptive_fields(
     )
 
 
-def _refined(surface: trimesh.Trimesh, num_receptors: int) -> trimesh.Trimesh:
+def placed_fields(
+    surface: trimesh.Trimesh,
+    p_LS: np.ndarray,
+    *,
+    normal: np.ndarray | None = None,
+    radius: np.ndarray | None = None,
+    width: float = 1.0,
+) -> tuple[ReceptiveFields, np.ndarray]:
+    """Gives receptors that lie where they lie a smooth round field each, overlapping or not.
+
+    Each field is centred on the nearest vertex of the surface, with a normal on one that faces the
+    same way. Time and memory follow what the fields cover, not their number.
+
+    Args:
+        surface: Closed outer surface in the link's frame L, m.
+        p_LS: `(S, 3)` m, receptors on the surface or near it, at least four.
+        normal: `(S, 3)` unit length, outward; or None.
+        radius: `(S,)` m, of each field; None for one that reaches, for a typical receptor, a little
+            beyond the third nearest one.
+        width: Factor on the radius.
+
+    Returns:
+        The fields; and `(S,)` m, by how much each receptor was moved onto the surface.
+    """
+    near = cKDTree(p_LS).query(p_LS, 1 + OVERLAP)[0]
+    if radius is None:
+        radius = np.full(len(p_LS), FIELD_MARGIN * np.median(near[:, OVERLAP]))
+    radius = width * radius
+    surface = _refined(surface, float(np.median(near[:, 1])))
+    vertices, typical = np.array(surface.vertices), float(np.median(radius))
+    at, to = vertices, p_LS
+    if normal is not None:
+        # To face the other way costs as much as a distance of the radius.
+        at = np.hstack([at, typical / 2 * surface.vertex_normals])
+        to = np.hstack([to, typical / 2 * normal])
+    nearest, paths = cKDTree(at).query(to)[1], surface_paths(surface)
+    columns = [
+        csr_matrix(np.square(np.maximum(1 - np.square(distance / radius[some, None]), 0)))
+        for some in np.array_split(np.arange(len(p_LS)), len(p_LS) // _AT_ONCE + 1)
+        for distance in [dijkstra(paths, indices=nearest[some], limit=radius[some].max())]
+    ]
+    weights = vstack(columns).T.tocsr()
+    total = np.maximum(weights.sum(axis=1).A1, 1.0)
+    weights.data /= np.repeat(total, np.diff(weights.indptr))
+    fields = ReceptiveFields(
+        p_LS=vertices[nearest],
+        vertices=vertices,
+        faces=np.array(surface.faces, dtype=np.int32),
+        vertex_weights=weights,
+        radius=typical,
+    )
+    corner, part = fields.parts_at(p_LS)
+    foot = np.einsum("nk,nki->ni", part, vertices[corner])
+    facing = np.linalg.norm(p_LS - fields.p_LS, axis=1)
+    return fields, np.minimum(np.linalg.norm(p_LS - foot, axis=1), facing)
+
+
+def group_centres(fields: ReceptiveFields, group: np.ndarray) -> ReceptiveFields:
+    """Fields of three readings for each group: its total force and its centre of pressure.
+
+    The corners of a triangle around the group, in its plane, share the force of each receptor by
+    its barycentric coordinates. So the three sum to the total, and the mean of the corners,
+    weighted by them, is the centre.
+
+    Args:
+        fields: of S receptors.
+        group: `(S,)` 0 to G - 1, the group of each.
+    """
+    corners, share = [], np.zeros((len(group), 3 * (int(group.max()) + 1)))
+    turns = 2 * np.pi / 3 * np.arange(3)
+    for number in range(share.shape[1] // 3):
+        members = np.flatnonzero(group == number)
+        centre = fields.p_LS[members].mean(axis=0)
+        away = fields.p_LS[members] - centre
+        plane = np.linalg.svd(away, full_matrices=True)[2][:2]
+        directions = np.stack([np.cos(turns), np.sin(turns)], axis=1)
+        radius = max(np.linalg.norm(away @ plane.T, axis=1).max(), 1e-9)
+        share[members, 3 * number : 3 * number + 3] = (
+            1 + away @ plane.T @ directions.T / radius
+        ) / 3
+        corners.append(centre + radius * directions @ plane)
+    nearest = cKDTree(fields.vertices).query(np.concatenate(corners))[1]
+    return dataclasses.replace(
+        fields,
+        p_LS=fields.vertices[nearest],
+        vertex_weights=csr_matrix(fields.vertex_weights @ share),
+    )
+
+
+def _refined(surface: trimesh.Trimesh, spacing: float) -> trimesh.Trimesh:
     """Refines the triangles of a surface enough for fields; its vertices stay, and come first."""
-    spacing = math.sqrt(surface.area / num_receptors)
     resolution = min(FIELD_RESOLUTION, spacing / EDGES_BETWEEN_RECEPTORS)
     mean_edge = surface.edges_unique_length.mean()
     halvings = max(round(math.log2(mean_edge / resolution)), 0)

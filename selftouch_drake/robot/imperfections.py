@@ -6,13 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_matrix
 from scipy.special import ndtri
 
-from selftouch_drake.experiment import Experiment, Imperfections, SkinChange
+from selftouch_drake.experiment import Experiment, Imperfections, Reading, SkinChange
+from selftouch_drake.robot.readings import readings
 from selftouch_drake.robot.skins import SkinModel
 
 # In standard deviations of the additive noise; see `Imperfections.threshold`.
 _SILENCE = 6.0
+# The fields of a skin that decide what it reports.
+_DECIDE = ("imperfections", "reading")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,11 +40,17 @@ class ImperfectSkins:
                 found.append((slice(ends[number], ends[number + 1]), imperfect))
         return ImperfectSkins(skins=tuple(found)) if found else None
 
-    def __call__(self, sensation: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """`(N, S)` N, readings if perfect skins feel `sensation` at `q` `(N, J)`."""
+    def __call__(
+        self, sensation: np.ndarray, q: np.ndarray, before: np.ndarray | None = None
+    ) -> np.ndarray:
+        """`(N, S)` N, readings if perfect skins feel `sensation` at `q` `(N, J)`.
+
+        The last readings, `(N, S)`, count where a skin has hysteresis.
+        """
         read = np.array(sensation, dtype=float)
         for columns, skin in self.skins:
-            read[:, columns] = skin(sensation[:, columns], q)
+            last = None if before is None else before[:, columns]
+            read[:, columns] = skin(sensation[:, columns], q, last)
         return read
 
 
@@ -53,14 +63,16 @@ class ImperfectSkin:
 
     Attributes:
         flaws: the imperfections of the skin.
-        leak: `(S, S)` rows that sum to one: where what leaks from a receptor goes.
+        reading: what is reported of the forces in the end.
+        leak: `(S, S)` sparse, rows that sum to one: where what leaks from a receptor goes.
         source: `(S,)` the receptor that each reading comes from.
         alive: `(S,)` which receptors read anything.
         seed: of the noise, 64 bits.
     """
 
     flaws: Imperfections
-    leak: np.ndarray
+    reading: Reading
+    leak: csr_matrix
     source: np.ndarray
     alive: np.ndarray
     seed: int
@@ -68,7 +80,7 @@ class ImperfectSkin:
     @staticmethod
     def of(experiment: Experiment, number: int, skin: SkinModel) -> ImperfectSkin | None:
         """The imperfections of skin `number` of `experiment`; None if it is perfect."""
-        flaws = experiment.skins[skin.name].imperfections
+        flaws, reading = (getattr(experiment.skins[skin.name], n) for n in _DECIDE)
         num_receptors = skin.fields.num_receptors
         changes = [
             change.skins[skin.name]
@@ -77,7 +89,7 @@ class ImperfectSkin:
         ]
         rewired = any(c.dead or c.new or c.swapped for c in changes)
         rewired |= any(c.dead_share or c.swapped_share for c in changes)
-        if flaws == Imperfections() and not rewired:
+        if flaws == Imperfections() and reading.most == np.inf and not rewired:
             return None
         # The first skin keeps the stream of versions with one skin.
         which = (number,) if number else ()
@@ -90,10 +102,19 @@ class ImperfectSkin:
             drawn = np.random.default_rng(experiment.random_stream("changes", number, when))
             _rewire(change, source, alive, drawn)
         (seed,) = experiment.random_stream("skin", 1, *which).generate_state(1, np.uint64)
-        leak = (skin.fields.vertex_weights.T @ skin.fields.vertex_weights).toarray()
-        np.fill_diagonal(leak, 0.0)
-        leak /= leak.sum(axis=1, keepdims=True)
-        return ImperfectSkin(flaws=flaws, leak=leak, source=source, alive=alive, seed=int(seed))
+        leak = (skin.fields.vertex_weights.T @ skin.fields.vertex_weights).tocsr()
+        # Nothing leaks from a field that overlaps with no other.
+        alone = leak.diagonal() >= leak.sum(axis=1).A1
+        leak.setdiag(alone.astype(float))
+        leak = (leak / leak.sum(axis=1)).tocsr()
+        return ImperfectSkin(
+            flaws=flaws,
+            reading=reading,
+            leak=leak,
+            source=source,
+            alive=alive,
+            seed=int(seed),
+        )
 
     @property
     def threshold(self) -> float:
@@ -101,10 +122,12 @@ class ImperfectSkin:
         given = self.flaws.threshold
         return _SILENCE * self.flaws.additive_noise if given is None else given
 
-    def __call__(self, sensation: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """`(N, S)` N, readings if a perfect skin feels `sensation` `(N, S)` N at `q` `(N, J)`.
+    def __call__(
+        self, sensation: np.ndarray, q: np.ndarray, before: np.ndarray | None = None
+    ) -> np.ndarray:
+        """`(N, S)` readings if a perfect skin feels `sensation` `(N, S)` N at `q` `(N, J)`.
 
-        None is negative.
+        None is negative. Those `before` are as of `readings`.
         """
         flaws = self.flaws
         read = np.array(sensation, dtype=float)
@@ -126,7 +149,7 @@ class ImperfectSkin:
         read[(read < self.threshold) | (read < 0)] = 0.0
         read = read[:, self.source]
         read[:, ~self.alive] = 0.0
-        return read
+        return readings(read, self.reading, before)
 
 
 def _rewire(

@@ -18,7 +18,7 @@ from pydrake.geometry import (
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, RevoluteJoint, RigidBody
 
-from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.experiment import Experiment, ExperimentError, Reading
 from selftouch_drake.robot.kinematics import joint_tree
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel
@@ -37,11 +37,13 @@ class WornSkin:
         model: the skin, in the frame of its link.
         link: the body that wears it, frame L.
         geometry_id: its collision geometry.
+        reading: what a `TactileSkin` reports of the forces on it.
     """
 
     model: SkinModel
     link: RigidBody
     geometry_id: GeometryId
+    reading: Reading
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,15 +15,19 @@ from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import RigidBody
 from scipy.sparse import csr_matrix
+from scipy.spatial import QhullError, cKDTree
 
 from selftouch_drake.experiment import SHAPES, Experiment, ExperimentError, Skin
+from selftouch_drake.experiment.receptor_files import ReceptorTable
 from selftouch_drake.geometry import (
     HollowSkin,
     ReceptiveFields,
     SimplifiedWarning,
     closed_surface,
+    group_centres,
     hollow_skin,
     place_receptors,
+    placed_fields,
     receptive_fields,
     surfaces,
 )
@@ -33,6 +37,12 @@ from selftouch_drake.robot.joints import skin_motion
 from selftouch_drake.robot.links import find_link, link_geometries, pieces_in_link
 from selftouch_drake.robot.models import load_model, parse
 
+# m, receptors that were moved onto a surface by less are not worth a line.
+_MOVED = 1e-4
+# Receptors this many times farther from a surface than it is long are in another unit.
+_MILLIMETRES = 10
+# Depth of a pad of receptors below them, in resolutions or thicknesses.
+_PAD = 4
 # The surfaces that are the link's own.
 _ROLES = {"collision": Role.kProximity, "visual": Role.kIllustration}
 
@@ -47,8 +57,8 @@ class SkinModel:
         wall: the hollow skin.
         fields: receptive fields of its receptors.
         hydroelastic_modulus: Pa.
-        is_own_geometry: whether it lies on the geometry that the model gives its link, so that
-            nothing gets inside.
+        is_own_geometry: whether it lies on the geometry that the model gives its link, or has the
+            shape of its receptors, so that nothing gets inside.
     """
 
     name: str
@@ -104,20 +114,25 @@ def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     parse(plant, load_model(experiment.robot.directives, experiment.robot.packages))
     balls = [t.radius for t in experiment.touching.values() if t.radius is not None]
-    return tuple(
-        make_skin(
+
+    def made(number: int, name: str, skin: Skin) -> SkinModel:
+        link = find_link(plant, skin.link, f"skins.{name}.link")
+        return make_skin(
             name,
             skin,
             plant,
             scene_graph,
             seed=receptor_seed(experiment.seed, number),
             smallest_ball=min(balls, default=None),
-            motion=skin_motion(
-                plant, experiment, name, find_link(plant, skin.link, f"skins.{name}.link")
-            ),
+            motion=skin_motion(plant, experiment, name, link),
         )
-        for number, (name, skin) in enumerate(experiment.skins.items())
-    )
+
+    try:
+        return tuple(made(number, *each) for number, each in enumerate(experiment.skins.items()))
+    except _OffSurfaceError as error:
+        plant.Finalize()
+        elsewhere = _elsewhere(error, plant, scene_graph, experiment.skins)
+        raise ExperimentError(f"{error}{elsewhere}") from None
 
 
 def make_skin(
@@ -140,19 +155,28 @@ def make_skin(
             remedy.
     """
     link = find_link(plant, skin.link, f"skins.{name}.link")
-    own = skin.surface.shape in _ROLES
+    own = skin.surface.shape in (*_ROLES, "receptors")
     try:
         surface = _outer_surface(name, skin, link, plant, scene_graph)
         # Only a hollow body has an inside for a ball to get into.
         inspector = scene_graph.model_inspector()
         filled = own or bool(link_geometries(plant, inspector, link, Role.kProximity))
-        p_LS = place_receptors(surface, skin.num_receptors, seed, unevenness=skin.unevenness)
+        given = None if skin.receptors is None else skin.receptors.read()
+        p_LS = (
+            place_receptors(surface, skin.num_receptors, seed, unevenness=skin.unevenness)
+            if given is None
+            else given.p_LS
+        )
         if motion is not None:
             A, b = motion
             p_LS = p_LS @ A.T + b
             surface = trimesh.Trimesh(surface.vertices @ A.T + b, surface.faces, process=False)
         wall = hollow_skin(surface, skin.thickness, None if filled else smallest_ball)
-        fields = receptive_fields(surface, p_LS, width=skin.field_width)
+        fields = (
+            receptive_fields(surface, p_LS, width=skin.field_width)
+            if given is None
+            else _fields_of_file(name, skin, surface, given, p_LS)
+        )
     except ExperimentError:
         raise
     except ValueError as error:
@@ -168,6 +192,76 @@ def make_skin(
     )
 
 
+class MovedReceptorsWarning(UserWarning):
+    """Receptors of a file were not on the surface, and were moved onto it."""
+
+
+class _OffSurfaceError(ExperimentError):
+    """Receptors of a file are too far from the surface of their skin."""
+
+    def __init__(self, line: str, skin: str, p_LS: np.ndarray, moved: np.ndarray) -> None:
+        super().__init__(line)
+        self.skin, self.p_LS, self.moved = skin, p_LS, moved
+
+
+def _fields_of_file(
+    name: str, skin: Skin, surface: trimesh.Trimesh, given: ReceptorTable, p_LS: np.ndarray
+) -> ReceptiveFields:
+    """The fields of receptors at `(S, 3)` m, which stand in a file and may have moved since."""
+    assert skin.receptors is not None
+    field, number = f"skins.{name}.receptors", len(p_LS)
+    centre = skin.reading.mode == "centre"
+    if (num_readings := given.num_readings(centre)) != skin.num_receptors:
+        raise ExperimentError(
+            f"skins.{name}.num_receptors is {skin.num_receptors}; {skin.receptors.file} has "
+            f"{num_readings}: leave num_receptors out"
+        )
+    fields, moved = placed_fields(
+        surface, p_LS, normal=given.normal, radius=given.width, width=skin.field_width
+    )
+    reach = fields.radius if given.width is None else skin.field_width * given.width
+    if len(off := np.flatnonzero(moved > reach)):
+        line = (
+            f"{field} {skin.receptors.file} has {len(off)} of {number} receptors off the surface "
+            f"by more than their fields reach, {1e3 * fields.radius:.1f} mm: {given.those(off)}, "
+            f"by up to {1e3 * moved.max():.3g} mm; correct them, or the surface"
+        )
+        if np.median(moved) > _MILLIMETRES * np.ptp(surface.vertices, axis=0).max():
+            line += f". Are these millimetres? Then give {field}.scale: 0.001"
+        raise _OffSurfaceError(line, name, p_LS[off], moved[off])
+    if moved.max() > _MOVED:
+        farthest = given.those([int(moved.argmax())])
+        warnings.warn(
+            f"{field}: {number} receptors were moved onto the surface, by {1e3 * moved.mean():.1f} "
+            f"mm on average and at most {1e3 * moved.max():.1f} mm ({farthest})",
+            MovedReceptorsWarning,
+            stacklevel=2,
+        )
+    return group_centres(fields, given.group) if centre and given.group is not None else fields
+
+
+def _elsewhere(
+    error: _OffSurfaceError, plant: MultibodyPlant, scene_graph: SceneGraph, skins: Mapping
+) -> str:
+    """Which other skin is nearer to receptors that are off theirs, if any is; `plant` is final."""
+    context = plant.CreateDefaultContext()
+
+    def pose(skin: Skin, name: str) -> RigidTransform:
+        return find_link(plant, skin.link, f"skins.{name}.link").EvalPoseInWorld(context)
+
+    for name, skin in skins.items():
+        if name == error.skin:
+            continue
+        link = find_link(plant, skin.link, f"skins.{name}.link")
+        tree = cKDTree(_outer_surface(name, skin, link, plant, scene_graph).vertices)
+        X_LW = pose(skin, name).inverse() @ pose(skins[error.skin], error.skin)
+        # In the frame of the other link, if the file is that link's.
+        for p_LS in (X_LW.multiply(error.p_LS.T).T, error.p_LS):
+            if (near := tree.query(p_LS)[0] < error.moved).any():
+                return f". {near.sum()} of them are nearer to skins.{name}: give them to that skin"
+    return ""
+
+
 def receptor_seed(seed: int, number: int) -> int:
     """The seed of the receptors' places on skin `number`; the first skin's is the experiment's."""
     if number == 0:
@@ -181,18 +275,11 @@ def _outer_surface(
 ) -> trimesh.Trimesh:
     """The closed outer surface that is described, in the frame of `link`."""
     wanted = skin.surface
-    if wanted.shape in _ROLES:
-        inspector = scene_graph.model_inspector()
-        geometries = link_geometries(plant, inspector, link, _ROLES[wanted.shape])
-        if not geometries:
-            raise ValueError(
-                f"surface is {wanted.shape!r}, but link {link.name()!r} has no such geometry; add "
-                "some in its model, or give a shape or a mesh"
-            )
+    if wanted.shape in _ROLES or wanted.shape == "receptors":
         with warnings.catch_warnings(record=True) as simplified:
             warnings.simplefilter("always", SimplifiedWarning)
             surface = closed_surface(
-                pieces_in_link(inspector, geometries),
+                _pieces(skin, link, plant, scene_graph),
                 resolution=wanted.resolution,
                 thickness=skin.thickness,
             )
@@ -209,3 +296,28 @@ def _outer_surface(
         X_LA = RigidTransform(RollPitchYaw(np.radians(wanted.rpy_deg)), wanted.translation)
         surface = trimesh.Trimesh(X_LA.multiply(surface.vertices.T).T, surface.faces, process=False)
     return surface
+
+
+def _pieces(
+    skin: Skin, link: RigidBody, plant: MultibodyPlant, scene_graph: SceneGraph
+) -> list[trimesh.Trimesh]:
+    """What a closed surface is made around, in the frame of `link`."""
+    if skin.receptors is not None and skin.surface.shape == "receptors":
+        try:
+            p_LS = skin.receptors.read().p_LS
+            # Receptors on one side only leave a thin edge, which would be rounded away.
+            outward = trimesh.convex.convex_hull(p_LS).vertex_normals.mean(axis=0)
+            depth = _PAD * max(skin.surface.resolution, skin.thickness)
+            return [trimesh.convex.convex_hull(np.concatenate([p_LS, p_LS - depth * outward]))]
+        except QhullError:
+            raise ValueError(
+                "surface is 'receptors', but these lie in a plane; give another shape"
+            ) from None
+    inspector, wanted = scene_graph.model_inspector(), skin.surface.shape
+    geometries = link_geometries(plant, inspector, link, _ROLES[wanted])
+    if not geometries:
+        raise ValueError(
+            f"surface is {wanted!r}, but link {link.name()!r} has no such geometry; add "
+            "some in its model, or give a shape or a mesh"
+        )
+    return pieces_in_link(inspector, geometries)

@@ -33,6 +33,7 @@ from pydrake.systems.framework import DiagramBuilder, LeafSystem
 from selftouch_drake.experiment import (
     ExperimentError,
     Imperfections,
+    Reading,
     Skin,
     load_skins,
     skins_from_fields,
@@ -46,6 +47,7 @@ from selftouch_drake.robot.imperfections import ImperfectSkins
 from selftouch_drake.robot.links import FRICTION, all_links, find_link, in_memory, link_geometries
 from selftouch_drake.robot.models import one_line
 from selftouch_drake.robot.pairs import Neighbours, WornSkin
+from selftouch_drake.robot.readings import readings
 from selftouch_drake.robot.skins import SkinModel, make_skin, receptor_seed
 
 # s/m, Hunt and Crossley's: enough that a finger does not bounce.
@@ -96,11 +98,19 @@ def AddSkins(
             link = find_link(plant, model.link, f"skins.{model.name}.link")
             for geometry in link_geometries(plant, inspector, link, Role.kProximity):
                 scene_graph.RemoveRole(plant.get_source_id(), geometry, Role.kProximity)
-    return tuple(RegisterSkin(plant, model, visible=visible) for model in models)
+    return tuple(
+        RegisterSkin(plant, model, visible=visible, reading=wanted[model.name].reading)
+        for model in models
+    )
 
 
 def RegisterSkin(
-    plant: MultibodyPlant, model: SkinModel, *, visible: bool = True, soft: bool = True
+    plant: MultibodyPlant,
+    model: SkinModel,
+    *,
+    visible: bool = True,
+    soft: bool = True,
+    reading: Reading | None = None,
 ) -> WornSkin:
     """Gives the link of a skin its geometry, before the plant is finalized.
 
@@ -110,6 +120,7 @@ def RegisterSkin(
         visible: whether Meshcat shows its outer surface.
         soft: whether Drake computes contact with it; without, a plant takes a tenth of the time to
             build.
+        reading: what a `TactileSkin` reports of the forces on it; by default the forces.
 
     Raises:
         ExperimentError: the plant has no such link.
@@ -141,7 +152,7 @@ def RegisterSkin(
         plant.RegisterVisualGeometry(
             link, RigidTransform(), shape, f"{name}_visual", np.array(_COLOR.rgba)
         )
-    return WornSkin(model=model, link=link, geometry_id=geometry_id)
+    return WornSkin(model=model, link=link, geometry_id=geometry_id, reading=reading or Reading())
 
 
 def AddModelsAndSkins(
@@ -257,7 +268,8 @@ class TactileSkin(LeafSystem):
 
     - contact_results: `ContactResults` of the plant, hydroelastic.
     - body_poses: `list[RigidTransform]` of the plant, so that the skins may move.
-    - sensation: `(S,)` N, one reading per receptor, skin after skin.
+    - sensation: `(S,)` N, one reading per receptor, skin after skin; or what the `reading` of a
+      skin says. Without a state, a reading has no hysteresis.
     - NAME_sensation: N, the readings of one skin.
 
     It has no state: two contexts of one diagram do not disturb each other. Like every Drake system
@@ -275,10 +287,11 @@ class TactileSkin(LeafSystem):
         self._skin_ids = frozenset(skin.geometry_id for skin in skins)
         self._contact = self.DeclareAbstractInputPort("contact_results", Value(ContactResults()))
         self._poses = self.DeclareAbstractInputPort("body_poses", Value[list[RigidTransform]]())
+        self._readings = [skin.reading for skin in skins]
         self.DeclareVectorOutputPort("sensation", self._sensor.num_receptors, self._calc_sensation)
-        for skin, readings in zip(skins, self._sensor.readings, strict=True):
+        for skin, columns in zip(skins, self._sensor.readings, strict=True):
             name, size = f"{skin.model.name}_sensation", skin.model.fields.num_receptors
-            self.DeclareVectorOutputPort(name, size, partial(self._calc_part, readings))
+            self.DeclareVectorOutputPort(name, size, partial(self._calc_part, columns))
 
     def _calc_part(self, readings, context, output):
         output.SetFromVector(self.GetOutputPort("sensation").Eval(context)[readings])
@@ -286,13 +299,15 @@ class TactileSkin(LeafSystem):
     def _calc_sensation(self, context, output):
         contact = self._contact.Eval(context)
         self._warn_of_points(contact)
-        felt = np.zeros(self._sensor.num_receptors)
+        force = np.zeros(self._sensor.num_receptors)
         if surfaces := list(self._faces.read(contact, self._skin_ids)):
             poses = self._poses.Eval(context)
             X_WL = np.array([poses[link].GetAsMatrix34() for link in self._links])
             for faces in surfaces:
-                self._sensor.press(faces, X_WL, felt)
-        output.SetFromVector(felt)
+                self._sensor.press(faces, X_WL, force)
+        for columns, reading in zip(self._sensor.readings, self._readings, strict=True):
+            force[columns] = readings(force[columns], reading)
+        output.SetFromVector(force)
 
     def _warn_of_points(self, contact: ContactResults) -> None:
         for i in range(contact.num_point_pair_contacts()):
@@ -308,7 +323,7 @@ class TactileSkin(LeafSystem):
 
 
 class SkinReadout(LeafSystem):
-    """Turns sensations into readings of imperfect skins: noisy, partly dead, delayed.
+    """Turns sensations into readings of real skins: noisy, partly dead, delayed, binary.
 
     Goes behind a `TactileSkin`.
 
@@ -347,7 +362,8 @@ class SkinReadout(LeafSystem):
         self._delay = np.zeros(num_receptors, dtype=int)
         for columns, skin in imperfections.skins:
             self._delay[columns] = round(skin.flaws.delay / period_s)
-        self._num_late = int(self._delay.max())
+        remembers = any(skin.reading.hysteresis for _, skin in imperfections.skins)
+        self._num_late = max(int(self._delay.max()), int(remembers))
         self.DeclareVectorOutputPort("reading", num_receptors, self._calc_reading)
         if self._num_late:
             # The readings of the last steps, oldest first.
@@ -355,23 +371,26 @@ class SkinReadout(LeafSystem):
             self.DeclareInitializationDiscreteUpdateEvent(self._begin)
             self.DeclarePeriodicDiscreteUpdateEvent(period_s, 0.0, self._step)
 
-    def _now(self, context) -> np.ndarray:
+    def _now(self, context, before: np.ndarray | None = None) -> np.ndarray:
         sensation, q = self._sensation.Eval(context), self._q.Eval(context)
-        return self._imperfections(sensation[None], q[None])[0]
+        return self._imperfections(sensation[None], q[None], before)[0]
+
+    def _past(self, context) -> np.ndarray:
+        return context.get_discrete_state_vector().value().reshape(self._num_late, -1)
 
     def _begin(self, context, discrete_state):
         # A touch at the start of the world counts as older than any delay.
         discrete_state.set_value(np.tile(self._now(context), self._num_late))
 
     def _step(self, context, discrete_state):
-        late = context.get_discrete_state_vector().value()
-        now = self._now(context)
-        discrete_state.set_value(np.concatenate([late[len(now) :], now]))
+        past = self._past(context)
+        now = self._now(context, past[-1:])
+        discrete_state.set_value(np.append(past[1:], now))
 
     def _calc_reading(self, context, output):
-        now = self._now(context)
-        if self._num_late:
-            past = context.get_discrete_state_vector().value().reshape(self._num_late, -1)
+        past = self._past(context) if self._num_late else None
+        now = self._now(context, None if past is None else past[-1:])
+        if past is not None:
             late = self._delay > 0
             now[late] = past[self._num_late - self._delay[late], np.flatnonzero(late)]
         output.SetFromVector(now)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from selftouch_drake.bodies.own import body_files
-from selftouch_drake.experiment import Experiment, ExperimentError, shown
+from selftouch_drake.experiment import Experiment, ExperimentError, Reading, shown
 from selftouch_drake.files import content_digest
 
 # The fields of `execution` that decide how the joints follow the walk.
@@ -36,14 +36,14 @@ def model_digests(
         ExperimentError: a file is not found, or cannot be read.
     """
     files = body_files(experiment, announce)
-    meshes = _skin_meshes(experiment)
-    for name, file in meshes.items():
+    of_skins = _skin_files(experiment)
+    for (name, *field), file in of_skins.items():
         if not file.is_file():
             raise ExperimentError(
-                f"skins.{name}.surface.mesh is {shown(str(file))}; there is no such file: correct "
-                "the path"
+                f"{'.'.join(('skins', name, *field))} is {shown(str(file))}; there is no such "
+                "file: correct the path"
             )
-    return {str(file): content_digest(file) for file in [*files, *meshes.values()]}
+    return {str(file): content_digest(file) for file in [*files, *of_skins.values()]}
 
 
 def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
@@ -53,8 +53,13 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     controllers do. The digests are those of `model_digests`.
     """
     fields = dataclasses.asdict(experiment)
-    for name, mesh in _skin_meshes(experiment).items():
-        fields["skins"][name]["surface"]["mesh"] = digests.get(str(mesh))
+    for (name, part, field), file in _skin_files(experiment).items():
+        fields["skins"][name][part][field] = digests.get(str(file))
+    usual = {"receptors": None, "reading": dataclasses.asdict(Reading())}
+    for skin in fields["skins"].values():
+        for name in usual:
+            if skin[name] == usual[name]:
+                del skin[name]  # older runs know no other
     kept: dict[str, Any] = {key: fields[key] for key in ("seed", "babbling")}
     if experiment.babbling.strategy == "random":
         del kept["babbling"]["strategy"]  # older runs know no other
@@ -81,13 +86,15 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     return fingerprint_of(kept)
 
 
-def _skin_meshes(experiment: Experiment) -> dict[str, Path]:
-    """The mesh file of each skin that has one."""
-    return {
-        name: Path(skin.surface.mesh)
-        for name, skin in experiment.skins.items()
-        if skin.surface.mesh is not None
-    }
+def _skin_files(experiment: Experiment) -> dict[tuple[str, str, str], Path]:
+    """The files of skins, by the skin's name and the field."""
+    files = {}
+    for name, skin in experiment.skins.items():
+        if skin.surface.mesh is not None:
+            files[name, "surface", "mesh"] = Path(skin.surface.mesh)
+        if skin.receptors is not None:
+            files[name, "receptors", "file"] = Path(skin.receptors.file)
+    return files
 
 
 def fingerprint_of(fields: Any) -> str:

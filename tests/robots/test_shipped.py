@@ -8,7 +8,7 @@ from selftouch_drake.experiment import load_experiment
 from selftouch_drake.resources import EXPERIMENTS, shipped
 from selftouch_drake.robot import World
 
-ICUB = "icub"
+ICUB, ICUB_SKIN = "icub", "icub_skin"
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def touches(world):
 def test_every_robot_is_tested():
     paper_s = {"cube", "cylinder", "double_torus", "ellipsoid", "torus"}
     several_fingers = {name for name in shipped(EXPERIMENTS) if name.endswith("fingers")}
-    assert set(shipped(EXPERIMENTS)) == set(ROBOTS) | paper_s | several_fingers | {ICUB}
+    assert set(shipped(EXPERIMENTS)) == set(ROBOTS) | paper_s | several_fingers | {ICUB, ICUB_SKIN}
 
 
 def test_joints_and_skins(name, world):
@@ -181,3 +181,18 @@ def test_icub():
         "left_thigh",
         "right_thigh",
     }
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::selftouch_drake.robot.skins.MovedReceptorsWarning")
+def test_the_icub_has_its_taxels():
+    pytest.importorskip("icub_models")
+    world = built(ICUB_SKIN)
+    assert [skin.fields.num_receptors for skin in world.skins] == [430, 350, 350, 240, 240]
+    postures = np.random.default_rng(0).uniform(*world.robot.babbled_range, (100_000, 17))
+    touches = world.probe.touches(postures)
+    touching = np.flatnonzero(touches.sensation.any(axis=1))
+    # One posture in four thousand touches, and the robot can take one in ten of these.
+    assert 10 < len(touching) < 60
+    # A touch is felt by a few taxels around one place.
+    assert np.median((touches.sensation[touching] > 0).sum(axis=1)) < 30

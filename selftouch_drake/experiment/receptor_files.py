@@ -1,0 +1,176 @@
+"""Places of receptors as files give them: .csv, .txt, .npz or .pcd.
+
+Columns have names: x, y and z; nx, ny and nz, the outward normal; width, the radius of the
+receptive field; group, of receptors that share a reading; and name. A text without names has the
+first 3, 6 or 7 of them. In the files of YARP's skin, rows of zeros stand for no receptor, and
+normals are placeholders.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from zipfile import is_zipfile
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+_PLACE, _NORMAL = ["x", "y", "z"], ["nx", "ny", "nz"]
+_USUAL = [*_PLACE, *_NORMAL, "width"]
+# Names in arrays and point clouds.
+_ARRAYS = {"positions": _PLACE, "normals": _NORMAL}
+_CLOUD = {f"normal_{axis}": f"n{axis}" for axis in "xyz"}
+_TYPES = {"F": "f", "I": "i", "U": "u"}
+# After this line, YARP's files have numbers without names.
+_YARP = "[calibration]"
+# Most rows that an error names; the distance in m below which two receptors are one.
+_SHOWN, _SAME = 6, 1e-6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReceptorTable:
+    """The receptors of a file.
+
+    Attributes:
+        p_LS: `(S, 3)` m, their places in the link's frame.
+        normal: `(S, 3)` of unit length, outward; or None.
+        width: `(S,)` m, radius of each receptive field; or None.
+        group: `(S,)` 0 to G - 1, the group of each; or None.
+        label: `(S,)` how errors call each: by its line or row, and by its name.
+    """
+
+    p_LS: np.ndarray
+    normal: np.ndarray | None
+    width: np.ndarray | None
+    group: np.ndarray | None
+    label: Sequence[str]
+
+    def num_readings(self, centre: bool) -> int:
+        """S; or three of each group, if its `centre` is all that is read.
+
+        Raises:
+            ValueError: there are no groups.
+        """
+        if not centre:
+            return len(self.p_LS)
+        if self.group is None:
+            raise ValueError("has no column group, which reading.mode centre needs; add it")
+        return 3 * (int(self.group.max()) + 1)
+
+    def those(self, which: Sequence[int] | np.ndarray) -> str:
+        """Names the receptors with some numbers, as in `row 3, 7 (T7) and 12 more`."""
+        more = len(which) - _SHOWN
+        named = ", ".join(self.label[number] for number in which[:_SHOWN])
+        return f"row {named}" + (f" and {more} more" if more > 0 else "")
+
+
+def read_receptors(file: str, scale: float = 1.0) -> ReceptorTable:
+    """Reads a file; `scale` is metres per unit of its lengths.
+
+    Raises:
+        ValueError: it cannot be read or lacks a column; a number is not finite; two receptors are
+            at one place, or there are fewer than four.
+    """
+    if (read := _READERS.get(Path(file).suffix)) is None:
+        raise ValueError(f"{file} has none of the endings {', '.join(_READERS)}; give one of these")
+    try:
+        columns = dict(read(Path(file)))
+        missing = [name for name in _PLACE if name not in columns]
+        if missing:
+            known = ", ".join(name for name in columns if name != "row") or "none"
+            raise ValueError(f"has no column {', '.join(missing)}, but {known}; name them x, y, z")
+        label = [str(row) for row in columns.get("row", range(len(columns["x"])))]
+        if "name" in columns:
+            label = [f"{row} ({name})" for row, name in zip(label, columns["name"], strict=True)]
+        numbers = {name: np.array(columns[name], float) for name in _USUAL if name in columns}
+        table = ReceptorTable(
+            p_LS=scale * np.stack([numbers[name] for name in _PLACE], axis=1),
+            normal=_normals(numbers),
+            width=scale * numbers["width"] if "width" in numbers else None,
+            group=np.unique(columns["group"], return_inverse=True)[1]
+            if "group" in columns
+            else None,
+            label=label,
+        )
+        _check(table)
+    except OSError as error:
+        raise ValueError(f"{file} cannot be read: {error.strerror or error}") from None
+    except KeyError as error:
+        raise ValueError(f"{file} has no entry {error}; save it anew") from None
+    except ValueError as error:
+        raise ValueError(f"{file} {' '.join(str(error).split())}") from None
+    return table
+
+
+def _check(table: ReceptorTable) -> None:
+    for what, valid in (
+        ("a place that is not finite", np.isfinite(table.p_LS).all(axis=1)),
+        ("a width that is not above 0", table.width is None or table.width > 0),
+    ):
+        if not np.all(valid):
+            raise ValueError(f"has {what} in {table.those(np.flatnonzero(~valid))}; correct it")
+    if len(table.p_LS) < 4:
+        raise ValueError(f"has {len(table.p_LS)} receptors; give at least 4")
+    if doubled := sorted(cKDTree(table.p_LS).query_pairs(_SAME)):
+        more = f" and {len(doubled) - 1} more such pairs" if len(doubled) > 1 else ""
+        raise ValueError(f"has {table.those(doubled[0])} at one place{more}; leave one of them out")
+
+
+def _normals(numbers: Mapping[str, np.ndarray]) -> np.ndarray | None:
+    if not all(name in numbers for name in _NORMAL):
+        return None
+    normal = np.stack([numbers[name] for name in _NORMAL], axis=1)
+    return normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+
+
+def _from_text(path: Path) -> Mapping[str, Any]:
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    start = lines.index(_YARP) + 1 if _YARP in lines else 0
+    split = csv.reader(lines) if path.suffix == ".csv" else map(str.split, lines)
+    rows = {n: row for n, row in enumerate(split, 1) if n > start and any(row)}
+    rows = {n: [cell.strip() for cell in row] for n, row in rows.items() if row[0][:1] != "#"}
+    if start:
+        rows = {n: row[:3] for n, row in rows.items() if any(float(cell) for cell in row[:3])}
+    first = next(iter(rows), 0)
+    names = rows.get(first, [])
+    if names and names[0].lstrip("+-.")[:1].isdigit():
+        names = _USUAL[: len(names)] if len(names) in (3, 6, 7) else []
+    else:
+        rows.pop(first, None)
+    for number, row in rows.items():
+        if names and len(row) != len(names):
+            raise ValueError(f"has {len(row)} columns in row {number}, but {len(names)} names")
+    return {"row": list(rows)} | dict(zip(names, zip(*rows.values(), strict=True), strict=False))
+
+
+def _from_npz(path: Path) -> Mapping[str, Any]:
+    if not is_zipfile(path):
+        raise ValueError("is no archive of arrays; save it by numpy.savez")
+    columns = dict[str, Any]()
+    with np.load(path) as arrays:
+        for key, array in arrays.items():
+            names = _ARRAYS.get(key)
+            columns |= {key: array} if names is None else dict(zip(names, array.T, strict=True))
+    return columns
+
+
+def _from_pcd(path: Path) -> Mapping[str, Any]:
+    head, _, rest = path.read_bytes().partition(b"\nDATA ")
+    how, _, body = rest.partition(b"\n")
+    words = (line.split() for line in head.decode("ascii", "replace").splitlines())
+    said = {word[0]: word[1:] for word in words if word}
+    kinds = zip(said["FIELDS"], said["TYPE"], said["SIZE"], strict=True)
+    types = np.dtype([(_CLOUD.get(name, name), _TYPES[kind] + size) for name, kind, size in kinds])
+    if how.strip() == b"ascii":
+        points = np.loadtxt(body.decode("ascii").splitlines(), types, ndmin=1)
+    elif how.strip() == b"binary":
+        points = np.frombuffer(body, types, int(said["POINTS"][0]))
+    else:
+        raise ValueError(f"is {how.decode('ascii', 'replace')!r}; save it as ascii or binary")
+    return {name: points[name] for name in types.names or ()}
+
+
+_READERS = {".csv": _from_text, ".txt": _from_text, ".npz": _from_npz, ".pcd": _from_pcd}
