@@ -11,7 +11,7 @@ from scipy.stats import spearmanr
 PITCH, FIELD = 1.0, 1.6
 
 
-def patch(num_touches=250, rows=5, columns=8, seed=0):
+def patch(num_touches=320, rows=5, columns=8, seed=0):
     """Touches of a flat patch by two joints that slide over it, and one that does nothing."""
     rng = np.random.default_rng(seed)
     places = PITCH * np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2)
