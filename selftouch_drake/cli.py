@@ -372,6 +372,37 @@ def map_command(source: Path, out: Path | None, touches: int, **how: Any) -> Non
 
 
 @cli.command()
+@RUN
+@click.option("--robot", type=click.Path(path_type=Path), required=True, help="Its model file.")
+@click.option("--link", required=True, help="The link of the model that wears the skin.")
+@click.option("--frame", required=True, help="The frame of the model that touches.")
+@click.option(
+    "--radius",
+    type=click.FloatRange(min=0.0),
+    default=0.01,
+    show_default=True,
+    help="Radius of what touches, a ball, in m.",
+)
+@click.option(
+    "--receptors",
+    callback=_numbers(int),
+    metavar="FIRST,LAST",
+    help="The receptors on the link.  [default: all]",
+)
+def calibrate(
+    run: Path, robot: Path, link: str, frame: str, radius: float, receptors: list[int] | None
+) -> None:
+    """Find the receptors of RUN in metres, and the offsets of its joints.
+
+    Needs a model of the robot, and so is no part of the naive agent. Touches should be gentle.
+    """
+    from selftouch_drake.run.calibrated import calibrate_run
+
+    for line in calibrate_run(run, robot, link, frame, radius, receptors):
+        click.echo(line)
+
+
+@cli.command()
 @of_a_run
 @click.option(
     "--add",
