@@ -198,6 +198,7 @@ def cli(ctx: click.Context) -> None:
     selftouch robot two_arms                  its joints, skins, and what touches what
     selftouch body my_robot.py:MyRobot        try a body of your own
     selftouch import recording.npz            data recorded by another robot
+    selftouch map recording.npz               where its receptors are
     """  # noqa: D301 - click keeps the lines after a \b as they are
     if ctx.invoked_subcommand is None:
         click.echo(ctx.get_help())
@@ -328,6 +329,79 @@ def import_data(
     for line in imported.summary(read, experiment):
         click.echo(line)
     click.echo(f"run: {directory.path}")
+
+
+@cli.command("map")
+@click.argument("source", metavar="FILE_OR_RUN", type=click.Path(path_type=Path))
+@click.option(
+    "--out", type=click.Path(path_type=Path), help="Folder for map.csv and map.png.  [default: RUN]"
+)
+@click.option("--q", metavar="COLUMNS", help="Joint positions, as in `selftouch import`.")
+@click.option("--sensation", metavar="COLUMNS", help="Readings of the skin, likewise.")
+@click.option("--rows", metavar="COLUMN=VALUE", multiple=True, help="Rows to read, likewise.")
+@click.option("--offset", type=float, help="Reading of a receptor at rest, likewise.")
+@click.option("--threshold", type=float, help="Smallest reading that counts, likewise.")
+@click.option(
+    "--touches",
+    type=click.IntRange(min=20),
+    default=1000,
+    show_default=True,
+    help="Most touches to take, evenly over all.",
+)
+def map_command(source: Path, out: Path | None, touches: int, **how: Any) -> None:
+    """Find where the receptors are, from few touches.
+
+    FILE_OR_RUN is a run directory, or data as `selftouch import` reads. Only which receptors feel a
+    touch counts, not how strongly. Give readings of one skin: two skins that touch each other are
+    taken for one.
+    """
+    from selftouch_drake.agent.shape.receptor_map import map_receptors
+    from selftouch_drake.run.receptor_map import read_touches, summary, write_map
+    from selftouch_drake.show.receptor_map import draw_map
+
+    given = {name: value for name, value in how.items() if value not in (None, ())}
+    q, sensation, names = read_touches(source, touches, given)
+    with _progress("map") as progress:
+        found = map_receptors(
+            q, sensation, names, progress=lambda done: progress(done, "receptors")
+        )
+    folder = out or (source if source.is_dir() else source.with_suffix(""))
+    write_map(folder / "map.csv", found, names)
+    draw_map(found, folder / "map.png")
+    for line in summary(found):
+        click.echo(line)
+    click.echo(f"map: {folder / 'map.csv'}\npicture: {folder / 'map.png'}")
+
+
+@cli.command()
+@RUN
+@click.option("--robot", type=click.Path(path_type=Path), required=True, help="Its model file.")
+@click.option("--link", required=True, help="The link of the model that wears the skin.")
+@click.option("--frame", required=True, help="The frame of the model that touches.")
+@click.option(
+    "--radius",
+    type=click.FloatRange(min=0.0),
+    default=0.01,
+    show_default=True,
+    help="Radius of what touches, a ball, in m.",
+)
+@click.option(
+    "--receptors",
+    callback=_numbers(int),
+    metavar="FIRST,LAST",
+    help="The receptors on the link.  [default: all]",
+)
+def calibrate(
+    run: Path, robot: Path, link: str, frame: str, radius: float, receptors: list[int] | None
+) -> None:
+    """Find the receptors of RUN in metres, and the offsets of its joints.
+
+    Needs a model of the robot, and so is no part of the naive agent. Touches should be gentle.
+    """
+    from selftouch_drake.run.calibrated import calibrate_run
+
+    for line in calibrate_run(run, robot, link, frame, radius, receptors):
+        click.echo(line)
 
 
 @cli.command()

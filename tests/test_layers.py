@@ -17,7 +17,7 @@ LAYERS = (
     ("sweep", "envs"),
     ("show",),
     ("run",),
-    ("evaluation",),
+    ("evaluation", "calibration"),
     ("bodies",),
     ("experience",),
     ("agent",),

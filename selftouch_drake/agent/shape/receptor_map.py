@@ -1,0 +1,280 @@
+"""Where the receptors are, from a thousand touches (naive).
+
+Of each touch, the joint positions are known, and which receptors feel it. Receptors that feel the
+same touches are near each other. Where few receptors feel a touch, joint positions help: touches at
+similar joints are near each other too, if the joints tell the place. Both give distances along the
+skin between neighbours. These give a layout, as for kernels, and unfolding refines it where the
+skin can be laid out flat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import orthogonal_procrustes
+from scipy.sparse.csgraph import connected_components
+
+from selftouch_drake.agent.representation.graphs import connected_edges, geodesics, neighbour_edges
+from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
+from selftouch_drake.agent.shape.homology import Topology, flat, spacings, topology
+from selftouch_drake.agent.shape.recovery import LEAST_MARGIN
+from selftouch_drake.agent.shape.unfolding import unfold
+
+#: A receptor that felt fewer touches is left out; below the second number it is in doubt.
+LEAST_FELT, FEW_FELT = 5, 20
+
+#: Receptors whose touches have at least this cosine are of one part. Two arms that touch a body and
+#: each other, 1,000 touches: 0.1 to 0.4 find the three skins, 0.05 joins them.
+_ALIKE = 0.2
+
+#: Fewest receptors of a part that are laid out.
+_LEAST_RECEPTORS = 8
+
+#: Joints tell the place of a touch if they explain this share of what is felt, on touches left out.
+#: A Nao: 0.5 to 0.7. An arm with joints to spare, which touches a cube, a torus: 0.1.
+_LEAST_TOLD = 0.3
+
+#: Weight of the squares in the regression on products of joints.
+_RIDGE = 3.0
+
+#: A part is flat if a third dimension divides what a layout leaves unexplained by less than this:
+#: 1.2 to 2.6 on patches of a Nao, 35 and more on a torus and a cube.
+_FLAT = 6.0
+
+#: Iterations of unfolding: to compare dimensions, to the end, and from the end with other touches.
+_TRIAL, _FULL, _AGAIN = 60, 150, 40
+
+#: Resampled sets of touches from which error bars follow, and blocks of successive touches that are
+#: drawn together: these are alike.
+_NUM_RESAMPLED, _NUM_BLOCKS = 20, 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MappedPart:
+    """A part of the skin.
+
+    Attributes:
+        receptors: `(m,)` numbers of its receptors, ascending.
+        flat: whether it was laid out in a plane.
+        topology: components, loops and voids; None if they cannot be told.
+        num_pieces: pieces that no shared touch joins; joint positions alone say how they lie.
+    """
+
+    receptors: np.ndarray
+    flat: bool
+    topology: Topology | None
+    num_pieces: int
+
+    @property
+    def holes_are_sure(self) -> bool:
+        """Whether components, loops and voids can be trusted."""
+        return self.topology is not None and self.topology.margin >= LEAST_MARGIN
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReceptorMap:
+    """Places of S receptors, each part in a pose of its own, which may be mirrored.
+
+    Attributes:
+        positions: `(S, 3)` in spacings, the median distance to the six nearest of a part; the third
+            is 0 on a flat part; NaN where a receptor was left out.
+        error: `(S,)` spacings, standard deviation of the distance from the place; NaN likewise.
+        part: `(S,)` number of the part, -1 where a receptor was left out.
+        felt: `(S,)` number of touches that each receptor felt.
+        told: share of what is felt that joint positions predict, on touches left out.
+        parts: the parts, largest first.
+        doubts: what cannot be trusted, a line each.
+    """
+
+    positions: np.ndarray
+    error: np.ndarray
+    part: np.ndarray
+    felt: np.ndarray
+    told: float
+    parts: tuple[MappedPart, ...]
+    doubts: tuple[str, ...]
+
+
+def map_receptors(
+    q: np.ndarray,
+    sensation: np.ndarray,
+    names: Sequence[str],
+    *,
+    seed: int = 0,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> ReceptorMap:
+    """Lays out receptors from `(n, J)` motor configurations and `(n, S)` sensations, touches all.
+
+    A receptor is active where its sensation is above 0. Names are S, for doubts; the seed is of the
+    touches that are drawn again for error bars; progress is called with the fraction done.
+
+    Raises:
+        ValueError: fewer than eight receptors felt five touches or more.
+    """
+    active = (np.asarray(sensation) > 0).astype(float)
+    felt = active.sum(axis=0).astype(int)
+    known = np.flatnonzero(felt >= LEAST_FELT)
+    if len(known) < _LEAST_RECEPTORS:
+        raise ValueError(
+            f"{len(known)} receptors felt {LEAST_FELT} touches or more; record touches until at "
+            f"least {_LEAST_RECEPTORS} did"
+        )
+    by_joints, leverage = _joint_predictor(np.asarray(q, dtype=float))
+    predicted, told = _predicted(active[:, known], by_joints, leverage)
+    both = _cosines(_with_joints(active[:, known], predicted, told))
+    label = connected_components(both >= _ALIKE)[1]
+    pieces = connected_components(_cosines(active[:, known]) >= _ALIKE)[1]
+    order = np.argsort(-np.bincount(label), kind="stable").tolist()
+    groups = [g for n in order if len(g := np.flatnonzero(label == n)) >= _LEAST_RECEPTORS]
+    positions, error = np.full((len(felt), 3), np.nan), np.full(len(felt), np.nan)
+    part, parts = np.full(len(felt), -1), []
+    for number, group in enumerate(groups):
+        rows = np.flatnonzero(active[:, known[group]].any(axis=1))
+        lay_out = _Layout(active[np.ix_(rows, known[group])], q[rows], told)
+        places, is_flat = lay_out.places()
+        scale = np.median(spacings(places, 6))
+        deviations = []
+        for again in range(_NUM_RESAMPLED):
+            rng = np.random.default_rng([seed, number, again])
+            blocks = np.array_split(np.arange(len(rows)), _NUM_BLOCKS)
+            drawn = [blocks[n] for n in rng.integers(_NUM_BLOCKS, size=_NUM_BLOCKS)]
+            moved = lay_out.again(places, is_flat, np.concatenate(drawn))
+            deviations.append(np.square(_aligned(moved, places) - places).sum(axis=1))
+            progress((number + (again + 1) / _NUM_RESAMPLED) / len(groups))
+        inside = known[group]
+        positions[inside] = 0.0
+        positions[inside, : places.shape[1]] = (places - places.mean(axis=0)) / scale
+        error[inside], part[inside] = np.sqrt(np.mean(deviations, axis=0)) / scale, number
+        parts.append(
+            MappedPart(
+                receptors=inside,
+                flat=is_flat,
+                topology=None if flat(places) else topology(places),
+                num_pieces=len(np.unique(pieces[group])),
+            )
+        )
+    return ReceptorMap(
+        positions=positions,
+        error=error,
+        part=part,
+        felt=felt,
+        told=told,
+        parts=tuple(parts),
+        doubts=tuple(_doubts(parts, part, felt, told, names)),
+    )
+
+
+class _Layout:
+    """Layouts of one part from all its touches, and from touches drawn again."""
+
+    def __init__(self, active: np.ndarray, q: np.ndarray, told: float) -> None:
+        self.active, self.q, self.told = active, q, told
+        self.by_joints = _joint_predictor(q)[0] if told >= _LEAST_TOLD else None
+
+    def places(self) -> tuple[np.ndarray, bool]:
+        """`(m, 2)` places if the part is flat, else `(m, 3)`; and whether it is."""
+        start = {d: self._geodesic(np.arange(len(self.q)), d) for d in (2, 3)}
+        bent, plane = (
+            unfold(self.active, start[d], self.by_joints, _TRIAL).deviance for d in (3, 2)
+        )
+        if plane > _FLAT * bent:
+            return start[3], False
+        return unfold(self.active, start[2], self.by_joints, _FULL).receptors, True
+
+    def again(self, places: np.ndarray, is_flat: bool, rows: np.ndarray) -> np.ndarray:
+        """The layout from other touches; receptors that none of them feels stay where they are."""
+        if not is_flat:
+            return self._geodesic(rows, 3)
+        active, by_joints = self.active[rows], self.by_joints
+        if by_joints is not None:
+            by_joints = _joint_predictor(self.q[rows])[0]
+        there = active.any(axis=0)
+        moved = places.copy()
+        moved[there] = _aligned(
+            unfold(active[:, there], places[there], by_joints, _AGAIN).receptors, places[there]
+        )
+        return moved
+
+    def _geodesic(self, rows: np.ndarray, dimension: int) -> np.ndarray:
+        active = self.active[rows]
+        predicted, _ = _predicted(active, *_joint_predictor(self.q[rows]))
+        cosines = _cosines(_with_joints(active, predicted, self.told))
+        distance = np.arccos(np.clip(cosines, -1.0, 1.0))
+        edges = connected_edges(neighbour_edges(distance), distance)
+        # Receptors that feel exactly the same touches are not at one place.
+        along = geodesics(edges, np.maximum(distance[tuple(edges.T)], 1e-3), len(distance))
+        return curvature_corrected_mds(edges, along, dimension).positions
+
+
+def _joint_predictor(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`(n, n)` ridge regression on joints and their products, and `(n,)` leverages."""
+    moving = q[:, np.ptp(q, axis=0) > 0]
+    scaled = (moving - moving.mean(axis=0)) / moving.std(axis=0)
+    i, j = np.triu_indices(scaled.shape[1])
+    features = np.concatenate([scaled, scaled[:, i] * scaled[:, j]], axis=1)
+    features -= features.mean(axis=0)
+    features /= np.maximum(features.std(axis=0), 1e-9)
+    basis, size, _ = np.linalg.svd(features, full_matrices=False)
+    kept = size**2 / (size**2 + _RIDGE)
+    return (basis * kept) @ basis.T, np.square(basis) @ kept
+
+
+def _predicted(
+    active: np.ndarray, by_joints: np.ndarray, leverage: np.ndarray
+) -> tuple[np.ndarray, float]:
+    """`(n, S)` what joints predict to be felt, and the share they explain on touches left out."""
+    centred = active - active.mean(axis=0)
+    found = by_joints @ centred
+    missed = (centred - found) / np.maximum(1.0 - leverage, 1e-3)[:, None]
+    told = 1.0 - np.square(missed).mean() / np.square(centred).mean()
+    return np.maximum(found + active.mean(axis=0), 0.0), float(told)
+
+
+def _with_joints(active: np.ndarray, predicted: np.ndarray, told: float) -> np.ndarray:
+    """What is felt, and below it what joints predict to be felt, if they tell the place."""
+    return np.concatenate([active, predicted]) if told >= _LEAST_TOLD else active
+
+
+def _cosines(felt: np.ndarray) -> np.ndarray:
+    """`(S, S)` cosines between the columns of what is felt; 0 where nothing is."""
+    norm = np.maximum(np.linalg.norm(felt, axis=0), 1e-12)
+    return (felt / norm).T @ (felt / norm)
+
+
+def _aligned(places: np.ndarray, onto: np.ndarray) -> np.ndarray:
+    """Places `(m, d)` moved, turned, mirrored and scaled onto others."""
+    centred, target = places - places.mean(axis=0), onto - onto.mean(axis=0)
+    turn, size = orthogonal_procrustes(centred, target)
+    return centred @ turn * (size / np.square(centred).sum()) + onto.mean(axis=0)
+
+
+def _doubts(
+    parts: Sequence[MappedPart],
+    part: np.ndarray,
+    felt: np.ndarray,
+    told: float,
+    names: Sequence[str],
+) -> list[str]:
+    def listed(which: np.ndarray) -> str:
+        some = ", ".join(names[n] for n in np.flatnonzero(which)[:5])
+        return f"{which.sum()} receptors ({some}{', ...' if which.sum() > 5 else ''})"
+
+    found = []
+    if (silent := felt < LEAST_FELT).any():
+        found.append(f"{listed(silent)} felt fewer than {LEAST_FELT} touches and were left out")
+    if (seldom := (part >= 0) & (felt < FEW_FELT)).any():
+        found.append(f"{listed(seldom)} felt fewer than {FEW_FELT} touches")
+    if (alone := (part < 0) & ~silent).any():
+        found.append(f"{listed(alone)} share too few touches with others and were left out")
+    for number, one in enumerate(parts):
+        if one.num_pieces > 1:
+            how = "from joint positions alone" if told >= _LEAST_TOLD else "hardly"
+            found.append(
+                f"part {number} is in {one.num_pieces} pieces that no touch joins: how they lie to "
+                f"each other is known {how}"
+            )
+        if not one.holes_are_sure:
+            found.append(f"the holes of part {number} are not sure")
+    return found
