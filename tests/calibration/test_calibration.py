@@ -8,6 +8,7 @@ import pytest
 from commands import refused, selftouch
 
 from selftouch_drake.calibration.model import read_kinematics
+from selftouch_drake.resources import MODELS
 
 RADIUS, BALL, FIELD = 0.2, 0.01, 0.1
 OFFSETS = np.array([0.0, 0.05, -0.03, 0.02])
@@ -38,7 +39,7 @@ def touches(model, num, seed=0):
     rng = np.random.default_rng(seed)
     kept = []
     while sum(map(len, kept)) < num:
-        a = rng.uniform([-1.5, -0.4, 0.2, -1.5], [1.5, 1.6, 2.6, 1.5], (20_000, 4))
+        a = rng.uniform([-1.5, -0.4, 0.2, -1.5], [1.5, 1.6, 2.6, 1.5], (4_000, 4))
         b = a + rng.normal(0.0, 0.3, a.shape)
 
         def height(q):
@@ -46,7 +47,7 @@ def touches(model, num, seed=0):
 
         across = (height(a) > 0) & (height(b) < 0)
         a, b = a[across], b[across]
-        for _ in range(40):
+        for _ in range(25):
             middle = (a + b) / 2
             outside = height(middle)[:, None] > 0
             a, b = np.where(outside, middle, a), np.where(outside, b, middle)
@@ -126,3 +127,17 @@ def test_a_model_with_other_joints_is_refused(calibrated, tmp_path):
         *common[2:],
     )
     assert "--link is 'base_lnk'; the robot has no such link: did you mean" in line
+
+
+@pytest.mark.slow
+def test_a_run_in_drake_has_the_joints_of_its_model(tmp_path):
+    run, model = tmp_path / "run", MODELS / "one_finger.dmd.yaml"
+    small = "{babbling: {num_samples: 300, walk_size: 300}, representation: {num_targets: 50}}"
+    assert selftouch("babble", "torus", "--out", run, "--set", small, "--workers", 1).status == 0
+    common = ("--robot", model, "--link", "body", "--frame", "fingertip_0")
+    done = selftouch("calibrate", run, *common)
+    assert done.status == 0, done
+    assert "not told: the offset of shoulder_yaw" in done.stdout
+    assert "--receptors is 5,200; give two" in refused(
+        "calibrate", run, *common, "--receptors", "5,200"
+    )

@@ -11,7 +11,7 @@ from scipy.stats import spearmanr
 PITCH, FIELD = 1.0, 1.6
 
 
-def patch(num_touches=320, rows=5, columns=8, seed=0):
+def patch(num_touches=200, rows=4, columns=7, seed=0):
     """Touches of a flat patch by two joints that slide over it, and one that does nothing."""
     rng = np.random.default_rng(seed)
     places = PITCH * np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), -1).reshape(-1, 2)
@@ -30,7 +30,7 @@ def mapped(tmp_path_factory):
     folder = tmp_path_factory.mktemp("map")
     places, q, sensation = patch()
     sensation[:, 7] = 0.0
-    sensation[[3, 200], 7] = 1.0
+    sensation[[3, 150], 7] = 1.0
     np.savez(folder / "touches.npz", q=q, sensation=sensation)
     done = selftouch("map", folder / "touches.npz", "--offset", 0, "--threshold", 0.5)
     assert done.status == 0, done
@@ -44,7 +44,7 @@ def test_receptors_lie_where_they_are_up_to_turn_and_scale(mapped):
     found = np.array([[row["x"], row["y"]] for row in rows if row["x"]], dtype=float)
     assert kept.sum() == len(places) - 1
     i = np.triu_indices(kept.sum(), 1)
-    assert spearmanr(cdist(found, found)[i], cdist(places[kept], places[kept])[i])[0] > 0.97
+    assert spearmanr(cdist(found, found)[i], cdist(places[kept], places[kept])[i])[0] > 0.95
     error = np.array([row["error"] for row in rows if row["x"]], dtype=float)
     assert np.all(error > 0)
     assert np.median(error) < 1.0
@@ -52,7 +52,7 @@ def test_receptors_lie_where_they_are_up_to_turn_and_scale(mapped):
 
 def test_what_is_not_known_is_said(mapped):
     _, done, folder = mapped
-    assert "part 0: 39 receptors in a plane" in done.stdout
+    assert "part 0: 27 receptors in a plane" in done.stdout
     assert "doubt: 1 receptors (sensation[7]) felt fewer than 5 touches and were left out" in (
         done.stdout
     )
@@ -63,7 +63,8 @@ def test_what_is_not_known_is_said(mapped):
 def test_a_run_gives_the_same_map_as_its_recording(mapped, tmp_path):
     _, _, folder = mapped
     data, run = folder.with_suffix(".npz"), tmp_path / "run"
-    assert selftouch("import", data, "--offset", 0, "--threshold", 0.5, "--out", run).status == 0
+    small = ("--set", "{representation: {num_targets: 50}}", "--out", run)
+    assert selftouch("import", data, "--offset", 0, "--threshold", 0.5, *small).status == 0
     assert selftouch("map", run).status == 0
     one, other = (table(where / "map.csv") for where in (folder, run))
     # A run keeps joint positions in single precision.
@@ -74,11 +75,11 @@ def test_a_run_gives_the_same_map_as_its_recording(mapped, tmp_path):
 
 
 def test_two_skins_are_two_parts(tmp_path):
-    _, _, one = patch(300, 4, 5)
+    _, _, one = patch(200, 4, 5)
     other = np.zeros_like(one)
     sensation = np.r_[np.c_[one, other], np.c_[other, one]]
     rng = np.random.default_rng(1)
-    np.savez(tmp_path / "two.npz", q=rng.normal(size=(600, 3)), sensation=sensation)
+    np.savez(tmp_path / "two.npz", q=rng.normal(size=(400, 3)), sensation=sensation)
     done = selftouch("map", tmp_path / "two.npz", "--offset", 0, "--threshold", 0.5)
     parts = [row["part"] for row in table(tmp_path / "two" / "map.csv")]
     assert (len(set(parts[:20])), len(set(parts[20:])), len(set(parts))) == (1, 1, 2), done

@@ -17,6 +17,7 @@ from scipy.linalg import orthogonal_procrustes
 from scipy.sparse.csgraph import connected_components
 
 from selftouch_drake.agent.representation.graphs import connected_edges, geodesics, neighbour_edges
+from selftouch_drake.agent.shape.dimension import LEAST_KERNELS
 from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
 from selftouch_drake.agent.shape.homology import Topology, flat, spacings, topology
 from selftouch_drake.agent.shape.recovery import LEAST_MARGIN
@@ -69,8 +70,9 @@ class MappedPart:
 
     @property
     def holes_are_sure(self) -> bool:
-        """Whether components, loops and voids can be trusted."""
-        return self.topology is not None and self.topology.margin >= LEAST_MARGIN
+        """Whether components, loops and voids can be trusted; not of a few receptors."""
+        enough = len(self.receptors) >= LEAST_KERNELS
+        return enough and self.topology is not None and self.topology.margin >= LEAST_MARGIN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
