@@ -18,8 +18,8 @@ def readings(force: np.ndarray, reading: Reading, before: np.ndarray | None = No
     Args:
         force: `(N, S)` N, or of one instant `(S,)`.
         reading: how the skin reports them.
-        before: of the same shape, the last readings, for hysteresis. None if nothing was touched, as where a
-            body is put into a posture.
+        before: of the same shape, the last readings, for hysteresis. None if nothing was touched,
+            as where a body is put into a posture.
 
     Returns:
         N, of the same shape; or 0 and 1; or whole numbers from 0 on.

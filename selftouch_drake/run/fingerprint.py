@@ -55,10 +55,10 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     fields = dataclasses.asdict(experiment)
     for (name, part, field), file in _skin_files(experiment).items():
         fields["skins"][name][part][field] = digests.get(str(file))
-    usual = {"receptors": None, "reading": dataclasses.asdict(Reading())}
+    newer = {"receptors": None, "reading": dataclasses.asdict(Reading())}
     for skin in fields["skins"].values():
-        for name in usual:
-            if skin[name] == usual[name]:
+        for name in newer:
+            if skin[name] == newer[name]:
                 del skin[name]  # older runs know no other
     kept: dict[str, Any] = {key: fields[key] for key in ("seed", "babbling")}
     if experiment.babbling.strategy == "random":
