@@ -13,7 +13,7 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.representation.graphs import geodesics, target_distances
+from selftouch_drake.agent.representation.graphs import geodesics, link_lengths
 from selftouch_drake.evaluation.kernels import LEAST_SINGLE
 from selftouch_drake.experience import Contacts
 from selftouch_drake.geometry import ReceptiveFields
@@ -52,10 +52,9 @@ class OwnPaths:
     """Measures paths in the agent's own lengths: how unlike neighbouring target sensations are."""
 
     def __init__(self, representation: QuotientRepresentation):
-        distance, spacing = target_distances(representation)
-        length = distance[*representation.edges.T] / spacing
-        self._targets = representation.target_sensations
-        self._along = geodesics(representation.edges, length, len(distance))
+        edges, self._targets = representation.edges, representation.target_sensations
+        length = link_lengths(representation, edges)
+        self._along = geodesics(edges, length, len(self._targets))
 
     def over_shortest(self, felt: np.ndarray) -> float | None:
         """The length of a path, felt as `(n, S)` N, over the shortest one, 1 or more.
