@@ -338,6 +338,7 @@ def of_metric(check):
 
 ACTED = {
     "planning.knot_spacing": (PLAN, nested("planning.knot_spacing", 0.5), of_plan("q", differs)),
+    "planning.prefer": (PLAN, nested("planning.prefer", "joints"), of_plan("q", differs)),
     "execution.max_velocity": (PLAN, nested("execution.max_velocity", 0.1), duration),
     "execution.max_acceleration": (PLAN, nested("execution.max_acceleration", 0.1), duration),
     "execution.time_step": (

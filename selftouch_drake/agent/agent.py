@@ -16,6 +16,7 @@ from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.planning import Planner, predict_sensation
 from selftouch_drake.agent.planning.planner import checked_target
 from selftouch_drake.agent.planning.prediction import Prediction, recall_sensation
+from selftouch_drake.agent.planning.route import Prefer
 from selftouch_drake.agent.planning.smoothing import KNOT_SPACING
 from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation import (
@@ -45,6 +46,7 @@ class Agent:
             representation; it makes prediction errors five times smaller. None if not kept.
         knot_spacing: as of `Planner`.
         touch_model: as of `Planner`.
+        prefer: as of `Planner`.
     """
 
     representation: QuotientRepresentation
@@ -52,6 +54,7 @@ class Agent:
     kernel_sensation: csr_array | None = None
     knot_spacing: float = KNOT_SPACING
     touch_model: TouchModel | None = None
+    prefer: Prefer = "body"
 
     @classmethod
     def of(
@@ -157,5 +160,8 @@ class Agent:
     def planner(self) -> Planner:
         """The planner that makes all plans."""
         return Planner(
-            self.representation, knot_spacing=self.knot_spacing, touch_model=self.touch_model
+            self.representation,
+            knot_spacing=self.knot_spacing,
+            touch_model=self.touch_model,
+            prefer=self.prefer,
         )

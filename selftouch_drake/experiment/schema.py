@@ -395,6 +395,8 @@ class Planning(Settings):
 
     # Path length between knots of the smoothing spline, in rad; larger is smoother.
     knot_spacing: Positive = 0.135
+    # What a route keeps short: the path on the `body`, or the motion of the `joints`.
+    prefer: Literal["body", "joints"] = "body"
 
 
 @dataclass(kw_only=True, slots=True, frozen=True)

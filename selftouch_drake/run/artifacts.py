@@ -54,6 +54,7 @@ def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
         memory=load_memory(run, representation),
         kernel_sensation=stored_sensations(run, representation) if predicts else None,
         knot_spacing=run.experiment.planning.knot_spacing,
+        prefer=run.experiment.planning.prefer,
         touch_model=_load_touch_model(run),
     )
 

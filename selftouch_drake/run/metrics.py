@@ -77,7 +77,7 @@ class MotionRow:
 
 
 #: The headings of rows of motions.
-MOTION_COLUMNS = ("motions", "contact", "worst", "reached", "prediction error")
+MOTION_COLUMNS = ("motions", "contact", "worst", "reached", "prediction error", "path / shortest")
 # The few metrics that summarise what the agent knows of its body, in a few words.
 _TILES = {
     "surface_rms_fraction": "shape error",
@@ -106,7 +106,13 @@ _MOTIONS = {
         "the plans before practice under dynamics",
     ),
 }
-_OF_MOTIONS = ("contact_mean", "contact_worst", "reach_rate", "prediction_error_mean")
+_OF_MOTIONS = (
+    "contact_mean",
+    "contact_worst",
+    "reach_rate",
+    "prediction_error_mean",
+    "path_over_shortest_median",
+)
 
 
 def keys_of(*stages: str) -> frozenset[str]:

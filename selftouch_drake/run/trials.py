@@ -22,7 +22,7 @@ from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.pilot import Pilot
 from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.agent.rehearsal import Try, best, judge
-from selftouch_drake.bodies.drake import DrakeFollowed
+from selftouch_drake.bodies.drake import DrakeFelt, DrakeFollowed
 from selftouch_drake.bodies.embodiment import Bodies, pilot_in
 from selftouch_drake.evaluation.executed import ExecutedTruth, ExecutionJudge
 from selftouch_drake.evaluation.motion import (
@@ -34,6 +34,7 @@ from selftouch_drake.evaluation.motion import (
     score_motion,
     summarise,
 )
+from selftouch_drake.evaluation.paths import OwnPaths, TruePaths
 from selftouch_drake.files import content_digest
 from selftouch_drake.run.artifacts import load_agent, save_plan
 from selftouch_drake.run.directory import RunDirectory
@@ -59,6 +60,9 @@ class FirstTry:
         executed: the same as felt under dynamics.
         query_s: s, duration of planning.
         jerk_reduction: of the plan, in motor space.
+        over_shortest: length of the practised plan on the skin over the shortest way, in the
+            agent's own lengths; None if it lifts off, or where `OwnPaths` does not know.
+        true_over_shortest: the same by the truth; None likewise, or if nobody knows it.
         num_slides: ways that practice found for steps of the plan.
         errors: `(n,)` cosine distances from predicted to felt, in their predicted scales.
         impossible_planned: samples of the plan at which the body cannot be.
@@ -73,6 +77,8 @@ class FirstTry:
     executed: MotionScore
     query_s: float
     jerk_reduction: float
+    over_shortest: float | None
+    true_over_shortest: float | None
     num_slides: int
     errors: np.ndarray
     impossible_planned: int
@@ -115,6 +121,8 @@ class FirstTries:
         pilot.get_ready()
         world = bodies.world
         self._judge = None if world is None else ExecutionJudge(world, representation)
+        self._own = OwnPaths(representation)
+        self._true = None if world is None else TruePaths([s.fields for s in world.skins])
 
     def first(self, start: int, goal: int) -> tuple[FirstTry, Try] | None:
         """The first try of a pair; None if no way is found."""
@@ -130,6 +138,11 @@ class FirstTries:
         predicted &= motion.predicted_spread > 0
         planned, felt = self._slowly(motion)
         impossible = 0 if felt is None else int(np.sum(~felt.reached))
+        own_path = true_path = None
+        if felt is not None and motion.touching.all():
+            own_path = self._own.over_shortest(felt.sensation)
+            if self._true is not None and isinstance(felt, DrakeFelt):
+                true_path = self._true.over_shortest(felt.contacts)
         truth = None
         if self._judge is not None and isinstance(followed, DrakeFollowed):
             truth = self._judge.truth(execution, followed.log)
@@ -142,6 +155,8 @@ class FirstTries:
             executed=self.score(execution),
             query_s=query.seconds,
             jerk_reduction=jerk_reduction(query.plan, representation.joint_scale),
+            over_shortest=own_path,
+            true_over_shortest=true_path,
             num_slides=len(query.agent.memory.slides.ends),
             errors=cosine_distance(execution.felt[predicted], motion.predicted[predicted])
             / motion.predicted_spread[predicted],
@@ -254,6 +269,8 @@ def trial_metrics(trials: Sequence[Trial]) -> dict[str, Any]:
         "planning_num_slides": sum(trial.num_slides for trial in trials),
         "planning_impossible_postures": sum(trial.impossible_planned for trial in trials),
         "planning_jerk_reduction": float(np.median([trial.jerk_reduction for trial in trials])),
+        **_summary("planning_path_over_shortest", [t.over_shortest for t in trials]),
+        **_summary("planning_true_path_over_shortest", [t.true_over_shortest for t in trials]),
         "planning_query_ms_median": float(np.median(query_ms)),
         "planning_query_ms_p95": float(np.percentile(query_ms, 95)),
         "execution_num_pairs": len(trials),
@@ -313,6 +330,11 @@ def trial_table(trials: Sequence[Trial]) -> dict[str, np.ndarray]:
         "num_tries": np.array([trial.num_tries for trial in trials]),
         "prediction_error": np.array([trial.executed.prediction_error for trial in trials]),
     }
+
+
+def _summary(name: str, values: Sequence[float | None]) -> dict[str, float | None]:
+    """Median and worst, which is the largest, of what is known of some values."""
+    return {f"{name}_median": _of_known(np.median, values), f"{name}_worst": _of_known(max, values)}
 
 
 def _root_mean(squares: Sequence[float]) -> float:

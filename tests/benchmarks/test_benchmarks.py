@@ -51,6 +51,7 @@ SMALL: dict[str, list[str]] = {
     "live": ["{run}", "--seconds", "1", "--no-browser"],
     "sensor": ["--quick", "--looks", "2"],
     "bending": ["{run}", "--pairs", "2"],
+    "paths": ["{run}", "--pairs", "2"],
     "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }
 

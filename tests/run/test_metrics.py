@@ -68,13 +68,14 @@ def test_the_headline_shows_what_there_is():
         "unpractised_prediction_error_mean": 0.03,
         "planning_contact_mean": 0.987,
         "planning_reach_rate": 1.0,
+        "planning_path_over_shortest_median": 1.204,
     }
     found = [(t.name, t.value) for t in tiles(metrics)]
     assert found == [("shape error", "1.2 %"), ("parts", "2")]
     rows = motions(metrics)
     assert [(row.name, row.cells) for row in rows] == [
-        ("before practice", ["80.0 %", "", "", "0.03"]),
-        ("practised", ["98.7 %", "", "100.0 %", ""]),
+        ("before practice", ["80.0 %", "", "", "0.03", ""]),
+        ("practised", ["98.7 %", "", "100.0 %", "", "1.2 ×"]),
     ]
     assert len(MOTION_COLUMNS) == 1 + len(rows[0].cells)
 

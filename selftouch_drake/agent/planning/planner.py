@@ -10,6 +10,7 @@ import numpy as np
 from selftouch_drake.agent.memory import RehearsalMemory, Slides
 from selftouch_drake.agent.motions import NO_KERNEL, Plan
 from selftouch_drake.agent.planning.route import (
+    Prefer,
     RouteGraph,
     carried_route,
     goal_members,
@@ -18,7 +19,7 @@ from selftouch_drake.agent.planning.route import (
 from selftouch_drake.agent.planning.smoothing import KNOT_SPACING, path_length, smooth_path
 from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.planning.waypoints import Waypoints
-from selftouch_drake.agent.representation.graphs import step_links
+from selftouch_drake.agent.representation.graphs import link_lengths, step_links
 from selftouch_drake.agent.representation.quotient import NO_MODE, QuotientRepresentation
 
 #: Lowest and highest motor configuration, `(J,)` each.
@@ -32,6 +33,7 @@ class Planner:
         representation: what the agent has learned.
         knot_spacing: rad of path length between knots of the smooth path; larger is smoother.
         touch_model: bends steps along links into the skin; without, they are straight.
+        prefer: what routes keep short.
 
     Raises:
         ValueError: `knot_spacing` is not positive.
@@ -43,6 +45,7 @@ class Planner:
         *,
         knot_spacing: float = KNOT_SPACING,
         touch_model: TouchModel | None = None,
+        prefer: Prefer = "body",
     ) -> None:
         if not knot_spacing > 0.0:
             raise ValueError(f"knot_spacing is {knot_spacing} rad: give a positive number")
@@ -56,7 +59,9 @@ class Planner:
         ]
         # Float32, as stored configurations are.
         self._rows_x = representation.scaled(representation.kernel_q).astype(np.float32)
-        self._leap_penalty = leap_penalty(representation, self.links)
+        length = link_lengths(representation, self.links)
+        self._leap_penalty = leap_penalty(length)
+        self._length = length if prefer == "body" else None
         self._range = representation.kernel_q.min(axis=0), representation.kernel_q.max(axis=0)
         self._link_row = {(i, j): row for row, (i, j) in enumerate(self.links.tolist())}
 
@@ -196,7 +201,9 @@ class Planner:
         ends = memory.not_missed(goal_members(self.representation, goal, mode))
         goal_x = self._rows_x[ends][:, graph.joints]
         penalty = self._leap_penalty * memory.link_penalty
-        nodes = carried_route(graph, way.end[graph.joints], start, goal, goal_x, penalty).tolist()
+        length = None if self._length is None else self._length * memory.link_penalty
+        x = way.end[graph.joints]
+        nodes = carried_route(graph, x, start, goal, goal_x, penalty, length).tolist()
         links = [self._link_row[min(step), max(step)] for step in pairwise(nodes)]
         layers = [*(graph.firm.members(k) for k in nodes[1:-1]), goal_x]
         way.follow(nodes[1:], links, layers, mode)

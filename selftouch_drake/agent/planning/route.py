@@ -4,14 +4,26 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numba import njit
 
-from selftouch_drake.agent.representation.graphs import component_labels, target_distances
+from selftouch_drake.agent.representation.graphs import component_labels
 from selftouch_drake.agent.representation.kernels import KernelSets
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import linked_nearest, quantile
+
+#: What a route keeps short: its path on the `body`, or the motion of the `joints`.
+Prefer = Literal["body", "joints"]
+
+# Steps of joints cost this power of their length: in rad if a route prefers joints, in typical
+# steps if it prefers the body. Contact is lost on the longest tenth of the steps; to keep its path
+# on the body short, a route must avoid these alone. Measured on 100 plans on each of three runs
+# (torus twice, cube; 100,000 touches, 300 targets): with joints, the path is 1.63, 1.54, 1.45 times
+# the shortest (median), contact 99.8, 99.5, 99.5 %; with body 1.29, 1.22, 1.22 and 99.8, 99.8,
+# 99.5 %. If the length along the body counts twice, 1.20, 1.17, 1.15 and 99.6, 99.5, 98.9 %.
+_POWER = {"joints": 3.0, "body": 8.0}
 
 # Links between targets farther apart than this many spacings are leaps: they cut through the body.
 _LEAP_SPACINGS = 1.25
@@ -92,6 +104,7 @@ class RouteGraph:
         way_link: `(2L,)` its link.
         steps: along each way, from each firm configuration of the kernel that it leaves, as of
             `linked_nearest`.
+        typical_step: rad, the median of these steps.
     """
 
     joints: np.ndarray
@@ -103,6 +116,7 @@ class RouteGraph:
     way_kernel: np.ndarray
     way_link: np.ndarray
     steps: tuple[np.ndarray, np.ndarray, np.ndarray]
+    typical_step: float
 
     @classmethod
     def of(
@@ -121,6 +135,8 @@ class RouteGraph:
         tail, head = np.concatenate([links[usable], links[usable, ::-1]]).T
         order = np.lexsort((head, tail))
         ways = np.stack([tail, head], axis=1)[order]
+        steps = linked_nearest(firm, ways)
+        typical = float(np.sqrt(np.median(steps[2]))) if len(steps[2]) else 0.0
         return cls(
             joints=joints,
             firm=firm,
@@ -130,7 +146,8 @@ class RouteGraph:
             way_offsets=np.searchsorted(ways[:, 0], np.arange(num_kernels + 1)),
             way_kernel=np.ascontiguousarray(ways[:, 1]),
             way_link=np.tile(usable, 2)[order],
-            steps=linked_nearest(firm, ways),
+            steps=steps,
+            typical_step=typical or 1.0,
         )
 
     def joins(self, start: int, goal: int) -> bool:
@@ -138,17 +155,15 @@ class RouteGraph:
         return bool(self.component[start] == self.component[goal] >= 0)
 
 
-def leap_penalty(representation: QuotientRepresentation, links: np.ndarray) -> np.ndarray:
-    """`(L,)` factors, 1 or more, on the cost of `(L, 2)` links that join unlike sensations.
+def leap_penalty(length: np.ndarray) -> np.ndarray:
+    """`(L,)` factors, 1 or more, on the cost of links of these lengths, of `link_lengths`.
 
     Configurations of two kernels can be close although the places that they touch are not: the
     finger would leap through the inside of the body. The distance of the target sensations
     separates these links from the others (area under the ROC curve, on edges of the graph, 0.94 to
     0.98; the motor step alone 0.60 to 0.63).
     """
-    distance, spacing = target_distances(representation)
-    i, j = links.T
-    return np.maximum(1.0, distance[i, j] / (_LEAP_SPACINGS * spacing)) ** _LEAP_POWER
+    return np.maximum(1.0, length / _LEAP_SPACINGS) ** _LEAP_POWER
 
 
 def carried_route(
@@ -158,23 +173,29 @@ def carried_route(
     goal: int,
     goal_x: np.ndarray,
     penalty: np.ndarray,
+    length: np.ndarray | None = None,
 ) -> np.ndarray:
     """Dijkstra that carries motor configurations to every kernel it reaches.
 
     The search enters a kernel at its firm configuration nearest to the one carried by its parent.
-    The step costs the cube of that distance, which is the distance that the agent would really
-    move. Cubes prefer many short steps to a long one, which would leave the skin; higher powers
-    keep contact no better and only lengthen the path. The search may enter a kernel several times,
-    at configurations far from each other.
+    The step costs a power of that distance, which is the distance that the agent would really move.
+    Powers prefer many short steps to a long one, which would leave the skin. A route that is to be
+    short on the body also pays for the length of each link. The search may enter a kernel several
+    times, at configurations far from each other.
 
     It leaves `(J,)` x_start of the kernel `start`, and may enter the goal at `(n, J)` goal_x, both
-    scaled, rad; `(L,)` positive penalties are factors on the cost of each link.
+    scaled, rad; `(L,)` positive penalties are factors on the cost of each link; `(L,)` lengths are
+    as of `link_lengths`, None if only joints count.
 
     Returns:
         `(N,)` kernels from `start` to `goal`; empty if the links do not join them.
     """
     if start == goal:
         return np.array([start])
+    if length is None:
+        power, unit, length = _POWER["joints"], 1.0, np.zeros(len(penalty))
+    else:
+        power, unit = _POWER["body"], graph.typical_step
     return _carry(
         graph.firm.x,
         graph.firm_kernel,
@@ -182,7 +203,9 @@ def carried_route(
         graph.way_offsets,
         graph.way_kernel,
         *graph.steps,
-        penalty[graph.way_link].astype(np.float64),
+        (penalty / unit**power)[graph.way_link],
+        length[graph.way_link],
+        power / 2.0,
         np.asarray(x_start, dtype=np.float32),
         start,
         goal,
@@ -201,6 +224,8 @@ def _carry(
     step_row,
     step_squared,
     factor,
+    length,
+    half_power,
     x_start,
     start,
     goal,
@@ -244,7 +269,7 @@ def _carry(
             else:
                 entry = step_offsets[way] + place - firm_offsets[kernel]
                 to, step = step_row[entry], step_squared[entry]
-            onward = through + factor[way] * step * np.sqrt(step)
+            onward = through + factor[way] * np.float64(step) ** half_power + length[way]
             if onward < cost[to] and onward < cost[at_goal]:
                 cost[to], before[to] = onward, place
                 heapq.heappush(queue, (onward, to))

@@ -193,6 +193,12 @@ def target_distances(representation: QuotientRepresentation) -> tuple[np.ndarray
     return distance, float(np.median(np.partition(distance, neighbour, axis=1)[:, neighbour]))
 
 
+def link_lengths(representation: QuotientRepresentation, links: np.ndarray) -> np.ndarray:
+    """`(L,)` lengths of `(L, 2)` links along the body as the agent feels it, in spacings."""
+    distance, spacing = target_distances(representation)
+    return distance[*links.T] / spacing
+
+
 def to_networkx(representation: QuotientRepresentation, *, complete: bool = False) -> nx.Graph:
     """The quotient graph as a networkx graph.
 

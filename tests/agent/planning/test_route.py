@@ -13,7 +13,7 @@ from selftouch_drake.agent.planning.route import (
     goal_members,
     leap_penalty,
 )
-from selftouch_drake.agent.representation.graphs import step_links
+from selftouch_drake.agent.representation.graphs import link_lengths, step_links
 
 
 def route(representation, q_start, start, goal, penalty=None):
@@ -81,6 +81,19 @@ def test_a_penalty_turns_the_route_the_other_way_round(make_ring):
     assert route(ring, q_start, 0, 3, penalty=penalty) == [0, 7, 6, 5, 4, 3]
 
 
+def test_a_route_that_prefers_the_body_is_short_on_it_and_takes_no_long_step():
+    # From 0 to 5, four small steps of the joints lead a long way round, and two larger ones lead
+    # straight there. Most steps of this body are larger still.
+    edges = [[0, 1], [0, 4], [1, 2], [2, 3], [3, 5], [4, 5], *([k, k + 1] for k in range(5, 12))]
+    beyond = [[2.4 + 1.5 * k] for k in range(8)]
+    for wide, way in ((1.2, [0, 4, 5]), (4.0, [0, 1, 2, 3, 5])):
+        known = laid_by_hand([[0.0], [0.6], [1.2], [1.8], [wide], *beyond], edges)
+        graph = RouteGraph.of(known, known.edges)
+        asked = (np.zeros(1), 0, 5, np.array([[2.4]]), np.ones(13))
+        assert carried_route(graph, *asked).tolist() == [0, 1, 2, 3, 5]
+        assert carried_route(graph, *asked, length=np.ones(13)).tolist() == way
+
+
 def test_no_route_between_parts_of_a_graph():
     apart = laid_by_hand([[0.0], [1.0], [2.0]], [[0, 1]])
     assert route(apart, 0.0, 0, 2) == []
@@ -88,7 +101,7 @@ def test_no_route_between_parts_of_a_graph():
 
 def test_leaps_are_edges_between_far_off_sensations(make_ring):
     chord = make_ring(20, links=[(k, (k + 1) % 20) for k in range(20)] + [(0, 9)])
-    penalty = leap_penalty(chord, chord.edges)
+    penalty = leap_penalty(link_lengths(chord, chord.edges))
     is_chord = (chord.edges == [0, 9]).all(axis=1)
     assert np.all(penalty[~is_chord] == 1.0)
     assert penalty[is_chord] > 2.0

@@ -1,0 +1,112 @@
+"""How much longer a path is on the skin than the shortest way along the skin.
+
+Both are measured twice: in the agent's own lengths, and on the surface of the true skin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.graphs import geodesics, link_lengths
+from selftouch_drake.evaluation.kernels import LEAST_SINGLE
+from selftouch_drake.experience import Contacts
+from selftouch_drake.geometry import ReceptiveFields
+from selftouch_drake.geometry.geodesics import surface_paths
+from selftouch_drake.lazy import trimesh
+
+#: m, strides in which a path on the true skin is measured. Centres of pressure jump by a millimetre
+#: from one sample to the next; in strides of 3 mm, paths on a torus are 5 % longer.
+STRIDE = 0.01
+
+#: Spacings of the targets in which the agent measures: it knows a touch by its kernel alone.
+_OWN_STRIDE = 2.0
+
+
+def in_strides(count: int, apart: Callable[[int, np.ndarray], np.ndarray], stride: float) -> float:
+    """Length of a path through `count` places, measured as with a pair of dividers.
+
+    From each place it goes to the first one that is at least a stride away, and at last to the end.
+    So noise that is small against the stride adds nothing.
+
+    Args:
+        count: number of places.
+        apart: from a place and `(n,)` others, by number, to their `(n,)` distances.
+        stride: in the unit of the distances.
+    """
+    length, here = 0.0, 0
+    while here < count - 1:
+        distance = apart(here, np.arange(here + 1, count))
+        beyond = distance >= stride
+        step = int(beyond.argmax()) if beyond.any() else len(distance) - 1
+        length, here = length + float(distance[step]), here + 1 + step
+    return length
+
+
+class OwnPaths:
+    """Measures paths in the agent's own lengths: how unlike neighbouring target sensations are."""
+
+    def __init__(self, representation: QuotientRepresentation):
+        edges, self._targets = representation.edges, representation.target_sensations
+        length = link_lengths(representation, edges)
+        self._along = geodesics(edges, length, len(self._targets))
+
+    def over_shortest(self, felt: np.ndarray) -> float | None:
+        """The length of a path, felt as `(n, S)` N, over the shortest one, 1 or more.
+
+        None if it ends on another part of the body, or in the sensation in which it began.
+        """
+        touched = felt[felt.any(axis=1)]
+        if not len(touched):
+            return None
+        kernel = (touched @ self._targets.T).argmax(axis=1)
+        shortest = self._along[kernel[0], kernel[-1]]
+        length = in_strides(
+            len(kernel), lambda i, others: self._along[kernel[i], kernel[others]], _OWN_STRIDE
+        )
+        known = np.isfinite(length) and 0.0 < shortest < np.inf
+        return max(length / float(shortest), 1.0) if known else None
+
+
+class TruePaths:
+    """Measures paths on the surfaces of the true skins, given by their receptive fields."""
+
+    def __init__(self, fields: Sequence[ReceptiveFields]):
+        self._fields = fields
+
+    def over_shortest(self, contacts: Contacts) -> float | None:
+        """The length of a path of n contacts over the shortest one between its ends, 1 or more.
+
+        Places are those of the surface above the centres of pressure. None if the path changes the
+        skin, or what touches it; if it touches several places at once; or if it hardly moves.
+        """
+        pairs = np.stack([contacts.skin, contacts.toucher])
+        touches = np.diff(contacts.offsets)
+        single = np.mean(touches[touches > 0] == 1) if pairs.size else 0.0
+        if single < LEAST_SINGLE or (pairs != pairs[:, :1]).any():
+            return None
+        skin = int(contacts.skin[0])
+        vertices = self._fields[skin].vertices
+        corners, parts = self._fields[skin].parts_at(contacts.p_LC)
+        at = np.einsum("nv,nvi->ni", parts, vertices[corners])
+        ends = corners[[0, -1]]
+        to_corner = np.linalg.norm(vertices[ends] - at[[0, -1], None], axis=2)
+        along = dijkstra(self._lines[skin], indices=ends[0])[:, ends[1]]
+        shortest = float((to_corner[0][:, None] + along + to_corner[1]).min())
+        if not STRIDE < shortest < np.inf:
+            return None
+        length = in_strides(
+            len(at), lambda i, others: np.linalg.norm(at[others] - at[i], axis=1), STRIDE
+        )
+        return max(length / shortest, 1.0)
+
+    @cached_property
+    def _lines(self) -> list[csr_matrix]:
+        """Graphs of straight lines on the skins."""
+        surfaces = ((field.vertices, field.faces) for field in self._fields)
+        return [surface_paths(trimesh.Trimesh(*surface, process=False)) for surface in surfaces]
