@@ -394,7 +394,7 @@ def map_command(source: Path, out: Path | None, touches: int, **how: Any) -> Non
 def calibrate(
     run: Path, robot: Path, link: str, frame: str, radius: float, receptors: list[int] | None
 ) -> None:
-    """Find the receptors of RUN in metres, and the offsets of its joints.
+    """Find receptors in metres, and joint offsets.
 
     Needs a model of the robot, and so is no part of the naive agent. Touches should be gentle.
     """
