@@ -37,8 +37,8 @@ _HELD = 8
 _CHANGES, _ALIKE = 0.05, 0.02
 
 #: Two places touch each other if their strengths change alike at least so often while a posture is
-#: held, and in this share of the looks. On MIMo, after 10,000 random steps, two thirds of such pairs
-#: were in contact; of places that began to feel something at the same moment, a quarter were.
+#: held, and in this share of the looks. On MIMo, after 10,000 random steps, two thirds of such
+#: pairs were in contact; of places that began to feel something at the same moment, a quarter.
 _LEAST_ALIKE, _MOSTLY_ALIKE = 2, 0.3
 
 
