@@ -4,7 +4,8 @@
 
 PATH is the BabyBench 2025 starter kit (github.com/babybench/BabyBench2025_Starter_Kit). It needs
 `gymnasium==0.28.1`, `mujoco==3.3.0` and the other packages of its `requirements.txt`, without torch
-and stable-baselines3: give it an environment of its own, with this package. The agent begins
+and stable-baselines3: give it an environment of its own, with what this package needs, and this
+repository on PYTHONPATH (installed, its environments need a newer gymnasium). The agent begins
 without experience and explores by `babbling.seek: pairs`. Every step of the environment counts.
 `--ways random` has the same body go to random postures instead.
 """

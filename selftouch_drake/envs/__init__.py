@@ -5,7 +5,7 @@
 
 from typing import Any
 
-from gymnasium.envs import registration
+import gymnasium
 
 from selftouch_drake.envs.environment import SelfTouchEnv, Truth
 from selftouch_drake.envs.goals import ReachEnv, SlideEnv, likeness
@@ -49,9 +49,8 @@ def register() -> None:
     for robot, kwargs in _ROBOTS.items():
         for task, (entry_point, max_episode_steps) in _TASKS.items():
             name = f"SelfTouch/{robot}{task}-v0"
-            # Up to 0.29, this runs while `gymnasium` itself is still being imported.
-            if name not in registration.registry:
-                registration.register(
+            if name not in gymnasium.registry:
+                gymnasium.register(
                     name, entry_point, max_episode_steps=max_episode_steps, kwargs=dict(kwargs)
                 )
             many = f"SelfTouch/{robot}{task}Kinematic-v0"
