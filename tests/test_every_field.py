@@ -244,6 +244,11 @@ BABBLED = {
         ),
     ),
     "babbling.strategy": (nested("babbling.strategy", "active"), {}, differs),
+    "babbling.seek": (
+        nested("babbling", {"strategy": "active", "seek": "pairs"}),
+        nested("babbling.strategy", "active"),
+        differs,
+    ),
     "babbling.mode": (nested("babbling.mode", "dynamic"), {}, differs),
     "babbling.num_samples": (
         nested("babbling.num_samples", 70),

@@ -63,7 +63,7 @@ def experience_fingerprint(experiment: Experiment, digests: Digests) -> str:
     kept: dict[str, Any] = {key: fields[key] for key in ("seed", "babbling")}
     if experiment.babbling.strategy == "random":
         del kept["babbling"]["strategy"]  # older runs know no other
-    for name, usual in (("jumps", True), ("robot_hours", None)):
+    for name, usual in (("jumps", True), ("robot_hours", None), ("seek", "receptors")):
         if kept["babbling"][name] == usual:
             del kept["babbling"][name]  # likewise
     kept["models"] = list(digests.values())

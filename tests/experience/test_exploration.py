@@ -7,6 +7,7 @@ import pytest
 
 from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.agent.lifelong import life as life_module
+from selftouch_drake.agent.lifelong import pairs as pairs_module
 from selftouch_drake.bodies.embodiment import body_of, make_bodies
 from selftouch_drake.experience import ExperienceReader, walk_sizes
 from selftouch_drake.experience.collect import walker_of
@@ -187,3 +188,29 @@ def test_random_babbling_keeps_its_fingerprint():
 
     random = load_experiment("sphere")
     assert experience_fingerprint(random, {}) != experience_fingerprint(active(100_000), {})
+
+
+def test_it_seeks_pairs_and_goes_on_from_stored_rounds_to_the_same_bytes(tmp_path, monkeypatch):
+    monkeypatch.setattr(pairs_module, "_FIRST", 40)
+    run, counts = explored(tmp_path / "run", active(120, walk_size=40, seek="pairs"))
+    wanted, life = shards(run), living(run.experiment)
+    (run.experience / shard_name(2)).unlink()
+    assert explored_by(life, run) == counts
+    assert shards(run) == wanted
+    assert life.mind.num_touches == 120
+    assert len(life.mind.pool) == 30
+
+
+@pytest.mark.slow
+def test_under_dynamics_it_remembers_what_it_asked_for():
+    life = living(active(40, seek="pairs", mode="dynamic"))
+    shard = life.explore(40)
+    life.remember(shard.q, shard.sensation)
+    asked = np.array([life.mind.posture(touch) for touch in range(40)])
+    assert (asked >= life.body.lower - 1e-6).all()
+    assert len(np.unique(asked, axis=0)) < len(np.unique(shard.q, axis=0))
+
+
+def test_what_is_sought_has_a_name():
+    with pytest.raises(ExperimentError, match=r"babbling.seek is 'fun'"):
+        load_experiment("sphere", {"babbling": {"seek": "fun"}})

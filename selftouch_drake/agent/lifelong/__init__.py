@@ -36,12 +36,15 @@ from selftouch_drake.agent.lifelong.expectation import TouchSet
 from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, Walker
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
+from selftouch_drake.agent.lifelong.pairs import PairSeeker, TouchPairs
 
 __all__ = [
     "Explorer",
     "Life",
     "OnlineLearner",
+    "PairSeeker",
     "PostureSampler",
+    "TouchPairs",
     "TouchSet",
     "Walker",
 ]
