@@ -235,6 +235,10 @@ BALL_OR_LINK = "give frame and radius for a ball, or link for a link's own geome
             "representation: {metric: literall}",
             "representation.metric is 'literall'; did you mean literal?",
         ),
+        (
+            "babbling: {seek: pairs}",
+            "babbling.seek is 'pairs'; only strategy: active seeks anything; set it too",
+        ),
     ],
 )
 def test_a_mistake_is_named_by_field_value_and_remedy(text, message):
@@ -439,7 +443,8 @@ dimensions = {
     "semi_axes": st.lists(lengths, min_size=3, max_size=3),
     "mesh": st.just("/some where/ключ.obj"),
 }
-surfaces = st.sampled_from(sorted(SHAPES)).flatmap(
+# Without the shape that needs a file of receptors.
+surfaces = st.sampled_from(sorted(set(SHAPES) - {"receptors"})).flatmap(
     lambda shape: st.fixed_dictionaries(
         {"shape": st.just(shape)} | {d: dimensions.get(d, lengths) for d in SHAPES[shape]},
         optional={"resolution": st.floats(0.002, 0.1)},

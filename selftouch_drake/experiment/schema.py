@@ -380,6 +380,12 @@ class Babbling(Settings):
     # Number of touches of one walk, which is one shard of the store; with `active`, the most.
     walk_size: Annotated[Whole, Field(ge=1, le=100_000)] = 10_000
 
+    @model_validator(mode="after")
+    def _seeks_only_if_active(self) -> Self:
+        seeks = self.strategy == "active" or self.seek == "receptors"
+        require(seeks, "seek", self.seek, "only strategy: active seeks anything; set it too")
+        return self
+
 
 @dataclass(kw_only=True, slots=True, frozen=True)
 class Representation(Settings):
