@@ -20,8 +20,8 @@ from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import pilot_in
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.show.meshcat.live import FRAME_S, SPEED, LiveShow
-from selftouch_drake.show.meshcat.stage import open_meshcat
+from selftouch_drake.show.meshcat.live import SPEED, LiveShow
+from selftouch_drake.show.meshcat.stage import FRAME_S, open_meshcat
 from selftouch_drake.show.run_data import RunData
 
 SPEEDS = (0.5, 1.0, 2.0, 4.0)

@@ -19,35 +19,19 @@ from selftouch_drake.show.page.report import report_page
 from selftouch_drake.show.run_data import RunData
 
 
-def write_figures(
-    run: RunDirectory, progress: Progress = silent, *, vector: bool = False
-) -> dict[str, Path | str]:
-    """Draws the figures whose data exist into the run's `figures` folder.
-
-    Args:
-        run: the run, with any of its stages done.
-        progress: called with the fraction done and what is being drawn.
-        vector: whether to write each as PDF as well, for papers.
-
-    Returns:
-        The PNG file of each figure, in the order of the paper, or why it cannot be drawn.
+def write_figures(run: RunDirectory, *, vector: bool = False) -> dict[str, Path | str]:
+    """Draws the figures whose data exist into the run's `figures` folder, as `draw_figures`.
 
     Raises:
         ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
     """
     data = RunData(run)
     data.require_sound()
-    return draw_figures(data, progress, vector=vector)
+    return draw_figures(data, vector=vector)
 
 
 def write_recording(run: RunDirectory, *targets: int | str, path: Path) -> Path:
-    """Records an executed plan into a page that needs no network.
-
-    Args:
-        run: the run.
-        targets: target sensations from the first to the last that the plan leads through; the first
-            is a text if it begins in any configuration.
-        path: the page.
+    """Records an executed plan into the page `path`, which needs no network.
 
     Raises:
         MissingError: the plan was not executed.
@@ -59,13 +43,7 @@ def write_recording(run: RunDirectory, *targets: int | str, path: Path) -> Path:
 def write_report(run: RunDirectory, progress: Progress = silent, *, vector: bool = False) -> Path:
     """Draws the figures and the recording of a run, and writes its `report.html`.
 
-    Args:
-        run: the run, with any of its stages done.
-        progress: called with the fraction done and what is being drawn.
-        vector: whether to write the figures as PDF as well.
-
-    Raises:
-        ValueError: a file of the run is damaged, or of another experiment; nothing was drawn.
+    Arguments as of `draw_figures`, errors as of `write_figures`.
     """
     data = RunData(run)
     data.require_sound()
@@ -88,10 +66,7 @@ def play(
 ) -> None:
     """Shows the agent of a run live in a browser, until its `end` button or Ctrl-C.
 
-    Args:
-        run: a run that has learned.
-        port: of the page; by default the first free one from 7000 on.
-        announce: called with where to look, and then with a line about every motion.
+    `port` and `announce`, which also hears of every motion, are as of `shown_page`.
 
     Raises:
         ValueError: the run has not learned, or the port is taken.

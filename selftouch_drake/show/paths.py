@@ -42,15 +42,11 @@ class SkinPath:
 
 
 def touch_paths(world: World, q: np.ndarray) -> list[SkinPath]:
-    """Paths of all touchers over the skins, along a motion.
+    """Paths of all touchers over the skins, along a motion q `(T, J)`.
 
     Where balls touch one skin, all of their path is shown, in contact or not. Otherwise a path is
     where its toucher presses a skin: of a ball the path of its centre, of anything else that of the
     centre of pressure.
-
-    Args:
-        world: of the robot.
-        q: `(T, J)` motor configurations.
     """
     robot = world.robot
     are_balls = [world.experiment.touching[t.name].radius is not None for t in robot.touchers]

@@ -47,9 +47,6 @@ class RobotShape:
 
     A link is drawn by its visual geometry, or by its collision geometry if it has no other. Links
     whose skin lies on their own geometry are left to their skin.
-
-    Args:
-        world: of the robot.
     """
 
     def __init__(self, world: World):

@@ -44,10 +44,7 @@ class NoSurfaceError(MissingError):
 
 
 class RunData:
-    """The data behind figures, report, recording and live play.
-
-    Args:
-        run: the run.
+    """The data of a run behind figures, report, recording and live play.
 
     Raises:
         MissingError: by every part whose stage has not run.

@@ -15,15 +15,12 @@ from selftouch_drake.evaluation import cosine_distance
 from selftouch_drake.geometry import farthest_points
 from selftouch_drake.robot import Simulation
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
-from selftouch_drake.show.meshcat.stage import FRAMES_PER_S
+from selftouch_drake.show.meshcat.stage import END, FRAME_S
 from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.run_data import RunData
 
-# Controls, as the browser labels them.
-TARGET, SPEED = "target sensation", "speed"
-TOUR, END = "tour on/off", "end"
-# s between two readings of the controls, and between two frames.
-FRAME_S = 1 / FRAMES_PER_S
+# Controls, as the browser labels them, beside the end button.
+TARGET, SPEED, TOUR = "target sensation", "speed", "tour on/off"
 # s of rest between two motions of a tour.
 _REST_S = 1.0
 # Stops of a tour: as different as possible, so that it covers the whole body.
@@ -43,11 +40,7 @@ class LiveShow:
     and slides there. Another target interrupts a motion: the agent slows down on its path,
     and plans from where it comes to rest.
 
-    Args:
-        meshcat: where it is shown.
-        data: of a run that has learned.
-        pilot: plans for the agent.
-        announce: called with a line about every motion.
+    The pilot plans; `announce` is called with a line about every motion.
 
     Attributes:
         simulation: the robot.
@@ -80,7 +73,12 @@ class LiveShow:
         self._log: list[tuple[np.ndarray, np.ndarray, int]] = []
         self.goal, self._rested_s = 0, 0.0
         self._touring = True
-        self._add_controls()
+        meshcat.AddSlider(TARGET, 0, known.num_targets - 1, 1, 0, "ArrowLeft", "ArrowRight")
+        meshcat.AddSlider(SPEED, 0.25, 4.0, 0.25, 1.0)
+        meshcat.AddButton(TOUR, "KeyT")
+        meshcat.AddButton(END, "Escape")
+        self._tour_clicks, self._rate = 0, 1.0
+        self.simulation.set_rate(self._rate)
         self._say("tour: Open Controls (upper right) to choose a sensation")
 
     @property
@@ -100,7 +98,8 @@ class LiveShow:
             self.goal, self._rested_s = wanted, 0.0
             self._meshcat.SetSliderValue(TARGET, wanted)
             if self._motion is not None:
-                self._brake(self._motion)
+                self.simulation.follow(*braked(self._motion, self.simulation.time_s))
+                self._motion, self._braking = None, True
             elif not self._braking:
                 self._begin()
         self.simulation.advance(FRAME_S * self._rate)
@@ -114,15 +113,6 @@ class LiveShow:
             self._follow(self._motion, felt)
         else:
             self._rested_s += FRAME_S
-
-    def _add_controls(self) -> None:
-        meshcat, last = self._meshcat, self._data.representation.num_targets - 1
-        meshcat.AddSlider(TARGET, 0, last, 1, 0, "ArrowLeft", "ArrowRight")
-        meshcat.AddSlider(SPEED, 0.25, 4.0, 0.25, 1.0)
-        meshcat.AddButton(TOUR, "KeyT")
-        meshcat.AddButton(END, "Escape")
-        self._tour_clicks, self._rate = 0, 1.0
-        self.simulation.set_rate(self._rate)
 
     def _wanted(self) -> int | None:
         """The sensation to go to now; None if there is nothing new to do."""
@@ -142,10 +132,6 @@ class LiveShow:
             return next(stop for stop in self._stops if stop != self.goal)
         return None
 
-    def _brake(self, motion: Motion) -> None:
-        self.simulation.follow(*braked(motion, self.simulation.time_s))
-        self._motion, self._braking = None, True
-
     def _begin(self) -> None:
         simulation, robot = self.simulation, self.simulation.robot
         q_start = np.clip(simulation.q_commanded, robot.lower, robot.upper)
@@ -164,7 +150,7 @@ class LiveShow:
     def _follow(self, motion: Motion, felt: np.ndarray) -> None:
         """Shows the expected sensation, and ends the motion when its time is over."""
         row = min(int(np.searchsorted(motion.time_s, self.simulation.time_s)), len(motion.s) - 1)
-        self._scene.show_expected(motion.predicted[row])
+        self._scene.expected.show(motion.predicted[row])
         self._log.append((felt.copy(), self.simulation.q.copy(), row))
         over = self.simulation.time_s > motion.time_s[-1]
         if over or len(self._log) % _TRACE_EVERY == 2:
@@ -197,11 +183,7 @@ class LiveShow:
 
 
 def braked(motion: Motion, time_s: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The rest of a motion, slowed down to a stop on its own path and so on the skin.
-
-    Args:
-        motion: T instants.
-        time_s: s, when it is interrupted.
+    """A motion from `time_s` s on, slowed down to a stop on its own path and so on the skin.
 
     Returns:
         `(N,)` s from 0, `(N, J)` configurations and `(N, J)` their velocities.

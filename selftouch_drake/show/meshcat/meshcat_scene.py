@@ -51,12 +51,10 @@ def firm_touch(representation: QuotientRepresentation) -> float:
 
 
 class MeshcatScene(FeelingRobot):
-    """Draws the scene, and moves and colours the parts that change.
+    """Draws the scene of a run that has learned, and moves and colours the parts that change.
 
-    Args:
-        meshcat: where it is drawn.
-        data: of a run that has learned.
-        beside_panel: as of `FeelingRobot`.
+    Attributes:
+        expected: the skins that show an expected sensation `(S,)` of unit L2 norm.
     """
 
     def __init__(self, meshcat: Meshcat, data: RunData, *, beside_panel: bool = False):
@@ -69,7 +67,7 @@ class MeshcatScene(FeelingRobot):
         self._targets = known.target_sensations
         # Paths move with the skin that they are on.
         self._plan_roots = [f"/skins/{skin.name}/plan" for skin in data.skins]
-        self._expected = SkinDrawing(meshcat, _EXPECTED, data.skins)
+        self.expected = SkinDrawing(meshcat, _EXPECTED, data.skins)
         aside = APART * self.size * VIEW.axes[0]
         meshcat.SetTransform(_EXPECTED, RigidTransform(-aside))
         meshcat.SetTransform(_RECOVERED_BODY, RigidTransform(aside))
@@ -85,26 +83,15 @@ class MeshcatScene(FeelingRobot):
     def show(self, q: np.ndarray, felt: np.ndarray) -> None:
         """Shows the robot at `(J,)` q, feeling `(S,)` N, also on the recovered body."""
         super().show(q, felt)
-        self._expected.move(self._robot.skin_positions(q[None])[0])
+        self.expected.move(self._robot.skin_positions(q[None])[0])
         place = self._places[self.nearest(felt)]
         if felt.any() and np.isfinite(place).all():
             self._meshcat.SetTransform(_HERE, RigidTransform(place))
 
-    def show_expected(self, expected: np.ndarray) -> None:
-        """Shows an expected sensation `(S,)` of unit L2 norm."""
-        self._expected.show(expected)
-
     def record(
         self, recording: MeshcatAnimation, q: np.ndarray, felt: np.ndarray, expected: np.ndarray
     ) -> None:
-        """Records what changes, frame by frame.
-
-        Args:
-            recording: to add to.
-            q: `(frames, J)` rad or m.
-            felt: `(frames, S)` N.
-            expected: `(frames, S)` as of `show_expected`.
-        """
+        """Adds to a recording q `(frames, J)`, felt `(frames, S)` N and expected `(frames, S)`."""
         for frame, configuration in enumerate(q):
             self._publish(configuration, frame / FRAMES_PER_S)
         p_WT = self._robot.toucher_positions(q)
@@ -113,7 +100,7 @@ class MeshcatScene(FeelingRobot):
                 recording.SetTransform(frame, path, RigidTransform(place))
         poses = self._robot.skin_positions(q)
         self._skins.record(recording, poses, felt / self.full)
-        self._expected.record(recording, poses, expected)
+        self.expected.record(recording, poses, expected)
         # Where nothing is felt, the kernel that was felt last.
         touched = np.where(felt.any(axis=1), np.arange(len(felt)), 0)
         kernel = self.nearest(felt)[np.maximum.accumulate(touched)]

@@ -14,7 +14,7 @@ from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
 from selftouch_drake.run.lifelong import mood
 from selftouch_drake.show.meshcat.meshcat_scene import draw_parts
-from selftouch_drake.show.meshcat.stage import APART, FRAMES_PER_S, FeelingRobot, shown_page
+from selftouch_drake.show.meshcat.stage import APART, END, FRAME_S, FeelingRobot, shown_page
 from selftouch_drake.show.recovered import laid_on_skins
 from selftouch_drake.show.skins import surfaces_of, typical_extent
 from selftouch_drake.show.view import VIEW
@@ -22,9 +22,6 @@ from selftouch_drake.show.view import VIEW
 if TYPE_CHECKING:
     from selftouch_drake.agent.lifelong import Life
 
-END = "end"
-#: s, from frame to frame.
-FRAME_S = 1 / FRAMES_PER_S
 # Frames of each block of touches.
 _FRAMES = 15
 # rad or m, step of a slider.
@@ -34,12 +31,7 @@ _KNOWN = "/known"
 
 
 class RobotPage(FeelingRobot):
-    """A robot that takes the posture of its sliders.
-
-    Args:
-        meshcat: where it is shown.
-        world: of the robot.
-    """
+    """A robot that takes the posture of its sliders."""
 
     def __init__(self, meshcat: Meshcat, world: World):
         super().__init__(meshcat, world)
@@ -75,12 +67,7 @@ class RobotPage(FeelingRobot):
 
 
 def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None:
-    """Shows a robot in a browser, until its `end` button or Ctrl-C.
-
-    Args:
-        world: of the robot.
-        announce: called with where to look.
-    """
+    """Shows a robot in a browser, until its `end` button or Ctrl-C."""
     with shown_page(world.experiment.name, announce=announce) as meshcat:
         page = RobotPage(meshcat, world)
         while not page.ended:
@@ -90,9 +77,6 @@ def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None
 
 class LifePage:
     """Shows the life of an agent.
-
-    Args:
-        meshcat: where it is shown.
 
     Attributes:
         robot: the robot with its current body.

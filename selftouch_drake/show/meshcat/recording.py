@@ -20,12 +20,7 @@ _PAUSE_S = 1.0
 
 
 def recording_page(data: RunData, targets: Targets) -> str:
-    """The page, as HTML.
-
-    Args:
-        data: of the run.
-        targets: target sensations from the first to the last that the plan leads through; the first
-            is a text if it begins in any configuration.
+    """The page of the plan that the targets name, as HTML.
 
     Raises:
         MissingError: the plan was not executed.
@@ -61,12 +56,7 @@ def _with_legend(page: str, title: str, full: float) -> str:
 
 
 def record(meshcat: Meshcat, data: RunData, targets: Targets) -> float:
-    """Draws the agent and records an executed plan.
-
-    Args:
-        meshcat: where to draw.
-        data: of the run.
-        targets: the target sensations that name the plan, in order.
+    """Draws the agent and records the executed plan that the targets name.
 
     Returns:
         N, the reading of a receptor that is shown in the strongest colour.

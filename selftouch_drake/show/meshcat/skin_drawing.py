@@ -20,15 +20,10 @@ _COLORS = PRESSURE(np.arange(_STEPS + 1) / _STEPS)
 class SkinDrawing:
     """All skins of a robot, which can be moved and show a sensation.
 
-    Each is drawn below one path, whose transform follows its link.
-
-    Args:
-        meshcat: where they are drawn.
-        root: path of all of them.
-        skins: each in the frame of its link.
+    Each is drawn below one path below `root`, whose transform follows its link.
 
     Attributes:
-        skins: as above.
+        skins: each in the frame of its link.
     """
 
     def __init__(self, meshcat: Meshcat, root: str, skins: Sequence[SkinSurface]):

@@ -40,7 +40,6 @@ class SkinVisualizer(LeafSystem):
     Like Drake's visualizers it shows, and keeps, what the last published context holds.
 
     Args:
-        meshcat: where.
         worn: the skins, of `AddSkins`; with its `visible=False` they are not drawn twice.
         full: N, the reading that is shown in the strongest colour.
     """
@@ -69,16 +68,7 @@ class SkinVisualizer(LeafSystem):
         *,
         full: float = FIRM,
     ) -> SkinVisualizer:
-        """Adds a visualizer to a diagram and connects it.
-
-        Args:
-            builder: of the diagram.
-            plant: in the diagram.
-            worn: of `AddSkins`.
-            touch: of `AddTactileSkin`, for the same skins.
-            meshcat: where.
-            full: as in the constructor.
-        """
+        """Adds a visualizer to a diagram and connects it to the sensor `touch` of the skins."""
         show = SkinVisualizer(meshcat, worn, full=full)
         builder.AddNamedSystem("skin_visualizer", show)
         builder.Connect(touch.GetOutputPort("sensation"), show.GetInputPort("sensation"))

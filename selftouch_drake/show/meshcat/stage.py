@@ -20,6 +20,10 @@ from selftouch_drake.show.style import FIRM, VERMILION
 from selftouch_drake.show.view import VIEW
 
 FRAMES_PER_S = 30
+#: s between two frames, and between two readings of the controls.
+FRAME_S = 1 / FRAMES_PER_S
+#: The button that ends a page, as the browser labels it.
+END = "end"
 #: What stands beside the robot is this many of its sizes away.
 APART = 1.55
 # Share of the places of moving skins that may overlap with the neighbours, on each side.
@@ -54,13 +58,7 @@ def shown_page(
 ) -> Iterator[Meshcat]:
     """Opens a Meshcat for what goes on inside, until its end or Ctrl-C.
 
-    Args:
-        name: of what is shown.
-        port: as of `open_meshcat`.
-        announce: called with where to look, and at the end.
-
-    Raises:
-        ValueError: the port is taken.
+    `announce` is called with where to look, and at the end; port and errors as of `open_meshcat`.
     """
     meshcat = open_meshcat(port)
     announce(f"{name} at {meshcat.web_url()} (Ctrl-C to end)")
@@ -76,9 +74,6 @@ class FeelingRobot:
     Meshcat that it shows itself in.
 
     Args:
-        meshcat: where it is drawn.
-        world: of the robot.
-        full: N, the reading with the strongest colour.
         postures: `(n, J)` for which there is to be room; by default `home`.
         beside_panel: whether it stands left of the middle of the page, so that Meshcat's controls
             do not cover its neighbours on a page that is at least 4:3.
@@ -86,7 +81,7 @@ class FeelingRobot:
     Attributes:
         home: `(J,)` rad or m, the posture that its model has by default.
         size: m, of its skins in that posture, or of what they move over.
-        full: N, as above.
+        full: N, the reading with the strongest colour.
         status: the text.
     """
 

@@ -22,14 +22,9 @@ _LINE_SPACING = 1.5
 
 
 def put_text(meshcat: Meshcat, path: str, text: str, centre: np.ndarray, size: float) -> None:
-    """Writes one or more lines so that they face the camera.
+    """Writes lines that face the camera, the first round `centre` `(3,)` m, in a font of `size` m.
 
-    Args:
-        meshcat: where.
-        path: in Meshcat; what was written there is replaced.
-        text: the lines.
-        centre: `(3,)` m, the middle of the first line.
-        size: m, of the font.
+    What was written at the path before is replaced.
     """
     vertices, faces = letters(text)
     flat = np.vstack([size * vertices.T, np.zeros(len(vertices))])

@@ -48,12 +48,7 @@ _SKIN, _LINK = "#EBCBAA", "#7FA8CC"
 
 @styled
 def agent(skins: Sequence[SkinSurface], robot: DrawnRobot) -> Figure:
-    """The agent: skins, receptors, joints and what touches (paper, figure 2).
-
-    Args:
-        skins: in the world.
-        robot: in the same posture.
-    """
+    """The agent: skins in the world, receptors, joints and what touches (paper, figure 2)."""
     skin = as_one(skins)
     triangles = _triangles(skin, robot)
     points = np.concatenate([robot.joints, robot.balls, triangles.reshape(-1, 3)])
@@ -155,7 +150,6 @@ class PostureCamera:
     """Takes pictures of a robot, all from one side and at one scale.
 
     Args:
-        world: of the robot.
         pixels: width and height of a picture.
         postures: `(N, J)` that are to be in the picture; by default some of all postures.
     """

@@ -26,12 +26,7 @@ _REACH = 0.25
 
 @styled
 def coverage(skins: Sequence[SkinSurface], density: Sequence[np.ndarray]) -> Figure:
-    """Number of touches on the skins, from the front and from behind.
-
-    Args:
-        skins: in one frame.
-        density: `(V,)` touches / cm² of each skin, as `touch_density` gives it.
-    """
+    """Where skins in one frame were touched, from both sides: `(V,)` touches / cm² of each."""
     skin = _centred(skins)
     amount = np.concatenate(list(density))
     offsets = [
@@ -58,12 +53,7 @@ def coverage(skins: Sequence[SkinSurface], density: Sequence[np.ndarray]) -> Fig
 
 @styled
 def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -> Figure:
-    """Where some target sensations are felt, by number, from the front and from behind.
-
-    Args:
-        skins: in one frame.
-        target_sensations: `(K, S)` unit L2 norm.
-    """
+    """Where some of `(K, S)` target sensations are felt, by number, on skins in one frame."""
     skin = _centred(skins)
     places = felt_places(skins, target_sensations)
     places += skin.vertices[0] - skins[0].vertices[0]
@@ -101,13 +91,9 @@ def _two_sides(figure: Figure, front: View) -> list[tuple[Axes, View]]:
 
 
 def felt_places(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -> np.ndarray:
-    """`(K, 3)` m, where each target sensation is felt most: the middle of its strongest readings.
+    """`(K, 3)` m, where each of `(K, S)` is felt most: the middle of its strongest readings.
 
-    Of a sensation of several places, it is the strongest one.
-
-    Args:
-        skins: in one frame, as are the places.
-        target_sensations: `(K, S)`.
+    Of a sensation of several places, it is the strongest one; all are in the frame of the skins.
     """
     everything = as_one(skins)
     receptors = everything.receptors
