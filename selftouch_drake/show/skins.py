@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot import SkinModel
 
 
@@ -69,10 +70,8 @@ def all_moved(skins: Sequence[SkinSurface], poses: np.ndarray) -> list[SkinSurfa
 
 def as_one(skins: Sequence[SkinSurface]) -> SkinSurface:
     """Skins in one frame as one surface of several pieces."""
-    offsets = np.cumsum([0, *(len(skin.vertices) for skin in skins)])
-    return SkinSurface(
-        name="",
-        vertices=np.concatenate([skin.vertices for skin in skins]),
-        faces=np.concatenate([s.faces + o for s, o in zip(skins, offsets, strict=False)]),
-        receptors=np.concatenate([skin.receptors for skin in skins]),
+    vertices, faces = trimesh.util.append_faces(
+        [s.vertices for s in skins], [s.faces for s in skins]
     )
+    receptors = np.concatenate([skin.receptors for skin in skins])
+    return SkinSurface(name="", vertices=vertices, faces=faces, receptors=receptors)

@@ -12,6 +12,7 @@ from matplotlib.colors import Normalize, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from selftouch_drake.lazy import trimesh
 from selftouch_drake.show.page.scene import (
     ColoredMesh,
     add_scene,
@@ -128,9 +129,7 @@ def _fitted(part: RecoveredSkin) -> ColoredMesh:
 
 def _draw_kernels(ax: Axes, view: View, parts: Sequence[RecoveredSkin], radius: float) -> int:
     """Draws the kernels that nothing hides, and returns how many there are in all."""
-    offsets = np.cumsum([0, *(len(part.places) for part in parts)])
-    places = np.concatenate([part.places for part in parts])
-    faces = np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=False)])
+    places, faces = trimesh.util.append_faces([p.places for p in parts], [p.faces for p in parts])
     sheet = np.concatenate([np.full(len(part.places), not part.closed) for part in parts])
     kernels = np.concatenate([part.positions for part in parts])
     # A line hides nothing of itself.
