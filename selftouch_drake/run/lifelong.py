@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Protocol
 
 import numpy as np
 
@@ -28,8 +27,8 @@ _AFTER = 2500
 _AT_RANDOM = 50
 
 
-class Watcher(Protocol):
-    """Observes a life."""
+class Watcher:
+    """Observes a life; this one does nothing."""
 
     def enter(self, world: World) -> None:
         """Called when the body becomes that of `world`."""
@@ -49,13 +48,9 @@ def live(
 ) -> LifeCurves:
     """Lets an agent live through the experience of a run, and stores its life as curves.
 
-    If it is interrupted, the curves so far are stored.
-
-    Args:
-        run: a run that has babbled.
-        watcher: called at all events, if the run has a robot of Drake's.
-        progress: called with the fraction done, 0 to 1.
-        num_more: number of touches for which it then explores the body of the run.
+    The watcher is called at all events, if the run has a robot of Drake's. After the experience the
+    agent explores the body of the run for `num_more` touches. If it is interrupted, the curves so
+    far are stored.
 
     Raises:
         RunError: the experience is not complete.
@@ -64,25 +59,27 @@ def live(
     biography = _Biography(run, watcher)
     life, total = biography.life, run.experiment.babbling.num_samples + num_more
     try:
-        for q, sensation in _blocks(run):
-            biography.take(q, sensation, life.take)
+        for q, sensation, learn in _blocks(run, life, num_more):
+            biography.take(q, sensation, learn)
             progress(life.num_touches / total, f"{life.num_touches:,} touches: {mood(life)}")
-        if num_more:
-            exploration = Exploration(run.experiment, run_bodies(run).babbling)
-            exploration.mind = life
-            while left := num_more - exploration.num_touches:
-                shard = exploration.explore(min(left, BLOCK if exploration.round else _AT_RANDOM))
-                biography.take(shard.q, shard.sensation, exploration.remember)
-                progress(life.num_touches / total, f"{life.num_touches:,} touches: {mood(life)}")
     finally:
         save_arrays(run.life, biography.curves.to_arrays() | run.stamp())
     return biography.curves
 
 
-def _blocks(run: RunDirectory) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _blocks(
+    run: RunDirectory, life: Life, num_more: int
+) -> Iterator[tuple[np.ndarray, np.ndarray, Callable[..., None]]]:
+    """The touches of a life, with what learns from them."""
     for sensation, q in ExperienceReader(run.experience).touches():
         for start in range(0, len(q), BLOCK):
-            yield q[start : start + BLOCK], sensation[start : start + BLOCK]
+            yield q[start : start + BLOCK], sensation[start : start + BLOCK], life.take
+    if num_more:
+        exploration = Exploration(run.experiment, run_bodies(run).babbling)
+        exploration.mind = life
+        while left := num_more - exploration.num_touches:
+            shard = exploration.explore(min(left, BLOCK if exploration.round else _AT_RANDOM))
+            yield shard.q, shard.sensation, exploration.remember
 
 
 def mood(life: Life) -> str:
@@ -98,7 +95,7 @@ class _Biography:
     """A life and its records."""
 
     def __init__(self, run: RunDirectory, watcher: Watcher | None):
-        self._experiment, self._watcher = run.experiment, watcher
+        self._experiment, self._watcher = run.experiment, watcher or Watcher()
         self.life = new_life(run.experiment)
         self._changes = [c.after for c in run.experiment.changes if c.after > 0]
         self._due, self._taken = float(_FIRST), 0
@@ -116,8 +113,7 @@ class _Biography:
         self._taken += len(q)
         self._felt |= sensation.any(axis=0)
         learn(q, sensation)
-        if self._watcher is not None:
-            self._watcher.lived(q, sensation, self.life)
+        self._watcher.lived(q, sensation, self.life)
         if self._taken >= self._due and self.life.learner.knows and not self.life.has_doubts:
             self._score()
             self._due = _MORE * self._taken
@@ -127,8 +123,7 @@ class _Biography:
         if not self._experiment.has_truth:
             return None
         world = build_world(self._experiment.after(num_touches))
-        if self._watcher is not None:
-            self._watcher.enter(world)
+        self._watcher.enter(world)
         return world
 
     def _score(self) -> None:
@@ -136,8 +131,7 @@ class _Biography:
         if self._world is not None:
             found = quality(self.life.learner, self._world, self._experiment.evaluation.num_pairs)
             error, contact = found.error, found.contact
-            if self._watcher is not None:
-                self._watcher.scored(found, self._taken)
+            self._watcher.scored(found, self._taken)
         self._scores.append((self._taken, float(self._felt.mean()), error, contact))
 
     @property

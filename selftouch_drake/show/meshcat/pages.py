@@ -12,7 +12,7 @@ from pydrake.math import RigidTransform
 
 from selftouch_drake.evaluation.life import Quality
 from selftouch_drake.robot import World
-from selftouch_drake.run.lifelong import mood
+from selftouch_drake.run.lifelong import Watcher, mood
 from selftouch_drake.show.meshcat.meshcat_scene import draw_parts
 from selftouch_drake.show.meshcat.stage import APART, END, FRAME_S, FeelingRobot, shown_page
 from selftouch_drake.show.recovered import laid_on_skins
@@ -75,7 +75,7 @@ def show_robot(world: World, *, announce: Callable[[str], None] = print) -> None
             time.sleep(FRAME_S)
 
 
-class LifePage:
+class LifePage(Watcher):
     """Shows the life of an agent.
 
     Attributes:
