@@ -48,12 +48,12 @@ class MissingError(RunError):
 
 
 class Inside:
-    """The path of a file or folder of a run, and what is in it."""
+    """The path of a file or folder of a run or sweep, and what is in it."""
 
     def __init__(self, name: str, meaning: str):
         self._name, self.meaning = name, meaning
 
-    def __get__(self, run: RunDirectory, kind: type) -> Path:
+    def __get__(self, run: Any, kind: type) -> Path:
         return run.path / self._name
 
 
@@ -254,7 +254,8 @@ class RunDirectory:
         self._write_metrics({k: v for k, v in self.metrics().items() if k not in names})
 
     def _write_metrics(self, metrics: dict[str, Any]) -> None:
-        text = json.dumps(self.body_stamp() | metrics, indent=2, default=_as_plain)
+        # What numpy computed becomes plain numbers and lists.
+        text = json.dumps(self.body_stamp() | metrics, indent=2, default=lambda it: it.tolist())
         write_text_whole(self.path / "metrics.json", text + "\n")
 
     def fingerprint(self) -> str:
@@ -292,13 +293,6 @@ def _read_json(file: Path) -> Any:
         return json.loads(file.read_text(encoding="utf-8"))
     except (ValueError, RecursionError):
         return None
-
-
-def _as_plain(value: Any) -> Any:
-    """What numpy computed, as plain numbers and lists."""
-    if isinstance(value, np.generic | np.ndarray):
-        return value.tolist()
-    raise TypeError(f"{value!r} is no metric; give numbers, text, lists or mappings")
 
 
 def _all_fields(experiment: Experiment) -> dict[str, Any]:

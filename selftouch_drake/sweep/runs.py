@@ -17,9 +17,9 @@ import yaml
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.experiment import Experiment, dump_experiment
-from selftouch_drake.files import locked, write_text_whole
+from selftouch_drake.files import locked, write_text_whole, written_whole
 from selftouch_drake.run import stages
-from selftouch_drake.run.directory import RunDirectory, RunError
+from selftouch_drake.run.directory import Inside, RunDirectory, RunError
 from selftouch_drake.run.executors import InTurn
 from selftouch_drake.run.metrics import keys_of
 from selftouch_drake.sweep.design import Sweep
@@ -36,6 +36,9 @@ class SweepDirectory:
     """Where a sweep keeps its runs, its table and its figures."""
 
     path: Path
+
+    table = Inside("table.parquet", "All metrics of all runs.")
+    figures = Inside("figures", "Pictures.")
 
     @staticmethod
     def create(path: Path, sweep: Sweep) -> SweepDirectory:
@@ -67,16 +70,6 @@ class SweepDirectory:
         reason = "is being run by another process; wait for it, or choose another --out"
         return locked(self.path, RunError(f"{self.path} {reason}"))
 
-    @property
-    def table(self) -> Path:
-        """All metrics of all runs."""
-        return self.path / "table.parquet"
-
-    @property
-    def figures(self) -> Path:
-        """Folder of pictures."""
-        return self.path / "figures"
-
     def run(self, experiment: Experiment) -> RunDirectory:
         """The run of an experiment, whether it exists or not."""
         return RunDirectory(self.path.resolve() / "runs" / run_name(experiment), experiment)
@@ -100,14 +93,8 @@ def run_sweep(
     """Runs the missing parts of a sweep.
 
     Runs that share their experience share its files, as hard links where the disk has them; so do
-    those that share what is learned.
-
-    Args:
-        sweep: the experiments.
-        directory: of the sweep.
-        executor: its workers must see the directory.
-        progress: called with the fraction done and the job that finished last.
-        num_pending: jobs that the executor has at a time; twice its workers keep them busy.
+    those that share what is learned. The workers of the executor must see the directory; of
+    `num_pending` jobs at a time, twice their number keep them busy.
 
     Returns:
         The reason for each run that failed by a mistake of its own, by the run's name.
@@ -230,8 +217,7 @@ def _share(donor: RunDirectory, run: RunDirectory, files: list[Path], stage: str
             try:
                 os.link(file, there)
             except OSError:  # a disk without hard links
-                aside = there.with_name(f".{there.name}.part")
-                shutil.copyfile(file, aside)
-                aside.replace(there)
+                with written_whole(there) as aside:
+                    shutil.copyfile(file, aside)
         made = keys_of(stage)
         run.add_metrics({key: value for key, value in donor.metrics().items() if key in made})

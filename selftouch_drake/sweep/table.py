@@ -28,6 +28,7 @@ def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> p
     by their dotted names, then every metric of `metrics.json`; missing ones are null.
     """
     rows: list[dict[str, Any]] = []
+    varied = [field for field in sweep.fields if field != "seed"]
     for experiment in sweep.experiments:
         run, fields = directory.run(experiment), fields_of(experiment)
         name = run_name(experiment)
@@ -37,7 +38,7 @@ def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> p
             "seed": experiment.seed,
             "error": failed.get(name),
         }
-        row |= {field: fields.get(field) for field in sweep.fields if field != "seed"}
+        row |= {field: fields.get(field) for field in varied}
         try:
             metrics = run.metrics() if run.path.is_dir() else {}
         except RunError as error:  # the row says why it has none
@@ -45,7 +46,6 @@ def gather(sweep: Sweep, directory: SweepDirectory, failed: dict[str, str]) -> p
         rows.append(row | leaves(metrics))
     columns = dict.fromkeys(key for row in rows for key in row)
     table = pa.table({key: _column([row.get(key) for row in rows]) for key in columns})
-    varied = [field for field in sweep.fields if field != "seed"]
     table = table.replace_schema_metadata({_FIELDS: "\n".join(varied).encode()})
     with written_whole(directory.table) as aside:
         pq.write_table(table, aside, compression="zstd", write_page_checksum=True)
