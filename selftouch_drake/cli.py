@@ -845,8 +845,7 @@ def _load(experiment: str, overrides: dict[str, Any]):
     from selftouch_drake.run.fingerprint import model_digests
 
     loaded = load_experiment(experiment, overrides)
-    announce = lambda line: click.echo(f"selftouch: {line}", err=True)  # noqa: E731
-    return loaded, model_digests(loaded, announce)
+    return loaded, model_digests(loaded, lambda line: click.echo(f"selftouch: {line}", err=True))
 
 
 def _begin(

@@ -39,10 +39,8 @@ Arrays = Mapping[str, np.ndarray]
 def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
     """The agent of a run that has learned, with its memory of rehearsals.
 
-    Args:
-        run: the run.
-        predicts: whether it is to predict sensations from stored touches, where it cannot follow
-            a plan by touch first; this reads the whole experience.
+    If it `predicts`, it predicts sensations from stored touches, where it cannot follow a plan by
+    touch first; this reads the whole experience.
 
     Raises:
         RunError: the run has learned nothing, or something else.
@@ -194,11 +192,7 @@ def save_plan(
 
 
 def load_motion(run: RunDirectory, *targets: int | str) -> Motion:
-    """A stored motion, executed or not.
-
-    Args:
-        run: a run that has planned.
-        targets: of the plan, in order; a free start as `free_start` names it.
+    """The stored motion that the targets name, executed or not; `free_start` names a free start.
 
     Raises:
         MissingError: there is no such plan.

@@ -73,11 +73,7 @@ class Data:
 
 
 def read_data(source: Path, **how: Any) -> Data:
-    """Reads a recording and finds the touches in it.
-
-    Args:
-        source: as of `read_recording`.
-        how: arguments of `read_recording` and of `felt_touches`.
+    """Reads a recording as `read_recording` and finds the touches in it as `felt_touches`.
 
     Raises:
         FileNotFoundError: there is no recording.
@@ -155,10 +151,6 @@ def store(run: RunDirectory, data: Data) -> None:
 
 def free_rows(data: Data, seed: int) -> dict[str, np.ndarray]:
     """A thin sample of the configurations in which nothing is felt: where the robot can be.
-
-    Args:
-        data: what was read.
-        seed: of the sample.
 
     Returns:
         `q`: `(m, J)` float32, in the order of the recording; `next_to_touch`: `(m,)` bool, the last

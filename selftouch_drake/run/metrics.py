@@ -36,13 +36,9 @@ class Metric:
     meaning: str
 
 
-def _table() -> tuple[Metric, ...]:
-    with Path(__file__).with_name("metrics.csv").open(encoding="utf-8", newline="") as file:
-        return tuple(Metric(**row) for row in csv.DictReader(file))
-
-
+_TABLE = Path(__file__).with_name("metrics.csv").read_text(encoding="utf-8").splitlines()
 #: Every metric, in the order of the report.
-METRICS = _table()
+METRICS = tuple(Metric(**row) for row in csv.DictReader(_TABLE))
 _BY_KEY = {metric.key: metric for metric in METRICS}
 
 

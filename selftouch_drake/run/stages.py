@@ -60,11 +60,8 @@ def silent(fraction: float, doing: str) -> None:
 def babble(run: RunDirectory, executor: Executor, progress: Progress = silent) -> None:
     """Collects the experience of the run; stored walks are kept.
 
-    Args:
-        run: the run.
-        executor: where random walks are made; an agent that explores does so in this process, and
-            so does a body that cannot be in two places.
-        progress: called with the fraction done and what is done.
+    Random walks are made by the executor. An agent that explores does so in this process, and so
+    does a body that cannot be in two places.
 
     Warns:
         NeverTouchedWarning: a skin was never touched, or a toucher never touched anything.
@@ -209,13 +206,9 @@ def plan(run: RunDirectory, *targets: int, q_start: np.ndarray | None = None) ->
     """
     pilot = pilot_in(run_bodies(run), load_agent(run), run.experiment)
     _require_targets(run, targets)
-    if q_start is None:
-        motion = pilot.plan(*targets).motion
-        _keep_plan(run, motion, *targets)
-    else:
-        motion = pilot.plan_from(q_start, *targets).motion
-        _keep_plan(run, motion, free_start(q_start), *targets)
-    return motion
+    query = pilot.plan(*targets) if q_start is None else pilot.plan_from(q_start, *targets)
+    _keep_plan(run, query.motion, *([] if q_start is None else [free_start(q_start)]), *targets)
+    return query.motion
 
 
 def plan_imported(run: RunDirectory, *targets: int) -> tuple[Motion, float]:

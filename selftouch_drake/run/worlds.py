@@ -27,10 +27,6 @@ from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 _FELT_AGAIN = 20
 
 
-class NoWorldError(MissingError):
-    """The experience was imported: there is no robot, so no world can be built."""
-
-
 class OtherBodyWarning(UserWarning):
     """A body that was given does not feel what the run has felt."""
 
@@ -39,10 +35,10 @@ def require_robot(experiment: Experiment) -> None:
     """Refuses a run without a robot that Drake simulates.
 
     Raises:
-        NoWorldError: it has none.
+        MissingError: it has none.
     """
     if (reason := without_robot(experiment)) is not None:
-        raise NoWorldError(reason)
+        raise MissingError(reason)
 
 
 def run_bodies(run: RunDirectory) -> Bodies:
@@ -70,13 +66,11 @@ def babbling_body(run: RunDirectory, experiment: Experiment, fingerprint: str) -
 
 
 @contextmanager
-def living_in(run: RunDirectory, reference: str | None = None) -> Iterator[None]:
+def living_in(run: RunDirectory, reference: str | None) -> Iterator[None]:
     """Keeps the touches that a body of others meets meanwhile, for `selftouch learn --add`.
 
-    Args:
-        run: the run.
-        reference: a body in which its agent lives from now on, as `my_body.py:MyBody`; of an
-            imported run, or of one with a body of its own.
+    The reference is a body in which the agent lives from now on, as `my_body.py:MyBody`; of an
+    imported run, or of one with a body of its own.
 
     Raises:
         BodyError: as `open_reference`.
@@ -156,7 +150,7 @@ def make_world(run: RunDirectory) -> World:
     """The world of a run with a robot; as `run_bodies`.
 
     Raises:
-        NoWorldError: it has no robot.
+        MissingError: it has no robot.
     """
     require_robot(run.experiment)
     world = run_bodies(run).world
