@@ -11,6 +11,9 @@ from selftouch_drake.bodies.embodiment import World
 from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.run.directory import RunDirectory
 
+# mN, largest force in the histogram from which the median comes.
+_MOST_FORCE_MN = 1_000_000
+
 
 class NeverTouchedWarning(UserWarning):
     """A skin was never touched, or something that touches never touched."""
@@ -21,7 +24,7 @@ class ChangedBodyWarning(UserWarning):
 
 
 def touch_metrics(run: RunDirectory, world: World) -> dict[str, Any]:
-    """Metrics of the touches of a run with a robot of Drake's.
+    """Metrics of the touches of a run with a robot of Drake's, in constant memory.
 
     A touch of two skins counts for both. The median force is known to a millinewton.
 
@@ -40,9 +43,12 @@ def touch_metrics(run: RunDirectory, world: World) -> dict[str, Any]:
         for skin, worn in enumerate(robot.skins):
             if worn.geometry_id in toucher.geometry_ids:
                 by_toucher[number] += by_toucher[len(robot.touchers) + skin]
-    readings = ExperienceReader(run.experience).batches("sensation")
-    force = np.concatenate([felt.sum(axis=1) for felt in readings])
-    median_mN = np.quantile(np.rint(1e3 * force), 0.5, method="inverted_cdf")
+    forces, largest = np.zeros(_MOST_FORCE_MN + 1, dtype=np.int64), 0.0
+    for felt in ExperienceReader(run.experience).batches("sensation"):
+        force = felt.sum(axis=1)
+        largest = max(largest, float(force.max()))
+        bins = np.rint(1e3 * force).astype(np.int64).clip(0, _MOST_FORCE_MN)
+        forces += np.bincount(bins, minlength=len(forces))
     skins = {skin.model.name: int(n) for skin, n in zip(robot.skins, by_skin, strict=True)}
     never = [f"skins.{name} was never touched" for name, number in skins.items() if not number]
     never += [
@@ -59,8 +65,8 @@ def touch_metrics(run: RunDirectory, world: World) -> dict[str, Any]:
         )
     return {
         "babbling_touches_by_skin": skins,
-        "babbling_force_median_N": int(median_mN) / 1e3,
-        "babbling_force_max_N": float(force.max()),
+        "babbling_force_median_N": int(np.searchsorted(np.cumsum(forces), forces.sum() / 2)) / 1e3,
+        "babbling_force_max_N": largest,
     }
 
 
