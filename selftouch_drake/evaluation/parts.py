@@ -112,25 +112,26 @@ def true_parts(
         patch_of[counts.ends[skin] + used] = num_patches + of_vertex
         num_patches += len(number)
     group = _joined_patches(patch_of, counts, num_patches, fields)
-    at = counts.vertices(truth.skin, truth.positions)
+    at, patch = counts.vertices(truth.skin, truth.positions), np.full(len(truth.skin), -1)
     # A kernel at the ragged rim belongs to the patch that is nearest.
-    patch = _nearest_patch(at, patch_of, fields, counts)
+    for skin, field in enumerate(fields):
+        own, here = patch_of[slice(*counts.ends[skin : skin + 2])], truth.skin == skin
+        if len(known := np.flatnonzero(own >= 0)):
+            place = field.vertices[at[here] - counts.ends[skin]]
+            patch[here] = own[known[cKDTree(field.vertices[known]).query(place)[1]]]
     parts = []
     for number in np.unique(group):
         patches = np.flatnonzero(group == number)
         kernels = np.flatnonzero(np.isin(patch, patches))
         if len(kernels) < LEAST_KERNELS:
             continue
-        vertices = np.flatnonzero(np.isin(patch_of, patches))
-        skins = np.unique(np.searchsorted(counts.ends, vertices, side="right") - 1)
+        masks = np.split(np.isin(patch_of, patches), counts.ends[1:-1])
+        skins = tuple(skin for skin, mask in enumerate(masks) if mask.any())
         betti = None
         if len(skins) == 1:
-            skin = int(skins[0])
-            mask = np.zeros(len(fields[skin].vertices), dtype=bool)
-            mask[vertices - counts.ends[skin]] = True
-            faces = fields[skin].faces
+            faces, mask = fields[skins[0]].faces, masks[skins[0]]
             betti = betti_of_patch(faces[mask[faces].all(axis=1)])
-        parts.append(TruePart(skins=tuple(skins.tolist()), kernels=kernels, betti=betti))
+        parts.append(TruePart(skins=skins, kernels=kernels, betti=betti))
     return sorted(parts, key=lambda part: -len(part.kernels))
 
 
@@ -154,19 +155,3 @@ def _joined_patches(
     pairs = own[np.stack([r[often], s[often]])]
     joined = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(num_patches,) * 2)
     return connected_components(joined, directed=False)[1]
-
-
-def _nearest_patch(
-    at: np.ndarray, patch_of: np.ndarray, fields: Sequence[ReceptiveFields], counts: TouchCounts
-) -> np.ndarray:
-    found = patch_of[at]
-    skin = np.searchsorted(counts.ends, at, side="right") - 1
-    for number, field in enumerate(fields):
-        lost = np.flatnonzero((found < 0) & (skin == number))
-        own = np.arange(counts.ends[number], counts.ends[number + 1])
-        known = own[patch_of[own] >= 0]
-        if len(lost) and len(known):
-            tree = cKDTree(field.vertices[known - counts.ends[number]])
-            nearest = tree.query(field.vertices[at[lost] - counts.ends[number]])[1]
-            found[lost] = patch_of[known[nearest]]
-    return found
