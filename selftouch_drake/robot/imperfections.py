@@ -15,8 +15,6 @@ from selftouch_drake.robot.skins import SkinModel
 
 # In standard deviations of the additive noise; see `Imperfections.threshold`.
 _SILENCE = 6.0
-# The fields of a skin that decide what it reports.
-_DECIDE = ("imperfections", "reading")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,8 +78,8 @@ class ImperfectSkin:
     @staticmethod
     def of(experiment: Experiment, number: int, skin: SkinModel) -> ImperfectSkin | None:
         """The imperfections of skin `number` of `experiment`; None if it is perfect."""
-        flaws, reading = (getattr(experiment.skins[skin.name], n) for n in _DECIDE)
-        num_receptors = skin.fields.num_receptors
+        described, num_receptors = experiment.skins[skin.name], skin.fields.num_receptors
+        flaws, reading = described.imperfections, described.reading
         changes = [
             change.skins[skin.name]
             for change in experiment.body_changes
