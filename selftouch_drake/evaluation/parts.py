@@ -52,24 +52,23 @@ class TouchCounts:
 
     Attributes:
         ends: `(skins + 1,)` where the vertices of each skin begin, numbered through all skins.
-        counts: `(V,)` touches of the vertices of each skin.
+        total: `(V,)` touches of the vertices of all skins.
+        counts: those of each skin, parts of `total`.
         together: `(n, 2)` vertices of two skins that one toucher pressed at once.
     """
 
     def __init__(self, fields: Sequence[ReceptiveFields], contacts: Iterable[Contacts]):
         self._trees = [cKDTree(f.vertices) for f in fields]
         self.ends = np.cumsum([0, *(len(f.vertices) for f in fields)])
-        self.counts = [np.zeros(len(f.vertices), dtype=int) for f in fields]
+        self.total = np.zeros(self.ends[-1], dtype=int)
+        self.counts = np.split(self.total, self.ends[1:-1])
         together = [np.zeros((0, 2), dtype=int), *map(self._count, contacts)]
         self.together = np.concatenate(together)
 
     def _count(self, contacts: Contacts) -> np.ndarray:
         """Counts the contacts of some touches; returns the vertices that were pressed at once."""
         vertex = self.vertices(contacts.skin, contacts.p_LC)
-        for skin, counts in enumerate(self.counts):
-            first, last = self.ends[skin : skin + 2]
-            mine = vertex[(vertex >= first) & (vertex < last)] - first
-            counts += np.bincount(mine, minlength=len(counts))
+        self.total += np.bincount(vertex, minlength=len(self.total))
         # One toucher on two skins at once: contacts are sorted by row, skin and toucher.
         row, toucher = contacts.row, contacts.toucher
         order = np.lexsort((contacts.skin, toucher, row))
@@ -140,7 +139,7 @@ def _joined_patches(
 ) -> np.ndarray:
     """`(patches,)` the part of each patch; a vertex is on one of `(V,)` `patch_of`, or -1."""
     in_field = block_diag([field.vertex_weights > 0 for field in fields], format="csr").astype(int)
-    touches = np.concatenate(counts.counts)
+    touches = counts.total
     a, b = np.concatenate([counts.together, counts.together[:, ::-1]]).T
     at_once = coo_array((np.ones(len(a)), (a, b)), shape=(len(touches),) * 2)
     pressed = np.asarray(in_field.T @ touches)
