@@ -31,12 +31,12 @@ class ImperfectSkins:
     def of(experiment: Experiment, skins: Sequence[SkinModel]) -> ImperfectSkins | None:
         """The imperfections of the skins of `experiment`; None if all are perfect."""
         ends = np.cumsum([0, *(skin.fields.num_receptors for skin in skins)]).tolist()
-        found = []
-        for number, skin in enumerate(skins):
-            imperfect = ImperfectSkin.of(experiment, number, skin)
-            if imperfect is not None:
-                found.append((slice(ends[number], ends[number + 1]), imperfect))
-        return ImperfectSkins(skins=tuple(found)) if found else None
+        found = tuple(
+            (slice(ends[number], ends[number + 1]), imperfect)
+            for number, skin in enumerate(skins)
+            if (imperfect := ImperfectSkin.of(experiment, number, skin)) is not None
+        )
+        return ImperfectSkins(skins=found) if found else None
 
     def __call__(
         self, sensation: np.ndarray, q: np.ndarray, before: np.ndarray | None = None
