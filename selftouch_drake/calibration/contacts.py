@@ -66,10 +66,8 @@ class Contacts:
             inside = np.flatnonzero(piece == number)
             order, before = breadth_first_order(tree, inside[0], directed=False)
             for n in order[1:]:
-                turned = normals[n] @ normals[before[n]] < 0
-                normals[n], sides[n] = (
-                    (-normals[n], -sides[n]) if turned else (normals[n], sides[n])
-                )
+                if normals[n] @ normals[before[n]] < 0:
+                    normals[n], sides[n] = -normals[n], -sides[n]
             normals[inside] *= 1.0 if np.sign(sides[inside]).sum() >= 0 else -1.0
         return around, normals
 

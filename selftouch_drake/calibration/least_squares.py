@@ -71,7 +71,6 @@ class _Problem:
     touch: np.ndarray
     receptor: np.ndarray
     reading: np.ndarray
-    num_touches: int
     num_receptors: int
     scales: tuple[float, float] = (0.02, 0.003)
 
@@ -91,7 +90,7 @@ class _Problem:
         places = (weight @ touched) / weight.sum(axis=1)[:, None]
         apart = np.linalg.norm(touched[self.touch] - places[self.receptor], axis=1)
         size = np.log(1.3 * np.quantile(apart, 0.95))
-        return np.r_[np.zeros(num + 1), size, places.ravel(), np.full(self.num_touches, 1.1)]
+        return np.r_[np.zeros(num + 1), size, places.ravel(), np.full(len(self.contacts.q), 1.1)]
 
     def _parts(self, v: np.ndarray) -> tuple[np.ndarray, ...]:
         offsets, softness, size, places, firm = self.parted(v)
@@ -136,7 +135,7 @@ class _Problem:
         )
         firmness = coo_array(
             ((squared - 1.0) * certain[:, 0], (np.arange(m), self.touch)),
-            shape=(2 * m, self.num_touches),
+            shape=(2 * m, len(self.contacts.q)),
         )
         return hstack([csr_array(np.stack(shared, axis=1)), places, firmness]).tocsr()
 
@@ -150,15 +149,13 @@ def calibrate(contacts: Contacts, sensation: np.ndarray) -> Calibrated:
     """
     root = np.sqrt(sensation / sensation.max(axis=1, keepdims=True))
     touch, receptor = np.nonzero(root > np.sqrt(_LEAST_READING))
-    problem = _Problem(
-        contacts, touch, receptor, root[touch, receptor], len(sensation), sensation.shape[1]
-    )
+    problem = _Problem(contacts, touch, receptor, root[touch, receptor], sensation.shape[1])
     num, m = contacts.q.shape[1], len(touch)
-    prior = np.zeros(num + 2 + 3 * problem.num_receptors + problem.num_touches)
+    v = problem.start()
+    prior = np.zeros(len(v))
     prior[:num] = _EXPECTED**-2
     # Receptors that hardly any touch felt are within a metre of where they are looked for.
     prior[num + 2 :][: 3 * problem.num_receptors] = 1.0
-    v = problem.start()
     middle = np.where(np.arange(len(v)) < num, 0.0, v)
     for _ in range(_NUM_ROUNDS):
         v = _minimised(problem, v, np.diag(prior), middle)

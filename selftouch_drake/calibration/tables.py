@@ -14,25 +14,6 @@ from selftouch_drake.calibration.least_squares import Calibrated
 from selftouch_drake.files import write_text_whole
 
 
-def pose_of(places: np.ndarray) -> np.ndarray:
-    """`(3, 4)` the mean of `(S, 3)` places and their principal axes, the widest first."""
-    axes = np.linalg.svd(places - places.mean(axis=0), full_matrices=False)[2]
-    axes[2] *= np.sign(np.linalg.det(axes))
-    return np.column_stack([axes.T, places.mean(axis=0)])
-
-
-def untold_lines(found: Calibrated, joints: Sequence[str]) -> list[str]:
-    """What touches do not tell of offsets, a line for each direction."""
-    lines = []
-    for direction in found.untold:
-        some = [joints[n] for n in np.flatnonzero(np.abs(direction) > 0.3).tolist()]
-        lines.append(
-            f"not told: the offset of {' with '.join(some)}, which moves receptors as well; it is "
-            "taken as 0"
-        )
-    return lines
-
-
 def write_calibration(
     folder: Path, found: Calibrated, joints: Sequence[str], receptors: Sequence[str], link: str
 ) -> list[str]:
@@ -48,8 +29,18 @@ def write_calibration(
         name: {"offset": float(offset), "half_interval": float(half)}
         for name, offset, half in zip(joints, found.offsets, found.offset_interval, strict=True)
     }
-    untold = untold_lines(found, joints)
-    pose = {"link": link, "X_LS": pose_of(found.places).tolist()}
+    untold = []
+    for direction in found.untold:
+        some = [joints[n] for n in np.flatnonzero(np.abs(direction) > 0.3).tolist()]
+        untold.append(
+            f"not told: the offset of {' with '.join(some)}, which moves receptors as well; it is "
+            "taken as 0"
+        )
+    # The mean of the places and their principal axes, the widest first.
+    middle = found.places.mean(axis=0)
+    axes_L = np.linalg.svd(found.places - middle, full_matrices=False)[2]
+    axes_L[2] *= np.sign(np.linalg.det(axes_L))
+    pose = {"link": link, "X_LS": np.column_stack([axes_L.T, middle]).tolist()}
     folder.mkdir(parents=True, exist_ok=True)
     write_text_whole(folder / "calibration.csv", text.getvalue())
     summary = {"offsets": offsets, "not_told": untold, "skin": pose}

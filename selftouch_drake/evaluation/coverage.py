@@ -37,9 +37,9 @@ def touch_density(vertices: np.ndarray, faces: np.ndarray, touches: np.ndarray) 
     near.data = np.square(1 - np.square(near.data / _BLUR))
     near.setdiag(1.0)
     # The other wall of a thin body is near in space, but faces elsewhere.
-    i, j = near.nonzero()
-    aligned = (mesh.vertex_normals[i] * mesh.vertex_normals[j]).sum(axis=1) > 0
-    near = near.multiply(csr_array((aligned.astype(float), (i, j)), shape=near.shape)).tocsr()
+    pairs = near.tocoo()
+    facing = mesh.vertex_normals[pairs.row] * mesh.vertex_normals[pairs.col]
+    near.data *= facing.sum(axis=1) > 0
     return (near @ touches) / (near @ area) / 1e4
 
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from selftouch_drake.agent.agent import Agent
+from selftouch_drake.agent.records import Record
 from selftouch_drake.agent.shape import RecoveredBody
 from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
 from selftouch_drake.evaluation.motion import contact_along, random_pairs
@@ -81,7 +81,7 @@ def planned_contact(learner: OnlineLearner, world: World, num_pairs: int) -> flo
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LifeCurves:
+class LifeCurves(Record):
     """The life of an agent as curves over its touches.
 
     Attributes:
@@ -105,12 +105,3 @@ class LifeCurves:
     changed: np.ndarray
     noticed: np.ndarray
     mended: np.ndarray
-
-    def to_arrays(self) -> dict[str, np.ndarray]:
-        """All fields, by name."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> LifeCurves:
-        """What `to_arrays` gave; other names are ignored."""
-        return cls(**{field.name: arrays[field.name] for field in fields(cls)})

@@ -52,24 +52,23 @@ class TouchCounts:
 
     Attributes:
         ends: `(skins + 1,)` where the vertices of each skin begin, numbered through all skins.
-        counts: `(V,)` touches of the vertices of each skin.
+        total: `(V,)` touches of the vertices of all skins.
+        counts: those of each skin, parts of `total`.
         together: `(n, 2)` vertices of two skins that one toucher pressed at once.
     """
 
     def __init__(self, fields: Sequence[ReceptiveFields], contacts: Iterable[Contacts]):
         self._trees = [cKDTree(f.vertices) for f in fields]
         self.ends = np.cumsum([0, *(len(f.vertices) for f in fields)])
-        self.counts = [np.zeros(len(f.vertices), dtype=int) for f in fields]
+        self.total = np.zeros(self.ends[-1], dtype=int)
+        self.counts = np.split(self.total, self.ends[1:-1])
         together = [np.zeros((0, 2), dtype=int), *map(self._count, contacts)]
         self.together = np.concatenate(together)
 
     def _count(self, contacts: Contacts) -> np.ndarray:
         """Counts the contacts of some touches; returns the vertices that were pressed at once."""
         vertex = self.vertices(contacts.skin, contacts.p_LC)
-        for skin, counts in enumerate(self.counts):
-            first, last = self.ends[skin : skin + 2]
-            mine = vertex[(vertex >= first) & (vertex < last)] - first
-            counts += np.bincount(mine, minlength=len(counts))
+        self.total += np.bincount(vertex, minlength=len(self.total))
         # One toucher on two skins at once: contacts are sorted by row, skin and toucher.
         row, toucher = contacts.row, contacts.toucher
         order = np.lexsort((contacts.skin, toucher, row))
@@ -112,25 +111,26 @@ def true_parts(
         patch_of[counts.ends[skin] + used] = num_patches + of_vertex
         num_patches += len(number)
     group = _joined_patches(patch_of, counts, num_patches, fields)
-    at = counts.vertices(truth.skin, truth.positions)
+    at, patch = counts.vertices(truth.skin, truth.positions), np.full(len(truth.skin), -1)
     # A kernel at the ragged rim belongs to the patch that is nearest.
-    patch = _nearest_patch(at, patch_of, fields, counts)
+    for skin, field in enumerate(fields):
+        own, here = patch_of[slice(*counts.ends[skin : skin + 2])], truth.skin == skin
+        if len(known := np.flatnonzero(own >= 0)):
+            place = field.vertices[at[here] - counts.ends[skin]]
+            patch[here] = own[known[cKDTree(field.vertices[known]).query(place)[1]]]
     parts = []
     for number in np.unique(group):
         patches = np.flatnonzero(group == number)
         kernels = np.flatnonzero(np.isin(patch, patches))
         if len(kernels) < LEAST_KERNELS:
             continue
-        vertices = np.flatnonzero(np.isin(patch_of, patches))
-        skins = np.unique(np.searchsorted(counts.ends, vertices, side="right") - 1)
+        masks = np.split(np.isin(patch_of, patches), counts.ends[1:-1])
+        skins = tuple(skin for skin, mask in enumerate(masks) if mask.any())
         betti = None
         if len(skins) == 1:
-            skin = int(skins[0])
-            mask = np.zeros(len(fields[skin].vertices), dtype=bool)
-            mask[vertices - counts.ends[skin]] = True
-            faces = fields[skin].faces
+            faces, mask = fields[skins[0]].faces, masks[skins[0]]
             betti = betti_of_patch(faces[mask[faces].all(axis=1)])
-        parts.append(TruePart(skins=tuple(skins.tolist()), kernels=kernels, betti=betti))
+        parts.append(TruePart(skins=skins, kernels=kernels, betti=betti))
     return sorted(parts, key=lambda part: -len(part.kernels))
 
 
@@ -139,7 +139,7 @@ def _joined_patches(
 ) -> np.ndarray:
     """`(patches,)` the part of each patch; a vertex is on one of `(V,)` `patch_of`, or -1."""
     in_field = block_diag([field.vertex_weights > 0 for field in fields], format="csr").astype(int)
-    touches = np.concatenate(counts.counts)
+    touches = counts.total
     a, b = np.concatenate([counts.together, counts.together[:, ::-1]]).T
     at_once = coo_array((np.ones(len(a)), (a, b)), shape=(len(touches),) * 2)
     pressed = np.asarray(in_field.T @ touches)
@@ -154,19 +154,3 @@ def _joined_patches(
     pairs = own[np.stack([r[often], s[often]])]
     joined = coo_array((np.ones(pairs.shape[1]), tuple(pairs)), shape=(num_patches,) * 2)
     return connected_components(joined, directed=False)[1]
-
-
-def _nearest_patch(
-    at: np.ndarray, patch_of: np.ndarray, fields: Sequence[ReceptiveFields], counts: TouchCounts
-) -> np.ndarray:
-    found = patch_of[at]
-    skin = np.searchsorted(counts.ends, at, side="right") - 1
-    for number, field in enumerate(fields):
-        lost = np.flatnonzero((found < 0) & (skin == number))
-        own = np.arange(counts.ends[number], counts.ends[number + 1])
-        known = own[patch_of[own] >= 0]
-        if len(lost) and len(known):
-            tree = cKDTree(field.vertices[known - counts.ends[number]])
-            nearest = tree.query(field.vertices[at[lost] - counts.ends[number]])[1]
-            found[lost] = patch_of[known[nearest]]
-    return found

@@ -186,8 +186,7 @@ def _absolute_paths(folder: Path, fields: Any, section: str = "") -> Any:
         key: _absolute(folder, value)
         if (key in ("directives", "mesh", "receptors") and isinstance(value, str))
         or section == "packages"
-        or (section, key) == ("receptors", "file")
-        or (section, key) == ("python", "file")
+        or (key == "file" and section in ("receptors", "python"))
         or ((section, key) == ("gymnasium", "env") and ".py:" in str(value))
         else _absolute_paths(folder, value, key)
         for key, value in fields.items()

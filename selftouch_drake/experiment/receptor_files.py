@@ -16,7 +16,6 @@ from typing import Any
 from zipfile import is_zipfile
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 _PLACE, _NORMAL = ["x", "y", "z"], ["nx", "ny", "nz"]
 _USUAL = [*_PLACE, *_NORMAL, "width"]
@@ -114,6 +113,9 @@ def _check(table: ReceptorTable) -> None:
             raise ValueError(f"has {what} in {table.those(np.flatnonzero(~valid))}; correct it")
     if len(table.p_LS) < 4:
         raise ValueError(f"has {len(table.p_LS)} receptors; give at least 4")
+    # Lists of experiments do without.
+    from scipy.spatial import cKDTree
+
     if doubled := sorted(cKDTree(table.p_LS).query_pairs(_SAME)):
         more = f" and {len(doubled) - 1} more such pairs" if len(doubled) > 1 else ""
         raise ValueError(f"has {table.those(doubled[0])} at one place{more}; leave one of them out")

@@ -42,6 +42,8 @@ WITHOUT = {
     "gymnasium": (*_OF_ROBOT, "python", "imported"),
     "imported": (*_OF_ROBOT, "execution", "evaluation", "python", "gymnasium"),
 }
+# The field that may stand for all settings of its kind, as in `surface: collision`.
+_ALONE = {"SurfaceSettings": "shape", "Reading": "mode", "ReceptorFile": "file"}
 
 
 def _number(value: Any) -> Any:
@@ -99,11 +101,13 @@ Printable = Annotated[Text, that(is_printable, "give a printable name")]
     frozen=True,
 )
 class Settings:
-    """What all settings share: unknown keys are refused."""
+    """What all settings share: short forms are spelled out, and unknown keys are refused."""
 
     @model_validator(mode="before")
     @classmethod
     def _known_keys(cls, fields: Any) -> Any:
+        if isinstance(fields, str) and (alone := _ALONE.get(cls.__name__)):
+            return {alone: fields}
         known = [entry.name.rstrip("_") for entry in dataclasses.fields(cls)]
         for key in fields if isinstance(fields, Mapping) else ():
             if key not in known:
@@ -156,9 +160,7 @@ class SurfaceSettings(Settings):
     @model_validator(mode="before")
     @classmethod
     def _spelled_out(cls, surface: Any) -> Any:
-        """Expands the short forms `collision` and `{mesh: file}` to a mapping with a shape."""
-        if isinstance(surface, str):
-            return {"shape": surface}
+        """Expands the short form `{mesh: file}` to a mapping with a shape."""
         if isinstance(surface, Mapping) and "shape" not in surface and "mesh" in surface:
             return {"shape": "mesh", **surface}
         return surface
@@ -223,12 +225,6 @@ class Reading(Settings):
     bits: Annotated[Whole, Field(ge=1, le=16)] | None = None
     full_scale: Positive | None = None
 
-    @model_validator(mode="before")
-    @classmethod
-    def _spelled_out(cls, reading: Any) -> Any:
-        """Expands the short form, the mode alone."""
-        return {"mode": reading} if isinstance(reading, str) else reading
-
     @model_validator(mode="after")
     def _has_what_its_mode_needs(self) -> Self:
         for name, mode in (("threshold", "binary"), ("bits", "counts"), ("full_scale", "counts")):
@@ -256,12 +252,6 @@ class ReceptorFile(Settings):
     file: Annotated[Text, that(is_printable, "give the path of a file")]
     # Metres per unit of the file; 0.001 for millimetres.
     scale: Positive = 1.0
-
-    @model_validator(mode="before")
-    @classmethod
-    def _spelled_out(cls, receptors: Any) -> Any:
-        """Expands the short form, the path alone."""
-        return {"file": receptors} if isinstance(receptors, str) else receptors
 
     def read(self) -> ReceptorTable:
         """The receptors; raises a ValueError that begins with the file if it cannot be read."""

@@ -105,9 +105,7 @@ class SensorModel:
         self._skin_of = {skin.geometry_id: k for k, skin in enumerate(skins)}
         self._toucher_of = {g: t for t, each in enumerate(touchers) for g in each.geometry_ids}
         self._toucher_of |= {g: len(touchers) + skin for g, skin in self._skin_of.items()}
-        ends = itertools.accumulate(
-            (model.fields.num_receptors for model in self._models), initial=0
-        )
+        ends = np.cumsum([0, *(model.fields.num_receptors for model in self._models)]).tolist()
         #: The slice of a sensation that holds the readings of each skin.
         self.readings = [slice(a, b) for a, b in itertools.pairwise(ends)]
         #: S, number of receptors of all skins together.

@@ -15,8 +15,6 @@ from selftouch_drake.robot.skins import SkinModel
 
 # In standard deviations of the additive noise; see `Imperfections.threshold`.
 _SILENCE = 6.0
-# The fields of a skin that decide what it reports.
-_DECIDE = ("imperfections", "reading")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,12 +31,12 @@ class ImperfectSkins:
     def of(experiment: Experiment, skins: Sequence[SkinModel]) -> ImperfectSkins | None:
         """The imperfections of the skins of `experiment`; None if all are perfect."""
         ends = np.cumsum([0, *(skin.fields.num_receptors for skin in skins)]).tolist()
-        found = []
-        for number, skin in enumerate(skins):
-            imperfect = ImperfectSkin.of(experiment, number, skin)
-            if imperfect is not None:
-                found.append((slice(ends[number], ends[number + 1]), imperfect))
-        return ImperfectSkins(skins=tuple(found)) if found else None
+        found = tuple(
+            (slice(ends[number], ends[number + 1]), imperfect)
+            for number, skin in enumerate(skins)
+            if (imperfect := ImperfectSkin.of(experiment, number, skin)) is not None
+        )
+        return ImperfectSkins(skins=found) if found else None
 
     def __call__(
         self, sensation: np.ndarray, q: np.ndarray, before: np.ndarray | None = None
@@ -80,8 +78,8 @@ class ImperfectSkin:
     @staticmethod
     def of(experiment: Experiment, number: int, skin: SkinModel) -> ImperfectSkin | None:
         """The imperfections of skin `number` of `experiment`; None if it is perfect."""
-        flaws, reading = (getattr(experiment.skins[skin.name], n) for n in _DECIDE)
-        num_receptors = skin.fields.num_receptors
+        described, num_receptors = experiment.skins[skin.name], skin.fields.num_receptors
+        flaws, reading = described.imperfections, described.reading
         changes = [
             change.skins[skin.name]
             for change in experiment.body_changes

@@ -61,22 +61,19 @@ class Kinematics:
 
         parent = [carrier(near.body()) for _, near, *_ in tree]
         owner = [carrier(frame.body()) for frame in frames]
+        X_WL = [frame.CalcPoseInWorld(context) for frame in frames]
 
-        def relative(X_WF: RigidTransform, joint: int) -> np.ndarray:
-            X = X_WF if joint < 0 else X_WJ[joint].InvertAndCompose(X_WF)
-            return X.GetAsMatrix34()
+        def relative(X_WF: Sequence[RigidTransform], joints: Sequence[int]) -> np.ndarray:
+            pairs = zip(X_WF, joints, strict=True)
+            X_JF = [X if j < 0 else X_WJ[j].InvertAndCompose(X) for X, j in pairs]
+            return np.array([X.GetAsMatrix34() for X in X_JF]).reshape(-1, 3, 4)
 
         return Kinematics(
             parent=np.array(parent, dtype=np.int64),
-            X_PF=np.array([relative(X, p) for X, p in zip(X_WJ, parent, strict=True)]),
+            X_PF=relative(X_WJ, parent),
             turns=np.array(turns),
             owner=np.array(owner, dtype=np.int64),
-            X_JL=np.array(
-                [
-                    relative(f.CalcPoseInWorld(context), o)
-                    for f, o in zip(frames, owner, strict=True)
-                ]
-            ).reshape(-1, 3, 4),
+            X_JL=relative(X_WL, owner),
         )
 
     def poses(self, q: np.ndarray) -> np.ndarray:

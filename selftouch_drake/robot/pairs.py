@@ -125,13 +125,8 @@ class Neighbours:
 
     def are_neighbours(self, a: RigidBody, b: RigidBody) -> bool:
         """Whether two links are one, or next to each other, or filtered by their models."""
-        return (
-            self.of(a) == self.of(b)
-            or (self.of(a), self.of(b)) in self._adjacent
-            or self._are_filtered(a, b)
-        )
-
-    def _are_filtered(self, a: RigidBody, b: RigidBody) -> bool:
+        if self.of(a) == self.of(b) or (self.of(a), self.of(b)) in self._adjacent:
+            return True
         ends = self._own.get(a.index()), self._own.get(b.index())
         # A filter group has all geometries of a link, or none.
         return all(ends) and self._inspector.CollisionFiltered(*(ids[0] for ids in ends if ids))

@@ -245,18 +245,13 @@ def _elsewhere(
 ) -> str:
     """Which other skin is nearer to receptors that are off theirs, if any is; `plant` is final."""
     context = plant.CreateDefaultContext()
-
-    def pose(skin: Skin, name: str) -> RigidTransform:
-        return find_link(plant, skin.link, f"skins.{name}.link").EvalPoseInWorld(context)
-
-    for name, skin in skins.items():
-        if name == error.skin:
-            continue
-        link = find_link(plant, skin.link, f"skins.{name}.link")
-        tree = cKDTree(_outer_surface(name, skin, link, plant, scene_graph).vertices)
-        X_LW = pose(skin, name).inverse() @ pose(skins[error.skin], error.skin)
+    links = {name: find_link(plant, skins[name].link, f"skins.{name}.link") for name in skins}
+    X_WL = links.pop(error.skin).EvalPoseInWorld(context)
+    for name, link in links.items():
+        tree = cKDTree(_outer_surface(name, skins[name], link, plant, scene_graph).vertices)
+        X_LL = link.EvalPoseInWorld(context).InvertAndCompose(X_WL)
         # In the frame of the other link, if the file is that link's.
-        for p_LS in (X_LW.multiply(error.p_LS.T).T, error.p_LS):
+        for p_LS in (X_LL.multiply(error.p_LS.T).T, error.p_LS):
             if (near := tree.query(p_LS)[0] < error.moved).any():
                 return f". {near.sum()} of them are nearer to skins.{name}: give them to that skin"
     return ""

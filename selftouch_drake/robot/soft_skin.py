@@ -176,62 +176,40 @@ def tets_near(skin, box, look, seen, tets):
     return num
 
 
+def _nearest_faces(corners: np.ndarray, centroid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where the faces of each tetrahedron end, and the faces; arguments as of `SoftSkin`."""
+    # Three tetrahedra, half a prism of a wall, share one search for faces in reach: for at least
+    # all that may be nearest to one of their points.
+    prisms = corners.reshape(-1, 12, 3)
+    middle, tree = prisms.mean(axis=1), cKDTree(centroid)
+    radius = np.linalg.norm(prisms - middle[:, None], axis=2).max(axis=1)
+    reach = 1.000001 * (tree.query(middle)[0] + 2 * radius)
+    near = tree.query_ball_point(middle, reach, return_sorted=True)
+    near_ends = np.cumsum([0, *map(len, near)])
+    return _listed_nearest(corners, centroid, np.concatenate(near).astype(np.int64), near_ends)
+
+
 @compiled
-def _nearest_faces(corners, centroid):
-    # Three tetrahedra, half a prism of a wall, share one search through all faces.
+def _listed_nearest(corners, centroid, near, near_ends):
     ends = np.zeros(len(corners) + 1, dtype=np.int64)
     # A total that starts as a literal would make numba compile `_list_nearest` twice.
-    faces, total = np.empty(32 * len(corners), dtype=np.int64), np.int64(0)
-    far, near = np.empty(len(centroid)), np.empty(len(centroid), dtype=np.int64)
+    faces, total = np.empty(3 * len(near), dtype=np.int64), np.int64(0)
     squares = np.empty((len(centroid), 5))
-    for first in range(0, len(corners), 3):
-        last = min(first + 3, len(corners))
-        num = _faces_near(corners, first, last, centroid, far, near)
-        for tet in range(first, last):
-            if total + num > len(faces):
-                more = np.empty(2 * len(faces) + num, dtype=np.int64)
-                for k in range(total):
-                    more[k] = faces[k]
-                faces = more
-            total = _list_nearest(corners, tet, centroid, near, num, squares, faces, total)
-            ends[tet + 1] = total
+    for tet in range(len(corners)):
+        some = near[near_ends[tet // 3] : near_ends[tet // 3 + 1]]
+        total = _list_nearest(corners, tet, centroid, some, squares, faces, total)
+        ends[tet + 1] = total
     return ends, faces[:total]
 
 
 @inner
-def _faces_near(corners, first, last, centroid, far, near):
-    """Lists faces in reach: at least all that may be nearest to a point of some tetrahedra."""
-    x = y = z = radius = 0.0
-    for tet in range(first, last):
-        for k in range(4):
-            x += corners[tet, k, 0] / (4 * (last - first))
-            y += corners[tet, k, 1] / (4 * (last - first))
-            z += corners[tet, k, 2] / (4 * (last - first))
-    for tet in range(first, last):
-        for k in range(4):
-            square = (corners[tet, k, 0] - x) ** 2 + (corners[tet, k, 1] - y) ** 2
-            radius = max(radius, square + (corners[tet, k, 2] - z) ** 2)
-    nearest = np.inf
-    for f in range(len(centroid)):
-        far[f] = (centroid[f, 0] - x) ** 2 + (centroid[f, 1] - y) ** 2 + (centroid[f, 2] - z) ** 2
-        nearest = min(nearest, far[f])
-    reach = (2 * np.sqrt(radius) + np.sqrt(nearest)) ** 2
-    num = 0
-    for f in range(len(centroid)):
-        if far[f] <= 1.000001 * reach:
-            near[num] = f
-            num += 1
-    return num
-
-
-@inner
-def _list_nearest(corners, tet, centroid, near, num, squares, faces, total):
+def _list_nearest(corners, tet, centroid, near, squares, faces, total):
     """Appends to `faces` those that may be nearest to a point of one tetrahedron.
 
     A face is left out if another one is nearer to all four corners: so it is to all points.
     """
     best: int | np.int64 = np.int64(0)
-    for n in range(num):
+    for n in range(len(near)):
         squares[n, 4] = 0.0
         for k in range(4):
             squares[n, k] = 0.0
@@ -241,7 +219,7 @@ def _list_nearest(corners, tet, centroid, near, num, squares, faces, total):
         if squares[n, 4] < squares[best, 4]:
             best = n
     start = total
-    for n in range(num):
+    for n in range(len(near)):
         if not _nearer(squares, best, n):
             faces[total] = n
             total += 1
