@@ -197,13 +197,7 @@ class Drive:
         self._q: np.ndarray | None = None
 
     def action(self, q: np.ndarray, target: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        """`(A,)` for the next step.
-
-        Args:
-            q: `(J,)` where the joints are.
-            target: `(J,)` where they are to be.
-            speed: `(J,)` of the target, per second.
-        """
+        """`(A,)` for the next step, from where joints `(J,)` are to a target with its speed, 1/s."""
         known, firm = self._actions, self._firm
         error = target - q
         moving = np.zeros_like(q) if self._q is None else (q - self._q) / known.step_s
