@@ -140,7 +140,7 @@ class Exploration:
 
         def next_steps() -> Felt:
             nonlocal path
-            felt = leader.choose(path)
+            felt = leader.walk(path, CHOICE_S)
             if isinstance(self.mind, TouchPairs):
                 # The posture that it asked for presses, and that in which it was does not.
                 kept = felt.reached & felt.sensation.any(axis=1)
