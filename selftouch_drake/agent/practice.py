@@ -93,8 +93,8 @@ def practise(
 
     Where the plan would lose contact, the agent slides; in the air it takes detours; joints that
     are in the way move aside. Then it plans again. If rigid parts of the robot still run into each
-    other, the agent lifts off, lands at each goal, and practises that. Targets, start and limits are
-    as of `Agent.tour`.
+    other, the agent lifts off, lands at each goal, and practises that. Targets, start and limits
+    are as of `Agent.tour`.
 
     Raises:
         NoWayError: rigid parts of the robot run into each other on every plan.

@@ -206,11 +206,8 @@ def rounded_solid(triangles: np.ndarray, cell: float, *, gap: float, edge: float
     Balls roll over the surface: one outside, one inside the result, and one outside again. Parts
     that the inner ball does not fit into are removed.
 
-    Args:
-        triangles: `(F, 3, 3)` m, closed.
-        cell: m, of the grid.
-        gap: m, radius of the outer ball; larger than a cell, or walls would leak.
-        edge: m, radius of the inner ball.
+    The `(F, 3, 3)` triangles are closed. The radius of the outer ball, `gap`, is larger than a cell
+    of the grid, or walls would leak; that of the inner ball is `edge`; all in m.
 
     Raises:
         ValueError: If the grid would be too large.

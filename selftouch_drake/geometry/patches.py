@@ -81,14 +81,8 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
     """Counts the parts, holes and cavities of a triangle surface, closed or with rims.
 
     These are the ranks of its homology over Z/2. Parts that meet in a single vertex are one part,
-    as in any complex.
-
-    Args:
-        faces: `(F, 3)` indices of vertices; no edge belongs to more than two triangles.
-
-    Returns:
-        `(b0, b1, b2)`: a sphere has (1, 0, 1), a torus (1, 2, 1), a disc (1, 0, 0), an open tube
-        (1, 1, 0).
+    as in any complex. No edge of the `(F, 3)` faces belongs to more than two of them. A sphere has
+    (1, 0, 1), a torus (1, 2, 1), a disc (1, 0, 0), an open tube (1, 1, 0).
     """
     if not len(faces):
         return 0, 0, 0

@@ -60,12 +60,9 @@ class ReceptiveFields:
         return len(self.p_LS)
 
     def weights_at(self, p_LQ: np.ndarray) -> csr_matrix:
-        """Returns `(N, S)` sparse: the share of each receptor in a force at each point.
+        """`(N, S)` sparse: the share of each receptor in a force at each point `(N, 3)` m.
 
         A point in the wall of the skin counts as the nearest point of the surface.
-
-        Args:
-            p_LQ: `(N, 3)` m, points in the skin, in the link's frame L.
         """
         vertices, parts = self.parts_at(p_LQ)
         ends = np.arange(0, parts.size + 1, 3, dtype=np.int32)
@@ -73,11 +70,7 @@ class ReceptiveFields:
         return csr_matrix((parts.ravel(), vertices.ravel(), ends), shape) @ self.vertex_weights
 
     def parts_at(self, p_LQ: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`(N, 3)` the vertices of the nearest triangle, and `(N, 3)` barycentric weights there.
-
-        Args:
-            p_LQ: `(N, 3)` m, points in the skin, in the link's frame L.
-        """
+        """`(N, 3)` vertices of the triangle nearest to points `(N, 3)` m, barycentric weights."""
         p_LQ = np.asarray(p_LQ, dtype=float)
         _, face = self._centroids.query(p_LQ)
         parts = np.einsum("nij,nj->ni", self.barycentric[face, :, :3], p_LQ)

@@ -219,16 +219,11 @@ def explain_change(
     num_steps: int = NUM_STEPS,
     seed: int = 0,
 ) -> BodyChange:
-    """Finds out what changed.
+    """Finds out what changed, by touches that were remembered before, and touches since the change.
 
-    Args:
-        expectation: what was expected before the change.
-        usual: the last touches from before the change, in order, from which the expectation did not
-            learn. As many of them count as there are touches since.
-        before: remembered touches from before the change.
-        since: touches since the change; no sensation is null.
-        num_steps: training steps of an expectation.
-        seed: for the training of a displacement and its expectations.
+    The usual ones are the last from before the change, in order, from which the expectation did not
+    learn; as many of them count as there are touches since. No sensation is null. The steps train
+    an expectation.
     """
     fit, others = _divided(since)
     usual_fit, usual_others = _divided(usual[-len(since) :])

@@ -146,13 +146,10 @@ class TouchModel:
         *,
         seed: int = 0,
     ) -> TouchModel:
-        """Learns from stored touches.
+        """Learns from stored touches; same seed, same bytes, on one machine.
 
-        Args:
-            representation: what was learned from the touches.
-            kernel_sensation: returns `(R, S)` of unit L2 norm, the sensation at each row of
-                `kernel_q`; called if there is something to learn.
-            seed: the same seed and touches give the same bytes, on one machine.
+        The `(R, S)` sensations of unit L2 norm, at each row of `kernel_q`, are asked for if there
+        is something to learn.
         """
         modes = range(len(representation.mode_joints))
         straight = [_straight_steps(representation, mode) for mode in modes]
