@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import manifold3d
@@ -88,9 +89,10 @@ def closed_surface(
         raise ValueError("surface has no triangles; choose a shape, or another link")
     triangles = np.concatenate(closed)
     surface, share = _rounded_surface(triangles, resolution, thickness, 1.0)
-    for wider in _WIDER:
-        if thickness == 0 or _fits(surface, thickness):
-            break
+    for wider in _WIDER if thickness else ():
+        with suppress(ValueError):
+            hollow_skin(surface, thickness, None)
+            break  # The skin fits.
         try:
             surface, share = _rounded_surface(triangles, resolution, thickness, wider)
         except ValueError:
@@ -132,14 +134,6 @@ def _rounded_surface(
         )
     solid.depth[(label != large[0]) & (label > 0)] = -resolution
     return triangulated(solid, resolution), solid.share
-
-
-def _fits(surface: trimesh.Trimesh, thickness: float) -> bool:
-    try:
-        hollow_skin(surface, thickness, None)
-    except ValueError:
-        return False
-    return True
 
 
 def _closed_triangles(piece: trimesh.Trimesh) -> np.ndarray:

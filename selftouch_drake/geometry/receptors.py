@@ -149,24 +149,18 @@ def receptive_fields(
 ) -> ReceptiveFields:
     """Gives each receptor a smooth round field, wide enough that three overlap everywhere.
 
-    The field of a receptor is centred on the nearest vertex of the surface.
-
-    Args:
-        surface: Closed outer surface in the link's frame L, m.
-        p_LS: `(S, 3)` m, receptors on the surface.
-        width: Radius of the fields, as a multiple of this smallest radius. Below 1, a force in a
-            gap between fields is not felt, and on the slope of a single one it is felt in part.
+    The field of a receptor, `(S, 3)` m on the closed surface, is centred on the nearest vertex; its
+    radius is the smallest one, times `width`. Below 1, a force in a gap between fields is not felt,
+    and on the slope of a single one it is felt in part.
     """
     surface = _refined(surface, math.sqrt(surface.area / len(p_LS)))
     _, nearest = cKDTree(surface.vertices).query(p_LS)
     paths = surface_paths(surface)
-    reach = 3 * math.sqrt(surface.area / len(p_LS))
-    distance = dijkstra(paths, indices=nearest, limit=reach)
-    farthest = np.partition(distance, OVERLAP - 1, axis=0)[OVERLAP - 1].max()
-    if width * FIELD_MARGIN * farthest > reach:
-        distance = dijkstra(paths, indices=nearest)
+    for reach in (3 * math.sqrt(surface.area / len(p_LS)), np.inf):
+        distance = dijkstra(paths, indices=nearest, limit=reach)
         farthest = np.partition(distance, OVERLAP - 1, axis=0)[OVERLAP - 1].max()
-    radius = width * FIELD_MARGIN * farthest
+        if (radius := width * FIELD_MARGIN * farthest) <= reach:
+            break
     # In place: for a thousand receptors, one such table takes a few hundred megabytes.
     bump = np.square(np.divide(distance, radius, out=distance), out=distance)
     np.square(np.maximum(np.subtract(1, bump, out=bump), 0, out=bump), out=bump)
