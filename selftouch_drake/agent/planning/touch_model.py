@@ -99,10 +99,7 @@ class _Firmness:
     def outputs(self, x: np.ndarray) -> np.ndarray:
         """`(n, 1 + S)` mean of the networks' outputs at scaled configurations `(n, J)`."""
         x = self.standardised(x)
-        outputs = self.networks[0](x)
-        for network in self.networks[1:]:
-            outputs += network(x)
-        return outputs / np.float32(len(self.networks))
+        return np.mean([network(x) for network in self.networks], axis=0)
 
     def sensation(self, x: np.ndarray) -> np.ndarray:
         """`(n, S)` what is felt at scaled configurations `(n, all joints)`, without its scale."""
@@ -174,16 +171,10 @@ class TouchModel:
         kept: list[bool],
         limits: tuple[np.ndarray, np.ndarray],
     ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Bends the steps of a plan into the skin.
+        """Bends the steps of a plan into the skin, within limits `(J,)`; all are scaled.
 
-        Args:
-            x: `(W, J)` scaled waypoints.
-            modes: of each of the W - 1 steps; below 0 in the air.
-            kept: whether each of the W waypoints must stay where it is.
-            limits: `(J,)` lowest and highest scaled configuration.
-
-        Returns:
-            The waypoints, and for each step the `(n, J)` configurations to pass.
+        Of W waypoints `(W, J)`, some are kept where they are; of the W - 1 steps, the modes are
+        below 0 in the air. Returns the waypoints, and the `(n, J)` to pass on each step.
         """
         x, steps = x.copy(), np.array(modes, dtype=int)
         passed = [x[:0]] * len(steps)
