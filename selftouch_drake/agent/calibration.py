@@ -3,12 +3,7 @@
 Raw readings are not pressures: each receptor has its own resting level, which drifts, and there is
 noise. On some skins there are spikes, and on some readings decay slowly after a touch. All this is
 estimated from the readings themselves, because few receptors feel each touch, and each receptor is
-at rest in most rows.
-
-`calibrate` estimates a `Calibration` from a first stretch of rows; then `Calibration.sensation`
-turns any later readings into sensations, each row by itself. `felt_touches` does both for a whole
-recording, where it also knows what comes after a row: it can remove spikes by a filter in time, and
-readings that decay slowly.
+at rest in most rows. Of a whole recording it is also known what comes after a row.
 """
 
 from __future__ import annotations

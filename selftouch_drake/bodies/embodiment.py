@@ -67,13 +67,10 @@ def make_bodies(
     fingerprint: str = "",
     calibration: Calibration | None = None,
 ) -> Bodies:
-    """The bodies of an experiment.
+    """The bodies of an experiment; of others with the calibration of their receptors, if known.
 
-    Args:
-        experiment: the experiment.
-        cache: folder in which skins are kept for other processes and later commands.
-        fingerprint: of its experience, which depends on the content of its models.
-        calibration: of the receptors of a body of others, if it is known.
+    In the cache, a folder, skins are kept for other processes and later commands. The fingerprint
+    is of the experience, which depends on the content of its models.
 
     Raises:
         BodyError: a body of others cannot be made, or does not do what a body must.

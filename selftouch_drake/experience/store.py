@@ -229,9 +229,7 @@ def shards_of(folder: Path) -> list[Path]:
 class ExperienceReader:
     """Reads the shards of one folder, `experience` or `truth`, in walk order.
 
-    Args:
-        folder: the folder of the shards.
-        added: of shards that were added later; they come after the others.
+    Shards of another folder, that were added later, come after them.
 
     Raises:
         StoreError: there is no shard, or one is damaged or misses a column.

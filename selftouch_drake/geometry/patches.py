@@ -39,14 +39,8 @@ def touched_patch(
     the rim does not grow. Touches along a line have no area: there the second step is left out, and
     the patch is a band. Parts smaller than a disc of this radius are then dropped.
 
-    Args:
-        vertices: `(V, 3)` m, of a closed surface, finer than `radius`.
-        faces: `(F, 3)` its triangles.
-        touch_counts: `(V,)` touches nearest to each vertex.
-        radius: m, along the surface.
-
-    Returns:
-        `(V,)` whether a vertex is in the patch.
+    The surface of `(V, 3)` m and `(F, 3)` triangles is closed, and finer than the radius, m along
+    it; `(V,)` touches are nearest to each vertex. Returns `(V,)` whether it is in the patch.
 
     Raises:
         ValueError: If `radius` is less than the mean edge: no gap would be closed.
