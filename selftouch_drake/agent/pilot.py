@@ -199,12 +199,14 @@ class Pilot:
     ) -> Query:
         """Plans and practises the plan."""
         began = time.perf_counter()
-        done = practise(self.agent, self._slider, targets, q_start=q_start, limits=limits)
-        motion = self.motion(done.plan, done.dry_run)
+        agent, unpractised, plan, felt = practise(
+            self.agent, self._slider, targets, q_start=q_start, limits=limits
+        )
+        motion = self.motion(plan, felt)
         return Query(
-            agent=done.agent,
-            plan=done.plan,
-            unpractised=done.unpractised,
+            agent=agent,
+            plan=plan,
+            unpractised=unpractised,
             motion=motion,
             seconds=time.perf_counter() - began,
         )

@@ -64,23 +64,6 @@ class DryRun:
         return np.union1d(self.lost, self.impossible)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Practised:
-    """A plan after practice.
-
-    Attributes:
-        agent: the agent that planned, with what it learned in practice.
-        unpractised: the plan before practice, as the agent makes it from what it has learned.
-        plan: the practised plan; the same if nothing was to be repaired.
-        dry_run: what was felt along the practised plan.
-    """
-
-    agent: Agent
-    unpractised: Plan
-    plan: Plan
-    dry_run: DryRun
-
-
 def practise(
     agent: Agent,
     slider: Slider,
@@ -88,13 +71,15 @@ def practise(
     *,
     q_start: np.ndarray,
     limits: Limits | None = None,
-) -> Practised:
+) -> tuple[Agent, Plan, Plan, DryRun]:
     """Plans, and practises the plan.
 
     Where the plan would lose contact, the agent slides; in the air it takes detours; joints that
     are in the way move aside. Then it plans again. If rigid parts of the robot still run into each
     other, the agent lifts off, lands at each goal, and practises that. Targets, start and limits
-    are as of `Agent.tour`.
+    are as of `Agent.tour`. Returns the agent with what it learned in practice, the plan before
+    practice, the practised one (the same if nothing was to be repaired), and what was felt along
+    it.
 
     Raises:
         NoWayError: rigid parts of the robot run into each other on every plan.
@@ -111,7 +96,7 @@ def practise(
             f"no way to target {plan.goal} was found on which the rigid parts of the robot do not "
             "run into each other: choose another start or goal, or babble longer"
         )
-    return Practised(agent=wiser, unpractised=unpractised, plan=plan, dry_run=felt)
+    return wiser, unpractised, plan, felt
 
 
 def dry_run(plan: Plan, slider: Slider) -> DryRun:
