@@ -105,7 +105,8 @@ def place_receptors(
 ) -> np.ndarray:
     """Spreads receptors evenly: each at the vertex farthest, along the surface, from earlier ones.
 
-    For an uneven layout, distances count less towards one side of the surface.
+    For an uneven layout, distances count less towards one side of the surface. Returns
+    `(num_receptors, 3)` m, in the link's frame L.
 
     Args:
         surface: Closed outer surface in the link's frame L, m.
@@ -113,9 +114,6 @@ def place_receptors(
         seed: Chooses the first vertex, and the side where receptors are few.
         unevenness: 0 to below 1; at u, receptors there are 1 / (1 - u) times as far apart as on
             the other side.
-
-    Returns:
-        `p_LS`: `(num_receptors, 3)` m, in the link's frame L.
 
     Raises:
         ValueError: If `num_receptors` is out of range, or more than the surface has vertices.
