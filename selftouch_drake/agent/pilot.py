@@ -100,12 +100,14 @@ class Pilot:
             NoWayError: none was found.
             ValueError: as `Agent.tour`, or `q_start` is outside the limits of the joints.
         """
-        q_start = checked_configuration(q_start, self.agent.representation, self._range)
+        limits = self.body.lower, self.body.upper
+        q_start = checked_configuration(q_start, self.agent.representation, limits)
         return self.plan_feeling(q_start, self.practice.feel(q_start[None]).sensation[0], goal)
 
     def plan_feeling(self, q_start: np.ndarray, felt: np.ndarray, goal: int) -> Query:
         """Like `plan_from`, with the sensation at the start, `(S,)` N, already known."""
-        return self._query([self.agent.felt(felt), goal], q_start, self._range)
+        limits = self.body.lower, self.body.upper
+        return self._query([self.agent.felt(felt), goal], q_start, limits)
 
     def start_of(self, *targets: int) -> np.ndarray:
         """`(J,)` the start of the motion: any configuration of the first kernel."""
@@ -183,11 +185,6 @@ class Pilot:
                 tries.append(judge(execution, self.agent.representation))
             self.agent = learn_from(tries[-1], query.agent, self._slider)
         return tries
-
-    @property
-    def _range(self) -> Limits:
-        """Limits of the joints."""
-        return self.body.lower, self.body.upper
 
     @cached_property
     def _slider(self) -> Slider:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
@@ -344,9 +345,6 @@ def _displaced(change: BodyChange, touches: TouchSet, seed: int) -> BodyChange:
     start = expectation.standardised(touches.q + change.offset)
     num_joints, growth = x.shape[1], math.sqrt(len(x) / 1000)
 
-    def draw() -> np.ndarray:
-        return rng.integers(len(x), size=_BATCH)
-
     def trained() -> Network:
         network = Network.random([num_joints, round(_HIDDEN * growth), num_joints], rng)
         network.weights[-1][:] = 0.0
@@ -360,6 +358,7 @@ def _displaced(change: BodyChange, touches: TouchSet, seed: int) -> BodyChange:
                 pull = 2.0 * _PENALTY / growth / len(rows) * displaced
                 return expects.slope_of_inputs(off, slopes) + pull
 
+            draw = partial(rng.integers, len(x), size=_BATCH)
             train(network, x, draw, slope, round(_NUM_STEPS * growth))
         return network
 

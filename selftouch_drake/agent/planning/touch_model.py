@@ -293,15 +293,12 @@ def _learned(
     held_out = met >= np.quantile(met, 1.0 - _HELD_OUT)
     learning = np.flatnonzero(~held_out)
 
-    def draw() -> np.ndarray:
-        return learning[rng.integers(len(learning), size=_BATCH)]
-
     def slope(found: np.ndarray, drawn: np.ndarray) -> np.ndarray:
         wanted = np.column_stack([firm[drawn] - 0.5, felt[drawn].toarray() - typical])
         return 2.0 * (found - wanted.astype(np.float32)) / len(found)
 
     for network in found.networks:
-        train(network, x, draw, slope, num_steps)
+        train(network, x, lambda: rng.choice(learning, _BATCH), slope, num_steps)
     _agree(found.networks, x[held_out])
     told = found.outputs(positions[held_out])[:, 0]
     if not np.corrcoef(told, firm[held_out])[0, 1] > _LEAST_CORRELATION:
