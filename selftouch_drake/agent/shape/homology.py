@@ -261,10 +261,8 @@ def fitted_surface(points: np.ndarray, found: Topology, skin: int = 2) -> np.nda
     If they enclose a void, it is closed, and corners are counterclockwise seen from outside; else
     it is of the alpha complex and may have a rim.
 
-    They are of a line (`skin` 1) or of a surface (2), and have the topology `found`.
-
-    Raises:
-        ValueError: the points are too few or do not spread.
+    They are of a line (`skin` 1) or of a surface (2), and have the topology `found`. Errors are as
+    of `delaunay`.
     """
     if found.betti[2]:
         return rolled_surface(points, found.scale)
@@ -285,10 +283,7 @@ def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
     The ball comes from far away and moves from one Delaunay tetrahedron to the next through every
     triangle that is wider than itself. Triangles that stop it, `(F, 3)` corners counterclockwise
     seen from outside, are the surface. It is closed, and has the loops of the body if the radius is
-    the scale of its topology, in the unit of the `(K, 3)` points.
-
-    Raises:
-        ValueError: the points are too few or lie in a plane.
+    the scale of its topology, in the unit of the `(K, 3)` points. Errors are as of `delaunay`.
     """
     found = delaunay(points)
     points, tetrahedra = found.points, found.simplices
