@@ -150,9 +150,8 @@ def capsule(radius: float, length: float, *, resolution: float = 0.02) -> trimes
 def _half_sphere(pieces: int) -> tuple[np.ndarray, np.ndarray]:
     """Half a unit sphere above z = 0, its edges split into an even number of `pieces`.
 
-    Returns:
-        `(V, 3)` vertices, first the `5 * pieces` on the equator, evenly spaced from the x axis; and
-        `(F, 3)` faces, outward.
+    Returns `(V, 3)` vertices, first the `5 * pieces` on the equator, evenly spaced from the x axis;
+    and `(F, 3)` faces, outward.
     """
     angles = 2 * math.pi / 5 * (np.arange(10) % 5 + 0.5 * (np.arange(10) >= 5) - 0.25)
     ring = 2 / math.sqrt(5) * np.stack([np.cos(angles), np.sin(angles)], axis=1)

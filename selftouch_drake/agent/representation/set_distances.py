@@ -116,12 +116,9 @@ def linked_nearest(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Finds, for every configuration of a kernel, the nearest one in each linked kernel.
 
-    The sets are scaled, rad; `(L, 2)` links are first and second kernel of each.
-
-    Returns:
-        `(L + 1,)` offsets: link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration
-        of its first kernel; int32 rows of the nearest configurations; float32 rad^2, their squared
-        distances.
+    The sets are scaled, rad; `(L, 2)` links are first and second kernel of each. Returns `(L + 1,)`
+    offsets: link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration of its first
+    kernel; int32 rows of the nearest configurations; float32 rad^2, their squared distances.
     """
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
     set_offsets = np.asarray(sets.offsets, dtype=np.int64)

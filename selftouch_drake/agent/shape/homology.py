@@ -74,12 +74,7 @@ def topology(points: np.ndarray) -> Topology:
     closes before the bowl is filled, does not count. Components are counted at a radius at which
     all true bars are born and no missing kernel splits the body.
 
-    Args:
-        points: `(K, d)` in a plane (d = 2) or in space (d = 3), evenly spread over it, not in a
-            line or a plane of it.
-
-    Raises:
-        ValueError: the points are too few, not finite, or do not spread.
+    The `(K, d)` points, d = 2 or 3, are evenly spread over the body. Errors are as of `delaunay`.
     """
     found = _bars(points)
     h0, h1, h2 = (
