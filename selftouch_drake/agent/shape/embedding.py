@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -20,9 +21,6 @@ one_thread = threadpool_limits.wrap(limits=1, user_api="blas")
 #: A pass is kept if it leaves at most this share of the stress; the first that leaves more is
 #: discarded and ends the search. A body whose second pass is kept has rims, and needs more passes.
 _LEAST_LOWERED, _LEAST_LOWERED_WITH_RIMS = 2 / 3, 0.95
-
-#: Number of further classical axes that are tried as the last one to start from.
-_FURTHER = 3
 
 #: Iterations of majorisation in each pass.
 _UNBENDING = 40
@@ -100,6 +98,7 @@ def stress_embedding(
     distances: np.ndarray,
     dimension: int = 3,
     *,
+    last_axes: Sequence[int] = (0, 1, 2, 3),
     num_trial_iterations: int = 30,
     num_iterations: int = 100,
     majoriser: Majoriser | None = None,
@@ -111,8 +110,13 @@ def stress_embedding(
     the second harmonic of the ring), so several classical axes are tried as the last one, and only
     the layout with the lowest stress is iterated to the end.
 
-    The `(K, K)` distances, of the majoriser if one is given, are symmetric, finite, and positive
-    off the diagonal; the dimension is 2, 3 or 4.
+    Args:
+        distances: `(K, K)` symmetric, finite, positive off the diagonal.
+        dimension: of the layout, 2, 3 or 4.
+        last_axes: which of the further classical axes are tried as the last one to start from.
+        num_trial_iterations: for each start.
+        num_iterations: for the best start.
+        majoriser: of these distances.
 
     Raises:
         ValueError: there are fewer than 4 points, or no path joins two of them.
@@ -124,12 +128,12 @@ def stress_embedding(
     if not np.isfinite(distances).all():
         raise ValueError("distances are infinite where no path exists: connect the graph first")
     first = list(range(dimension - 1))
-    num_axes = min(dimension + _FURTHER, len(distances))
+    num_axes = min(dimension + max(last_axes), len(distances))
     axes, spectrum = _classical_axes(distances, num_axes)
     majoriser = majoriser or Majoriser(distances)
     trials = mapped(
         lambda last: majoriser(axes[:, [*first, last]], distances, num_trial_iterations),
-        range(dimension - 1, num_axes),
+        [dimension - 1 + last for last in last_axes if dimension - 1 + last < num_axes],
     )
     best = min(trials, key=lambda positions: _stress(positions, distances, majoriser.weights))
     positions = majoriser(best, distances, num_iterations)
