@@ -151,6 +151,10 @@ def learned(
     trained. If no network finds the neighbours, the `sensorimotor` metric is used; where touches
     show that none can, none is trained.
     """
+
+    def of_network(number: int) -> Progress:
+        return lambda fraction: progress((number + fraction) / _MOST_NETWORKS)
+
     targets, sets = representation.target_sensations, representation.kernel_sets
     tries: list[tuple[float, BodyGraph, np.ndarray]] = []
     are_unlike = unlike(targets)
@@ -160,7 +164,7 @@ def learned(
             sets,
             seed=seed + number,
             target_sensations=targets if number else None,
-            progress=lambda share, number=number: progress((number + share) / _MOST_NETWORKS),
+            progress=of_network(number),
         )
         graph = between_cells(coordinates, skin)
         share = float(are_unlike[*graph.ends.T].mean())
