@@ -242,8 +242,8 @@ MUTANTS = (
     Mutant(
         name="alarm: raised at 0.6 of the threshold",
         file="agent/lifelong/alarm.py",
-        old="return math.log(lifetime / false_alarms)",
-        new="return 0.6 * math.log(lifetime / false_alarms)",
+        old="THRESHOLD = math.log(100_000 / _FALSE_ALARMS)",
+        new="THRESHOLD = 0.6 * math.log(100_000 / _FALSE_ALARMS)",
         first=("tests/agent/lifelong",),
     ),
     Mutant(

@@ -79,15 +79,9 @@ class Agent:
         seed: int = 0,
         **parameters: Any,
     ) -> Agent:
-        """Learns from experience held in arrays.
+        """Learns from experience held in arrays: `(n, S)` N felt at `(n, J)` q; no row null.
 
-        Args:
-            q: `(n, J)` motor configurations, in the robot's units.
-            sensation: `(n, S)` N, sensations at these configurations; no row null.
-            num_targets: K, number of target sensations.
-            max_kernel_size: most motor configurations kept per kernel.
-            seed: the same seed and experience give the same bytes.
-            parameters: as for `representation.learn`, which learns from experience of any size.
+        The rest is as of `representation.learn`, which learns from experience of any size.
 
         Raises:
             ValueError: the experience cannot be learned from; the text says why.

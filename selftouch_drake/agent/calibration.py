@@ -3,23 +3,19 @@
 Raw readings are not pressures: each receptor has its own resting level, which drifts, and there is
 noise. On some skins there are spikes, and on some readings decay slowly after a touch. All this is
 estimated from the readings themselves, because few receptors feel each touch, and each receptor is
-at rest in most rows.
-
-`calibrate` estimates a `Calibration` from a first stretch of rows; then `Calibration.sensation`
-turns any later readings into sensations, each row by itself. `felt_touches` does both for a whole
-recording, where it also knows what comes after a row: it can remove spikes by a filter in time, and
-readings that decay slowly.
+at rest in most rows. Of a whole recording it is also known what comes after a row.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+
+from selftouch_drake.agent.records import Record
 
 #: Threshold in standard deviations of the noise at rest. With 300 receptors and normal noise, six
 #: gives one false reading in three million rows, five gives one in six thousand.
@@ -79,7 +75,7 @@ class RestlessWarning(UserWarning):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Calibration:
+class Calibration(Record):
     """How the raw readings of S receptors become sensations.
 
     Attributes:
@@ -121,17 +117,6 @@ class Calibration:
         """
         pressure = self._pressure(readings - self.level[-1])
         return np.where(self._shared(pressure > 0), pressure, np.float32(0.0))
-
-    def to_arrays(self) -> dict[str, np.ndarray]:
-        """All fields by name, for a file."""
-        return {name: np.asarray(getattr(self, name)) for name in self.__slots__}
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> Calibration:
-        """What `to_arrays` gave; other arrays are ignored."""
-        known = ((name, arrays[name]) for name in cls.__slots__)
-        fields: Any = {name: one if one.ndim else one.item() for name, one in known}
-        return cls(**fields)
 
     def _pressure(self, apart: np.ndarray, either_way: bool = False) -> np.ndarray:
         """`(n, S)` float32, readings so far apart from rest that they pass the threshold, or 0."""

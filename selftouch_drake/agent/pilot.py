@@ -94,31 +94,20 @@ class Pilot:
         return self._query(targets, self.start_of(*targets))
 
     def plan_from(self, q_start: np.ndarray, goal: int) -> Query:
-        """Plans from any configuration, touching or not.
-
-        Args:
-            q_start: `(J,)` rad or m, where the joints are.
-            goal: the target sensation to reach.
+        """Plans from any configuration `(J,)`, touching or not, to a target sensation.
 
         Raises:
             NoWayError: none was found.
             ValueError: as `Agent.tour`, or `q_start` is outside the limits of the joints.
         """
-        q_start = checked_configuration(q_start, self.agent.representation, self._range)
+        limits = self.body.lower, self.body.upper
+        q_start = checked_configuration(q_start, self.agent.representation, limits)
         return self.plan_feeling(q_start, self.practice.feel(q_start[None]).sensation[0], goal)
 
     def plan_feeling(self, q_start: np.ndarray, felt: np.ndarray, goal: int) -> Query:
-        """Like `plan_from`, with the sensation at the start already known.
-
-        Args:
-            q_start: `(J,)` rad or m, where the joints are.
-            felt: `(S,)` N, the sensation there.
-            goal: the target sensation to reach.
-
-        Raises:
-            NoWayError: none was found.
-        """
-        return self._query([self.agent.felt(felt), goal], q_start, self._range)
+        """Like `plan_from`, with the sensation at the start, `(S,)` N, already known."""
+        limits = self.body.lower, self.body.upper
+        return self._query([self.agent.felt(felt), goal], q_start, limits)
 
     def start_of(self, *targets: int) -> np.ndarray:
         """`(J,)` the start of the motion: any configuration of the first kernel."""
@@ -128,13 +117,7 @@ class Pilot:
         return members[rng.integers(len(members))].astype(float)
 
     def motion(self, plan: Plan, felt: DryRun | None = None) -> Motion:
-        """The timed plan, with what the agent expects to feel.
-
-        Args:
-            plan: the plan.
-            felt: what it felt when it followed the plan slowly; without, it expects what it
-                knows from stored touches.
-        """
+        """The timed plan, with what the agent expects to feel, as of `Agent.predict`."""
         timed = time_path(
             plan.path,
             velocity_limit=self.body.velocity,
@@ -152,13 +135,8 @@ class Pilot:
     def execute(self, motion: Motion, *, practised: bool = True) -> tuple[Execution, Followed]:
         """Lets the body follow a motion from its start.
 
-        Args:
-            motion: the motion.
-            practised: whether the agent may feel beside the motion first, which the touch servo
-                needs: without practice the servo rests.
-
-        Returns:
-            What happened at the samples of the motion, and what the body measured.
+        The touch servo rests unless the agent may feel beside the motion first, in practice.
+        Returns what happened at the samples of the motion, and what the body measured.
         """
         if self._touch_servo and practised and isinstance(self.body, ServoedBody):
             followed = self.body.follow_beside(motion.time_s, motion.q, self.beside(motion))
@@ -183,15 +161,8 @@ class Pilot:
 
         Where it lost contact, the agent practises by sliding along before it tries again.
 
-        Args:
-            start: the target sensation to start from.
-            goal: the target sensation to reach.
-            max_tries: largest number of executions, at least one.
-            known: an earlier try; the same motion is not executed again.
-
-        Returns:
-            The tries, in order (`best` chooses the one to keep); none if `known` is given and no
-            way is found.
+        A motion that is `known` from an earlier try is not executed again. Returns the tries, in
+        order (`best` chooses the one to keep); none if one is known and no way is found.
 
         Raises:
             NoWayError: none was found at the first try.
@@ -215,11 +186,6 @@ class Pilot:
             self.agent = learn_from(tries[-1], query.agent, self._slider)
         return tries
 
-    @property
-    def _range(self) -> Limits:
-        """Limits of the joints."""
-        return self.body.lower, self.body.upper
-
     @cached_property
     def _slider(self) -> Slider:
         """The slider of the agent: it feels, and knows which configurations are possible."""
@@ -230,12 +196,14 @@ class Pilot:
     ) -> Query:
         """Plans and practises the plan."""
         began = time.perf_counter()
-        done = practise(self.agent, self._slider, targets, q_start=q_start, limits=limits)
-        motion = self.motion(done.plan, done.dry_run)
+        agent, unpractised, plan, felt = practise(
+            self.agent, self._slider, targets, q_start=q_start, limits=limits
+        )
+        motion = self.motion(plan, felt)
         return Query(
-            agent=done.agent,
-            plan=done.plan,
-            unpractised=done.unpractised,
+            agent=agent,
+            plan=plan,
+            unpractised=unpractised,
             motion=motion,
             seconds=time.perf_counter() - began,
         )
@@ -244,10 +212,7 @@ class Pilot:
 def executed(motion: Motion, followed: Followed) -> Execution:
     """What happened when a body followed a motion, at the samples of the motion.
 
-    Args:
-        motion: the motion.
-        followed: what the body measured, at samples of its own; what was felt is taken from the
-            nearest one.
+    The body measured at samples of its own; what was felt is taken from the nearest one.
     """
     there = followed.time_s
     place = np.interp(motion.time_s, there, np.arange(len(there)))

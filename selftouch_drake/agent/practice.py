@@ -64,23 +64,6 @@ class DryRun:
         return np.union1d(self.lost, self.impossible)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Practised:
-    """A plan after practice.
-
-    Attributes:
-        agent: the agent that planned, with what it learned in practice.
-        unpractised: the plan before practice, as the agent makes it from what it has learned.
-        plan: the practised plan; the same if nothing was to be repaired.
-        dry_run: what was felt along the practised plan.
-    """
-
-    agent: Agent
-    unpractised: Plan
-    plan: Plan
-    dry_run: DryRun
-
-
 def practise(
     agent: Agent,
     slider: Slider,
@@ -88,19 +71,15 @@ def practise(
     *,
     q_start: np.ndarray,
     limits: Limits | None = None,
-) -> Practised:
+) -> tuple[Agent, Plan, Plan, DryRun]:
     """Plans, and practises the plan.
 
     Where the plan would lose contact, the agent slides; in the air it takes detours; joints that
     are in the way move aside. Then it plans again. If rigid parts of the robot still run into each
-    other, the agent lifts off, lands at each goal, and practises that.
-
-    Args:
-        agent: the agent.
-        slider: slides in the agent's world.
-        targets: as of `Agent.tour`.
-        q_start: `(J,)` positions of the joints.
-        limits: as of `Agent.tour`.
+    other, the agent lifts off, lands at each goal, and practises that. Targets, start and limits
+    are as of `Agent.tour`. Returns the agent with what it learned in practice, the plan before
+    practice, the practised one (the same if nothing was to be repaired), and what was felt along
+    it.
 
     Raises:
         NoWayError: rigid parts of the robot run into each other on every plan.
@@ -117,7 +96,7 @@ def practise(
             f"no way to target {plan.goal} was found on which the rigid parts of the robot do not "
             "run into each other: choose another start or goal, or babble longer"
         )
-    return Practised(agent=wiser, unpractised=unpractised, plan=plan, dry_run=felt)
+    return wiser, unpractised, plan, felt
 
 
 def dry_run(plan: Plan, slider: Slider) -> DryRun:
@@ -175,15 +154,8 @@ def other_ways(
 ) -> tuple[RehearsalMemory, np.ndarray]:
     """Searches other ways for steps of a plan: slides for touching steps, detours in the air.
 
-    Args:
-        plan: the plan.
-        doubtful: `(n,)` steps of the plan.
-        slider: slides in the agent's world.
-        memory: what the agent remembers so far.
-        representation: the one used to make the plan.
-
-    Returns:
-        The memory with the ways that were found, and the links of the steps without one.
+    The `(n,)` steps are doubtful; the representation is the one used to make the plan. Returns the
+    memory with the ways that were found, and the links of the steps without one.
     """
     slides, x = memory.slides, representation.scaled(plan.waypoints_q)
     # What the agent only imagined between two touches is no place to slide from.
@@ -213,13 +185,8 @@ def out_of_the_way(
 ) -> np.ndarray | None:
     """Where to move joints that a plan does not use, so that they obstruct it less.
 
-    Args:
-        plan: one with configurations that the robot cannot take.
-        representation: the one used to make the plan.
-        slider: knows which configurations the robot can take.
-
-    Returns:
-        `(J,)` a scaled configuration with new positions of these joints; None if none is better.
+    The plan has configurations that the robot cannot take, as the slider knows. Returns a scaled
+    configuration `(J,)` with new positions of these joints; None if none is better.
     """
     x = representation.scaled(plan.waypoints_q)
     still = x.max(axis=0) == x.min(axis=0)

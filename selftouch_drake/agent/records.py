@@ -93,4 +93,4 @@ def _restored(name: str, kind: Any, arrays: Mapping[str, np.ndarray]) -> Any:
         if array.shape or array.dtype.kind not in "iu" or array < 0:
             raise ValueError(f"{name} is {array.tolist()}, expected a whole number >= 0")
         return int(array)
-    return str(array) if kind is str else array
+    return kind(array) if kind in (str, bool) else array

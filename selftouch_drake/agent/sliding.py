@@ -86,15 +86,10 @@ class Slider:
         return along
 
     def slide(self, x_from: np.ndarray, x_to: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Slides from one touching configuration to another; only joints that differ move.
+        """Slides from one touching configuration `(J,)` to another; joints that differ move.
 
-        Args:
-            x_from: `(J,)` rad, scaled.
-            x_to: `(J,)` rad, scaled.
-
-        Returns:
-            `(M, J)` rad, touching configurations in between, about 0.06 rad apart, and `(M, S)` N,
-            the sensations there; None if it did not arrive.
+        Returns `(M, J)` rad, touching configurations in between, about 0.06 rad apart, and `(M, S)`
+        N, the sensations there; None if it did not arrive.
         """
         joints = np.flatnonzero(x_from != x_to)
         at_ends = self.feel(np.stack([x_from, x_to]))
@@ -121,15 +116,8 @@ class Slider:
         """Finds a way through the air, via some configurations, that the robot can take everywhere.
 
         It checks the shortest way, removes the parts that are impossible, and repeats (lazy
-        probabilistic roadmap, Bohlin and Kavraki 2000).
-
-        Args:
-            x_from: `(J,)` rad, scaled.
-            x_to: `(J,)` rad, scaled.
-            over: `(n, J)` rad, scaled configurations that it may pass.
-
-        Returns:
-            `(m, J)` the configurations that it passes, at least one; None if no way was found.
+        probabilistic roadmap, Bohlin and Kavraki 2000). From `(J,)` to `(J,)`, it may pass `over`
+        `(n, J)`. Returns the `(m, J)` that it passes, at least one; None if no way was found.
         """
         x = np.concatenate([x_from[None], over, x_to[None]])
         length = np.linalg.norm(x[:, None] - x, axis=2)

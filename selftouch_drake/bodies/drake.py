@@ -109,11 +109,7 @@ class _Joints:
 
 
 class DrakeBody(_Joints):
-    """A robot without dynamics: it can be at any configuration at once.
-
-    Args:
-        world: of the robot.
-        margin: as of `DrakeFelt`.
+    """A robot without dynamics: it can be at any configuration at once; margin as of `DrakeFelt`.
 
     Attributes:
         unit: `(J,)` how far a joint moves where a revolute one turns by a radian.
@@ -259,11 +255,7 @@ class DrakeDynamicBody(_Joints):
 
 
 class DrakeBodies:
-    """The bodies of a robot in Drake: for babbling, for practice, and to act.
-
-    Args:
-        world: of the robot; its truth scores the agent.
-    """
+    """The bodies of a robot in Drake: for babbling, for practice, and to act."""
 
     def __init__(self, world: World):
         self.world = world

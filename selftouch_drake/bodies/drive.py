@@ -88,14 +88,8 @@ def find_actions(
 ) -> Actions:
     """Tries each action by itself, weakly, and sees which joints follow and how.
 
-    Args:
-        trial: tries actions.
-        low: `(A,)` least action; -1 is tried if it is infinite.
-        high: `(A,)` greatest action.
-        span: `(J,)` range of each joint, about.
-        joint_names: of the J joints.
-        step_s: s per step.
-        kind: what actions set; by default found out.
+    Of `(A,)` least and greatest actions, -1 and 1 are tried if they are infinite; `(J,)` spans are
+    the ranges of the joints, about; the kind is found out by default.
 
     Raises:
         BodyError: no action moves a joint, or some joints move together only.
@@ -197,13 +191,7 @@ class Drive:
         self._q: np.ndarray | None = None
 
     def action(self, q: np.ndarray, target: np.ndarray, speed: np.ndarray) -> np.ndarray:
-        """`(A,)` for the next step.
-
-        Args:
-            q: `(J,)` where the joints are.
-            target: `(J,)` where they are to be.
-            speed: `(J,)` of the target, per second.
-        """
+        """`(A,)` for the next step, from where joints `(J,)` are to a target with its speed."""
         known, firm = self._actions, self._firm
         error = target - q
         moving = np.zeros_like(q) if self._q is None else (q - self._q) / known.step_s

@@ -45,12 +45,7 @@ def without_robot(experiment: Experiment) -> str | None:
 
 
 def build_world(experiment: Experiment, cache: Path | None = None, fingerprint: str = "") -> World:
-    """The world of an experiment, with its robot built.
-
-    Args:
-        experiment: the experiment.
-        cache: as of `make_bodies`.
-        fingerprint: as of `make_bodies`.
+    """The world of an experiment, with its robot built; arguments are as of `make_bodies`.
 
     Raises:
         ExperimentError: Drake refuses it, in its own words, or there is no robot.
@@ -72,13 +67,10 @@ def make_bodies(
     fingerprint: str = "",
     calibration: Calibration | None = None,
 ) -> Bodies:
-    """The bodies of an experiment.
+    """The bodies of an experiment; of others with the calibration of their receptors, if known.
 
-    Args:
-        experiment: the experiment.
-        cache: folder in which skins are kept for other processes and later commands.
-        fingerprint: of its experience, which depends on the content of its models.
-        calibration: of the receptors of a body of others, if it is known.
+    In the cache, a folder, skins are kept for other processes and later commands. The fingerprint
+    is of the experience, which depends on the content of its models.
 
     Raises:
         BodyError: a body of others cannot be made, or does not do what a body must.
@@ -114,12 +106,8 @@ def body_of(experiment: Experiment, fingerprint: str) -> Body:
 def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
     """Has a worker build its body, and compile what walks need.
 
-    Two workers compile different functions first, and find the others compiled.
-
-    Args:
-        experiment: as of `bodies_of`.
-        fingerprint: as of `bodies_of`.
-        number: 0 or 1, of the worker.
+    Two workers, of numbers 0 and 1, compile different functions first, and find the others
+    compiled.
     """
     if not experiment.has_truth:
         return  # a body of one's own may be there only once
@@ -131,13 +119,7 @@ def get_ready(experiment: Experiment, fingerprint: str, number: int) -> None:
 
 
 def kept_skins(cache: Path, fingerprint: str, world: World) -> tuple[SkinModel, ...]:
-    """The skins of a world, which are kept for the same experience and program.
-
-    Args:
-        cache: folder in which they are kept.
-        fingerprint: of the experience.
-        world: whose skins are made where they are not kept yet.
-    """
+    """The skins of a world: those kept for the same experience and program, or made now."""
 
     def as_arrays() -> dict[str, np.ndarray]:
         return {

@@ -48,20 +48,11 @@ class GymnasiumBody:
 
     Args:
         env: whose actions are one array; its `reset` with a seed must begin alike each time.
-        joints: where the observation holds joint positions: the key of an entry, `key[7:19]`,
-            `7:19`, or a list of numbers.
-        touch: where it holds the readings of the skin, likewise.
-        joint_names: by default joint_0, joint_1, ...
-        lower: `(J,)` by default of the observation's space, or what actions can reach.
-        upper: `(J,)` likewise.
-        velocity: `(J,)` per second; by default a quarter of the range.
-        acceleration: `(J,)` per second squared; by default four times the velocity.
-        action: `position`, `velocity` or `torque`; by default found out. `none` if nothing moves
-            but by `set_posture`.
-        step_s: s per step; by default the environment's `dt`, or of its `render_fps`.
-        set_posture: puts the environment into `(J,)` and returns an observation, or None where it
-            cannot be; or the name of a method of the environment that does.
-        reset_option: name of an option of `reset` that does.
+        set_posture: as of `GymnasiumSettings`, or a function: puts the environment into `(J,)` and
+            returns an observation, or None where it cannot be.
+
+    All others are as of `GymnasiumSettings`. Without limits in the observation's space, those of
+    the joints, `(J,)`, are what actions can reach; without `dt`, a step is of its `render_fps`.
 
     Attributes:
         robot_s: s of simulated time so far.

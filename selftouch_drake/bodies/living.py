@@ -21,11 +21,7 @@ class LivingBody:
     """A body of others: it babbles, practises and acts, and nobody knows its truth.
 
     Its raw readings become sensations; the import uses the same calibration. It is left at rest
-    when the program ends.
-
-    Args:
-        body: the body.
-        calibration: of its receptors; the agent calibrates them itself if there is none yet.
+    when the program ends. The agent calibrates its receptors itself if they are not calibrated yet.
 
     Attributes:
         met: touches that it meets from now on, if it is to note them: they are experience too.

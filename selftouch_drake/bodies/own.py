@@ -55,11 +55,8 @@ def split_reference(text: str) -> tuple[Path, str] | None:
 def body_files(experiment: Experiment, announce: Callable[[str], None] | None = None) -> list[Path]:
     """The files that decide the body: those of a robot's model, or the Python file that is named.
 
-    Imported experience is complete: no file decides anything.
-
-    Args:
-        experiment: which names them.
-        announce: called with one line if meshes were converted for Drake.
+    Imported experience is complete: no file decides anything. If meshes were converted for Drake,
+    `announce` is called with one line.
 
     Raises:
         BodyError: a Python file does not exist.

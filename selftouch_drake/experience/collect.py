@@ -171,15 +171,10 @@ def collect(
 ) -> WalkCounts:
     """Collects the missing random walks of a run and returns the number of steps of all walks.
 
-    Walks that are already stored are kept. Every executor gives the same bytes.
-
-    Args:
-        experiment: decides the walks.
-        folder: of the run; the workers write shards into it.
-        fingerprint: of the experience; every shard carries it.
-        executor: where the walks run.
-        body_of: makes the body of an experiment and a fingerprint, in whichever process walks.
-        progress: called with the number of new rows each time a walk is stored.
+    Walks that are already stored in the folder of the run are kept. Every executor gives the same
+    bytes. Every shard carries the fingerprint; `body_of` makes the body of an experiment and a
+    fingerprint, in whichever process walks; `progress` is called with the number of new rows each
+    time a walk is stored.
 
     Raises:
         ChildProcessError: a process of the executor was killed.

@@ -110,9 +110,7 @@ class Exploration:
     def explore(self, num_rows: int, most_s: float = np.inf) -> Shard:
         """The next round: explores until `num_rows` configurations that the body can take touch.
 
-        Args:
-            num_rows: number of touches to keep.
-            most_s: s of the body's own time, after which the round ends with what it has.
+        After `most_s` s of the body's own time, the round ends with what it has.
 
         Raises:
             NeverTouchesError: there was no touch in very many steps.
@@ -142,7 +140,7 @@ class Exploration:
 
         def next_steps() -> Felt:
             nonlocal path
-            felt = leader.choose(path)
+            felt = leader.walk(path, CHOICE_S)
             if isinstance(self.mind, TouchPairs):
                 # The posture that it asked for presses, and that in which it was does not.
                 kept = felt.reached & felt.sensation.any(axis=1)
@@ -168,16 +166,7 @@ def explore(
 ) -> WalkCounts:
     """Collects the missing experience of an active run, in this process: rounds follow each other.
 
-    Args:
-        exploration: at its beginning.
-        folder: of the run.
-        fingerprint: of the experience.
-        body_of: as of `collect`, for the bodies after changes.
-        progress: called with the number of new rows each time a round is stored.
-
-    Raises:
-        NeverTouchesError: a round touches nothing.
-        StoreError: a stored shard is damaged, or belongs to another experiment.
+    The exploration is at its beginning; all else is as of `collect`, with rounds for walks.
     """
     experiment = exploration.experiment
     counts, missing = stored_walks(experiment, folder, fingerprint=fingerprint, progress=progress)

@@ -377,9 +377,7 @@ def _upright(
 def _words_in(column: pa.ChunkedArray | np.ndarray, *, few: bool = False) -> np.ndarray | None:
     """What each row of a column holds, as text; None if that is no word and no number.
 
-    Args:
-        column: of a table or an archive.
-        few: None as well unless these are few different words or whole numbers.
+    If `few`, None as well unless these are few different words or whole numbers.
     """
     if isinstance(column, pa.ChunkedArray):
         kind = column.type

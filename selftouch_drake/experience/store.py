@@ -95,9 +95,7 @@ class Contacts:
         counts = np.concatenate([np.diff(part.offsets) for part in parts])
         return Contacts(
             offsets=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
-            skin=np.concatenate([part.skin for part in parts]),
-            toucher=np.concatenate([part.toucher for part in parts]),
-            p_LC=np.concatenate([part.p_LC for part in parts]),
+            **{n: np.concatenate([getattr(part, n) for part in parts]) for n in _CONTACTS},
         )
 
     def __len__(self) -> int:
@@ -229,9 +227,7 @@ def shards_of(folder: Path) -> list[Path]:
 class ExperienceReader:
     """Reads the shards of one folder, `experience` or `truth`, in walk order.
 
-    Args:
-        folder: the folder of the shards.
-        added: of shards that were added later; they come after the others.
+    Shards of another folder, that were added later, come after them.
 
     Raises:
         StoreError: there is no shard, or one is damaged or misses a column.

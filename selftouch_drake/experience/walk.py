@@ -83,13 +83,7 @@ def strides(body: Body, step_size: float) -> np.ndarray:
 
 
 class Walker:
-    """Leads a body along paths: in time if it cannot jump.
-
-    Args:
-        body: the body.
-        timed: whether it moves in time even if it can jump.
-        step_duration: s per step of a walk in time.
-    """
+    """Leads a body along paths: in time, s per step, if it cannot jump or is to be `timed`."""
 
     def __init__(self, body: Body, *, timed: bool, step_duration: float):
         self.body = body
@@ -103,15 +97,9 @@ class Walker:
         """The next path begins at `(J,)` q."""
         self._at = q
 
-    def walk(self, path: np.ndarray) -> Felt:
-        """Passes the `(n, J)` steps of a walk."""
-        return self._go(path, self._step_duration)
-
-    def choose(self, path: np.ndarray) -> Felt:
-        """Passes `(n, J)` configurations that the agent chose."""
-        return self._go(path, CHOICE_S)
-
-    def _go(self, path: np.ndarray, duration: float) -> Felt:
+    def walk(self, path: np.ndarray, duration: float | None = None) -> Felt:
+        """Passes `(n, J)` configurations, each in a duration in s, by default that of a step."""
+        duration = duration or self._step_duration
         if not self.timed:
             # What is felt is that of the stored, that is the rounded, configurations.
             return self.body.feel(path.astype(np.float32))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import manifold3d
@@ -88,9 +89,10 @@ def closed_surface(
         raise ValueError("surface has no triangles; choose a shape, or another link")
     triangles = np.concatenate(closed)
     surface, share = _rounded_surface(triangles, resolution, thickness, 1.0)
-    for wider in _WIDER:
-        if thickness == 0 or _fits(surface, thickness):
-            break
+    for wider in _WIDER if thickness else ():
+        with suppress(ValueError):
+            hollow_skin(surface, thickness, None)
+            break  # The skin fits.
         try:
             surface, share = _rounded_surface(triangles, resolution, thickness, wider)
         except ValueError:
@@ -132,14 +134,6 @@ def _rounded_surface(
         )
     solid.depth[(label != large[0]) & (label > 0)] = -resolution
     return triangulated(solid, resolution), solid.share
-
-
-def _fits(surface: trimesh.Trimesh, thickness: float) -> bool:
-    try:
-        hollow_skin(surface, thickness, None)
-    except ValueError:
-        return False
-    return True
 
 
 def _closed_triangles(piece: trimesh.Trimesh) -> np.ndarray:
@@ -206,11 +200,8 @@ def rounded_solid(triangles: np.ndarray, cell: float, *, gap: float, edge: float
     Balls roll over the surface: one outside, one inside the result, and one outside again. Parts
     that the inner ball does not fit into are removed.
 
-    Args:
-        triangles: `(F, 3, 3)` m, closed.
-        cell: m, of the grid.
-        gap: m, radius of the outer ball; larger than a cell, or walls would leak.
-        edge: m, radius of the inner ball.
+    The `(F, 3, 3)` triangles are closed. The radius of the outer ball, `gap`, is larger than a cell
+    of the grid, or walls would leak; that of the inner ball is `edge`; all in m.
 
     Raises:
         ValueError: If the grid would be too large.

@@ -17,7 +17,8 @@ def farthest_points(
 ) -> np.ndarray:
     """Picks points one by one, each as far as possible from all earlier ones.
 
-    Works in any space: `distance_from` defines the distance, and may return its square.
+    Works in any space: `distance_from` defines the distance, and may return its square. Returns
+    the indices in order.
 
     Args:
         distance_from: Called with the index of a point; returns `(n,)` its distances to all
@@ -27,9 +28,6 @@ def farthest_points(
         first: Index of the first point.
         weight: `(n,)` positive factors; where they are small, points are picked farther apart.
         least: Stops when the next point is nearer than this to a point picked before.
-
-    Returns:
-        Indices of the picked points, in order.
     """
     picked = [int(first)]
     nearest = np.array(distance_from(picked[0]))

@@ -18,14 +18,9 @@ CHORD_SLOPE = 0.25
 def surface_distances(vertices: np.ndarray, faces: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Geodesic distances along a surface, between the vertices nearest to given points.
 
-    Args:
-        vertices: `(V, 3)` m, of a surface: closed or with a rim, in one part or several.
-        faces: `(F, 3)` its triangles.
-        points: `(K, 3)` m, on or near the surface.
-
-    Returns:
-        `(K, K)` m, symmetric; 0 between points that share their nearest vertex, infinite between
-        points on parts of the surface that are not connected.
+    The surface of `(V, 3)` m and `(F, 3)` triangles is closed or has a rim, in one part or several.
+    Of `(K, 3)` m points on or near it, it returns `(K, K)` m, symmetric; 0 between points that
+    share their nearest vertex, infinite between those on parts that are not connected.
     """
     surface = trimesh.Trimesh(vertices, faces, process=False)
     # Vertices without triangles do not belong to the surface.

@@ -146,9 +146,8 @@ def _inner_wall(
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Moves a surface inwards by one method after another, until its wall is valid.
 
-    Returns:
-        `(V, 3)` m, the inner vertices; and None, or an outer point where the wall of the last
-        attempt folds, is too thin or crosses itself.
+    Returns `(V, 3)` m, the inner vertices; and None, or an outer point where the wall of the last
+    attempt folds, is too thin or crosses itself.
     """
     vertices, faces = surface.vertices, surface.faces
     # Distances to these samples exceed those to the surface by less than 1 % of the thickness.

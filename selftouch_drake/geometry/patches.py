@@ -39,14 +39,8 @@ def touched_patch(
     the rim does not grow. Touches along a line have no area: there the second step is left out, and
     the patch is a band. Parts smaller than a disc of this radius are then dropped.
 
-    Args:
-        vertices: `(V, 3)` m, of a closed surface, finer than `radius`.
-        faces: `(F, 3)` its triangles.
-        touch_counts: `(V,)` touches nearest to each vertex.
-        radius: m, along the surface.
-
-    Returns:
-        `(V,)` whether a vertex is in the patch.
+    The surface of `(V, 3)` m and `(F, 3)` triangles is closed, and finer than the radius, m along
+    it; `(V,)` touches are nearest to each vertex. Returns `(V,)` whether it is in the patch.
 
     Raises:
         ValueError: If `radius` is less than the mean edge: no gap would be closed.
@@ -81,14 +75,8 @@ def betti_of_patch(faces: np.ndarray) -> tuple[int, int, int]:
     """Counts the parts, holes and cavities of a triangle surface, closed or with rims.
 
     These are the ranks of its homology over Z/2. Parts that meet in a single vertex are one part,
-    as in any complex.
-
-    Args:
-        faces: `(F, 3)` indices of vertices; no edge belongs to more than two triangles.
-
-    Returns:
-        `(b0, b1, b2)`: a sphere has (1, 0, 1), a torus (1, 2, 1), a disc (1, 0, 0), an open tube
-        (1, 1, 0).
+    as in any complex. No edge of the `(F, 3)` faces belongs to more than two of them. A sphere has
+    (1, 0, 1), a torus (1, 2, 1), a disc (1, 0, 0), an open tube (1, 1, 0).
     """
     if not len(faces):
         return 0, 0, 0

@@ -60,12 +60,9 @@ class ReceptiveFields:
         return len(self.p_LS)
 
     def weights_at(self, p_LQ: np.ndarray) -> csr_matrix:
-        """Returns `(N, S)` sparse: the share of each receptor in a force at each point.
+        """`(N, S)` sparse: the share of each receptor in a force at each point `(N, 3)` m.
 
         A point in the wall of the skin counts as the nearest point of the surface.
-
-        Args:
-            p_LQ: `(N, 3)` m, points in the skin, in the link's frame L.
         """
         vertices, parts = self.parts_at(p_LQ)
         ends = np.arange(0, parts.size + 1, 3, dtype=np.int32)
@@ -73,11 +70,7 @@ class ReceptiveFields:
         return csr_matrix((parts.ravel(), vertices.ravel(), ends), shape) @ self.vertex_weights
 
     def parts_at(self, p_LQ: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """`(N, 3)` the vertices of the nearest triangle, and `(N, 3)` barycentric weights there.
-
-        Args:
-            p_LQ: `(N, 3)` m, points in the skin, in the link's frame L.
-        """
+        """`(N, 3)` vertices of the triangle nearest to points `(N, 3)` m, barycentric weights."""
         p_LQ = np.asarray(p_LQ, dtype=float)
         _, face = self._centroids.query(p_LQ)
         parts = np.einsum("nij,nj->ni", self.barycentric[face, :, :3], p_LQ)
@@ -112,7 +105,8 @@ def place_receptors(
 ) -> np.ndarray:
     """Spreads receptors evenly: each at the vertex farthest, along the surface, from earlier ones.
 
-    For an uneven layout, distances count less towards one side of the surface.
+    For an uneven layout, distances count less towards one side of the surface. Returns
+    `(num_receptors, 3)` m, in the link's frame L.
 
     Args:
         surface: Closed outer surface in the link's frame L, m.
@@ -120,9 +114,6 @@ def place_receptors(
         seed: Chooses the first vertex, and the side where receptors are few.
         unevenness: 0 to below 1; at u, receptors there are 1 / (1 - u) times as far apart as on
             the other side.
-
-    Returns:
-        `p_LS`: `(num_receptors, 3)` m, in the link's frame L.
 
     Raises:
         ValueError: If `num_receptors` is out of range, or more than the surface has vertices.
@@ -156,24 +147,18 @@ def receptive_fields(
 ) -> ReceptiveFields:
     """Gives each receptor a smooth round field, wide enough that three overlap everywhere.
 
-    The field of a receptor is centred on the nearest vertex of the surface.
-
-    Args:
-        surface: Closed outer surface in the link's frame L, m.
-        p_LS: `(S, 3)` m, receptors on the surface.
-        width: Radius of the fields, as a multiple of this smallest radius. Below 1, a force in a
-            gap between fields is not felt, and on the slope of a single one it is felt in part.
+    The field of a receptor, `(S, 3)` m on the closed surface, is centred on the nearest vertex; its
+    radius is the smallest one, times `width`. Below 1, a force in a gap between fields is not felt,
+    and on the slope of a single one it is felt in part.
     """
     surface = _refined(surface, math.sqrt(surface.area / len(p_LS)))
     _, nearest = cKDTree(surface.vertices).query(p_LS)
     paths = surface_paths(surface)
-    reach = 3 * math.sqrt(surface.area / len(p_LS))
-    distance = dijkstra(paths, indices=nearest, limit=reach)
-    farthest = np.partition(distance, OVERLAP - 1, axis=0)[OVERLAP - 1].max()
-    if width * FIELD_MARGIN * farthest > reach:
-        distance = dijkstra(paths, indices=nearest)
+    for reach in (3 * math.sqrt(surface.area / len(p_LS)), np.inf):
+        distance = dijkstra(paths, indices=nearest, limit=reach)
         farthest = np.partition(distance, OVERLAP - 1, axis=0)[OVERLAP - 1].max()
-    radius = width * FIELD_MARGIN * farthest
+        if (radius := width * FIELD_MARGIN * farthest) <= reach:
+            break
     # In place: for a thousand receptors, one such table takes a few hundred megabytes.
     bump = np.square(np.divide(distance, radius, out=distance), out=distance)
     np.square(np.maximum(np.subtract(1, bump, out=bump), 0, out=bump), out=bump)

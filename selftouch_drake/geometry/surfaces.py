@@ -62,12 +62,10 @@ def cube(side: float, *, resolution: float = 0.02) -> trimesh.Trimesh:
 
 
 def torus(major_radius: float, minor_radius: float, *, resolution: float = 0.02) -> trimesh.Trimesh:
-    """Returns a torus about the z axis.
+    """Returns a torus about the z axis, with edges of about `resolution` m.
 
-    Args:
-        major_radius: m, from the origin to the centre of the tube.
-        minor_radius: m, of the tube; less than `major_radius`.
-        resolution: m, edge length of the triangles, on average.
+    The major radius, m, is from the origin to the centre of the tube, the minor one that of the
+    tube.
 
     Raises:
         ValueError: If a length is not positive, or the tube closes the hole.
@@ -113,12 +111,9 @@ def cylinder(radius: float, height: float, *, resolution: float = 0.02) -> trime
 
 
 def capsule(radius: float, length: float, *, resolution: float = 0.02) -> trimesh.Trimesh:
-    """Returns a capsule along z: a cylinder between two half spheres.
+    """Returns a capsule along z: a cylinder between two half spheres of `radius` m.
 
-    Args:
-        radius: m, of the cylinder and of the half spheres.
-        length: m, between the centres of the half spheres.
-        resolution: m, edge length of the triangles, on average.
+    Their centres are `length` m apart, and edges are of about `resolution` m.
 
     Raises:
         ValueError: If a length is not positive, or the triangles are too many.
@@ -155,9 +150,8 @@ def capsule(radius: float, length: float, *, resolution: float = 0.02) -> trimes
 def _half_sphere(pieces: int) -> tuple[np.ndarray, np.ndarray]:
     """Half a unit sphere above z = 0, its edges split into an even number of `pieces`.
 
-    Returns:
-        `(V, 3)` vertices, first the `5 * pieces` on the equator, evenly spaced from the x axis; and
-        `(F, 3)` faces, outward.
+    Returns `(V, 3)` vertices, first the `5 * pieces` on the equator, evenly spaced from the x axis;
+    and `(F, 3)` faces, outward.
     """
     angles = 2 * math.pi / 5 * (np.arange(10) % 5 + 0.5 * (np.arange(10) >= 5) - 0.25)
     ring = 2 / math.sqrt(5) * np.stack([np.cos(angles), np.sin(angles)], axis=1)

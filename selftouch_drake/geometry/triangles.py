@@ -21,15 +21,9 @@ def sample_triangles(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Samples triangles so that each of their points is within `spacing` of a sample.
 
-    The number of samples grows with the area of a triangle, or with its length if it is thinner
-    than `spacing`.
-
-    Args:
-        triangles: `(F, 3, 3)` m, corners.
-        spacing: m; one for all, or `(F,)` one for each triangle.
-
-    Returns:
-        `(N, 3)` m, samples; `(N,)` the triangle of each, in the order of the triangles.
+    The number of samples grows with the area of a triangle `(3, 3)` m, or with its length if it is
+    thinner than `spacing`, m, one for all or `(F,)`. Returns `(N, 3)` m, and `(N,)` the triangle of
+    each, in order.
     """
     spacing = np.broadcast_to(spacing, len(triangles))
     base, height = lengths_and_heights(triangles)

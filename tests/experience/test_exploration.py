@@ -13,6 +13,7 @@ from selftouch_drake.experience import ExperienceReader, walk_sizes
 from selftouch_drake.experience.collect import walker_of
 from selftouch_drake.experience.exploration import Exploration, explore
 from selftouch_drake.experience.store import shard_name
+from selftouch_drake.experience.walk import CHOICE_S
 from selftouch_drake.experiment import Change, ExperimentError, load_experiment
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.fingerprint import experience_fingerprint
@@ -176,7 +177,7 @@ def test_under_dynamics_it_feels_at_every_step():
     walker.begin_at(np.zeros(6))
     # The first motion has a sample of its start.
     for step in range(1, 60):
-        assert walker.choose(np.full((1, 6), 0.01 * step)).q.shape == (1 + (step == 1), 6)
+        assert walker.walk(np.full((1, 6), 0.01 * step), CHOICE_S).q.shape == (1 + (step == 1), 6)
 
 
 def test_a_strategy_has_a_name():

@@ -36,13 +36,10 @@ _MISSED = 1 / 32
 #: Share of the touches in which a receptor that began to feel is met for the first time or again.
 _BEGINS = 1 / 20
 
-#: Chance of a false alarm of each sum in a lifetime, and number of touches of that.
-_FALSE_ALARMS, _LIFETIME = 0.01, 100_000
-
-
-def threshold(false_alarms: float = _FALSE_ALARMS, lifetime: int = _LIFETIME) -> float:
-    """What a sum passes by chance in a lifetime of so many touches with at most this chance."""
-    return math.log(lifetime / false_alarms)
+#: Chance of a false alarm of each sum in a lifetime, and what a sum passes with at most this chance
+#: in a lifetime of so many touches.
+_FALSE_ALARMS = 0.01
+THRESHOLD = math.log(100_000 / _FALSE_ALARMS)
 
 
 class SurpriseTest:
@@ -92,10 +89,10 @@ class SurpriseTest:
             self._level = max(self._level + step, 0.0)
             self.since = self.since + 1 if self._level else 0
             most = max(most, self._level)
-            if most > threshold():
+            if most > THRESHOLD:
                 raised = row
                 break
-        self.doubt = (most / threshold(),)
+        self.doubt = (most / THRESHOLD,)
         return raised
 
 
@@ -144,7 +141,7 @@ class ReceptorTest:
             [-np.log(np.maximum(share, _MISSED)), np.where(never_felt, begins, 0.0)]
         )
         # The first encounter proves nothing; every further one is another occasion.
-        self._threshold = np.array([threshold(), math.log(10 / _FALSE_ALARMS) + begins])
+        self._threshold = np.array([THRESHOLD, math.log(10 / _FALSE_ALARMS) + begins])
         self._level = np.zeros(self._weight.shape)
         # Touches since each receptor felt, and since its second sum was 0.
         self._age = np.zeros(self._weight.shape, dtype=int)

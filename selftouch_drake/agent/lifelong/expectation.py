@@ -65,11 +65,8 @@ class Expectation:
     in a posture as before, but more firmly. Firmness rises with the strength of a touch, from 0 to
     1; a touch of typical strength has 1/2.
 
-    Args:
-        touches: to learn from; no sensation is null.
-        like: another expectation, whose standards this one takes over.
-        num_steps: number of training steps.
-        seed: the same seed and touches give the same bytes, on one machine.
+    It learns from touches of which no sensation is null, with the standards of another one that it
+    is to be `like`. The same seed and touches give the same bytes, on one machine.
 
     Attributes:
         network: from standardised configurations to a sensation of unit L2 norm, and firmness.

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment, minimize_scalar
@@ -219,16 +220,11 @@ def explain_change(
     num_steps: int = NUM_STEPS,
     seed: int = 0,
 ) -> BodyChange:
-    """Finds out what changed.
+    """Finds out what changed, by touches that were remembered before, and touches since the change.
 
-    Args:
-        expectation: what was expected before the change.
-        usual: the last touches from before the change, in order, from which the expectation did not
-            learn. As many of them count as there are touches since.
-        before: remembered touches from before the change.
-        since: touches since the change; no sensation is null.
-        num_steps: training steps of an expectation.
-        seed: for the training of a displacement and its expectations.
+    The usual ones are the last from before the change, in order, from which the expectation did not
+    learn; as many of them count as there are touches since. No sensation is null. The steps train
+    an expectation.
     """
     fit, others = _divided(since)
     usual_fit, usual_others = _divided(usual[-len(since) :])
@@ -349,9 +345,6 @@ def _displaced(change: BodyChange, touches: TouchSet, seed: int) -> BodyChange:
     start = expectation.standardised(touches.q + change.offset)
     num_joints, growth = x.shape[1], math.sqrt(len(x) / 1000)
 
-    def draw() -> np.ndarray:
-        return rng.integers(len(x), size=_BATCH)
-
     def trained() -> Network:
         network = Network.random([num_joints, round(_HIDDEN * growth), num_joints], rng)
         network.weights[-1][:] = 0.0
@@ -365,6 +358,7 @@ def _displaced(change: BodyChange, touches: TouchSet, seed: int) -> BodyChange:
                 pull = 2.0 * _PENALTY / growth / len(rows) * displaced
                 return expects.slope_of_inputs(off, slopes) + pull
 
+            draw = partial(rng.integers, len(x), size=_BATCH)
             train(network, x, draw, slope, round(_NUM_STEPS * growth))
         return network
 

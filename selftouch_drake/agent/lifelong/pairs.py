@@ -92,10 +92,8 @@ class TouchPairs:
 def touching_pairs(strength: np.ndarray) -> list[tuple[int, int]]:
     """The pairs of places that touch each other while one posture is held.
 
-    Of one look alone they are all places that feel something.
-
-    Args:
-        strength: `(n, P)` N, what each place feels at each look.
+    By `(n, P)` N, what each place feels at each look; of one look alone they are all that feel
+    something.
     """
     places = np.flatnonzero(strength.any(axis=0))
     if len(strength) == 1:

@@ -21,12 +21,9 @@ _NUM_STARTS = 24
 
 
 class Recorded:
-    """Where a robot was while it was recorded.
+    """Where a robot was while it was recorded, in touch and, at `(m, J)` `free_q`, free.
 
-    Args:
-        representation: what was learned from the touches; their typical distance is that from one
-            to the next.
-        free_q: `(m, J)` configurations in which nothing was felt.
+    The typical distance of touches is that from one to the next.
     """
 
     def __init__(self, representation: QuotientRepresentation, free_q: np.ndarray):

@@ -139,11 +139,8 @@ def speed_shares(
 ) -> tuple[float, float]:
     """Shares of the limits that a motion uses, exactly: cubic between `(T,)` s, with `(T, J)` q, v.
 
-    The limits are `(J,)` rad/s or m/s, and rad/s^2 or m/s^2.
-
-    Returns:
-        The largest share of the velocity and of the acceleration that is allowed, of any joint; 1
-        is the limit.
+    The limits are `(J,)` rad/s or m/s, and rad/s^2 or m/s^2. Returns the largest shares of velocity
+    and acceleration of any joint; 1 is the limit.
     """
     # On each cubic piece the acceleration is linear, from gain + bend to gain - bend; where it is
     # 0, the velocity is greatest.

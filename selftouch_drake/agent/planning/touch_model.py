@@ -99,10 +99,7 @@ class _Firmness:
     def outputs(self, x: np.ndarray) -> np.ndarray:
         """`(n, 1 + S)` mean of the networks' outputs at scaled configurations `(n, J)`."""
         x = self.standardised(x)
-        outputs = self.networks[0](x)
-        for network in self.networks[1:]:
-            outputs += network(x)
-        return outputs / np.float32(len(self.networks))
+        return np.mean([network(x) for network in self.networks], axis=0)
 
     def sensation(self, x: np.ndarray) -> np.ndarray:
         """`(n, S)` what is felt at scaled configurations `(n, all joints)`, without its scale."""
@@ -146,13 +143,10 @@ class TouchModel:
         *,
         seed: int = 0,
     ) -> TouchModel:
-        """Learns from stored touches.
+        """Learns from stored touches; same seed, same bytes, on one machine.
 
-        Args:
-            representation: what was learned from the touches.
-            kernel_sensation: returns `(R, S)` of unit L2 norm, the sensation at each row of
-                `kernel_q`; called if there is something to learn.
-            seed: the same seed and touches give the same bytes, on one machine.
+        The `(R, S)` sensations of unit L2 norm, at each row of `kernel_q`, are asked for if there
+        is something to learn.
         """
         modes = range(len(representation.mode_joints))
         straight = [_straight_steps(representation, mode) for mode in modes]
@@ -177,16 +171,10 @@ class TouchModel:
         kept: list[bool],
         limits: tuple[np.ndarray, np.ndarray],
     ) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Bends the steps of a plan into the skin.
+        """Bends the steps of a plan into the skin, within limits `(J,)`; all are scaled.
 
-        Args:
-            x: `(W, J)` scaled waypoints.
-            modes: of each of the W - 1 steps; below 0 in the air.
-            kept: whether each of the W waypoints must stay where it is.
-            limits: `(J,)` lowest and highest scaled configuration.
-
-        Returns:
-            The waypoints, and for each step the `(n, J)` configurations to pass.
+        Of W waypoints `(W, J)`, some are kept where they are; of the W - 1 steps, the modes are
+        below 0 in the air. Returns the waypoints, and the `(n, J)` to pass on each step.
         """
         x, steps = x.copy(), np.array(modes, dtype=int)
         passed = [x[:0]] * len(steps)
@@ -305,15 +293,12 @@ def _learned(
     held_out = met >= np.quantile(met, 1.0 - _HELD_OUT)
     learning = np.flatnonzero(~held_out)
 
-    def draw() -> np.ndarray:
-        return learning[rng.integers(len(learning), size=_BATCH)]
-
     def slope(found: np.ndarray, drawn: np.ndarray) -> np.ndarray:
         wanted = np.column_stack([firm[drawn] - 0.5, felt[drawn].toarray() - typical])
         return 2.0 * (found - wanted.astype(np.float32)) / len(found)
 
     for network in found.networks:
-        train(network, x, draw, slope, num_steps)
+        train(network, x, lambda: rng.choice(learning, _BATCH), slope, num_steps)
     _agree(found.networks, x[held_out])
     told = found.outputs(positions[held_out])[:, 0]
     if not np.corrcoef(told, firm[held_out])[0, 1] > _LEAST_CORRELATION:

@@ -24,12 +24,8 @@ from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 class QuotientLearner(BaseEstimator):
     """Learns motor kernel sets and the quotient graph from experience (paper, section III).
 
-    Args:
-        num_targets: K, number of target sensations.
-        max_kernel_size: most motor configurations kept per kernel.
-        max_queries: most configurations per set whose nearest neighbours are searched.
-        random_state: seed, or a generator to draw one from; the same seed and experience give the
-            same bytes.
+    Parameters are as of `learning.learn`; `random_state` is its seed, or a generator to draw one
+    from.
 
     Attributes:
         representation_: the `QuotientRepresentation`, not embedded yet.

@@ -109,13 +109,9 @@ def target_sensations(
     convergence would crowd them where the agent touched most. Even spacing gives the edges of the
     quotient graph comparable lengths.
 
-    Args:
-        sensation: `(n, S)` N, no row null.
-        num_targets: K, number of target sensations.
-        or_fewer: give as many targets as there are distinct sensations, if these are fewer.
-
-    Returns:
-        `(K, S)` float32 target sensations, unit L2 norm; each is the nearest target of some row.
+    Of `(n, S)` N sensations, none null, it returns `(K, S)` float32 targets, of unit L2 norm; each
+    is the nearest target of some row. They may be as few as there are distinct sensations, if so
+    asked.
 
     Raises:
         ValueError: there are fewer distinct sensations than targets.

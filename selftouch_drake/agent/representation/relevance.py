@@ -124,11 +124,9 @@ def touch_modes(
     """Finds the modes of touch, and the mode of each stored configuration.
 
     The sets may be scaled or not, targets are `(K, S)`, unit L2 norm, and `part` is `(K,)` the part
-    of the body of each kernel. The same seed gives the same bytes on one machine.
-
-    Returns:
-        `(R,)` int8, the mode of each configuration, or `NO_MODE`; `(M, J)` bool, the joints that
-        matter in each mode.
+    of the body of each kernel. The same seed gives the same bytes on one machine. Returns `(R,)`
+    int8, the mode of each configuration, or `NO_MODE`; `(M, J)` bool, the joints that matter in
+    each mode.
     """
     kernel = sets.kernel
     of_part = part[kernel]

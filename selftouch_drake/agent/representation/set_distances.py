@@ -62,16 +62,9 @@ def set_distances(
     Nearest distances are exact: the queries of a set (all its configurations, or `max_queries`
     evenly strided ones) are compared with every configuration of every other set.
 
-    Args:
-        sets: K sets of scaled configurations, rad.
-        name: in `SET_DISTANCES`.
-        max_queries: most queries per set.
-        rough: `(K, K)` bool, symmetric, pairs of sets for which 16 queries are enough.
-        changed: `(K,)` bool, sets to which and from which distances are wanted; by default all.
-        progress: called with the fraction done.
-
-    Returns:
-        `(K, K)` rad, float32, symmetric with a zero diagonal; 0 between sets that did not change.
+    For pairs that are rough, `(K, K)` bool, symmetric, 16 queries are enough. If `(K,)` bool says
+    which sets changed, only distances to and from these are wanted. Returns `(K, K)` rad, float32,
+    symmetric with a zero diagonal; 0 between sets that did not change.
 
     Raises:
         ValueError: a kernel is empty.
@@ -123,12 +116,9 @@ def linked_nearest(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Finds, for every configuration of a kernel, the nearest one in each linked kernel.
 
-    The sets are scaled, rad; `(L, 2)` links are first and second kernel of each.
-
-    Returns:
-        `(L + 1,)` offsets: link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration
-        of its first kernel; int32 rows of the nearest configurations; float32 rad^2, their squared
-        distances.
+    The sets are scaled, rad; `(L, 2)` links are first and second kernel of each. Returns `(L + 1,)`
+    offsets: link l owns entries `offsets[l]:offsets[l + 1]`, one per configuration of its first
+    kernel; int32 rows of the nearest configurations; float32 rad^2, their squared distances.
     """
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
     set_offsets = np.asarray(sets.offsets, dtype=np.int64)

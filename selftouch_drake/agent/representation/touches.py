@@ -159,9 +159,8 @@ def separate_touches(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Splits each of `(n, S)` N sensations into touches that no `(S, S)` bool overlap connects.
 
-    Returns:
-        `(n,)` number of touches, counted up to `max_touches + 1`, and `(n, max_touches, S)` N the
-        touches, that of the strongest receptor first; zero where there are fewer.
+    Returns `(n,)` their number, counted up to `max_touches + 1`, and `(n, max_touches, S)` N, that
+    of the strongest receptor first; zero where there are fewer.
     """
     sensation = np.asarray(sensation, dtype=np.float32)
     joined = overlap.astype(np.float32)

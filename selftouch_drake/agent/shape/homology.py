@@ -74,12 +74,7 @@ def topology(points: np.ndarray) -> Topology:
     closes before the bowl is filled, does not count. Components are counted at a radius at which
     all true bars are born and no missing kernel splits the body.
 
-    Args:
-        points: `(K, d)` in a plane (d = 2) or in space (d = 3), evenly spread over it, not in a
-            line or a plane of it.
-
-    Raises:
-        ValueError: the points are too few, not finite, or do not spread.
+    The `(K, d)` points, d = 2 or 3, are evenly spread over the body. Errors are as of `delaunay`.
     """
     found = _bars(points)
     h0, h1, h2 = (
@@ -261,10 +256,8 @@ def fitted_surface(points: np.ndarray, found: Topology, skin: int = 2) -> np.nda
     If they enclose a void, it is closed, and corners are counterclockwise seen from outside; else
     it is of the alpha complex and may have a rim.
 
-    They are of a line (`skin` 1) or of a surface (2), and have the topology `found`.
-
-    Raises:
-        ValueError: the points are too few or do not spread.
+    They are of a line (`skin` 1) or of a surface (2), and have the topology `found`. Errors are as
+    of `delaunay`.
     """
     if found.betti[2]:
         return rolled_surface(points, found.scale)
@@ -285,10 +278,7 @@ def rolled_surface(points: np.ndarray, scale: float) -> np.ndarray:
     The ball comes from far away and moves from one Delaunay tetrahedron to the next through every
     triangle that is wider than itself. Triangles that stop it, `(F, 3)` corners counterclockwise
     seen from outside, are the surface. It is closed, and has the loops of the body if the radius is
-    the scale of its topology, in the unit of the `(K, 3)` points.
-
-    Raises:
-        ValueError: the points are too few or lie in a plane.
+    the scale of its topology, in the unit of the `(K, 3)` points. Errors are as of `delaunay`.
     """
     found = delaunay(points)
     points, tetrahedra = found.points, found.simplices

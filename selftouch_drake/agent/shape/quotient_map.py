@@ -55,17 +55,11 @@ def quotient_coordinates(
     target_sensations: np.ndarray | None = None,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> KernelSets:
-    """Learns the quotient map and applies it to the motor configurations.
+    """Learns the quotient map and applies it to the motor configurations, scaled or not.
 
-    Args:
-        sets: K sets of configurations, scaled or not.
-        seed: the same seed gives the same bytes, on one machine.
-        target_sensations: `(K, S)` that the network first learns to predict, if given.
-        progress: called with the fraction done.
-
-    Returns:
-        The sets in `(R, D)` quotient coordinates, 3 to 16, each of unit variance across all
-        kernels, those that vary least within kernels first.
+    The network first learns to predict `(K, S)` targets, if given. The same seed gives the same
+    bytes, on one machine. Returns the sets in `(R, D)` quotient coordinates, 3 to 16, each of unit
+    variance across all kernels, those that vary least within kernels first.
 
     Raises:
         ValueError: no kernel holds two configurations, so nothing shows what must be constant.

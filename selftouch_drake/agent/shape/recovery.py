@@ -191,12 +191,8 @@ def recover(
 ) -> RecoveredBody:
     """Recovers each part of the body by a metric chosen by name.
 
-    Args:
-        representation: K kernels, 4 or more.
-        metric: a name in `SHAPE_METRICS`.
-        seed: for metrics that learn; the same seed gives the same bytes.
-        holes: also find holes and dimension.
-        progress: called with the fraction done.
+    The representation has 4 kernels or more. The seed is for metrics that learn; the same one gives
+    the same bytes. Holes and dimension are found if asked for.
 
     Raises:
         ValueError: the metric is unknown, or the representation is too small for it.

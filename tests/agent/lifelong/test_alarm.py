@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.lifelong.alarm import ReceptorTest, SurpriseTest, threshold
+from selftouch_drake.agent.lifelong.alarm import THRESHOLD, ReceptorTest, SurpriseTest
 
 
 def alike(num):
@@ -15,7 +15,7 @@ def alike(num):
 
 def test_the_threshold_is_passed_by_chance_once_in_a_hundred_lifetimes():
     """A sum of log likelihood ratios passes h once in e^h steps or less often (Lorden, 1971)."""
-    assert np.exp(-threshold(0.01, 100_000)) * 100_000 == pytest.approx(0.01)
+    assert np.exp(-THRESHOLD) * 100_000 == pytest.approx(0.01)
 
 
 def test_the_alarm_is_silent_on_what_is_usual_and_quick_on_what_is_not():
