@@ -171,7 +171,7 @@ def test_the_skins_beside_directives_are_valid(tmp_path):
 
 
 def test_the_experiment_that_is_shown_is_valid():
-    (text,) = blocks(TEXTS[DOCS / "robots.md"], "yaml")
+    text, *_ = blocks(TEXTS[DOCS / "robots.md"], "yaml")
     assert experiment_from_fields(yaml.safe_load(text)).num_receptors == 140
 
 
