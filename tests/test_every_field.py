@@ -359,7 +359,7 @@ ACTED = {
     "execution.damping": (
         EXECUTE,
         nested("execution.damping", 10.0),
-        lambda new, old: tracking(new) != tracking(old),
+        of_plan("felt", differs),
     ),
     "joints.offset": (
         EXECUTE,
