@@ -83,11 +83,13 @@ def measured(run: RunDirectory, prefer: Any, num_pairs: int) -> dict[str, Any]:
     }
     for pair in random_pairs(run.experiment, known, num_pairs):
         try:
-            done = practise(agent, slider, pair, q_start=pilot.start_of(*pair))
+            _, unpractised, practised, _ = practise(
+                agent, slider, pair, q_start=pilot.start_of(*pair)
+            )
         except NoWayError:
             continue
-        scores["unpractised"].append(judge(done.unpractised))
-        scores["practised"].append(judge(done.plan))
+        scores["unpractised"].append(judge(unpractised))
+        scores["practised"].append(judge(practised))
     row: dict[str, Any] = {
         "seed": run.experiment.seed,
         "body": run.experiment.name,

@@ -204,7 +204,7 @@ def test_it_seeks_pairs_and_goes_on_from_stored_rounds_to_the_same_bytes(tmp_pat
 
 @pytest.mark.slow
 def test_under_dynamics_it_remembers_what_it_asked_for():
-    life = living(active(40, seek="pairs", mode="dynamic"))
+    life = living(active(60, seek="pairs", mode="dynamic"))
     shard = life.explore(40)
     life.remember(shard.q, shard.sensation)
     asked = np.array([life.mind.posture(touch) for touch in range(40)])
