@@ -31,13 +31,9 @@ from pydrake.geometry import HydroelasticContactRepresentation
 
 from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.bodies.embodiment import body_of
-from selftouch_drake.experience import (
-    RandomWalk,
-    collect,
-    collect_walk,
-    random_walk,
-    write_shard,
-)
+from selftouch_drake.experience.collect import collect, collect_walk, random_walk
+from selftouch_drake.experience.store import write_shard
+from selftouch_drake.experience.walk import RandomWalk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import MakeDynamicStation, World
 from selftouch_drake.robot.broadphase import BroadPhase
@@ -204,7 +200,7 @@ def measure_steps(turns: int) -> dict[str, float]:
 _FIRST_TOUCHES = """
 import time
 from selftouch_drake.bodies.drake import DrakeBody
-from selftouch_drake.experience import collect_walk
+from selftouch_drake.experience.collect import collect_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 experiment = load_experiment("sphere")

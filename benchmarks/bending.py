@@ -18,8 +18,7 @@ import numpy as np
 from results import add_update_option, results
 
 from selftouch_drake.bodies.embodiment import pilot_in
-from selftouch_drake.evaluation import random_pairs
-from selftouch_drake.evaluation.motion import contact_along
+from selftouch_drake.evaluation.motion import contact_along, random_pairs
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.worlds import run_bodies

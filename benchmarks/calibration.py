@@ -23,7 +23,7 @@ from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.calibration.contacts import Contacts
 from selftouch_drake.calibration.least_squares import calibrate
 from selftouch_drake.calibration.model import read_kinematics
-from selftouch_drake.experience import random_walk
+from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.resources import MODELS
 from selftouch_drake.robot import World

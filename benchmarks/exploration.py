@@ -50,16 +50,19 @@ from matplotlib.figure import Figure
 from results import results
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.lifelong import OnlineLearner, Walker
-from selftouch_drake.agent.lifelong.explorer import Moves
+from selftouch_drake.agent.lifelong.explorer import Moves, Walker
+from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.shape import recover
+from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import make_bodies, pilot_in
-from selftouch_drake.evaluation import kernel_truth, random_pairs, shape_errors
-from selftouch_drake.experience import Contacts, ExperienceReader, Shard, collect_walk
+from selftouch_drake.evaluation.kernels import kernel_truth
+from selftouch_drake.evaluation.motion import random_pairs
+from selftouch_drake.evaluation.shape import shape_errors
+from selftouch_drake.experience.collect import collect_walk
 from selftouch_drake.experience.exploration import Exploration
+from selftouch_drake.experience.store import Contacts, ExperienceReader, Shard
 from selftouch_drake.experiment import Experiment, load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory

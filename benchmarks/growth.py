@@ -9,7 +9,7 @@ import argparse
 import time
 
 from selftouch_drake.bodies.drake import DrakeBody
-from selftouch_drake.experience import collect_walk
+from selftouch_drake.experience.collect import collect_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 

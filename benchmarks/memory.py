@@ -24,7 +24,8 @@ import numpy as np
 from babbled import babbled
 from results import add_update_option, results
 
-from selftouch_drake.experience import ExperienceReader, Shard, walk_sizes, write_shard
+from selftouch_drake.experience.collect import walk_sizes
+from selftouch_drake.experience.store import ExperienceReader, Shard, write_shard
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory

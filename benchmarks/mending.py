@@ -31,11 +31,12 @@ from typing import Any
 import numpy as np
 from results import results
 
-from selftouch_drake.agent.lifelong import Life, OnlineLearner, TouchSet
-from selftouch_drake.agent.lifelong.expectation import cosine_distance
+from selftouch_drake.agent.lifelong.expectation import TouchSet, cosine_distance
+from selftouch_drake.agent.lifelong.learner import OnlineLearner
+from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.evaluation.life import planned_contact, quality
-from selftouch_drake.experience import collect_walk
+from selftouch_drake.experience.collect import collect_walk
 from selftouch_drake.experience.exploration import Exploration
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World

@@ -32,7 +32,7 @@ from selftouch_drake.agent.practice import NoWayError, practise
 from selftouch_drake.agent.sliding import Slider
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import pilot_in
-from selftouch_drake.evaluation import jerk_reduction, random_pairs
+from selftouch_drake.evaluation.motion import jerk_reduction, random_pairs
 from selftouch_drake.evaluation.paths import OwnPaths, TruePaths
 from selftouch_drake.run.artifacts import load_agent
 from selftouch_drake.run.directory import RunDirectory

@@ -26,11 +26,12 @@ from babbled import babbled
 from results import ROOT
 from scipy.spatial import cKDTree
 
-from selftouch_drake.evaluation import KernelTruth, TouchCounts, true_parts
-from selftouch_drake.experience import Contacts, ExperienceReader
+from selftouch_drake.evaluation.kernels import KernelTruth
+from selftouch_drake.evaluation.parts import TouchCounts, true_parts
+from selftouch_drake.experience.store import Contacts, ExperienceReader
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import written_whole
-from selftouch_drake.geometry import farthest_points
+from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.robot import World
 from selftouch_drake.run import stages
 

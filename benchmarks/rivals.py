@@ -46,7 +46,7 @@ from selftouch_drake.agent.calibration import felt_touches
 from selftouch_drake.agent.representation import QuotientRepresentation, learn
 from selftouch_drake.agent.representation.quantise import assign
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
-from selftouch_drake.agent.shape import recover
+from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.judged import find_recording, judge
 

@@ -45,7 +45,9 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from scipy.spatial import cKDTree
 
-from selftouch_drake.geometry import hollow_skin, place_receptors, receptive_fields, sphere
+from selftouch_drake.geometry.hollow import hollow_skin
+from selftouch_drake.geometry.receptors import place_receptors, receptive_fields
+from selftouch_drake.geometry.surfaces import sphere
 from selftouch_drake.robot import (
     AddSkins,
     AddTactileSkin,

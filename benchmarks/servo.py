@@ -26,9 +26,9 @@ from selftouch_drake.agent.practice import NoWayError
 from selftouch_drake.agent.rehearsal import reached
 from selftouch_drake.bodies.drake import DrakeDynamicBody
 from selftouch_drake.bodies.embodiment import pilot_in
-from selftouch_drake.evaluation import random_pairs
+from selftouch_drake.evaluation.motion import random_pairs
 from selftouch_drake.experiment import Experiment, load_experiment
-from selftouch_drake.geometry import hollow_skin
+from selftouch_drake.geometry.hollow import hollow_skin
 from selftouch_drake.robot import Simulation, SkinModel
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_agent

@@ -36,10 +36,11 @@ from selftouch_drake.agent.representation.touches import (
     overlapping,
     separate_touches,
 )
-from selftouch_drake.agent.shape import intrinsic_dimension
+from selftouch_drake.agent.shape.dimension import intrinsic_dimension
 from selftouch_drake.agent.shape.metrics import motor
 from selftouch_drake.bodies.drake import DrakeBody
-from selftouch_drake.experience import Contacts, ExperienceReader, random_walk
+from selftouch_drake.experience.collect import random_walk
+from selftouch_drake.experience.store import Contacts, ExperienceReader
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.robot.broadphase import BroadPhase

@@ -13,8 +13,10 @@ from pathlib import Path
 import numpy as np
 
 from selftouch_drake.bodies.embodiment import body_of
-from selftouch_drake.evaluation import TouchCounts, coverage
-from selftouch_drake.experience import ExperienceReader, collect
+from selftouch_drake.evaluation.coverage import coverage
+from selftouch_drake.evaluation.parts import TouchCounts
+from selftouch_drake.experience.collect import collect
+from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 from selftouch_drake.run.directory import RunDirectory

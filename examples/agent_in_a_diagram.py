@@ -16,7 +16,7 @@ from pydrake.trajectories import PiecewisePolynomial
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.bodies.drake import DrakeBody
-from selftouch_drake.experience import collect_walk
+from selftouch_drake.experience.collect import collect_walk
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import MakeDynamicStation, World
 

@@ -12,7 +12,7 @@ import yaml
 from fenced import blocks
 
 from selftouch_drake.cli import cli
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import (
     experiment_from_fields,
     load_experiment,

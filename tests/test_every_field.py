@@ -17,7 +17,7 @@ import trimesh
 import yaml
 from commands import selftouch
 
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import Experiment, load_experiment, merged
 from selftouch_drake.run.directory import RunDirectory
 

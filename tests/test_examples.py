@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from selftouch_drake.geometry import SimplifiedWarning
+from selftouch_drake.geometry.closing import SimplifiedWarning
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 

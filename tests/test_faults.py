@@ -20,7 +20,8 @@ from filelock import FileLock
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.bodies.embodiment import body_of
-from selftouch_drake.experience import ExperienceReader, StoreError, collect, require_complete
+from selftouch_drake.experience.collect import collect, require_complete
+from selftouch_drake.experience.store import ExperienceReader, StoreError
 from selftouch_drake.experiment import load_experiment, parse_fields
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run import stages

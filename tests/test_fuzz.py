@@ -22,17 +22,19 @@ from hypothesis import strategies as st
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning import smooth_path
+from selftouch_drake.agent.planning.smoothing import smooth_path
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.cli import cli, exit_status
-from selftouch_drake.experience import (
+from selftouch_drake.experience.store import (
     Contacts,
     ExperienceReader,
     Shard,
     StoreError,
+    WalkCounts,
+    read_counts,
+    shard_name,
     write_shard,
 )
-from selftouch_drake.experience.store import WalkCounts, read_counts, shard_name
 from selftouch_drake.experiment import (
     ExperimentError,
     dump_experiment,
@@ -41,7 +43,7 @@ from selftouch_drake.experiment import (
     parse_fields,
 )
 from selftouch_drake.files import load_arrays, save_arrays
-from selftouch_drake.geometry import mesh_file
+from selftouch_drake.geometry.surfaces import mesh_file
 from selftouch_drake.run.artifacts import (
     load_body,
     load_execution,

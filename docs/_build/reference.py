@@ -23,14 +23,32 @@ from selftouch_drake.run.metrics import METRICS
 API = {
     "agent": ("The naive agent", ("agent.agent", "agent.motions", "agent.rehearsal")),
     "representation": ("What the agent learns", ("agent.representation",)),
-    "shape": ("What the agent recovers", ("agent.shape",)),
-    "planning": ("How the agent plans", ("agent.planning",)),
-    "experience": ("Collecting and reading experience", ("experience",)),
+    "shape": (
+        "What the agent recovers",
+        ("agent.shape.recovery", "agent.shape.metrics", "agent.shape.embedding")
+        + ("agent.shape.homology", "agent.shape.dimension"),
+    ),
+    "planning": (
+        "How the agent plans",
+        ("agent.planning.planner", "agent.planning.prediction", "agent.planning.smoothing"),
+    ),
+    "experience": (
+        "Collecting and reading experience",
+        ("experience.collect", "experience.store", "experience.walk"),
+    ),
     "robot": ("Skins and robots in Drake", ("robot",)),
-    "geometry": ("Surfaces, skins and receptors", ("geometry",)),
+    "geometry": (
+        "Surfaces, skins and receptors",
+        ("geometry.surfaces", "geometry.closing", "geometry.hollow", "geometry.receptors")
+        + ("geometry.geodesics", "geometry.patches", "geometry.farthest"),
+    ),
     "experiment": ("Experiments", ("experiment",)),
     "run": ("Runs", ("run.directory", "run.artifacts", "run.stages")),
-    "evaluation": ("Scores against the truth", ("evaluation",)),
+    "evaluation": (
+        "Scores against the truth",
+        ("evaluation.coverage", "evaluation.kernels", "evaluation.motion", "evaluation.parts")
+        + ("evaluation.shape",),
+    ),
     "show": (
         "Pictures, recordings, live agent",
         ("show.run_data", "show.page.figures", "show.outputs", "show.meshcat.skin_visualizer"),

@@ -13,9 +13,12 @@ from scipy.sparse import csr_array
 
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.planning import Planner, predict_sensation
-from selftouch_drake.agent.planning.planner import checked_target
-from selftouch_drake.agent.planning.prediction import Prediction, recall_sensation
+from selftouch_drake.agent.planning.planner import Planner, checked_target
+from selftouch_drake.agent.planning.prediction import (
+    Prediction,
+    predict_sensation,
+    recall_sensation,
+)
 from selftouch_drake.agent.planning.route import Prefer
 from selftouch_drake.agent.planning.smoothing import KNOT_SPACING
 from selftouch_drake.agent.planning.touch_model import TouchModel
@@ -28,7 +31,7 @@ from selftouch_drake.agent.representation import (
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.practice import DryRun
-    from selftouch_drake.agent.shape import RecoveredBody
+    from selftouch_drake.agent.shape.recovery import RecoveredBody
 
 
 # No slots: the planner is built at first use, and kept.
@@ -94,7 +97,7 @@ class Agent:
 
     def recover(self, metric: str = "learned", *, seed: int = 0) -> RecoveredBody:
         """Recovers the body: shape, holes and dimension of each of its parts."""
-        from selftouch_drake.agent.shape import recover  # not needed to plan
+        from selftouch_drake.agent.shape.recovery import recover  # not needed to plan
 
         return recover(self.representation, metric, seed=seed)
 

@@ -15,7 +15,7 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Followed, ServoedBody
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning import Limits, checked_configuration
+from selftouch_drake.agent.planning.planner import Limits, checked_configuration
 from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.agent.practice import DryRun, NoWayError, dry_run, learn_from, practise
 from selftouch_drake.agent.rehearsal import Try, judge

@@ -16,7 +16,7 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Plan, steps
-from selftouch_drake.agent.planning import Limits
+from selftouch_drake.agent.planning.planner import Limits
 from selftouch_drake.agent.rehearsal import Try
 from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
 from selftouch_drake.agent.representation.quotient import stored_row

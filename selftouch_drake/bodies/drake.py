@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 
 from selftouch_drake.agent.body import Felt, Followed
 from selftouch_drake.agent.touch_profile import TouchProfile
-from selftouch_drake.experience import Contacts
+from selftouch_drake.experience.store import Contacts
 from selftouch_drake.robot import Log, Simulation, Touches, World
 from selftouch_drake.robot.imperfections import remembered
 from selftouch_drake.robot.servo import OFFSETS

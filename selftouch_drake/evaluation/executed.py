@@ -10,7 +10,7 @@ from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning import polyline
+from selftouch_drake.agent.planning.smoothing import polyline
 from selftouch_drake.agent.planning.timing import speed_shares
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.evaluation.motion import JERK_SPACING, jerk

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.experience import Contacts
-from selftouch_drake.geometry import ReceptiveFields
+from selftouch_drake.experience.store import Contacts
+from selftouch_drake.geometry.receptors import ReceptiveFields
 
 #: Share of touches at one place from which on the quotient space is the surface of the skin. With
 #: two fingers on one hand it is the space of their poses: 71 % of the touches of two fingers 6 cm

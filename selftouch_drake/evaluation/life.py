@@ -9,15 +9,15 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.records import Record
-from selftouch_drake.agent.shape import RecoveredBody
+from selftouch_drake.agent.shape.recovery import RecoveredBody
 from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
 from selftouch_drake.evaluation.motion import contact_along, random_pairs
 from selftouch_drake.evaluation.shape import shape_errors
-from selftouch_drake.experience import Contacts
+from selftouch_drake.experience.store import Contacts
 from selftouch_drake.robot import World
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.lifelong import OnlineLearner
+    from selftouch_drake.agent.lifelong.learner import OnlineLearner
 
 # No luck of a network's start is in this metric, and it takes a few seconds.
 _METRIC = "sensorimotor"

@@ -13,9 +13,9 @@ from scipy.spatial import cKDTree
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
 from selftouch_drake.evaluation.coverage import vertex_areas
 from selftouch_drake.evaluation.kernels import KernelTruth
-from selftouch_drake.experience import Contacts
-from selftouch_drake.geometry import ReceptiveFields, betti_of_patch, touched_patch
-from selftouch_drake.geometry.patches import parts_by_vertex
+from selftouch_drake.experience.store import Contacts
+from selftouch_drake.geometry.patches import betti_of_patch, parts_by_vertex, touched_patch
+from selftouch_drake.geometry.receptors import ReceptiveFields
 
 #: Two patches on different skins are one part if a receptor on one and a receptor on the other feel
 #: at the same time in at least this share of the touches of the rarer one, like neighbours on one

@@ -19,15 +19,10 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Felt
-from selftouch_drake.agent.lifelong import (
-    Explorer,
-    Life,
-    OnlineLearner,
-    PairSeeker,
-    PostureSampler,
-    TouchPairs,
-    Walker,
-)
+from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, Walker
+from selftouch_drake.agent.lifelong.learner import OnlineLearner
+from selftouch_drake.agent.lifelong.life import Life
+from selftouch_drake.agent.lifelong.pairs import PairSeeker, TouchPairs
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.experience.collect import keep_touches, stored_walks, time_left, walker_of
 from selftouch_drake.experience.store import ExperienceReader, Shard, WalkCounts, write_shard

@@ -19,17 +19,15 @@ from scipy.spatial import QhullError, cKDTree
 
 from selftouch_drake.experiment import SHAPES, Experiment, ExperimentError, Skin
 from selftouch_drake.experiment.receptor_files import ReceptorTable
-from selftouch_drake.geometry import (
-    HollowSkin,
+from selftouch_drake.geometry import surfaces
+from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
+from selftouch_drake.geometry.hollow import HollowSkin, hollow_skin
+from selftouch_drake.geometry.receptors import (
     ReceptiveFields,
-    SimplifiedWarning,
-    closed_surface,
     group_centres,
-    hollow_skin,
     place_receptors,
     placed_fields,
     receptive_fields,
-    surfaces,
 )
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.randomness import random_stream

@@ -39,7 +39,7 @@ from selftouch_drake.experiment import (
     skins_from_fields,
     yaml_sections,
 )
-from selftouch_drake.geometry import vtk_text
+from selftouch_drake.geometry.hollow import vtk_text
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.contact import SensorModel
 from selftouch_drake.robot.faces import FaceReader

@@ -31,7 +31,7 @@ from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 from selftouch_drake.run.metrics import keys_of
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.shape import RecoveredBody, RecoveredPart
+    from selftouch_drake.agent.shape.recovery import RecoveredBody, RecoveredPart
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -132,7 +132,7 @@ def load_body(run: RunDirectory, representation: QuotientRepresentation) -> Reco
         RunError: it is of another experiment.
         ValueError: a file is damaged.
     """
-    from selftouch_drake.agent.shape import RecoveredBody  # not needed to plan
+    from selftouch_drake.agent.shape.recovery import RecoveredBody  # not needed to plan
 
     remedy = f"run `selftouch learn {run.path}`"
     arrays: dict[str, np.ndarray] = {}
@@ -298,7 +298,9 @@ def _topology_arrays(body: RecoveredBody) -> dict[str, np.ndarray]:
 def _part_from(
     arrays: Arrays, number: int, representation: QuotientRepresentation, distances: np.ndarray
 ) -> RecoveredPart:
-    from selftouch_drake.agent.shape import Embedding, RecoveredPart, Topology
+    from selftouch_drake.agent.shape.embedding import Embedding
+    from selftouch_drake.agent.shape.homology import Topology
+    from selftouch_drake.agent.shape.recovery import RecoveredPart
 
     prefix = _prefix(number)
     of = {

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.calibration import Calibration
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import Experiment, dump_experiment, load_experiment
 from selftouch_drake.files import (
     content_digest,

@@ -21,8 +21,9 @@ from selftouch_drake.agent.calibration import Felt, felt_touches
 from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.pilot import RATE_HZ
 from selftouch_drake.agent.planning.timing import time_path
-from selftouch_drake.experience import Shard, walk_sizes, write_shard
+from selftouch_drake.experience.collect import walk_sizes
 from selftouch_drake.experience.recording import Recording, read_recording
+from selftouch_drake.experience.store import Shard, write_shard
 from selftouch_drake.experiment import (
     Experiment,
     ExperimentError,

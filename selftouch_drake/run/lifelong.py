@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from selftouch_drake.agent.lifelong import Life
+from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.bodies.embodiment import World, build_world
 from selftouch_drake.evaluation.life import LifeCurves, Quality, quality
-from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.experience.exploration import Exploration, new_life
+from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.files import save_arrays
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.stages import Progress, require_experience, silent

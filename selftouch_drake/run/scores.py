@@ -9,23 +9,21 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.shape import SHAPE_METRICS, RecoveredBody, recover
+from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
+from selftouch_drake.agent.shape.recovery import RecoveredBody, recover
 from selftouch_drake.bodies.embodiment import World
-from selftouch_drake.evaluation import (
-    KernelTruth,
-    TouchCounts,
-    TruePart,
-    coverage,
+from selftouch_drake.evaluation.coverage import coverage
+from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
+from selftouch_drake.evaluation.parts import TouchCounts, TruePart, true_parts
+from selftouch_drake.evaluation.shape import (
     distance_distortion,
-    kernel_truth,
     neighbour_agreement,
     parts_on_skins,
     shape_rms_fraction,
-    true_parts,
     trustworthiness,
 )
-from selftouch_drake.experience import ExperienceReader
-from selftouch_drake.geometry import surface_distances
+from selftouch_drake.experience.store import ExperienceReader
+from selftouch_drake.geometry.geodesics import surface_distances
 from selftouch_drake.run.directory import RunDirectory
 
 Metrics = dict[str, Any]

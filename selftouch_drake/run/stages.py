@@ -25,8 +25,7 @@ from selftouch_drake.agent.rehearsal import Try, best, judge
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.bodies.embodiment import World, pilot_in
 from selftouch_drake.bodies.living import LivingBody
-from selftouch_drake.experience import collect, how_to_collect, require_complete
-from selftouch_drake.experience.collect import robot_s
+from selftouch_drake.experience.collect import collect, how_to_collect, require_complete, robot_s
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run.artifacts import (
     load_agent,
@@ -134,7 +133,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
         ChangedBodyWarning: the body changed in the middle of the experience.
     """
     from selftouch_drake.agent.representation import learn as learn_quotient
-    from selftouch_drake.agent.shape import recover
+    from selftouch_drake.agent.shape.recovery import recover
     from selftouch_drake.run.scores import found_metrics
 
     began = time.perf_counter()

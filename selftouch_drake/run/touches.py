@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from selftouch_drake.bodies.embodiment import World
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.run.directory import RunDirectory
 
 # mN, largest force in the histogram from which the median comes.

@@ -9,15 +9,13 @@ import numpy as np
 
 from selftouch_drake.agent.motions import Execution
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.shape import RecoveredBody
-from selftouch_drake.evaluation import (
-    KernelTruth,
-    TouchCounts,
-    kernel_truth,
-    touch_density,
-)
+from selftouch_drake.agent.shape.recovery import RecoveredBody
+from selftouch_drake.evaluation.coverage import touch_density
+from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
 from selftouch_drake.evaluation.life import LifeCurves
-from selftouch_drake.experience import ExperienceReader, StoreError, require_complete
+from selftouch_drake.evaluation.parts import TouchCounts
+from selftouch_drake.experience.collect import require_complete
+from selftouch_drake.experience.store import ExperienceReader, StoreError
 from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.files import load_arrays
 from selftouch_drake.robot import World

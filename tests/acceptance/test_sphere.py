@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from acceptance_runs import made, metrics_of, selftouch
 
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience.store import ExperienceReader
 
 
 @pytest.fixture(scope="module")

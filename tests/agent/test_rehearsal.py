@@ -5,7 +5,7 @@ import pytest
 from test_memory import CHAIN
 
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning import smooth_path
+from selftouch_drake.agent.planning.smoothing import smooth_path
 from selftouch_drake.agent.rehearsal import Try, best, judge
 
 

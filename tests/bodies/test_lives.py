@@ -13,9 +13,9 @@ from lives import Travels
 from selftouch_drake.agent.body import BodyError
 from selftouch_drake.bodies.checked import CheckedBody
 from selftouch_drake.bodies.living import LivingBody
-from selftouch_drake.experience import ExperienceReader, require_complete
-from selftouch_drake.experience.collect import collect_walk
+from selftouch_drake.experience.collect import collect_walk, require_complete
 from selftouch_drake.experience.exploration import Exploration
+from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import experiment_from_fields
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory

@@ -9,9 +9,9 @@ import pytest
 from commands import refused, selftouch
 from lives import Bumpy
 
-from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.agent.lifelong import life as life_module
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.agent.lifelong.life import Life
+from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.files import load_arrays
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.show.page import motion_figures

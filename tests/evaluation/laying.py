@@ -2,15 +2,15 @@
 
 import numpy as np
 
-from selftouch_drake import geometry
-from selftouch_drake.evaluation import KernelTruth
-from selftouch_drake.experience import Contacts
+from selftouch_drake.evaluation.kernels import KernelTruth
+from selftouch_drake.experience.store import Contacts
+from selftouch_drake.geometry import farthest, receptors
 
 
 def skin_fields(surface, num_receptors=30):
     """Fields of receptors on a surface."""
-    p_LS = geometry.place_receptors(surface, num_receptors, seed=0)
-    return geometry.receptive_fields(surface, p_LS)
+    p_LS = receptors.place_receptors(surface, num_receptors, seed=0)
+    return receptors.receptive_fields(surface, p_LS)
 
 
 class Hand:
@@ -60,7 +60,7 @@ def kernels_on(touched, skins=None, number=60):
     """Kernels spread over the places `(n, 3)` that were touched on each skin."""
     positions, skin = [], []
     for s, p in enumerate(touched):
-        chosen = geometry.farthest_points(
+        chosen = farthest.farthest_points(
             lambda k, p=p: np.linalg.norm(p - p[k], axis=1), min(number, len(p))
         )
         positions.append(p[chosen])

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from selftouch_drake.evaluation import coverage, touch_density
+from selftouch_drake.evaluation.coverage import coverage, touch_density
 
 BALL = trimesh.creation.icosphere(subdivisions=4, radius=0.25)
 SMALL = trimesh.creation.icosphere(subdivisions=3, radius=0.125)

@@ -3,7 +3,8 @@ import pytest
 from laying import kernels_on, places
 
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.evaluation import kernel_truth, parts_on_skins, shape_errors
+from selftouch_drake.evaluation.kernels import kernel_truth
+from selftouch_drake.evaluation.shape import parts_on_skins, shape_errors
 
 
 def representation(sizes):

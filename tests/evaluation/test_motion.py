@@ -7,7 +7,7 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.motions import Motion, Plan
-from selftouch_drake.agent.planning import polyline, smooth_path
+from selftouch_drake.agent.planning.smoothing import polyline, smooth_path
 from selftouch_drake.evaluation.executed import (
     in_link_frames,
     off_skin,
@@ -21,7 +21,8 @@ from selftouch_drake.evaluation.motion import (
     score_motion,
     summarise,
 )
-from selftouch_drake.geometry import hollow_skin, sphere
+from selftouch_drake.geometry.hollow import hollow_skin
+from selftouch_drake.geometry.surfaces import sphere
 
 KNOWN = SimpleNamespace(target_sensations=np.eye(3), num_set_aside=0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from laying import kernels_on, places
 
-from selftouch_drake.evaluation import TouchCounts, true_parts
+from selftouch_drake.evaluation.parts import TouchCounts, true_parts
 
 
 def parts_of(fields, hand, truth):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from selftouch_drake.evaluation.paths import OwnPaths, TruePaths
-from selftouch_drake.experience import Contacts
+from selftouch_drake.experience.store import Contacts
 
 
 def contacts(places, skin=None):

@@ -6,8 +6,11 @@ from scipy.spatial import procrustes
 from scipy.spatial.distance import cdist, pdist
 from sklearn import manifold
 
-from selftouch_drake.evaluation import distance_distortion, trustworthiness
-from selftouch_drake.evaluation.shape import shape_rms_fraction
+from selftouch_drake.evaluation.shape import (
+    distance_distortion,
+    shape_rms_fraction,
+    trustworthiness,
+)
 
 
 def apart(points: np.ndarray) -> np.ndarray:

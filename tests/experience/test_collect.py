@@ -10,15 +10,15 @@ import yaml
 from selftouch_drake.agent.body import Felt
 from selftouch_drake.bodies.drake import DrakeBodies, DrakeBody
 from selftouch_drake.bodies.embodiment import body_of
-from selftouch_drake.experience import (
-    ExperienceReader,
-    StoreError,
+from selftouch_drake.experience.collect import (
+    NeverTouchesError,
     collect,
     collect_walk,
+    random_walk,
     walk_sizes,
+    walker_of,
 )
-from selftouch_drake.experience.collect import NeverTouchesError, random_walk, walker_of
-from selftouch_drake.experience.store import shard_name
+from selftouch_drake.experience.store import ExperienceReader, StoreError, shard_name
 from selftouch_drake.experiment import (
     dump_experiment,
     experiment_from_fields,

@@ -5,14 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.agent.lifelong import life as life_module
 from selftouch_drake.agent.lifelong import pairs as pairs_module
+from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.bodies.embodiment import body_of, make_bodies
-from selftouch_drake.experience import ExperienceReader, walk_sizes
-from selftouch_drake.experience.collect import walker_of
+from selftouch_drake.experience.collect import walk_sizes, walker_of
 from selftouch_drake.experience.exploration import Exploration, explore
-from selftouch_drake.experience.store import shard_name
+from selftouch_drake.experience.store import ExperienceReader, shard_name
 from selftouch_drake.experience.walk import CHOICE_S
 from selftouch_drake.experiment import Change, ExperimentError, load_experiment
 from selftouch_drake.run.directory import RunDirectory

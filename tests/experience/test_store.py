@@ -8,14 +8,16 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from selftouch_drake.experience import (
+from selftouch_drake.experience.store import (
     Contacts,
     ExperienceReader,
     Shard,
     StoreError,
+    WalkCounts,
+    read_counts,
+    shard_name,
     write_shard,
 )
-from selftouch_drake.experience.store import WalkCounts, read_counts, shard_name
 
 PRINT = "0123456789abcdef"
 

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.experience import RandomWalk
+from selftouch_drake.experience.walk import RandomWalk
 
 LOWER = np.array([-3.14, -1.0, -2.6, 0.5])
 UPPER = np.array([3.14, 2.6, 2.6, 0.75])

@@ -5,7 +5,9 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from selftouch_drake.geometry import SimplifiedWarning, capsule, closed_surface, hollow_skin, sphere
+from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
+from selftouch_drake.geometry.hollow import hollow_skin
+from selftouch_drake.geometry.surfaces import capsule, sphere
 from selftouch_drake.geometry.triangles import first_self_intersection, sample_triangles
 
 

@@ -4,7 +4,7 @@ import sys
 import numpy as np
 import pytest
 
-from selftouch_drake.geometry import farthest_points
+from selftouch_drake.geometry.farthest import farthest_points
 
 
 def _on_line(x):

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from selftouch_drake.geometry import surface_distances
+from selftouch_drake.geometry.geodesics import surface_distances
 
 
 def test_along_a_sphere_are_great_circles():

@@ -19,24 +19,24 @@ from pydrake.geometry import (
 from pydrake.math import RigidTransform
 from scipy.spatial import cKDTree
 
-from selftouch_drake import geometry
+from selftouch_drake.geometry import hollow, surfaces
 from selftouch_drake.geometry.triangles import first_self_intersection, sample_triangles
 from selftouch_drake.resources import EXPERIMENTS
 
 STANDARD_BODIES = {
-    "sphere": lambda: geometry.sphere(0.25),
-    "cube": lambda: geometry.cube(0.44),
-    "torus": lambda: geometry.torus(0.22, 0.09),
-    "ellipsoid": lambda: geometry.ellipsoid((0.30, 0.24, 0.20)),
-    "cylinder": lambda: geometry.cylinder(0.2, 0.4),
+    "sphere": lambda: surfaces.sphere(0.25),
+    "cube": lambda: surfaces.cube(0.44),
+    "torus": lambda: surfaces.torus(0.22, 0.09),
+    "ellipsoid": lambda: surfaces.ellipsoid((0.30, 0.24, 0.20)),
+    "cylinder": lambda: surfaces.cylinder(0.2, 0.4),
 }
 
 
-def _assert_sound(skin: geometry.HollowSkin) -> None:
+def _assert_sound(skin: hollow.HollowSkin) -> None:
     """All tetrahedra have positive volume; together they fill the wall between the surfaces."""
     outer = trimesh.Trimesh(skin.vertices, skin.faces, process=False)
     inner = trimesh.Trimesh(skin.inner_vertices, skin.faces, process=False)
-    volumes = geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra)
+    volumes = hollow.tet_volumes(skin.tet_vertices, skin.tetrahedra)
     assert skin.tetrahedra.shape == (6 * len(skin.faces), 4)
     assert volumes.min() > 0
     assert volumes.sum() == pytest.approx(outer.volume - inner.volume, rel=1e-9)
@@ -46,7 +46,7 @@ def _assert_sound(skin: geometry.HollowSkin) -> None:
     _assert_conforming(skin)
 
 
-def _assert_conforming(skin: geometry.HollowSkin) -> None:
+def _assert_conforming(skin: hollow.HollowSkin) -> None:
     """Every triangle is shared by two tetrahedra, but for those of the two surfaces."""
     triangles = np.sort(skin.tetrahedra[:, [[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]]])
     unique, count = np.unique(triangles.reshape(-1, 3), axis=0, return_counts=True)
@@ -59,29 +59,29 @@ def _assert_conforming(skin: geometry.HollowSkin) -> None:
 
 @pytest.mark.parametrize("name", STANDARD_BODIES)
 def test_standard_bodies_have_a_sound_skin(name):
-    _assert_sound(geometry.hollow_skin(STANDARD_BODIES[name](), 0.03, 0.01))
+    _assert_sound(hollow.hollow_skin(STANDARD_BODIES[name](), 0.03, 0.01))
 
 
 def test_cube_has_an_exact_cube_inside():
-    skin = geometry.hollow_skin(geometry.cube(0.44), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.cube(0.44), 0.03, 0.01)
     np.testing.assert_allclose(skin.inner_vertices, skin.vertices * 0.38 / 0.44, atol=1e-9)
     outermost = np.abs(skin.inner_vertices).max(axis=1)
     np.testing.assert_allclose(outermost, 0.19, rtol=0, atol=1e-12)
     middle = skin.tet_vertices[len(skin.vertices) : 2 * len(skin.vertices)]
     np.testing.assert_allclose(middle, skin.vertices * 0.41 / 0.44, atol=1e-9)
-    volumes = geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra)
+    volumes = hollow.tet_volumes(skin.tet_vertices, skin.tetrahedra)
     assert volumes.sum() == pytest.approx(0.44**3 - 0.38**3)
 
 
 def test_a_cube_of_corners_only_shrinks_too():
-    skin = geometry.hollow_skin(geometry.cube(0.5, resolution=0.5), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.cube(0.5, resolution=0.5), 0.03, 0.01)
     np.testing.assert_allclose(np.abs(skin.inner_vertices), 0.22)
 
 
 def test_inner_sphere_and_cylinder_are_a_thickness_smaller():
-    skin = geometry.hollow_skin(geometry.sphere(0.25), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.sphere(0.25), 0.03, 0.01)
     np.testing.assert_allclose(np.linalg.norm(skin.inner_vertices, axis=1), 0.22, atol=1e-4)
-    skin = geometry.hollow_skin(geometry.cylinder(0.2, 0.4), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.cylinder(0.2, 0.4), 0.03, 0.01)
     x, y, z = skin.inner_vertices.T
     assert np.hypot(x, y).max() == pytest.approx(0.17, abs=1e-4)
     np.testing.assert_allclose(np.abs(z).max(), 0.17)
@@ -93,7 +93,7 @@ def test_a_reflex_edge_is_mitred(tmp_path):
     mesh = solid.to_mesh()
     path = tmp_path / "l.ply"
     trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts).export(path)
-    skin = geometry.hollow_skin(geometry.mesh_file(path), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.mesh_file(path), 0.03, 0.01)
     _assert_sound(skin)
     inner = trimesh.Trimesh(skin.inner_vertices, skin.faces, process=False)
     assert inner.volume == pytest.approx((0.54 * 0.24 + 0.24 * 0.30) * 0.24, rel=1e-5)
@@ -102,13 +102,13 @@ def test_a_reflex_edge_is_mitred(tmp_path):
 def test_a_body_of_genus_two_has_a_sound_skin(tmp_path):
     surface = _two_tori(tmp_path)
     assert surface.euler_number == -2
-    skin = geometry.hollow_skin(surface, 0.03, 0.01)
-    assert geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
+    skin = hollow.hollow_skin(surface, 0.03, 0.01)
+    assert hollow.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
     _assert_conforming(skin)
 
 
 def _two_tori(tmp_path) -> trimesh.Trimesh:
-    ring = geometry.torus(0.2, 0.1)
+    ring = surfaces.torus(0.2, 0.1)
     solid = manifold3d.Manifold(
         manifold3d.Mesh64(np.array(ring.vertices), ring.faces.astype(np.uint64))
     )
@@ -118,7 +118,7 @@ def _two_tori(tmp_path) -> trimesh.Trimesh:
     trimesh.smoothing.filter_laplacian(surface, iterations=10)
     path = tmp_path / "two_tori.stl"
     surface.export(path)
-    return geometry.mesh_file(path)
+    return surfaces.mesh_file(path)
 
 
 @settings(max_examples=5, deadline=None)
@@ -128,28 +128,28 @@ def _two_tori(tmp_path) -> trimesh.Trimesh:
     thickness=st.floats(0.01, 0.04),
 )
 def test_any_wide_ellipsoid_has_a_sound_skin(radius, stretch, thickness):
-    surface = geometry.ellipsoid((radius, radius * stretch, radius), resolution=0.03)
-    _assert_sound(geometry.hollow_skin(surface, thickness, 0.01))
+    surface = surfaces.ellipsoid((radius, radius * stretch, radius), resolution=0.03)
+    _assert_sound(hollow.hollow_skin(surface, thickness, 0.01))
 
 
 def test_walls_that_do_not_fit_are_refused():
     def message(surface, thickness):
         with pytest.raises(ValueError, match=r"^thickness is") as caught:
-            geometry.hollow_skin(surface, thickness, 0.01)
+            hollow.hollow_skin(surface, thickness, 0.01)
         return str(caught.value)
 
     assert (
-        message(geometry.cube(0.44), -0.03)
+        message(surfaces.cube(0.44), -0.03)
         == "thickness is -0.03 m; give a positive length in metres"
     )
-    for surface in (geometry.torus(0.22, 0.025), geometry.cube(0.05), geometry.cylinder(0.2, 0.05)):
+    for surface in (surfaces.torus(0.22, 0.025), surfaces.cube(0.05), surfaces.cylinder(0.2, 0.05)):
         crushed = message(surface, 0.03)
         assert crushed.startswith("thickness is 0.03 m, thicker than the surface allows near (")
         assert crushed.endswith(") m; make the skin thinner or the surface larger")
     for surface in (
-        geometry.torus(0.22, 0.035),
-        geometry.cube(0.079),
-        geometry.cylinder(0.2, 0.079),
+        surfaces.torus(0.22, 0.035),
+        surfaces.cube(0.079),
+        surfaces.cylinder(0.2, 0.079),
     ):
         narrow = message(surface, 0.03)
         assert narrow.startswith(
@@ -161,19 +161,19 @@ def test_walls_that_do_not_fit_are_refused():
 
 def test_walls_just_wide_enough_are_accepted():
     for surface in (
-        geometry.torus(0.22, 0.045),
-        geometry.cube(0.082),
-        geometry.cylinder(0.2, 0.082),
+        surfaces.torus(0.22, 0.045),
+        surfaces.cube(0.082),
+        surfaces.cylinder(0.2, 0.082),
     ):
-        skin = geometry.hollow_skin(surface, 0.03, 0.01)
-        assert geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
+        skin = hollow.hollow_skin(surface, 0.03, 0.01)
+        assert hollow.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
 
 
 def test_a_cavity_that_nothing_enters_may_be_narrow():
-    slab = geometry.cube(0.062)
+    slab = surfaces.cube(0.062)
     with pytest.raises(ValueError, match="opposite walls"):
-        geometry.hollow_skin(slab, 0.03, 0.01)
-    skin = geometry.hollow_skin(slab, 0.03, None)
+        hollow.hollow_skin(slab, 0.03, 0.01)
+    skin = hollow.hollow_skin(slab, 0.03, None)
     assert np.abs(skin.inner_vertices).max() == pytest.approx(0.001)
 
 
@@ -182,8 +182,8 @@ def test_a_cavity_that_nothing_enters_may_be_narrow():
 def test_a_capsule_of_long_triangles_has_a_sound_skin(count, thickness):
     surface = trimesh.creation.capsule(height=0.3, radius=0.06, count=list(count))
     assert surface.edges_unique_length.max() > 0.25
-    skin = geometry.hollow_skin(surface, thickness, 0.01)
-    assert geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
+    skin = hollow.hollow_skin(surface, thickness, 0.01)
+    assert hollow.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
     inner = trimesh.Trimesh(skin.inner_vertices, skin.faces, process=False)
     assert inner.volume > 0
     assert first_self_intersection(skin.inner_vertices, skin.faces) is None
@@ -195,7 +195,7 @@ def test_a_capsule_of_long_triangles_has_a_sound_skin(count, thickness):
 
 @pytest.mark.parametrize("radius", [0.04, 0.06])
 def test_an_even_capsule_has_a_wall_as_thick_as_asked(radius):
-    skin = geometry.hollow_skin(geometry.capsule(radius, 0.3), 0.03, 0.005)
+    skin = hollow.hollow_skin(surfaces.capsule(radius, 0.3), 0.03, 0.005)
     x, y, z = skin.inner_vertices.T
     along = np.clip(z, -0.15, 0.15)
     depth = radius - np.linalg.norm([x, y, z - along], axis=0)
@@ -205,7 +205,7 @@ def test_an_even_capsule_has_a_wall_as_thick_as_asked(radius):
 def test_long_triangles_are_refused_for_the_right_reason():
     surface = trimesh.creation.capsule(height=0.3, radius=0.039, count=[32, 32])
     with pytest.raises(ValueError, match="opposite walls nearer than the diameter"):
-        geometry.hollow_skin(surface, 0.03, 0.01)
+        hollow.hollow_skin(surface, 0.03, 0.01)
 
 
 # Of the first version, at 0.03 m: vertices; steps from outer to inner vertices, and volumes of
@@ -223,18 +223,18 @@ FIRST_WALLS = {
 @pytest.mark.parametrize("name", FIRST_WALLS)
 def test_the_papers_bodies_keep_their_walls(name):
     coarse = {
-        "sphere": lambda: geometry.sphere(0.25, resolution=0.03),
-        "cube": lambda: geometry.cube(0.44, resolution=0.03),
-        "torus": lambda: geometry.torus(0.22, 0.09, resolution=0.03),
-        "ellipsoid": lambda: geometry.ellipsoid((0.30, 0.24, 0.20), resolution=0.03),
-        "cylinder": lambda: geometry.cylinder(0.2, 0.4, resolution=0.03),
-        "double_torus": lambda: geometry.mesh_file(
+        "sphere": lambda: surfaces.sphere(0.25, resolution=0.03),
+        "cube": lambda: surfaces.cube(0.44, resolution=0.03),
+        "torus": lambda: surfaces.torus(0.22, 0.09, resolution=0.03),
+        "ellipsoid": lambda: surfaces.ellipsoid((0.30, 0.24, 0.20), resolution=0.03),
+        "cylinder": lambda: surfaces.cylinder(0.2, 0.4, resolution=0.03),
+        "double_torus": lambda: surfaces.mesh_file(
             EXPERIMENTS / "meshes" / "double_torus.ply", resolution=0.03
         ),
     }
-    skin = geometry.hollow_skin(coarse[name](), 0.03, 0.01)
+    skin = hollow.hollow_skin(coarse[name](), 0.03, 0.01)
     steps = np.sort(np.linalg.norm(skin.inner_vertices - skin.vertices, axis=1))
-    volumes = np.sort(geometry.tet_volumes(skin.tet_vertices, skin.tetrahedra))
+    volumes = np.sort(hollow.tet_volumes(skin.tet_vertices, skin.tetrahedra))
     num_vertices, step_sum, volume_sum = FIRST_WALLS[name]
     assert len(skin.vertices) == num_vertices
     assert steps @ np.arange(num_vertices) == pytest.approx(step_sum, rel=1e-9)
@@ -242,9 +242,9 @@ def test_the_papers_bodies_keep_their_walls(name):
 
 
 def test_vtk_text_is_exact(tmp_path):
-    skin = geometry.hollow_skin(geometry.cube(0.5, resolution=0.5), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.cube(0.5, resolution=0.5), 0.03, 0.01)
     path = tmp_path / "skin.vtk"
-    path.write_text(geometry.vtk_text(skin))
+    path.write_text(hollow.vtk_text(skin))
     lines = path.read_text().splitlines()
     assert lines[:5] == [
         "# vtk DataFile Version 3.0",
@@ -262,8 +262,8 @@ def test_vtk_text_is_exact(tmp_path):
 
 
 def test_drake_feels_the_wall_and_nothing_inside(tmp_path):
-    ring = geometry.torus(0.22, 0.09, resolution=0.03)
-    (tmp_path / "skin.vtk").write_text(geometry.vtk_text(geometry.hollow_skin(ring, 0.03, 0.01)))
+    ring = surfaces.torus(0.22, 0.09, resolution=0.03)
+    (tmp_path / "skin.vtk").write_text(hollow.vtk_text(hollow.hollow_skin(ring, 0.03, 0.01)))
     in_wall, in_tube, in_hole, outside = _contact_surfaces(
         tmp_path / "skin.vtk", [(0.22, 0, 0.095), (0.22, 0, 0), (0, 0, 0), (0.22, 0, 0.11)]
     )
@@ -306,7 +306,7 @@ def _contact_surfaces(path, fingertips):
 
 
 def test_samples_cover_the_three_layers():
-    skin = geometry.hollow_skin(geometry.cube(0.44, resolution=0.05), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.cube(0.44, resolution=0.05), 0.03, 0.01)
     spacing = 0.006
     points = skin.samples(spacing)
     level = np.abs(points).max(axis=1)

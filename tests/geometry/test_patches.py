@@ -3,7 +3,8 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from selftouch_drake.geometry import betti_of_patch, sphere, torus, touched_patch
+from selftouch_drake.geometry.patches import betti_of_patch, touched_patch
+from selftouch_drake.geometry.surfaces import sphere, torus
 
 SPHERE = sphere(0.25, resolution=0.03)
 TORUS = torus(0.22, 0.09, resolution=0.03)

@@ -4,23 +4,23 @@ import numpy as np
 import pytest
 import trimesh
 
-from selftouch_drake import geometry
+from selftouch_drake.geometry import closing, hollow, surfaces
 from selftouch_drake.geometry.triangles import first_self_intersection
 
 # surface, Euler number, volume in m³, half extents in m
 STANDARD_BODIES = {
-    "sphere": (geometry.sphere(0.25), 2, 4 / 3 * math.pi * 0.25**3, (0.25, 0.25, 0.25)),
-    "cube": (geometry.cube(0.44), 2, 0.44**3, (0.22, 0.22, 0.22)),
-    "torus": (geometry.torus(0.22, 0.09), 0, 2 * math.pi**2 * 0.22 * 0.09**2, (0.31, 0.31, 0.09)),
+    "sphere": (surfaces.sphere(0.25), 2, 4 / 3 * math.pi * 0.25**3, (0.25, 0.25, 0.25)),
+    "cube": (surfaces.cube(0.44), 2, 0.44**3, (0.22, 0.22, 0.22)),
+    "torus": (surfaces.torus(0.22, 0.09), 0, 2 * math.pi**2 * 0.22 * 0.09**2, (0.31, 0.31, 0.09)),
     "ellipsoid": (
-        geometry.ellipsoid((0.30, 0.24, 0.20)),
+        surfaces.ellipsoid((0.30, 0.24, 0.20)),
         2,
         4 / 3 * math.pi * 0.30 * 0.24 * 0.20,
         (0.30, 0.24, 0.20),
     ),
-    "cylinder": (geometry.cylinder(0.2, 0.4), 2, math.pi * 0.2**2 * 0.4, (0.2, 0.2, 0.2)),
+    "cylinder": (surfaces.cylinder(0.2, 0.4), 2, math.pi * 0.2**2 * 0.4, (0.2, 0.2, 0.2)),
     "capsule": (
-        geometry.capsule(0.1, 0.3),
+        surfaces.capsule(0.1, 0.3),
         2,
         math.pi * 0.1**2 * (0.3 + 4 / 3 * 0.1),
         (0.1, 0.1, 0.25),
@@ -45,10 +45,10 @@ def test_standard_bodies_are_closed_even_and_of_the_right_size(name):
 
 
 def test_vertices_lie_on_the_surface():
-    np.testing.assert_allclose(np.linalg.norm(geometry.sphere(0.25).vertices, axis=1), 0.25)
-    x, y, z = geometry.torus(0.22, 0.09).vertices.T
+    np.testing.assert_allclose(np.linalg.norm(surfaces.sphere(0.25).vertices, axis=1), 0.25)
+    x, y, z = surfaces.torus(0.22, 0.09).vertices.T
     np.testing.assert_allclose(np.hypot(np.hypot(x, y) - 0.22, z), 0.09)
-    x, y, z = geometry.cylinder(0.2, 0.4).vertices.T
+    x, y, z = surfaces.cylinder(0.2, 0.4).vertices.T
     on_side = np.isclose(np.hypot(x, y), 0.2)
     on_cap = np.isclose(np.abs(z), 0.2)
     assert (on_side | on_cap).all()
@@ -59,7 +59,7 @@ def test_vertices_lie_on_the_surface():
     ("radius", "length", "resolution"), [(0.03, 0.2, 0.01), (0.05, 0.02, 0.02), (0.03, 0.3, 0.03)]
 )
 def test_capsules_of_all_sizes_are_even_and_true(radius, length, resolution):
-    surface = geometry.capsule(radius, length, resolution=resolution)
+    surface = surfaces.capsule(radius, length, resolution=resolution)
     assert surface.is_watertight
     assert surface.is_winding_consistent
     assert surface.volume > 0
@@ -73,7 +73,7 @@ def test_capsules_of_all_sizes_are_even_and_true(radius, length, resolution):
 
 
 def test_cube_is_a_regular_grid_with_sharp_edges():
-    surface = geometry.cube(0.44)
+    surface = surfaces.cube(0.44)
     outermost = np.isclose(np.abs(surface.vertices), 0.22, rtol=0, atol=1e-12).sum(axis=1)
     # 21 x 21 inside each of 6 faces, 21 on each of 12 edges, 8 corners.
     np.testing.assert_array_equal(np.bincount(outermost), [0, 6 * 21**2, 12 * 21, 8])
@@ -83,12 +83,12 @@ def test_cube_is_a_regular_grid_with_sharp_edges():
 
 def test_resolution_sets_the_edge_length():
     for resolution in (0.01, 0.03):
-        edges = geometry.sphere(0.25, resolution=resolution).edges_unique_length
+        edges = surfaces.sphere(0.25, resolution=resolution).edges_unique_length
         assert edges.mean() == pytest.approx(resolution, rel=0.1)
 
 
 def test_the_same_call_gives_the_same_bytes():
-    first, again = geometry.cylinder(0.2, 0.4), geometry.cylinder(0.2, 0.4)
+    first, again = surfaces.cylinder(0.2, 0.4), surfaces.cylinder(0.2, 0.4)
     assert first.vertices.tobytes() == again.vertices.tobytes()
     assert first.faces.tobytes() == again.faces.tobytes()
 
@@ -99,7 +99,7 @@ def test_mesh_file_keeps_its_frame_refined_and_closed(tmp_path, suffix):
     box = trimesh.creation.box(extents=(0.4, 0.3, 0.2))
     box.apply_translation((1, 2, 3))
     box.export(path)
-    surface = geometry.mesh_file(path)
+    surface = surfaces.mesh_file(path)
     assert surface.is_watertight
     np.testing.assert_allclose(surface.extents, (0.4, 0.3, 0.2), atol=1e-6)
     np.testing.assert_allclose(surface.bounds.mean(axis=0), (1, 2, 3), atol=1e-6)
@@ -111,7 +111,7 @@ def test_mesh_file_is_scaled_about_its_origin(tmp_path):
     box = trimesh.creation.box(extents=(400, 300, 200))
     box.apply_translation((1000, 2000, 3000))
     box.export(tmp_path / "box.stl")
-    surface = geometry.mesh_file(tmp_path / "box.stl", scale=0.001)
+    surface = surfaces.mesh_file(tmp_path / "box.stl", scale=0.001)
     np.testing.assert_allclose(surface.bounds, [(0.8, 1.85, 2.9), (1.2, 2.15, 3.1)], atol=1e-6)
 
 
@@ -121,8 +121,8 @@ def test_mesh_file_simplifies_a_scan_in_place(tmp_path):
     rough = 1 + 1e-3 * np.random.default_rng(0).standard_normal((len(scan.vertices), 1))
     scan.vertices = scan.vertices * rough + (5, 0, 0)
     scan.export(path)
-    with pytest.warns(geometry.SimplifiedWarning) as caught:
-        surface = geometry.mesh_file(path, resolution=0.03)
+    with pytest.warns(closing.SimplifiedWarning) as caught:
+        surface = surfaces.mesh_file(path, resolution=0.03)
     message = str(caught[0].message).replace(str(path), "FILE")
     assert message == (
         f"surface.mesh FILE was simplified from 81920 to {len(surface.faces)} triangles, for edges "
@@ -133,13 +133,13 @@ def test_mesh_file_simplifies_a_scan_in_place(tmp_path):
     assert 1500 < len(surface.faces) < 3500
     radius = np.linalg.norm(surface.vertices - (5, 0, 0), axis=1)
     np.testing.assert_allclose(radius, 0.25, rtol=0.01)
-    assert geometry.hollow_skin(surface, 0.03, 0.01).thickness == 0.03
+    assert hollow.hollow_skin(surface, 0.03, 0.01).thickness == 0.03
 
 
 def test_a_mesh_that_is_hardly_finer_than_asked_is_left_as_it_is(tmp_path, recwarn):
     ball = trimesh.creation.icosphere(subdivisions=5, radius=0.25)
     ball.export(tmp_path / "ball.ply")
-    surface = geometry.mesh_file(tmp_path / "ball.ply", resolution=0.015)
+    surface = surfaces.mesh_file(tmp_path / "ball.ply", resolution=0.015)
     assert len(surface.faces) == 20480
     assert not recwarn
 
@@ -150,7 +150,7 @@ def test_mesh_file_turns_an_inverted_mesh_over(tmp_path):
     box.invert()
     assert box.volume < 0
     box.export(path)
-    assert geometry.mesh_file(path).volume == pytest.approx(0.064, rel=1e-5)
+    assert surfaces.mesh_file(path).volume == pytest.approx(0.064, rel=1e-5)
 
 
 def _message(call, *args, **kwargs):
@@ -162,25 +162,25 @@ def _message(call, *args, **kwargs):
 
 
 def test_wrong_dimensions_are_named():
-    assert _message(geometry.sphere, -1) == "surface.radius is -1; give positive lengths in metres"
+    assert _message(surfaces.sphere, -1) == "surface.radius is -1; give positive lengths in metres"
     assert (
-        _message(geometry.cube, math.nan) == "surface.side is nan; give positive lengths in metres"
+        _message(surfaces.cube, math.nan) == "surface.side is nan; give positive lengths in metres"
     )
     assert (
-        _message(geometry.cylinder, 0.2, 0)
+        _message(surfaces.cylinder, 0.2, 0)
         == "surface.height is 0; give positive lengths in metres"
     )
     assert (
-        _message(geometry.ellipsoid, (0.3, 0, 0.2))
+        _message(surfaces.ellipsoid, (0.3, 0, 0.2))
         == "surface.semi_axes is (0.3, 0, 0.2); give positive lengths in metres"
     )
     assert (
-        _message(geometry.torus, 0.1, 0.2)
+        _message(surfaces.torus, 0.1, 0.2)
         == "surface.minor_radius is 0.2 m, which closes the hole of a torus with "
         "surface.major_radius 0.1 m; make it smaller"
     )
     assert (
-        _message(geometry.cube, 440)
+        _message(surfaces.cube, 440)
         == "surface.resolution 0.02 m cuts it into 5808000000 triangles, more than 50000; "
         "give a coarser resolution, and all lengths in metres"
     )
@@ -193,7 +193,7 @@ def test_wrong_mesh_files_are_named(tmp_path):
             path.write_bytes(content)
         elif content is not None:
             content.export(path)
-        return _message(geometry.mesh_file, path).replace(str(path), "FILE")
+        return _message(surfaces.mesh_file, path).replace(str(path), "FILE")
 
     box = trimesh.creation.box(extents=(0.4, 0.4, 0.4))
     lidless = trimesh.Trimesh(box.vertices, box.faces[1:], process=False)

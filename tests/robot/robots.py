@@ -7,7 +7,7 @@ import yaml
 from pydrake.geometry import HydroelasticContactRepresentation
 
 from selftouch_drake.bodies.drake import DrakeBody
-from selftouch_drake.experience import random_walk
+from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experiment import experiment_from_fields, load_experiment
 from selftouch_drake.robot import ImperfectSkins, World
 from selftouch_drake.robot.contact import SensorModel

@@ -13,7 +13,9 @@ from scipy.spatial import Delaunay, cKDTree
 
 from selftouch_drake.bodies.drake import DrakeBody
 from selftouch_drake.experience.collect import random_walk
-from selftouch_drake.geometry import hollow_skin, place_receptors, receptive_fields, surfaces
+from selftouch_drake.geometry import surfaces
+from selftouch_drake.geometry.hollow import hollow_skin
+from selftouch_drake.geometry.receptors import place_receptors, receptive_fields
 from selftouch_drake.robot import SkinModel
 from selftouch_drake.robot.contact import SensorModel
 from selftouch_drake.robot.faces import Faces

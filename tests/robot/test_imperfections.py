@@ -7,7 +7,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.bodies.drake import DrakeBodies
-from selftouch_drake.experience import random_walk
+from selftouch_drake.experience.collect import random_walk
 from selftouch_drake.experiment import Imperfections, JointSettings, load_experiment
 from selftouch_drake.robot import ImperfectSkins, Simulation, World
 from selftouch_drake.robot.imperfections import ImperfectSkin, remembered, slip, standard_noise

@@ -29,7 +29,7 @@ from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
-from selftouch_drake import geometry
+from selftouch_drake.geometry import hollow, receptors, surfaces
 from selftouch_drake.robot import (
     AddTactileSkin,
     RegisterSkin,
@@ -39,9 +39,9 @@ from selftouch_drake.robot import (
 from selftouch_drake.robot.faces import Faces
 
 SURFACES = {
-    "sphere": lambda: geometry.sphere(0.25),
-    "cube": lambda: geometry.cube(0.44),
-    "torus": lambda: geometry.torus(0.22, 0.09),
+    "sphere": lambda: surfaces.sphere(0.25),
+    "cube": lambda: surfaces.cube(0.44),
+    "torus": lambda: surfaces.torus(0.22, 0.09),
 }
 MODULUS = 3.0e4
 TIP_RADIUS = 0.01
@@ -61,12 +61,12 @@ def _rigid(resolution_hint: float, friction: float) -> ProximityProperties:
 
 
 def _skin(surface, *, link="covered", thickness=0.03, num_receptors=100):
-    p_LS = geometry.place_receptors(surface, num_receptors, seed=0)
+    p_LS = receptors.place_receptors(surface, num_receptors, seed=0)
     return SkinModel(
         name=link,
         link=link,
-        wall=geometry.hollow_skin(surface, thickness, TIP_RADIUS),
-        fields=geometry.receptive_fields(surface, p_LS),
+        wall=hollow.hollow_skin(surface, thickness, TIP_RADIUS),
+        fields=receptors.receptive_fields(surface, p_LS),
         hydroelastic_modulus=MODULUS,
         is_own_geometry=False,
     )
@@ -250,7 +250,7 @@ def test_every_pressed_point_is_felt_by_three_receptors(shape, seed):
 
 def test_opposite_walls_do_not_talk():
     # A disc so flat that fields measured through the body would reach the other side.
-    flat = TouchRig(geometry.cylinder(0.2, 0.07), thickness=0.02, num_receptors=50)
+    flat = TouchRig(surfaces.cylinder(0.2, 0.07), thickness=0.02, num_receptors=50)
     assert flat.fields.radius > 0.07
     for side in (1.0, -1.0):
         p_BF = [0.01, 0.02, side * (0.035 + TIP_RADIUS - 0.009)]
@@ -265,7 +265,7 @@ class Scale:
     MASS, SIZE = 0.2, (0.08, 0.08, 0.04)
 
     def __init__(self, joint):
-        model = _skin(geometry.cube(0.44))
+        model = _skin(surfaces.cube(0.44))
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.004)
         covered = plant.AddRigidBody("covered", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
@@ -363,7 +363,7 @@ def test_stacked_heads_feel_what_they_bear():
     """Two heads with skins, 2 kg and 1 kg, on vertical rails over a rigid floor."""
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.005)
-    surface = geometry.cube(0.2, resolution=0.1)
+    surface = surfaces.cube(0.2, resolution=0.1)
     floor = Box(1.0, 1.0, 0.2)
     X_WF = RigidTransform([0, 0, -0.2])
     plant.RegisterCollisionGeometry(plant.world_body(), X_WF, floor, "floor", _rigid(1.0, 0.2))

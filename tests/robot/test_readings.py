@@ -8,7 +8,8 @@ import yaml
 from commands import selftouch
 
 from selftouch_drake.experiment import Reading, load_experiment
-from selftouch_drake.geometry import group_centres, placed_fields, sphere
+from selftouch_drake.geometry.receptors import group_centres, placed_fields
+from selftouch_drake.geometry.surfaces import sphere
 from selftouch_drake.robot import World
 from selftouch_drake.robot.readings import readings
 from selftouch_drake.robot.simulation import MakeDynamicStation

@@ -8,7 +8,8 @@ import yaml
 from commands import selftouch
 
 from selftouch_drake.experiment import load_experiment
-from selftouch_drake.geometry import ellipsoid, placed_fields, sphere
+from selftouch_drake.geometry.receptors import placed_fields
+from selftouch_drake.geometry.surfaces import ellipsoid, sphere
 from selftouch_drake.robot import World
 from selftouch_drake.robot.skins import make_skins
 

@@ -19,17 +19,17 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph, ContactModel, C
 from pydrake.multibody.tree import SpatialInertia
 from pydrake.systems.framework import DiagramBuilder
 
-from selftouch_drake import geometry
+from selftouch_drake.geometry import hollow, receptors, surfaces
 from selftouch_drake.robot import AddTactileSkin, RegisterSkin, SkinModel, UnfeltContactWarning
 from selftouch_drake.robot.faces import Faces
 
 
 @pytest.fixture(scope="module")
 def skin():
-    surface = geometry.sphere(0.1)
-    wall = geometry.hollow_skin(surface, 0.03, None)
-    p_LS = geometry.place_receptors(surface, 20, seed=0)
-    fields = geometry.receptive_fields(surface, p_LS)
+    surface = surfaces.sphere(0.1)
+    wall = hollow.hollow_skin(surface, 0.03, None)
+    p_LS = receptors.place_receptors(surface, 20, seed=0)
+    fields = receptors.receptive_fields(surface, p_LS)
     return SkinModel(
         name="palm",
         link="body",

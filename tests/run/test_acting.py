@@ -16,7 +16,7 @@ from selftouch_drake.agent.rehearsal import best, judge
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import bodies_of, pilot_in
 from selftouch_drake.cli import main
-from selftouch_drake.evaluation import random_pairs
+from selftouch_drake.evaluation.motion import random_pairs
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World

@@ -14,7 +14,7 @@ import pytest
 from raw_skin import fibonacci, recorded
 
 from selftouch_drake.cli import cli, exit_status
-from selftouch_drake.experience import ExperienceReader
+from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import ExperimentError
 from selftouch_drake.files import load_arrays
 from selftouch_drake.run import imported, stages

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.lifelong import Life
 from selftouch_drake.agent.lifelong import life as life_module
+from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.evaluation.life import LifeCurves
-from selftouch_drake.experience import ExperienceReader
 from selftouch_drake.experience.exploration import Exploration
+from selftouch_drake.experience.store import ExperienceReader
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays
 from selftouch_drake.run import stages

@@ -5,8 +5,9 @@ import json
 import numpy as np
 import pytest
 
-from selftouch_drake.evaluation import TruePart, random_pairs
-from selftouch_drake.experience import Contacts, Shard, write_shard
+from selftouch_drake.evaluation.motion import random_pairs
+from selftouch_drake.evaluation.parts import TruePart
+from selftouch_drake.experience.store import Contacts, Shard, write_shard
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays
 from selftouch_drake.robot import World

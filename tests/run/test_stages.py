@@ -11,9 +11,15 @@ from scipy.spatial.distance import pdist
 
 from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.shape import recover
-from selftouch_drake.evaluation import kernel_truth
-from selftouch_drake.experience import Contacts, ExperienceReader, Shard, StoreError, write_shard
+from selftouch_drake.agent.shape.recovery import recover
+from selftouch_drake.evaluation.kernels import kernel_truth
+from selftouch_drake.experience.store import (
+    Contacts,
+    ExperienceReader,
+    Shard,
+    StoreError,
+    write_shard,
+)
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.robot import World

@@ -12,12 +12,14 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning import smooth_path
+from selftouch_drake.agent.planning.smoothing import smooth_path
 from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.shape import Embedding, RecoveredBody, RecoveredPart, topology
+from selftouch_drake.agent.shape.embedding import Embedding
+from selftouch_drake.agent.shape.homology import topology
+from selftouch_drake.agent.shape.recovery import RecoveredBody, RecoveredPart
 from selftouch_drake.evaluation.life import LifeCurves
-from selftouch_drake.experience import Contacts, Shard, write_shard
+from selftouch_drake.experience.store import Contacts, Shard, write_shard
 from selftouch_drake.experiment import experiment_from_fields
 from selftouch_drake.files import save_arrays
 from selftouch_drake.robot import Robot, World

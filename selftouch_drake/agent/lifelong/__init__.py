@@ -5,20 +5,3 @@ The agent knows what it expects to feel (`expectation`), and how much its touche
 goes on with what still holds (`life`). Where it goes is decided in `explorer`, what it learns in
 `learner`. Nothing in this knows what a joint is, or its unit. See `docs/changing_body.md`.
 """
-
-from selftouch_drake.agent.lifelong.expectation import TouchSet
-from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, Walker
-from selftouch_drake.agent.lifelong.learner import OnlineLearner
-from selftouch_drake.agent.lifelong.life import Life
-from selftouch_drake.agent.lifelong.pairs import PairSeeker, TouchPairs
-
-__all__ = [
-    "Explorer",
-    "Life",
-    "OnlineLearner",
-    "PairSeeker",
-    "PostureSampler",
-    "TouchPairs",
-    "TouchSet",
-    "Walker",
-]

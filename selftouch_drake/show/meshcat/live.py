@@ -11,8 +11,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.pilot import Pilot
-from selftouch_drake.evaluation import cosine_distance
-from selftouch_drake.geometry import farthest_points
+from selftouch_drake.evaluation.motion import cosine_distance
+from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.robot import Simulation
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
 from selftouch_drake.show.meshcat.stage import END, FRAME_S

@@ -20,7 +20,7 @@ from selftouch_drake.show.skins import surfaces_of, typical_extent
 from selftouch_drake.show.view import VIEW
 
 if TYPE_CHECKING:
-    from selftouch_drake.agent.lifelong import Life
+    from selftouch_drake.agent.lifelong.life import Life
 
 # Frames of each block of touches.
 _FRAMES = 15

@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from selftouch_drake.agent.motions import NO_KERNEL
 from selftouch_drake.experiment import dump_experiment
-from selftouch_drake.geometry import farthest_points
+from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.robot.describe import description
 from selftouch_drake.run.artifacts import load_motion, stored_pairs
 from selftouch_drake.run.directory import MissingError

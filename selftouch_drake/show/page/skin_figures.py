@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from scipy.spatial import cKDTree
 
-from selftouch_drake.geometry import farthest_points
+from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.show.page.scene import add_scene, balls, draw, finish_row, surface, visible
 from selftouch_drake.show.skins import SkinSurface, as_one, typical_extent
 from selftouch_drake.show.style import AMOUNT, BLUE, SKIN, styled

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from skins import touch
 
-from selftouch_drake.agent.lifelong import TouchSet
+from selftouch_drake.agent.lifelong.expectation import TouchSet
 
 
 @pytest.fixture(scope="package")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.lifelong import TouchSet, explanation
-from selftouch_drake.agent.lifelong.expectation import Expectation, cosine_distance
+from selftouch_drake.agent.lifelong import explanation
+from selftouch_drake.agent.lifelong.expectation import Expectation, TouchSet, cosine_distance
 from selftouch_drake.agent.lifelong.explanation import NewReceptors, explain_change
 
 NUM_OLD = 6000

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.agent.lifelong import OnlineLearner, PostureSampler, Walker
 from selftouch_drake.agent.lifelong import explorer as module
+from selftouch_drake.agent.lifelong.explorer import PostureSampler, Walker
+from selftouch_drake.agent.lifelong.learner import OnlineLearner
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from skins import touch
 
-from selftouch_drake.agent.lifelong import OnlineLearner
 from selftouch_drake.agent.lifelong import learner as module
+from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")

@@ -5,8 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.lifelong import Life, OnlineLearner, TouchSet, explanation
+from selftouch_drake.agent.lifelong import explanation
 from selftouch_drake.agent.lifelong import life as module
+from selftouch_drake.agent.lifelong.expectation import TouchSet
+from selftouch_drake.agent.lifelong.learner import OnlineLearner
+from selftouch_drake.agent.lifelong.life import Life
 
 pytestmark = pytest.mark.filterwarnings("ignore:the quotient graph fell")
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from selftouch_drake.agent.lifelong import PairSeeker, TouchPairs
-from selftouch_drake.agent.lifelong.pairs import touching_pairs
+from selftouch_drake.agent.lifelong.pairs import PairSeeker, TouchPairs, touching_pairs
 
 NUM_JOINTS = 8
 FINGER, BODY = 6, 60

@@ -7,7 +7,7 @@ from pydrake.multibody.tree import RevoluteJoint, SpatialInertia
 from pydrake.trajectories import BsplineTrajectory
 from scipy.interpolate import BSpline
 
-from selftouch_drake.agent.planning import smooth_path
+from selftouch_drake.agent.planning.smoothing import smooth_path
 from selftouch_drake.agent.planning.timing import fastest_progress
 
 VELOCITY = np.array([1.0, 1.5, 2.0])

@@ -3,8 +3,8 @@ import pytest
 from kernels_by_hand import laid_by_hand
 
 from selftouch_drake.agent.memory import RehearsalMemory
-from selftouch_drake.agent.planning import Planner
 from selftouch_drake.agent.planning.novelty import Recorded
+from selftouch_drake.agent.planning.planner import Planner
 
 # Kernel 0 can be left from 0.0, near what was recorded, or from 9.0, far from it.
 KNOWN = laid_by_hand([[9.0, 0.0], [1.0, 2.0], [3.0]], [[0, 1], [1, 2]])

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.memory import RehearsalMemory, Slides
-from selftouch_drake.agent.planning import Planner, predict_sensation
-from selftouch_drake.evaluation import jerk_reduction
+from selftouch_drake.agent.planning.planner import Planner
+from selftouch_drake.agent.planning.prediction import predict_sensation
+from selftouch_drake.evaluation.motion import jerk_reduction
 
 
 @pytest.fixture(scope="module")

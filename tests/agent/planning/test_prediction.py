@@ -3,8 +3,8 @@ import pytest
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.motions import NO_KERNEL
-from selftouch_drake.agent.planning import Planner, predict_sensation
-from selftouch_drake.agent.planning.prediction import recall_sensation
+from selftouch_drake.agent.planning.planner import Planner
+from selftouch_drake.agent.planning.prediction import predict_sensation, recall_sensation
 
 SENSORS = 2 * np.pi * np.arange(12) / 12
 

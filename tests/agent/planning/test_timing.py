@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.agent.planning import smooth_path, timing
+from selftouch_drake.agent.planning import timing
+from selftouch_drake.agent.planning.smoothing import smooth_path
 from selftouch_drake.agent.planning.timing import speed_shares, time_path
 
 VELOCITY = np.array([1.0, 1.5, 2.0])

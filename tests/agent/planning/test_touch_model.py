@@ -6,7 +6,8 @@ from kernels_by_hand import laid_by_hand
 from scipy.sparse import csr_array
 
 from selftouch_drake.agent.memory import RehearsalMemory, Slides
-from selftouch_drake.agent.planning import Planner, touch_model
+from selftouch_drake.agent.planning import touch_model
+from selftouch_drake.agent.planning.planner import Planner
 from selftouch_drake.agent.planning.touch_model import TouchModel
 
 #: A ring of skin round a rigid core, touched by a point whose x is the sum of the first three

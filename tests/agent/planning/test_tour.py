@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from selftouch_drake.agent.motions import NO_KERNEL
-from selftouch_drake.agent.planning import Planner
+from selftouch_drake.agent.planning.planner import Planner
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from skins import on_sphere, readings, receptors
 
-from selftouch_drake.agent.planning import Planner
+from selftouch_drake.agent.planning.planner import Planner
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.quotient import NO_MODE, mattering
 

@@ -5,8 +5,7 @@ import pytest
 from bodies import sphere
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.shape import recover
-from selftouch_drake.agent.shape.recovery import LEAST_MARGIN, MOST_ERROR, unevenness
+from selftouch_drake.agent.shape.recovery import LEAST_MARGIN, MOST_ERROR, recover, unevenness
 
 
 def touched(num_touches, noise):

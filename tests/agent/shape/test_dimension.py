@@ -17,8 +17,12 @@ from scipy.spatial.distance import pdist, squareform
 
 from selftouch_drake.agent.representation import geodesics
 from selftouch_drake.agent.representation.graphs import neighbour_edges
-from selftouch_drake.agent.shape import curvature_corrected_mds, intrinsic_dimension
-from selftouch_drake.agent.shape.dimension import skin_dimension, space_dimension
+from selftouch_drake.agent.shape.dimension import (
+    intrinsic_dimension,
+    skin_dimension,
+    space_dimension,
+)
+from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
 
 
 def measured(points, noise=0.05, seed=0):

@@ -8,8 +8,11 @@ from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation import geodesics
-from selftouch_drake.agent.shape import curvature_corrected_mds
-from selftouch_drake.agent.shape.embedding import classical_embedding, stress_embedding
+from selftouch_drake.agent.shape.embedding import (
+    classical_embedding,
+    curvature_corrected_mds,
+    stress_embedding,
+)
 
 
 @settings(max_examples=20, deadline=None)

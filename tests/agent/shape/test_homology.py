@@ -9,8 +9,7 @@ from ripser import ripser
 from scipy.sparse.csgraph import minimum_spanning_tree
 from scipy.spatial.distance import pdist, squareform
 
-from selftouch_drake.agent.shape import topology
-from selftouch_drake.agent.shape.homology import alpha_filtration, circumspheres
+from selftouch_drake.agent.shape.homology import alpha_filtration, circumspheres, topology
 
 
 @pytest.mark.parametrize(

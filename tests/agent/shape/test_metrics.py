@@ -6,14 +6,11 @@ from threadpoolctl import threadpool_limits
 from selftouch_drake import experiment
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.graphs import neighbour_edges, surface_neighbours
-from selftouch_drake.agent.shape import (
-    SHAPE_METRICS,
-    intrinsic_dimension,
-    metrics,
-    recover,
-    topology,
-)
-from selftouch_drake.agent.shape.recovery import DistrustWarning
+from selftouch_drake.agent.shape import metrics
+from selftouch_drake.agent.shape.dimension import intrinsic_dimension
+from selftouch_drake.agent.shape.homology import topology
+from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
+from selftouch_drake.agent.shape.recovery import DistrustWarning, recover
 
 
 @pytest.fixture(scope="module")

@@ -4,8 +4,8 @@ from bodies import flat_torus, shape_error
 from skins import touch
 
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.shape import fitted_surface, recover
-from selftouch_drake.agent.shape.recovery import DistrustWarning
+from selftouch_drake.agent.shape.homology import fitted_surface
+from selftouch_drake.agent.shape.recovery import DistrustWarning, recover
 
 
 @pytest.fixture(scope="module")

@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from bodies import cube, sphere, torus
 
-from selftouch_drake.agent.shape import fitted_surface, topology
-from selftouch_drake.agent.shape.homology import rolled_surface
+from selftouch_drake.agent.shape.homology import fitted_surface, rolled_surface, topology
 
 
 def euler(faces: np.ndarray) -> int:
