@@ -1,19 +1,16 @@
-"""What only the experimenter knows of an executed motion: tracking, limits, fingertips in space."""
+"""What only the experimenter knows of an executed motion: tracking, limits, time off the skin."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial import cKDTree
 
-from selftouch_drake.agent.motions import Execution, Motion, Plan
-from selftouch_drake.agent.planning.smoothing import polyline
+from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.planning.timing import speed_shares
-from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.evaluation.motion import JERK_SPACING, jerk
 from selftouch_drake.robot import Log, World
 from selftouch_drake.robot.robot import JointLimits
 
@@ -31,9 +28,6 @@ class ExecutedTruth:
         limit_shares: by kind, as of `limit_shares`.
         force: N, the largest sum of a sensation.
         impossible: steps of the plant at which rigid parts were too deep in each other.
-        tip_jerk_planned: how many times less the fingertips jerk along the plan than along its
-            polyline; None if the plan stays.
-        tip_jerk_measured: as executed.
         off_skin_s: s, off every skin by more than a ball's radius; None if not only balls touch.
     """
 
@@ -42,19 +36,14 @@ class ExecutedTruth:
     limit_shares: dict[str, float]
     force: float
     impossible: int
-    tip_jerk_planned: float | None
-    tip_jerk_measured: float | None
     off_skin_s: float | None
 
 
 class ExecutionJudge:
-    """Holds motions that were executed in a world against the truth.
+    """Holds motions that were executed in a world against the truth."""
 
-    The representation is the one used to make the plans.
-    """
-
-    def __init__(self, world: World, representation: QuotientRepresentation):
-        self._world, self._representation = world, representation
+    def __init__(self, world: World):
+        self._world = world
         radii = [toucher.radius for toucher in world.experiment.touching.values()]
         self._radii = [radius for radius in radii if radius is not None]
         self._walls: list[cKDTree] | None = None  # of the skins, if nothing but balls touches them
@@ -64,20 +53,12 @@ class ExecutionJudge:
     def truth(self, execution: Execution, log: Log) -> ExecutedTruth:
         """One executed motion, held against the log of its simulation."""
         world, motion, q = self._world, execution.motion, log.q
-        scaled = self._representation.scaled
-        progress = progress_along(motion.s, scaled(motion.q), scaled(q))
-        planned = measured = None
-        if len(motion.plan.links) > 1:
-            planned = tip_jerk_reduction(motion.plan, motion.s, motion.q, self._tips)
-            measured = tip_jerk_reduction(motion.plan, progress, q, self._tips)
         return ExecutedTruth(
             tracking=np.square(q - motion.q).mean(axis=0),
             turns=world.robot.turns,
             limit_shares=limit_shares(motion, q, execution.torque, world.limits),
             force=float(execution.felt.sum(axis=1).max()),
             impossible=int(np.sum(world.probe.collision_depth(log.q_steps) > 0)),
-            tip_jerk_planned=planned,
-            tip_jerk_measured=measured,
             off_skin_s=self.off_skin_s(execution),
         )
 
@@ -90,10 +71,6 @@ class ExecutionJudge:
         p_LT = in_link_frames(robot.toucher_positions(q), robot.skin_positions(q))
         off = off_skin(p_LT, np.array(self._radii), self._walls) & motion.touching
         return float(np.sum(off[:-1] * np.diff(motion.time_s)))
-
-    def _tips(self, q: np.ndarray) -> np.ndarray:
-        """`(N, D)` m, where the fingertips are at `(N, J)` configurations."""
-        return self._world.robot.toucher_positions(q).reshape(len(q), -1)
 
 
 def off_skin(p_LT: np.ndarray, radius: np.ndarray, walls: Sequence[cKDTree]) -> np.ndarray:
@@ -143,57 +120,3 @@ def limit_shares(
         "acceleration": acceleration,
         "torque": float(np.max(np.abs(torque) / limits.torque)),
     }
-
-
-def progress_along(s: np.ndarray, q: np.ndarray, q_measured: np.ndarray) -> np.ndarray:
-    """`(T,)` rad, the place on the planned path nearest to where the robot was; it never falls.
-
-    The robot lags behind by milliradians. Where the plan begins and ends at rest its progress is as
-    small, so that the measured path over planned progress would seem to jerk there.
-
-    Args:
-        s: `(T,)` rad, where on the planned path the robot was meant to be.
-        q: `(T, J)` rad, planned and scaled.
-        q_measured: `(T, J)` rad, likewise.
-    """
-    moved = _moved(s)
-    if moved.sum() < 2:
-        return s
-    path = CubicSpline(s[moved], q[moved])
-    at = s.astype(float)
-    for _ in range(3):
-        tangent = path(at, 1)
-        ahead = np.sum((q_measured - path(at)) * tangent, axis=1)
-        at = at + ahead / np.maximum(np.sum(np.square(tangent), axis=1), 1e-12)
-        at = at.clip(s[0], s[-1])
-    return np.maximum.accumulate(at)
-
-
-def tip_jerk_reduction(
-    plan: Plan, s: np.ndarray, q: np.ndarray, tips: Callable[[np.ndarray], np.ndarray]
-) -> float | None:
-    """How many times smaller the jerk of fingertips in space is than along the plan's polyline.
-
-    Both are sampled every 0.02 rad of planned path length; jerk is the root mean square of third
-    differences, so that it measures the path, and not the speed along it.
-
-    Args:
-        plan: the plan.
-        s: `(T,)` rad, where on its path the robot was.
-        q: `(T, J)` rad or m, its configurations there.
-        tips: from `(N, J)` configurations to `(N, D)` m.
-
-    Returns:
-        None if the robot did not move.
-    """
-    moved = _moved(s)
-    if moved.sum() < 2:
-        return None
-    at = np.linspace(s[0], s[-1], max(5, int(np.ptp(s) / JERK_SPACING)))
-    smooth = jerk(CubicSpline(s[moved], tips(q)[moved])(at))
-    return jerk(tips(polyline(plan.waypoints_q, plan.waypoint_s)(at))) / smooth if smooth else None
-
-
-def _moved(s: np.ndarray) -> np.ndarray:
-    """`(T,)` whether `s` is beyond all before."""
-    return np.concatenate([[True], np.diff(s) > 1e-6])

@@ -120,7 +120,7 @@ class FirstTries:
         pilot.agent = self.agent
         pilot.get_ready()
         world = bodies.world
-        self._judge = None if world is None else ExecutionJudge(world, representation)
+        self._judge = None if world is None else ExecutionJudge(world)
         self._own = OwnPaths(representation)
         self._true = None if world is None else TruePaths([s.fields for s in world.skins])
 
@@ -291,9 +291,6 @@ def _truth_metrics(truths: Sequence[ExecutedTruth]) -> dict[str, Any]:
         return {}
     tracking, turns = np.mean([truth.tracking for truth in truths], axis=0), truths[0].turns
     return {
-        "planning_fingertip_jerk_reduction": _of_known(
-            np.median, (t.tip_jerk_planned for t in truths)
-        ),
         "execution_impossible_postures": sum(truth.impossible for truth in truths),
         "execution_tracking_rms_rad": _of_known(_root_mean, tracking[turns]),
         "execution_tracking_rms_m": _of_known(_root_mean, tracking[~turns]),
@@ -303,9 +300,6 @@ def _truth_metrics(truths: Sequence[ExecutedTruth]) -> dict[str, Any]:
             for kind in truths[0].limit_shares
         },
         "execution_time_off_skin_s": _of_known(sum, (t.off_skin_s for t in truths)),
-        "execution_fingertip_jerk_reduction": _of_known(
-            np.median, (t.tip_jerk_measured for t in truths)
-        ),
     }
 
 

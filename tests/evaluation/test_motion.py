@@ -3,7 +3,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
-from scipy.interpolate import CubicSpline
 from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.motions import Motion, Plan
@@ -11,8 +10,6 @@ from selftouch_drake.agent.planning.smoothing import polyline, smooth_path
 from selftouch_drake.evaluation.executed import (
     in_link_frames,
     off_skin,
-    progress_along,
-    tip_jerk_reduction,
 )
 from selftouch_drake.evaluation.motion import (
     calibration,
@@ -183,52 +180,6 @@ def test_places_in_the_frames_of_links_that_move():
     for t, row in enumerate(X_WL):
         for link, X in enumerate(row):
             np.testing.assert_allclose(found[t, link], X.inverse().multiply(p_WT[t].T).T)
-
-
-def test_spatial_jerk_compares_paths_and_not_their_speed():
-    waypoints_q = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [2.0, 1.0]])
-    plan = SimpleNamespace(waypoints_q=waypoints_q, waypoint_s=np.arange(4.0))
-
-    def to_space(q):
-        return np.concatenate([q, np.zeros((len(q), 1))], axis=1)
-
-    round_corners = CubicSpline(np.arange(4.0), waypoints_q)
-    slow, fast = np.linspace(0.0, 3.0, 400), 3.0 * np.linspace(0.0, 1.0, 500) ** 2
-    reductions = [tip_jerk_reduction(plan, s, round_corners(s), to_space) for s in (slow, fast)]
-    assert reductions[0] > 10.0
-    assert reductions == pytest.approx([reductions[0]] * 2, rel=0.02)
-    dense = np.linspace(0.0, 3.0, 3001)
-    corners = np.stack([np.interp(dense, np.arange(4.0), w) for w in waypoints_q.T], axis=1)
-    same = tip_jerk_reduction(plan, dense, corners, to_space)
-    assert same == pytest.approx(1.0, rel=0.05)
-
-
-def test_a_robot_that_does_not_move_has_no_jerk():
-    waypoints_q = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
-    plan = SimpleNamespace(waypoints_q=waypoints_q, waypoint_s=np.arange(3.0))
-    assert tip_jerk_reduction(plan, np.zeros(50), np.zeros((50, 2)), np.asarray) is None
-
-
-def test_an_arm_that_lags_behind_has_come_less_far():
-    time_s = np.linspace(0.0, 1.0, 201)
-
-    def at_time(t):
-        return 10 * t**3 - 15 * t**4 + 6 * t**5
-
-    def path(s):
-        return np.stack([np.cos(s), np.sin(s)], axis=1)
-
-    late = (time_s - 0.02).clip(0.0)
-    off = 1.002 * path(at_time(late))
-    found = progress_along(at_time(time_s), path(at_time(time_s)), off)
-    assert found == pytest.approx(at_time(late), abs=1e-4)
-    # One that goes back has come as far as it was.
-    assert np.all(np.diff(progress_along(time_s, path(time_s), path(time_s[::-1]))) >= 0.0)
-
-
-def test_an_arm_that_stays_makes_no_progress():
-    s, q = np.zeros(2), np.ones((2, 3))
-    assert np.array_equal(progress_along(s, q, q + 0.001), s)
 
 
 def test_a_calibrated_band_holds_what_it_promises():

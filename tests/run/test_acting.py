@@ -349,7 +349,6 @@ def test_trials_score_first_tries_and_rehearsals(run, world):
     assert figures["rehearsal_contact_worst"] >= figures["execution_contact_worst"]
     assert figures["rehearsal_reach_rate"] >= figures["execution_reach_rate"]
     assert 1.0 <= figures["rehearsal_tries_mean"] <= 3.0
-    assert figures["execution_fingertip_jerk_reduction"] > 5.0
     assert figures["execution_time_off_skin_s"] >= figures["rehearsal_time_off_skin_s"] >= 0.0
     assert figures["planning_impossible_postures"] == 0
     assert figures["execution_impossible_postures"] == 0
@@ -391,7 +390,7 @@ def test_before_practice_the_agent_has_followed_nothing(run, world, monkeypatch)
 
 
 def test_a_robot_that_does_not_move_costs_its_pair_alone(run, world, monkeypatch):
-    """Its measured path has no jerk to compare; all else is scored."""
+    """It lies far from its path; the other pair is scored as ever."""
     take_log, number = world.simulation.take_log, itertools.count()
 
     def stuck():
@@ -402,11 +401,9 @@ def test_a_robot_that_does_not_move_costs_its_pair_alone(run, world, monkeypatch
     execution = dataclasses.replace(run.experiment.execution, max_tries=1)
     run = RunDirectory(run.path, dataclasses.replace(run.experiment, execution=execution))
     trials, _ = try_pairs(run, DrakeBodies(world), load_agent(run), stages.silent)
-    assert [one.truth.tip_jerk_measured is None for one in trials] == [True, False]
-    moved = trials[1].truth.tip_jerk_measured
-    figures = trial_metrics(trials)
-    assert figures["execution_fingertip_jerk_reduction"] == moved
-    assert "execution_fingertip_jerk_reduction" not in trial_metrics(trials[:1])
+    stayed, moved = (np.sqrt(one.truth.tracking.max()) for one in trials)
+    assert stayed > 0.1 > 0.01 > moved
+    assert trial_metrics(trials)["execution_tracking_rms_rad"] > 0.1 * stayed
 
 
 def test_impossible_postures_are_counted_on_plans_and_on_every_step(run, world, monkeypatch):
