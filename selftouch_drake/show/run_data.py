@@ -31,7 +31,7 @@ from selftouch_drake.run.directory import MissingError, RunDirectory
 from selftouch_drake.run.stages import make_world
 from selftouch_drake.run.worlds import require_robot
 from selftouch_drake.show.recovered import RecoveredSkin, laid_on_skins
-from selftouch_drake.show.skins import SkinSurface, surfaces_of
+from selftouch_drake.show.skins import SkinSurface, all_moved, surfaces_of
 
 #: The targets that name a plan, in order; the first is a text if it begins in any configuration.
 Targets = tuple[int | str, ...]
@@ -86,6 +86,11 @@ class RunData:
         robot = self.world.robot
         q = robot.plant.GetPositions(robot.plant.CreateDefaultContext())
         return robot.skin_positions(q[None])[0]
+
+    @property
+    def skins_at_home(self) -> list[SkinSurface]:
+        """The skins where they are drawn."""
+        return all_moved(self.skins, self.home)
 
     @cached_property
     def touch_density(self) -> list[np.ndarray]:

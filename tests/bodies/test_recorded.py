@@ -103,8 +103,7 @@ def test_its_life_goes_on_in_the_body_and_notices_what_changed(tmp_path, monkeyp
     assert len(life["noticed"]) == 1
     assert np.isnan(life["error"]).all()
     assert ExperienceReader(run / "met").num_rows >= 2000
-    curves = RunData(RunDirectory.open(run)).life
-    assert len(motion_figures.life(curves).axes) == 2
+    assert len(motion_figures.life(RunData(RunDirectory.open(run))).axes) == 2
 
 
 @pytest.mark.parametrize(

@@ -90,7 +90,7 @@ def test_a_life_is_shown_and_kept_as_curves(run):
         np.array_equal(array, kept.to_arrays()[name], equal_nan=True)
         for name, array in curves.to_arrays().items()
     )
-    assert len(motion_figures.life(kept).axes) == 4
+    assert len(motion_figures.life(RunData(run)).axes) == 4
 
 
 def test_an_active_life_goes_on_in_a_changed_body(tmp_path, monkeypatch):

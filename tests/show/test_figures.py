@@ -1,4 +1,5 @@
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -159,9 +160,17 @@ def test_a_plan_over_several_skins_is_shown_skin_by_skin():
 
 def test_time_in_the_air_is_no_lost_contact():
     execution = execution_of("two_skins")
-    figure = motion_figures.felt_and_predicted(execution)
+    data = SimpleNamespace(shown_pair=(0, 1), execution=lambda *pair: execution)
+    figure = motion_figures.felt_and_predicted(data)
     labels = [text.get_text() for text in figure.axes[2].get_legend().get_texts()]
     assert labels == ["in the air"]
+
+
+def graph_of(embedding, edges, parts):
+    """The data of a quotient graph, whose edges all cost the same."""
+    known = SimpleNamespace(embedding=embedding, edges=edges, edge_cost=np.ones(len(edges)))
+    kernels = [SimpleNamespace(kernels=part) for part in parts]
+    return SimpleNamespace(representation=known, body=SimpleNamespace(parts=kernels))
 
 
 def test_parts_are_shown_apart():
@@ -169,7 +178,7 @@ def test_parts_are_shown_apart():
     embedding[8] = np.nan  # a fragment
     edges = np.array([[0, 1], [1, 2], [4, 5]])
     parts = [np.arange(4), np.arange(4, 8)]
-    figure = quotient_graph(embedding, edges, np.ones(3), parts)
+    figure = quotient_graph(graph_of(embedding, edges, parts))
     titles = [ax.get_title(loc="left") for ax in figure.axes[:2]]
     assert titles == ["part 0: 4 kernels", "part 1: 4 kernels"]
     assert [len(ax.collections[0].get_segments()) for ax in figure.axes[:2]] == [2, 1]
@@ -179,11 +188,12 @@ def test_a_line_in_a_plane_is_shown_from_above_with_its_holes():
     angle = np.linspace(0, 2 * np.pi, 20, endpoint=False)
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(20)], axis=1)
     edges = np.stack([np.arange(20), np.roll(np.arange(20), -1)], axis=1)
-    ax, _ = quotient_graph(ring, edges, np.ones(20), [np.arange(20)]).axes
+    ax, _ = quotient_graph(graph_of(ring, edges, [np.arange(20)])).axes
     drawn = np.asarray(ax.collections[1].get_offsets())
     assert np.hypot(*drawn.T) == pytest.approx(np.ones(20)), "as a circle"
     diagram = [np.array([[0.0, 0.1]]), np.array([[0.2, 1.0]])]
-    (bars,) = persistence({0: diagram}, {0: (1, 1)}).axes
+    part = SimpleNamespace(topology=SimpleNamespace(diagram=diagram, betti=(1, 1)))
+    (bars,) = persistence(SimpleNamespace(body=SimpleNamespace(parts=[part]))).axes
     assert bars.get_title(loc="left") == "components: 1, loops: 1"
 
 

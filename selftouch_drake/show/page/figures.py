@@ -13,16 +13,14 @@ from selftouch_drake.files import written_whole
 from selftouch_drake.run.artifacts import load_motion
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.run.stages import Progress, silent
-from selftouch_drake.show.page import (
-    motion_figures,
-    robot_pictures,
-    shape_figures,
-    skin_figures,
-)
+from selftouch_drake.show.page import motion_figures, robot_pictures
+from selftouch_drake.show.page.motion_figures import felt_and_predicted, life
+from selftouch_drake.show.page.shape_figures import body_shape, persistence, quotient_graph
+from selftouch_drake.show.page.skin_figures import coverage, sensation_map
 from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.run_data import RunData
-from selftouch_drake.show.skins import SkinSurface, all_moved
+from selftouch_drake.show.skins import all_moved
 from selftouch_drake.show.style import DPI
 
 # Candidate postures for the picture of the agent.
@@ -41,40 +39,6 @@ def agent(data: RunData) -> Figure:
     return robot_pictures.agent(all_moved(data.skins, poses[clear]), shape.at(q[clear]))
 
 
-def coverage(data: RunData) -> Figure:
-    """Where babbling touched the skins."""
-    return skin_figures.coverage(_skins(data), data.touch_density)
-
-
-def sensation_map(data: RunData) -> Figure:
-    """Where some of the target sensations are felt, by number."""
-    targets = data.representation.target_sensations
-    return skin_figures.sensation_map(_skins(data), targets)
-
-
-def quotient_graph(data: RunData) -> Figure:
-    """The quotient graph in the embedding."""
-    known, parts = data.representation, [part.kernels for part in data.body.parts]
-    return shape_figures.quotient_graph(known.embedding, known.edges, known.edge_cost, parts)
-
-
-def body_shape(data: RunData) -> Figure:
-    """The body and the body that the agent recovered (paper, figure 3)."""
-    error = data.run.metrics().get("surface_rms_fraction")
-    return shape_figures.body_shape(_skins(data), data.recovered, rms_fraction=error)
-
-
-def persistence(data: RunData) -> Figure:
-    """Components, loops and voids of each part of the recovered body."""
-    found = {n: part.topology for n, part in enumerate(data.body.parts) if part.topology}
-    if not found:
-        raise MissingError("no part of the recovered body is a surface; babble longer")
-    return shape_figures.persistence(
-        {n: topology.diagram for n, topology in found.items()},
-        {n: topology.betti for n, topology in found.items()},
-    )
-
-
 def plan_path(data: RunData) -> Figure:
     """One plan over the skins (paper, figure 4)."""
     motion = load_motion(data.run, *data.shown_pair)
@@ -84,17 +48,7 @@ def plan_path(data: RunData) -> Figure:
     )
     if not paths:
         raise MissingError("the plan of this figure touches nothing; evaluate again")
-    return motion_figures.plan_path(_skins(data), paths, known, len(motion.q))
-
-
-def felt_and_predicted(data: RunData) -> Figure:
-    """Felt and predicted sensations along that plan."""
-    return motion_figures.felt_and_predicted(data.execution(*data.shown_pair))
-
-
-def life(data: RunData) -> Figure:
-    """The life of the agent, as curves."""
-    return motion_figures.life(data.life)
+    return motion_figures.plan_path(data.skins_at_home, paths, known, len(motion.q))
 
 
 # In the order of the paper. The name is that of the file.
@@ -140,11 +94,6 @@ def draw_figures(
             _write(figure, for_papers, dpi=2 * DPI, metadata={"CreationDate": None})
         drawn[name] = path
     return drawn
-
-
-def _skins(data: RunData) -> list[SkinSurface]:
-    """The skins where they are drawn."""
-    return all_moved(data.skins, data.home)
 
 
 def _write(figure: Figure, path: Path, *, dpi: int, metadata: dict[str, None]) -> None:

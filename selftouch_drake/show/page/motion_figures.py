@@ -8,8 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from selftouch_drake.agent.motions import Execution
-from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.show.page.scene import (
     add_scene,
     balls,
@@ -20,6 +18,7 @@ from selftouch_drake.show.page.scene import (
     visible,
 )
 from selftouch_drake.show.paths import SkinPath, evenly_spaced
+from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinSurface
 from selftouch_drake.show.style import BLUE, GREEN, ORANGE, PRESSURE, SKIN, SKY, VERMILION, styled
 from selftouch_drake.show.view import View
@@ -125,8 +124,9 @@ def _draw_paths(
 
 
 @styled
-def felt_and_predicted(execution: Execution) -> Figure:
-    """What was felt along an executed plan, what had been predicted, and how alike they are."""
+def felt_and_predicted(data: RunData) -> Figure:
+    """What was felt along that plan, what had been predicted, and how alike they are."""
+    execution = data.execution(*data.shown_pair)
     time_s = execution.motion.time_s
     felt_shape, predicted_shape = _unit(execution.felt), _unit(execution.motion.predicted)
     loudness = np.maximum(felt_shape.max(axis=0), predicted_shape.max(axis=0))
@@ -176,8 +176,9 @@ def _unit(rows: np.ndarray) -> np.ndarray:
 
 
 @styled
-def life(curves: LifeCurves) -> Figure:
+def life(data: RunData) -> Figure:
     """Coverage, shape error, contact and surprise; changes of the body, and when it noticed."""
+    curves = data.life
     at = curves.touches
     panels = [
         ("receptors that have felt", "%", at, 100 * curves.coverage, BLUE),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from selftouch_drake.lazy import trimesh
+from selftouch_drake.run.directory import MissingError
 from selftouch_drake.show.page.scene import (
     ColoredMesh,
     add_scene,
@@ -25,7 +26,8 @@ from selftouch_drake.show.page.scene import (
     visible,
 )
 from selftouch_drake.show.recovered import RecoveredSkin
-from selftouch_drake.show.skins import SkinSurface, as_one, typical_extent
+from selftouch_drake.show.run_data import RunData
+from selftouch_drake.show.skins import as_one, typical_extent
 from selftouch_drake.show.style import AMOUNT, BLUE, GREEN, INK, ORANGE, RECOVERED, SKIN, styled
 from selftouch_drake.show.view import View
 
@@ -39,19 +41,10 @@ _COLUMNS = 4
 
 
 @styled
-def body_shape(
-    skins: Sequence[SkinSurface],
-    parts: Sequence[RecoveredSkin],
-    *,
-    rms_fraction: float | None = None,
-) -> Figure:
-    """The body, the body that the agent recovered, and both in one (paper, figure 3).
-
-    Args:
-        skins: in one frame.
-        parts: the recovered parts, each laid on its skins in the same frame.
-        rms_fraction: error of the recovered positions, as a share of the body's extent.
-    """
+def body_shape(data: RunData) -> Figure:
+    """The body, the body that the agent recovered, and both in one (paper, figure 3)."""
+    skins, parts = data.skins_at_home, data.recovered
+    rms_fraction = data.run.metrics().get("surface_rms_fraction")
     skin = as_one(skins)
     offsets = [
         part.positions.mean(axis=0) - skins[part.skins[0]].vertices.mean(axis=0) for part in parts
@@ -91,25 +84,20 @@ def body_shape(
 
 
 @styled
-def persistence(
-    diagrams: Mapping[int, Sequence[np.ndarray]], betti: Mapping[int, Sequence[int]]
-) -> Figure:
-    """The persistence of components, loops and voids, as bars.
-
-    Args:
-        diagrams: of each part, by its number, the births and deaths `(bars, 2)` for H0, H1 and, in
-            space, H2; a death may be infinite.
-        betti: of each part how many of each are held to be true.
-    """
-    rows, columns = -(-len(diagrams) // _COLUMNS), min(len(diagrams), _COLUMNS)
+def persistence(data: RunData) -> Figure:
+    """Components, loops and voids of each part of the recovered body, as bars."""
+    found = {n: part.topology for n, part in enumerate(data.body.parts) if part.topology}
+    if not found:
+        raise MissingError("no part of the recovered body is a surface; babble longer")
+    rows, columns = -(-len(found) // _COLUMNS), min(len(found), _COLUMNS)
     figure = Figure(figsize=(max(2.8 * columns, 6.0), 0.8 + 2.4 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False).ravel()
-    for (part, diagram), ax in zip(diagrams.items(), axes, strict=False):
-        _draw_bars(ax, diagram)
-        held = [f"{kind}: {n}" for (kind, _), n in zip(_KINDS, betti[part], strict=False)]
-        short = f"part {part}: {', '.join(map(str, betti[part]))}"
-        ax.set(title=short if len(diagrams) > 1 else ", ".join(held))
-    for ax in axes[len(diagrams) :]:
+    for (part, topology), ax in zip(found.items(), axes, strict=False):
+        _draw_bars(ax, topology.diagram)
+        held = [f"{kind}: {n}" for (kind, _), n in zip(_KINDS, topology.betti, strict=False)]
+        short = f"part {part}: {', '.join(map(str, topology.betti))}"
+        ax.set(title=short if len(found) > 1 else ", ".join(held))
+    for ax in axes[len(found) :]:
         ax.set_axis_off()
     figure.supxlabel("radius of the balls round the kernels (unit of each part)", fontsize=9)
     handles = [Line2D([], [], color=color, linewidth=2.5, label=kind) for kind, color in _KINDS]
@@ -154,21 +142,14 @@ def _draw_bars(ax: Axes, diagram: Sequence[np.ndarray]) -> None:
 
 
 @styled
-def quotient_graph(
-    embedding: np.ndarray, edges: np.ndarray, edge_cost: np.ndarray, parts: Sequence[np.ndarray]
-) -> Figure:
+def quotient_graph(data: RunData) -> Figure:
     """The quotient graph, laid out as the agent embeds it.
 
     One part is shown from the front and from above; several, each in its own unit, from the front.
     A part that was laid out in a plane is shown from above.
-
-    Args:
-        embedding: `(K, 3)` arbitrary unit and pose of each part; NaN in fragments, and 0 in the
-            third coordinate of parts that were laid out in a plane.
-        edges: `(E, 2)` pairs of kernels.
-        edge_cost: `(E,)` rad.
-        parts: the kernels of each part.
     """
+    known, parts = data.representation, [part.kernels for part in data.body.parts]
+    embedding, edges, edge_cost = known.embedding, known.edges, known.edge_cost
     low, high = np.quantile(edge_cost, [0.02, 0.98]) if len(edge_cost) else (0.0, 1.0)
     norm = Normalize(low, max(high, low + 1e-9))
     above = View(elevation=90.0, azimuth=-90.0)

@@ -14,6 +14,7 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.show.page.scene import add_scene, balls, draw, finish_row, surface, visible
+from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinSurface, as_one, typical_extent
 from selftouch_drake.show.style import AMOUNT, BLUE, SKIN, styled
 from selftouch_drake.show.view import View
@@ -25,10 +26,11 @@ _REACH = 0.25
 
 
 @styled
-def coverage(skins: Sequence[SkinSurface], density: Sequence[np.ndarray]) -> Figure:
-    """Where skins in one frame were touched, from both sides: `(V,)` touches / cm² of each."""
+def coverage(data: RunData) -> Figure:
+    """Where babbling touched the skins, from both sides."""
+    skins, density = data.skins_at_home, data.touch_density
     skin = _centred(skins)
-    amount = np.concatenate(list(density))
+    amount = np.concatenate(density)
     offsets = [
         np.average(each.vertices, axis=0, weights=touches + 1e-12) - each.vertices.mean(axis=0)
         for each, touches in zip(skins, density, strict=True)
@@ -52,10 +54,10 @@ def coverage(skins: Sequence[SkinSurface], density: Sequence[np.ndarray]) -> Fig
 
 
 @styled
-def sensation_map(skins: Sequence[SkinSurface], target_sensations: np.ndarray) -> Figure:
-    """Where some of `(K, S)` target sensations are felt, by number, on skins in one frame."""
-    skin = _centred(skins)
-    places = felt_places(skins, target_sensations)
+def sensation_map(data: RunData) -> Figure:
+    """Where some of the target sensations are felt, by number."""
+    skins = data.skins_at_home
+    skin, places = _centred(skins), felt_places(skins, data.representation.target_sensations)
     places += skin.vertices[0] - skins[0].vertices[0]
     named = farthest_points(lambda k: np.linalg.norm(places - places[k], axis=1), _NUM_NAMED)
     figure = Figure(figsize=(10.5, 5.5), layout="constrained")
