@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 
 def _fields(ctx: click.Context, option: click.Parameter, text: str) -> dict[str, Any]:
-    from selftouch_drake.experiment import parse_fields
+    from selftouch_drake.experiment.loading import parse_fields
 
     return parse_fields(text)
 

@@ -13,11 +13,8 @@ from fenced import blocks
 
 from selftouch_drake.cli import cli
 from selftouch_drake.experience.store import ExperienceReader
-from selftouch_drake.experiment import (
-    experiment_from_fields,
-    load_experiment,
-    load_skins,
-)
+from selftouch_drake.experiment import experiment_from_fields, load_experiment
+from selftouch_drake.experiment.loading import load_skins
 from selftouch_drake.resources import EXPERIMENTS, shipped
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.naming import default_path

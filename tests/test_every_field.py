@@ -18,7 +18,8 @@ import yaml
 from commands import selftouch
 
 from selftouch_drake.experience.store import ExperienceReader
-from selftouch_drake.experiment import Experiment, load_experiment, merged
+from selftouch_drake.experiment import Experiment, load_experiment
+from selftouch_drake.experiment.loading import merged
 from selftouch_drake.run.directory import RunDirectory
 
 # A sphere with few triangles and receptors: quick to build, and touched often.

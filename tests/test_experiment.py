@@ -8,18 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from selftouch_drake.experiment import (
-    SHAPE_METRICS,
-    SHAPES,
     Experiment,
     ExperimentError,
     Skin,
-    SurfaceSettings,
     dump_experiment,
     experiment_from_fields,
     load_experiment,
-    merged,
-    parse_fields,
 )
+from selftouch_drake.experiment.loading import merged, parse_fields
+from selftouch_drake.experiment.schema import SHAPE_METRICS, SHAPES, SurfaceSettings
 from selftouch_drake.randomness import STREAMS
 from selftouch_drake.resources import EXPERIMENTS, shipped
 

@@ -22,7 +22,8 @@ from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.bodies.embodiment import body_of
 from selftouch_drake.experience.collect import collect, require_complete
 from selftouch_drake.experience.store import ExperienceReader, StoreError
-from selftouch_drake.experiment import load_experiment, parse_fields
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.experiment.loading import parse_fields
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.run import stages
 from selftouch_drake.run.artifacts import load_representation, save_memory

@@ -40,8 +40,8 @@ from selftouch_drake.experiment import (
     dump_experiment,
     experiment_from_fields,
     load_experiment,
-    parse_fields,
 )
+from selftouch_drake.experiment.loading import parse_fields
 from selftouch_drake.files import load_arrays, save_arrays
 from selftouch_drake.geometry.surfaces import mesh_file
 from selftouch_drake.run.artifacts import (

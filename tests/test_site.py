@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from selftouch_drake.cli import cli
-from selftouch_drake.experiment import Babbling, Experiment, Skin
+from selftouch_drake.experiment import Experiment, Skin
+from selftouch_drake.experiment.schema import Babbling
 from selftouch_drake.run.directory import Inside, RunDirectory
 from selftouch_drake.run.metrics import METRICS
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import click
 
-from selftouch_drake import experiment
+from selftouch_drake.experiment import schema
 from selftouch_drake.cli import cli
 from selftouch_drake.experiment import Experiment
 from selftouch_drake.resources import EXPERIMENTS, SWEEPS, shipped, summary
@@ -42,7 +42,7 @@ API = {
         ("geometry.surfaces", "geometry.closing", "geometry.hollow", "geometry.receptors")
         + ("geometry.geodesics", "geometry.patches", "geometry.farthest"),
     ),
-    "experiment": ("Experiments", ("experiment",)),
+    "experiment": ("Experiments", ("experiment.loading", "experiment.schema")),
     "run": ("Runs", ("run.directory", "run.artifacts", "run.stages")),
     "evaluation": (
         "Scores against the truth",
@@ -223,7 +223,7 @@ def _comments(schema: type) -> Iterator[tuple[str, str]]:
 def _with_choices(text: str) -> str:
     """Names of constants become what they hold."""
     for name in ("SHAPES", "SHAPE_METRICS"):
-        choices = ", ".join(f"`{choice}`" for choice in getattr(experiment, name))
+        choices = ", ".join(f"`{choice}`" for choice in getattr(schema, name))
         text = re.sub(rf"(One of|one of) {name}\b", rf"\1 {choices}", text)
     return text
 

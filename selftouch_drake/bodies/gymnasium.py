@@ -13,7 +13,8 @@ import numpy as np
 from selftouch_drake.agent.body import BodyError, Felt, Followed
 from selftouch_drake.bodies.drive import Actions, Drive, Kind, find_actions
 from selftouch_drake.bodies.own import load_class, make_instance, split_reference
-from selftouch_drake.experiment import GymnasiumSettings, closest, shown
+from selftouch_drake.experiment import closest, shown
+from selftouch_drake.experiment.schema import GymnasiumSettings
 
 #: Share of the velocity limits at which a body travels to what it is to feel.
 _SLOW = 0.5

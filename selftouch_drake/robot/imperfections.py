@@ -9,7 +9,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.special import ndtri
 
-from selftouch_drake.experiment import Experiment, Imperfections, Reading, SkinChange
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.experiment.schema import Imperfections, Reading, SkinChange
 from selftouch_drake.robot.readings import readings
 from selftouch_drake.robot.skins import SkinModel
 

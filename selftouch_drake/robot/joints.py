@@ -19,7 +19,8 @@ from pydrake.multibody.tree import (
     WeldJoint,
 )
 
-from selftouch_drake.experiment import Experiment, ExperimentError, SkinChange
+from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.experiment.schema import SkinChange
 from selftouch_drake.robot.links import all_joints, find_link, find_named
 from selftouch_drake.robot.models import RobotModel, parse
 

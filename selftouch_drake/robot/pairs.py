@@ -18,7 +18,8 @@ from pydrake.geometry import (
 from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, Frame, RevoluteJoint, RigidBody
 
-from selftouch_drake.experiment import Experiment, ExperimentError, Reading
+from selftouch_drake.experiment import Experiment, ExperimentError
+from selftouch_drake.experiment.schema import Reading
 from selftouch_drake.robot.kinematics import joint_tree
 from selftouch_drake.robot.links import all_links, link_geometries
 from selftouch_drake.robot.skins import SkinModel

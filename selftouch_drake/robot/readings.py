@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from selftouch_drake.experiment import Reading
+from selftouch_drake.experiment.schema import Reading
 
 
 def readings(force: np.ndarray, reading: Reading, before: np.ndarray | None = None) -> np.ndarray:

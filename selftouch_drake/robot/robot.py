@@ -10,7 +10,8 @@ from pydrake.geometry import HydroelasticContactRepresentation, SceneGraph
 from pydrake.multibody.plant import ContactModel, DiscreteContactApproximation, MultibodyPlant
 from pydrake.multibody.tree import Joint, PdControllerGains
 
-from selftouch_drake.experiment import ExecutionSettings, Experiment
+from selftouch_drake.experiment import Experiment
+from selftouch_drake.experiment.schema import ExecutionSettings
 from selftouch_drake.robot.joints import change_joints, fix_joints
 from selftouch_drake.robot.kinematics import Kinematics, joint_tree
 from selftouch_drake.robot.links import scoped_name

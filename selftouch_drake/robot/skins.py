@@ -17,8 +17,9 @@ from pydrake.multibody.tree import RigidBody
 from scipy.sparse import csr_matrix
 from scipy.spatial import QhullError, cKDTree
 
-from selftouch_drake.experiment import SHAPES, Experiment, ExperimentError, Skin
+from selftouch_drake.experiment import Experiment, ExperimentError, Skin
 from selftouch_drake.experiment.receptor_files import ReceptorTable
+from selftouch_drake.experiment.schema import SHAPES
 from selftouch_drake.geometry import surfaces
 from selftouch_drake.geometry.closing import SimplifiedWarning, closed_surface
 from selftouch_drake.geometry.hollow import HollowSkin, hollow_skin

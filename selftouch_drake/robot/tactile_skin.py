@@ -30,15 +30,9 @@ from pydrake.multibody.parsing import (
 from pydrake.multibody.plant import ContactModel, ContactResults, MultibodyPlant
 from pydrake.systems.framework import DiagramBuilder, LeafSystem
 
-from selftouch_drake.experiment import (
-    ExperimentError,
-    Imperfections,
-    Reading,
-    Skin,
-    load_skins,
-    skins_from_fields,
-    yaml_sections,
-)
+from selftouch_drake.experiment import ExperimentError, Skin, skins_from_fields
+from selftouch_drake.experiment.loading import load_skins, yaml_sections
+from selftouch_drake.experiment.schema import Imperfections, Reading
 from selftouch_drake.geometry.hollow import vtk_text
 from selftouch_drake.lazy import trimesh
 from selftouch_drake.robot.contact import SensorModel

@@ -14,7 +14,8 @@ from pathlib import Path
 from typing import Any
 
 from selftouch_drake.bodies.own import body_files
-from selftouch_drake.experiment import Experiment, ExperimentError, Reading, shown
+from selftouch_drake.experiment import Experiment, ExperimentError, shown
+from selftouch_drake.experiment.schema import Reading
 from selftouch_drake.files import content_digest
 
 # The fields of `execution` that decide how the joints follow the walk.

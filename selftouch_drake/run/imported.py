@@ -24,13 +24,9 @@ from selftouch_drake.agent.planning.timing import time_path
 from selftouch_drake.experience.collect import walk_sizes
 from selftouch_drake.experience.recording import Recording, read_recording
 from selftouch_drake.experience.store import Shard, write_shard
-from selftouch_drake.experiment import (
-    Experiment,
-    ExperimentError,
-    Imported,
-    experiment_from_fields,
-    merged,
-)
+from selftouch_drake.experiment import Experiment, ExperimentError, experiment_from_fields
+from selftouch_drake.experiment.loading import merged
+from selftouch_drake.experiment.schema import Imported
 from selftouch_drake.files import save_arrays, write_text_whole
 from selftouch_drake.run.directory import RunDirectory
 

@@ -14,16 +14,9 @@ from typing import Annotated, Any
 import pydantic
 from pydantic.dataclasses import dataclass
 
-from selftouch_drake.experiment import (
-    Experiment,
-    ExperimentError,
-    dump_experiment,
-    load_experiment,
-    merged,
-    parse_fields,
-)
+from selftouch_drake.experiment import Experiment, ExperimentError, dump_experiment, load_experiment
 from selftouch_drake.experiment.errors import explained
-from selftouch_drake.experiment.loading import find_yaml
+from selftouch_drake.experiment.loading import find_yaml, merged, parse_fields
 from selftouch_drake.experiment.schema import Printable, Settings, Text, Whole, that
 from selftouch_drake.resources import SWEEPS
 from selftouch_drake.run.naming import leaves

@@ -13,7 +13,8 @@ from selftouch_drake.experience.collect import walk_sizes, walker_of
 from selftouch_drake.experience.exploration import Exploration, explore
 from selftouch_drake.experience.store import ExperienceReader, shard_name
 from selftouch_drake.experience.walk import CHOICE_S
-from selftouch_drake.experiment import Change, ExperimentError, load_experiment
+from selftouch_drake.experiment import ExperimentError, load_experiment
+from selftouch_drake.experiment.schema import Change
 from selftouch_drake.run.directory import RunDirectory
 from selftouch_drake.run.fingerprint import experience_fingerprint
 

@@ -7,7 +7,8 @@ import pytest
 import yaml
 from commands import selftouch
 
-from selftouch_drake.experiment import Reading, load_experiment
+from selftouch_drake.experiment import load_experiment
+from selftouch_drake.experiment.schema import Reading
 from selftouch_drake.geometry.receptors import group_centres, placed_fields
 from selftouch_drake.geometry.surfaces import sphere
 from selftouch_drake.robot import World

@@ -15,7 +15,8 @@ from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.primitives import LogVectorOutput
 
-from selftouch_drake.experiment import Skin, SurfaceSettings
+from selftouch_drake.experiment import Skin
+from selftouch_drake.experiment.schema import SurfaceSettings
 from selftouch_drake.robot import AddModelsAndSkins, AddSkins, AddTactileSkin, TactileSkin
 
 INERTIA = '<mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>'

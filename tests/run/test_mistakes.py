@@ -4,7 +4,7 @@ import pytest
 import yaml
 
 from selftouch_drake.cli import cli, exit_status
-from selftouch_drake.experiment import merged
+from selftouch_drake.experiment.loading import merged
 
 # A base, a body above it, and an arm of two links with a finger.
 MODEL = """<?xml version="1.0"?>

@@ -3,7 +3,6 @@ import pytest
 from bodies import shape_error, sphere
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake import experiment
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.graphs import neighbour_edges, surface_neighbours
 from selftouch_drake.agent.shape import metrics
@@ -11,6 +10,7 @@ from selftouch_drake.agent.shape.dimension import intrinsic_dimension
 from selftouch_drake.agent.shape.homology import topology
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 from selftouch_drake.agent.shape.recovery import DistrustWarning, recover
+from selftouch_drake.experiment import schema
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_every_pruned_metric_finds_topology_and_dimension(bodies, metric):
 
 
 def test_metrics_are_those_of_the_experiment():
-    assert set(SHAPE_METRICS) == set(experiment.SHAPE_METRICS)
+    assert set(SHAPE_METRICS) == set(schema.SHAPE_METRICS)
 
 
 def test_the_same_seed_learns_the_same_on_any_number_of_threads(touched, bodies):
