@@ -57,9 +57,8 @@ from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import make_bodies, pilot_in
-from selftouch_drake.evaluation.kernels import kernel_truth
 from selftouch_drake.evaluation.motion import random_pairs
-from selftouch_drake.evaluation.shape import shape_errors
+from selftouch_drake.evaluation.shape import kernel_truth, shape_errors
 from selftouch_drake.experience.collect import collect_walk
 from selftouch_drake.experience.exploration import Exploration
 from selftouch_drake.experience.store import Contacts, ExperienceReader, Shard

@@ -29,8 +29,7 @@ import pyarrow.parquet as pq
 from raw_skin import RawSkin
 
 from selftouch_drake.agent.agent import Agent
-from selftouch_drake.evaluation.kernels import kernel_truth
-from selftouch_drake.evaluation.shape import shape_errors
+from selftouch_drake.evaluation.shape import kernel_truth, shape_errors
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.experience.walk import RandomWalk
 from selftouch_drake.experiment import load_experiment

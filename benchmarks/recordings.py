@@ -26,8 +26,8 @@ from babbled import babbled
 from results import ROOT
 from scipy.spatial import cKDTree
 
-from selftouch_drake.evaluation.kernels import KernelTruth
 from selftouch_drake.evaluation.parts import TouchCounts, true_parts
+from selftouch_drake.evaluation.shape import KernelTruth
 from selftouch_drake.experience.store import Contacts, ExperienceReader
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.files import written_whole

@@ -45,8 +45,7 @@ from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
 from selftouch_drake.agent.shape.homology import topology
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, ShapeMetric
 from selftouch_drake.agent.shape.recovery import RecoveredBody, recover, trusted
-from selftouch_drake.evaluation.kernels import kernel_truth
-from selftouch_drake.evaluation.shape import neighbour_agreement, shape_errors
+from selftouch_drake.evaluation.shape import kernel_truth, neighbour_agreement, shape_errors
 from selftouch_drake.experience.store import Contacts, ExperienceReader
 from selftouch_drake.files import load_arrays
 from selftouch_drake.run import stages

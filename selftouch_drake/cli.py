@@ -674,9 +674,8 @@ def sweep(sweep: str, out: Path | None, workers: int | None, scheduler: str | No
     """
     from selftouch_drake.run.executors import dask_executor
     from selftouch_drake.sweep.design import load_sweep
-    from selftouch_drake.sweep.figures import draw_figures
     from selftouch_drake.sweep.runs import SweepDirectory, run_sweep
-    from selftouch_drake.sweep.table import gather
+    from selftouch_drake.sweep.table import draw_figures, gather
 
     loaded = load_sweep(sweep)
     directory = SweepDirectory.create(out or Path("runs") / "sweeps" / loaded.name, loaded)

@@ -46,8 +46,7 @@ API = {
     "run": ("Runs", ("run.directory", "run.artifacts", "run.stages")),
     "evaluation": (
         "Scores against the truth",
-        ("evaluation.coverage", "evaluation.kernels", "evaluation.motion", "evaluation.parts")
-        + ("evaluation.shape",),
+        ("evaluation.coverage", "evaluation.parts", "evaluation.shape", "evaluation.motion"),
     ),
     "show": (
         "Pictures, recordings, live agent",

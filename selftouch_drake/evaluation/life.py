@@ -10,9 +10,8 @@ import numpy as np
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.records import Record
 from selftouch_drake.agent.shape.recovery import RecoveredBody
-from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
 from selftouch_drake.evaluation.motion import contact_along, random_pairs
-from selftouch_drake.evaluation.shape import shape_errors
+from selftouch_drake.evaluation.shape import KernelTruth, kernel_truth, shape_errors
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.robot import World
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
 from selftouch_drake.evaluation.coverage import vertex_areas
-from selftouch_drake.evaluation.kernels import KernelTruth
+from selftouch_drake.evaluation.shape import KernelTruth
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.geometry.patches import betti_of_patch, parts_by_vertex, touched_patch
 from selftouch_drake.geometry.receptors import ReceptiveFields

@@ -18,8 +18,12 @@ from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
 from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
 from selftouch_drake.agent.shape.homology import flat, topology
 from selftouch_drake.bodies.embodiment import build_world
-from selftouch_drake.evaluation.kernels import KernelTruth
-from selftouch_drake.evaluation.shape import neighbour_agreement, parts_on_skins, shape_rms_fraction
+from selftouch_drake.evaluation.shape import (
+    KernelTruth,
+    neighbour_agreement,
+    parts_on_skins,
+    shape_rms_fraction,
+)
 from selftouch_drake.experiment import closest, load_experiment, shown
 from selftouch_drake.files import load_arrays
 from selftouch_drake.resources import RECORDINGS

@@ -13,10 +13,11 @@ from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 from selftouch_drake.agent.shape.recovery import RecoveredBody, recover
 from selftouch_drake.bodies.embodiment import World
 from selftouch_drake.evaluation.coverage import coverage
-from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
 from selftouch_drake.evaluation.parts import TouchCounts, TruePart, true_parts
 from selftouch_drake.evaluation.shape import (
+    KernelTruth,
     distance_distortion,
+    kernel_truth,
     neighbour_agreement,
     parts_on_skins,
     shape_rms_fraction,

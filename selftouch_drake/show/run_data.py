@@ -11,9 +11,9 @@ from selftouch_drake.agent.motions import Execution
 from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import RecoveredBody
 from selftouch_drake.evaluation.coverage import touch_density
-from selftouch_drake.evaluation.kernels import KernelTruth, kernel_truth
 from selftouch_drake.evaluation.life import LifeCurves
 from selftouch_drake.evaluation.parts import TouchCounts
+from selftouch_drake.evaluation.shape import KernelTruth, kernel_truth
 from selftouch_drake.experience.collect import require_complete
 from selftouch_drake.experience.store import ExperienceReader, StoreError
 from selftouch_drake.experiment import ExperimentError

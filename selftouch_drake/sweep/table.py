@@ -1,17 +1,25 @@
-"""The table of a sweep: one row for each run, with the varied fields and all metrics."""
+"""The table of a sweep, and pictures of each metric against each field that varies."""
 
 from __future__ import annotations
 
+import math
+import textwrap
+from collections import Counter, defaultdict
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from selftouch_drake.experience.store import UNREADABLE
 from selftouch_drake.files import written_whole
 from selftouch_drake.run.directory import RunError
+from selftouch_drake.run.metrics import METRICS, Metric
 from selftouch_drake.run.naming import fields_of, leaves
+from selftouch_drake.show.style import styled
 from selftouch_drake.sweep.design import Sweep
 from selftouch_drake.sweep.runs import SweepDirectory, run_name
 
@@ -89,3 +97,126 @@ def figure_names(table: pa.Table) -> list[str]:
     """The columns that are metrics."""
     others = {*_KEYS, *varied_fields(table)}
     return [name for name in table.column_names if name not in others]
+
+
+_NUM_COLUMNS = 4
+_METRICS = {metric.key: metric for metric in METRICS}
+Row = dict[str, Any]
+
+
+def draw_figures(table: pa.Table, folder: Path) -> list[Path]:
+    """Draws one picture for each field that varies, and returns their paths.
+
+    Each metric that changes has a panel. A line is the median over the seeds of one experiment, a
+    band goes from the smallest value to the largest. If one value of another field is the most
+    frequent, as where each field varies alone, only rows with that value count; if none is, as in a
+    grid, all rows count.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    fields, rows, paths = varied_fields(table), _numbers(table), []
+    others = {"experiment", "seed", *fields}
+    for field in fields:
+        chosen = _along(field, rows, fields)
+        names = dict.fromkeys(name for row in rows for name in row if name not in others)
+        changing = [name for name in names if _changes(name, chosen)]
+        if len({str(row[field]) for row in chosen}) < 2 or not changing:
+            continue
+        path = folder / f"{field}.png"
+        figure = _draw(field, chosen, changing)
+        with written_whole(path) as aside:
+            figure.savefig(aside, format="png")
+        paths.append(path)
+    return paths
+
+
+def _numbers(table: pa.Table) -> list[Row]:
+    """The rows, with lists of numbers spread over columns and all other values left out."""
+    rows = []
+    for row in table.to_pylist():
+        numbers = {key: row[key] for key in ("experiment", "seed", *varied_fields(table))}
+        for name in figure_names(table):
+            value, entries = row[name], {name: row[name]}
+            if isinstance(value, list):
+                entries = {f"{name}[{i}]": entry for i, entry in enumerate(value)}
+            for key, number in entries.items():
+                if isinstance(number, (int, float)) and math.isfinite(number):
+                    # Yes and no become 1 and 0, which have quantiles.
+                    numbers[key] = float(number)
+        rows.append(numbers)
+    return rows
+
+
+def _changes(name: str, rows: list[Row]) -> bool:
+    return len({row[name] for row in rows if name in row}) > 1
+
+
+def label(name: str) -> str:
+    """A column in words: `skins.body.num_receptors` is "number of receptors (skins.body)"."""
+    metric = _metric(name)
+    if metric is None:
+        owner, _, words = name.rpartition(".")
+        notes = [owner]
+    else:
+        words, _, part = name.partition(".")
+        notes = [part, metric.unit]
+        words = words.removesuffix(f"_{metric.unit}")
+    words = words.replace("num_", "number of ").replace("_fraction", "").replace("_", " ")
+    return f"{words} ({', '.join(filter(None, notes))})" if any(notes) else words
+
+
+def _metric(name: str) -> Metric | None:
+    """The metric that a column is of, or an entry of: `topology_betti[0]`, `by_skin.head`."""
+    return _METRICS.get(name.partition(".")[0].partition("[")[0])
+
+
+def _along(field: str, rows: list[Row], fields: list[str]) -> list[Row]:
+    """The rows in which only `field` varies, as far as there is a usual value of the others."""
+    for other in fields:
+        if other == field:
+            continue
+        counts = Counter(str(row[other]) for row in rows).most_common(2)
+        if len(counts) == 1 or counts[0][1] > counts[1][1]:
+            rows = [row for row in rows if str(row[other]) == counts[0][0]]
+    return rows
+
+
+@styled
+def _draw(field: str, rows: list[Row], names: list[str]) -> Figure:
+    num_rows = math.ceil(len(names) / _NUM_COLUMNS)
+    figure = Figure(figsize=(3.2 * _NUM_COLUMNS, 2.3 * num_rows), layout="constrained")
+    panels = figure.subplots(num_rows, _NUM_COLUMNS, squeeze=False).ravel()
+    for panel, name in zip(panels, names, strict=False):
+        _panel(panel, field, name, rows)
+    for panel in panels[len(names) :]:
+        panel.remove()
+    handles, labels = panels[0].get_legend_handles_labels()
+    if len(labels) > 1:
+        figure.legend(handles, labels, loc="outside upper right", ncols=len(labels))
+    figure.suptitle(f"Over the {label(field)}", x=0.01, ha="left")
+    return figure
+
+
+def _panel(panel: Axes, field: str, name: str, rows: list[Row]) -> None:
+    values = {str(row[field]): row[field] for row in rows}
+    numeric = all(type(value) in (int, float) for value in values.values())
+    places = sorted(values.values() if numeric else values)
+    at = {str(place): place if numeric else i for i, place in enumerate(places)}
+    for experiment in dict.fromkeys(row["experiment"] for row in rows):
+        found = defaultdict(list)
+        for row in rows:
+            if row["experiment"] == experiment and name in row:
+                found[at[str(row[field])]].append(row[name])
+        x = np.array(sorted(found))
+        low, middle, high = (
+            np.array([np.quantile(found[place], share) for place in x]) for share in (0, 0.5, 1)
+        )
+        metric = _metric(name)
+        if metric is not None and metric.unit == "%":
+            low, middle, high = 100 * low, 100 * middle, 100 * high
+        (line,) = panel.plot(x, middle, marker=".", label=experiment)
+        panel.fill_between(x, low, high, color=line.get_color(), alpha=0.15, linewidth=0)
+    if not numeric:
+        panel.set_xticks(range(len(places)), places)
+    elif places[0] > 0 and places[-1] > 20 * places[0]:
+        panel.set_xscale("log")
+    panel.set_title("\n".join(textwrap.wrap(label(name), 44)), fontsize=8)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from selftouch_drake.evaluation.kernels import KernelTruth
+from selftouch_drake.evaluation.shape import KernelTruth
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.geometry import farthest, receptors
 

@@ -3,8 +3,7 @@ import pytest
 from laying import kernels_on, places
 
 from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.evaluation.kernels import kernel_truth
-from selftouch_drake.evaluation.shape import parts_on_skins, shape_errors
+from selftouch_drake.evaluation.shape import kernel_truth, parts_on_skins, shape_errors
 
 
 def representation(sizes):

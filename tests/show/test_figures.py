@@ -12,11 +12,10 @@ from selftouch_drake.show.page import motion_figures, robot_pictures
 from selftouch_drake.show.page.figures import FIGURES
 from selftouch_drake.show.page.scene import visible
 from selftouch_drake.show.page.shape_figures import persistence, quotient_graph
-from selftouch_drake.show.paths import SkinPath
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.run_data import RunData
-from selftouch_drake.show.skins import SkinSurface
-from selftouch_drake.show.view import View
+from selftouch_drake.show.skins import SkinPath, SkinSurface
+from selftouch_drake.show.style import View
 
 
 @pytest.fixture(scope="module", params=["reported", "two_skins"])

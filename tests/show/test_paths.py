@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from laid_out import IN_AIR, ON_BALL, ON_FOREARM, motion_of, sliding_places, world_of
 
-from selftouch_drake.show.paths import SkinPath, evenly_spaced, touch_paths
+from selftouch_drake.show.skins import SkinPath, evenly_spaced, touch_paths
 
 
 def test_on_a_skin_that_moves_a_path_is_in_the_frame_of_its_link():

@@ -1,6 +1,6 @@
 import numpy as np
 
-from selftouch_drake.show.meshcat.text_meshes import letters
+from selftouch_drake.show.meshcat.stage import letters
 
 
 def area(text):

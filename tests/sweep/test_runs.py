@@ -12,9 +12,16 @@ from selftouch_drake.run.artifacts import load_representation
 from selftouch_drake.run.directory import RunDirectory, RunError
 from selftouch_drake.run.executors import InTurn
 from selftouch_drake.sweep.design import load_sweep
-from selftouch_drake.sweep.figures import _changes, draw_figures, label
 from selftouch_drake.sweep.runs import RunWarning, SweepDirectory, run_name, run_sweep
-from selftouch_drake.sweep.table import figure_names, gather, read_table, varied_fields
+from selftouch_drake.sweep.table import (
+    _changes,
+    draw_figures,
+    figure_names,
+    gather,
+    label,
+    read_table,
+    varied_fields,
+)
 
 SWEEP = """
 experiments: [sphere]

@@ -16,8 +16,8 @@ from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.robot import Simulation
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
 from selftouch_drake.show.meshcat.stage import END, FRAME_S
-from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.run_data import RunData
+from selftouch_drake.show.skins import touch_paths
 
 # Controls, as the browser labels them, beside the end button.
 TARGET, SPEED, TOUR = "target sensation", "speed", "tour on/off"

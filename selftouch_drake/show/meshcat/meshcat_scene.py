@@ -21,14 +21,11 @@ from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, key_frames, linear_light, rgba
-from selftouch_drake.show.meshcat.stage import APART, FRAMES_PER_S, FeelingRobot
-from selftouch_drake.show.meshcat.text_meshes import put_text
-from selftouch_drake.show.paths import SkinPath, evenly_spaced
+from selftouch_drake.show.meshcat.stage import APART, FRAMES_PER_S, FeelingRobot, put_text
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.run_data import RunData
-from selftouch_drake.show.skins import typical_extent
-from selftouch_drake.show.style import BLUE, GREEN, ORANGE, RECOVERED, VERMILION
-from selftouch_drake.show.view import VIEW
+from selftouch_drake.show.skins import SkinPath, evenly_spaced, typical_extent
+from selftouch_drake.show.style import BLUE, GREEN, ORANGE, RECOVERED, VERMILION, VIEW
 
 # Postures of the experience that show where the skins move.
 _NUM_POSTURES = 200

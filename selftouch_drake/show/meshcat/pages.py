@@ -17,7 +17,7 @@ from selftouch_drake.show.meshcat.meshcat_scene import draw_parts
 from selftouch_drake.show.meshcat.stage import APART, END, FRAME_S, FeelingRobot, shown_page
 from selftouch_drake.show.recovered import laid_on_skins
 from selftouch_drake.show.skins import surfaces_of, typical_extent
-from selftouch_drake.show.view import VIEW
+from selftouch_drake.show.style import VIEW
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.lifelong.life import Life

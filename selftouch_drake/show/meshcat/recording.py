@@ -10,8 +10,8 @@ from pydrake.geometry import Meshcat
 
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene
 from selftouch_drake.show.meshcat.stage import FRAMES_PER_S, open_meshcat
-from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.run_data import RunData, Targets
+from selftouch_drake.show.skins import touch_paths
 
 # Repetitions of the animation; the controls of the page stop it.
 _REPETITIONS = 1000

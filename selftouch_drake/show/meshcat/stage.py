@@ -1,4 +1,4 @@
-"""Meshcat with its background, its camera and a robot that can be posed and feels."""
+"""Meshcat with its background, its camera, text, and a robot that can be posed and feels."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import contextlib
 import logging
 from collections.abc import Callable, Iterator
 
+import manifold3d
 import numpy as np
+from matplotlib.textpath import TextPath
 from pydrake.geometry import Meshcat, MeshcatParams, MeshcatVisualizer, SceneGraph, Sphere
-from pydrake.math import RigidTransform
+from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.systems.rendering import MultibodyPositionToGeometryPose
 
 from selftouch_drake.robot import MakeRobot, World
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, rgba
-from selftouch_drake.show.meshcat.text_meshes import put_text
 from selftouch_drake.show.skins import all_moved, as_one, moved, surfaces_of
-from selftouch_drake.show.style import FIRM, VERMILION
-from selftouch_drake.show.view import VIEW
+from selftouch_drake.show.style import FIRM, INK, VERMILION, VIEW
 
 FRAMES_PER_S = 30
 #: s between two frames, and between two readings of the controls.
@@ -171,3 +171,44 @@ class FeelingRobot:
             distance *= 1.25
             centre = centre + 0.2 * distance * VIEW.axes[0]
         self._meshcat.SetCameraPose(centre + distance * VIEW.towards, centre)
+
+
+# Size at which outlines are taken from the font: fine enough that bends look round.
+_FONT_SIZE = 60.0
+_LINE_SPACING = 1.5
+
+
+def put_text(meshcat: Meshcat, path: str, text: str, centre: np.ndarray, size: float) -> None:
+    """Writes lines that face the camera, the first round `centre` `(3,)` m, in a font of `size` m.
+
+    Meshcat has no text: letters are flat meshes, and not pictures, which a page requests only after
+    it has heard of them; a slow page requests pictures that are gone by then. What was written at
+    the path before is replaced.
+    """
+    vertices, faces = letters(text)
+    flat = np.vstack([size * vertices.T, np.zeros(len(vertices))])
+    meshcat.SetTriangleMesh(path, flat, faces.T, rgba(INK))
+    meshcat.SetTransform(path, RigidTransform(RotationMatrix(VIEW.axes.T), centre))
+
+
+def letters(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """Lines of text, centred at the origin, at a font size of one.
+
+    Returns:
+        `(V, 2)` vertices and `(F, 3)` indices of triangles.
+    """
+    outlines = []
+    for number, line in enumerate(text.split("\n")):
+        if not line.strip():  # which TextPath cannot do
+            continue
+        glyphs = TextPath((0.0, 0.0), line, size=_FONT_SIZE)
+        contours = [np.asarray(polygon)[:-1] for polygon in glyphs.to_polygons()]
+        x = np.concatenate(contours)[:, 0]
+        middle = (x.min() + x.max()) / 2
+        down = (0.35 + _LINE_SPACING * number) * _FONT_SIZE
+        outlines += [contour - [middle, down] for contour in contours]
+    # The font alone knows which contours are holes.
+    rings = manifold3d.CrossSection(outlines, manifold3d.FillRule.EvenOdd).to_polygons()
+    if not rings:
+        return np.zeros((0, 2)), np.zeros((0, 3), dtype=int)
+    return np.concatenate(rings) / _FONT_SIZE, np.asarray(manifold3d.triangulate(rings))

@@ -17,10 +17,9 @@ from selftouch_drake.show.page import motion_figures, robot_pictures
 from selftouch_drake.show.page.motion_figures import felt_and_predicted, life
 from selftouch_drake.show.page.shape_figures import body_shape, persistence, quotient_graph
 from selftouch_drake.show.page.skin_figures import coverage, sensation_map
-from selftouch_drake.show.paths import touch_paths
 from selftouch_drake.show.robot_shape import RobotShape
 from selftouch_drake.show.run_data import RunData
-from selftouch_drake.show.skins import all_moved
+from selftouch_drake.show.skins import all_moved, touch_paths
 from selftouch_drake.show.style import DPI
 
 # Candidate postures for the picture of the agent.

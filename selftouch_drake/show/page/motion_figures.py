@@ -17,11 +17,19 @@ from selftouch_drake.show.page.scene import (
     surface,
     visible,
 )
-from selftouch_drake.show.paths import SkinPath, evenly_spaced
 from selftouch_drake.show.run_data import RunData
-from selftouch_drake.show.skins import SkinSurface
-from selftouch_drake.show.style import BLUE, GREEN, ORANGE, PRESSURE, SKIN, SKY, VERMILION, styled
-from selftouch_drake.show.view import View
+from selftouch_drake.show.skins import SkinPath, SkinSurface, evenly_spaced
+from selftouch_drake.show.style import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    PRESSURE,
+    SKIN,
+    SKY,
+    VERMILION,
+    View,
+    styled,
+)
 
 # m between the dots of a path.
 _DOT_SPACING = 0.008

@@ -23,8 +23,17 @@ from selftouch_drake.show.page.scene import (
 )
 from selftouch_drake.show.robot_shape import DrawnRobot, RobotShape
 from selftouch_drake.show.skins import SkinSurface, all_moved, as_one, surfaces_of
-from selftouch_drake.show.style import BLUE, FIRM, GREEN, INK, ORANGE, PRESSURE, VERMILION, styled
-from selftouch_drake.show.view import View
+from selftouch_drake.show.style import (
+    BLUE,
+    FIRM,
+    GREEN,
+    INK,
+    ORANGE,
+    PRESSURE,
+    VERMILION,
+    View,
+    styled,
+)
 
 # Sizes as shares of the whole picture's: joints, several joints in one point, rods, and the longest
 # edge of what is sorted by depth.

@@ -18,8 +18,7 @@ from matplotlib.gridspec import SubplotSpec
 from scipy.spatial import cKDTree
 
 from selftouch_drake.lazy import trimesh
-from selftouch_drake.show.style import INK, MUTED
-from selftouch_drake.show.view import View
+from selftouch_drake.show.style import INK, MUTED, View
 
 # Share of the light that comes from everywhere.
 _AMBIENT = 0.5

@@ -28,8 +28,17 @@ from selftouch_drake.show.page.scene import (
 from selftouch_drake.show.recovered import RecoveredSkin
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import as_one, typical_extent
-from selftouch_drake.show.style import AMOUNT, BLUE, GREEN, INK, ORANGE, RECOVERED, SKIN, styled
-from selftouch_drake.show.view import View
+from selftouch_drake.show.style import (
+    AMOUNT,
+    BLUE,
+    GREEN,
+    INK,
+    ORANGE,
+    RECOVERED,
+    SKIN,
+    View,
+    styled,
+)
 
 # Bars drawn for each dimension; the rest are shorter.
 _MOST_BARS = 24

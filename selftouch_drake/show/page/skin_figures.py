@@ -16,8 +16,7 @@ from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.show.page.scene import add_scene, balls, draw, finish_row, surface, visible
 from selftouch_drake.show.run_data import RunData
 from selftouch_drake.show.skins import SkinSurface, as_one, typical_extent
-from selftouch_drake.show.style import AMOUNT, BLUE, SKIN, styled
-from selftouch_drake.show.view import View
+from selftouch_drake.show.style import AMOUNT, BLUE, SKIN, View, styled
 
 # Sensations whose numbers are written on the skin; more would cover it.
 _NUM_NAMED = 60
