@@ -77,7 +77,7 @@ class Row:
 
     def __init__(self, num_skins: int, num_receptors: int, num_contacts: int):
         surface = sphere(RADIUS)
-        wall = hollow_skin(surface, THICKNESS, None)
+        wall = hollow_skin(surface, THICKNESS)
         fields = receptive_fields(surface, place_receptors(surface, num_receptors, seed=0))
         builder = DiagramBuilder()
         plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)

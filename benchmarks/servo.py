@@ -44,9 +44,9 @@ _START = 0.3
 def worn(skin: SkinModel) -> SkinModel:
     """The skin with 5 mm less on its outer side; its receptors keep their places."""
     wall = skin.wall
-    lost = hollow_skin(trimesh.Trimesh(wall.vertices, wall.faces, process=False), LOST, None)
+    lost = hollow_skin(trimesh.Trimesh(wall.vertices, wall.faces, process=False), LOST)
     left = trimesh.Trimesh(lost.inner_vertices, wall.faces, process=False)
-    return dataclasses.replace(skin, wall=hollow_skin(left, wall.thickness - LOST, None))
+    return dataclasses.replace(skin, wall=hollow_skin(left, wall.thickness - LOST))
 
 
 def bodies(

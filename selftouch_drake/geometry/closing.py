@@ -91,7 +91,7 @@ def closed_surface(
     surface, share = _rounded_surface(triangles, resolution, thickness, 1.0)
     for wider in _WIDER if thickness else ():
         with suppress(ValueError):
-            hollow_skin(surface, thickness, None)
+            hollow_skin(surface, thickness)
             break  # The skin fits.
         try:
             surface, share = _rounded_surface(triangles, resolution, thickness, wider)

@@ -10,11 +10,7 @@ from scipy.sparse.linalg import spsolve
 from scipy.spatial import cKDTree
 
 from selftouch_drake.geometry.geodesics import neighbouring_vertices
-from selftouch_drake.geometry.triangles import (
-    first_self_intersection,
-    lengths_and_heights,
-    sample_triangles,
-)
+from selftouch_drake.geometry.triangles import first_self_intersection, sample_triangles
 from selftouch_drake.lazy import trimesh
 
 # If the normals around a vertex differ by more than this, it is on an edge, which is mitred; else
@@ -32,8 +28,7 @@ _SLIDE_RANGE = 2
 _MENDINGS = 20
 _MENDED_WALL = 0.95
 
-# Samples of a surface: smallest spacing, m, and largest number, about.
-_FINEST_SAMPLES = 1e-3
+# Largest number of samples of a surface, about.
 _MOST_SAMPLES = 400_000
 
 
@@ -69,9 +64,7 @@ class HollowSkin:
         return sample_triangles(triangles, spacing)[0]
 
 
-def hollow_skin(
-    surface: trimesh.Trimesh, thickness: float, entering_radius: float | None
-) -> HollowSkin:
+def hollow_skin(surface: trimesh.Trimesh, thickness: float) -> HollowSkin:
     """Extrudes a closed surface inwards into a skin, with vertices at mid-depth.
 
     Hydroelastic pressure is zero on the boundary of a mesh, so a wall without inner vertices would
@@ -80,12 +73,9 @@ def hollow_skin(
     Args:
         surface: Closed outer surface, in m, wound outwards.
         thickness: m, by which each face moves inwards.
-        entering_radius: m, of the smallest ball that can enter the cavity: it must fit between
-            opposite walls. None if nothing enters.
 
     Raises:
-        ValueError: If the skin is thicker than the surface allows, or opposite inner walls are
-            nearer than the diameter of the ball.
+        ValueError: If the skin is thicker than the surface allows.
     """
     if not thickness > 0:
         raise ValueError(f"thickness is {thickness:g} m; give a positive length in metres")
@@ -98,15 +88,6 @@ def hollow_skin(
             f"thickness is {thickness:g} m, thicker than the surface allows near "
             f"{point_text(crushed)} m; make the skin thinner or the surface larger"
         )
-    inner = trimesh.Trimesh(inner_vertices, faces, process=False)
-    if entering_radius is not None:
-        narrow = _narrow_place(inner, entering_radius)
-        if narrow is not None:
-            raise ValueError(
-                f"thickness is {thickness:g} m, which leaves opposite walls nearer than the "
-                f"diameter of the toucher, {2 * entering_radius:g} m, near "
-                f"{point_text(narrow)} m; make the skin thinner or the surface larger"
-            )
     return HollowSkin(
         vertices=vertices,
         faces=faces,
@@ -273,36 +254,6 @@ def _fill_prisms(faces: np.ndarray, num_vertices: int) -> np.ndarray:
             corners[even] = corners[even][:, [1, 0, 2, 3]]
             layers.append(corners)
     return np.stack(layers, axis=1).reshape(-1, 4)
-
-
-def _narrow_place(inner: trimesh.Trimesh, radius: float) -> np.ndarray | None:
-    """Returns an inner point where a ball that touches the wall meets the opposite wall, or None.
-
-    Opposite walls face each other, unlike adjacent faces around a corner.
-    """
-    into_cavity = -inner.face_normals
-    # This bounds the number of samples for balls much smaller than any skin.
-    finest = max(_FINEST_SAMPLES, _finest(inner))
-    cloud, cloud_face = sample_triangles(inner.triangles, max(radius / 6, finest))
-    tree = cKDTree(cloud)
-    points, face = sample_triangles(inner.triangles, max(2 * radius, finest))
-    # Small faces are sampled in the middle, large ones everywhere except near their edges.
-    longest, _ = lengths_and_heights(inner.triangles)
-    spread = 1 - np.minimum(3 * radius / longest, 1)[face, None]
-    points = spread * points + (1 - spread) * inner.triangles_center[face]
-    # Among many small faces, one sample in each place is enough.
-    _, one_of = np.unique(np.floor(2 / radius * points), axis=0, return_index=True)
-    points, face = points[np.sort(one_of)], face[np.sort(one_of)]
-    balls = points + radius * into_cavity[face]
-    for chunk in np.array_split(np.arange(len(balls)), len(balls) // 500 + 1):
-        # The samples are at most 2 % of a radius farther than the wall itself.
-        touched = tree.query_ball_point(balls[chunk], 1.01 * radius)
-        toucher = np.repeat(chunk, [len(points) for points in touched])
-        wall = cloud_face[np.concatenate(touched).astype(int)]
-        opposite = np.einsum("ni,ni->n", into_cavity[face[toucher]], into_cavity[wall]) < -0.5
-        if opposite.any():
-            return points[toucher[opposite.argmax()]]
-    return None
 
 
 def _finest(surface: trimesh.Trimesh) -> float:

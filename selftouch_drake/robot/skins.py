@@ -112,7 +112,6 @@ def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:
     plant = MultibodyPlant(time_step=0.0)
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     parse(plant, load_model(experiment.robot.directives, experiment.robot.packages))
-    balls = [t.radius for t in experiment.touching.values() if t.radius is not None]
 
     def made(number: int, name: str, skin: Skin) -> SkinModel:
         link = find_link(plant, skin.link, f"skins.{name}.link")
@@ -122,7 +121,6 @@ def make_skins(experiment: Experiment) -> tuple[SkinModel, ...]:
             plant,
             scene_graph,
             seed=receptor_seed(experiment.seed, number),
-            smallest_ball=min(balls, default=None),
             motion=skin_motion(plant, experiment, name, link),
         )
 
@@ -141,13 +139,11 @@ def make_skin(
     scene_graph: SceneGraph,
     *,
     seed: int,
-    smallest_ball: float | None = None,
     motion: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> SkinModel:
     """One skin of a link of `plant`, which may be finalized or not.
 
-    The seed chooses the receptors' places. The smallest ball that can get into a hollow body has a
-    radius in m; None if nothing can. The motion since the skin was made is of `skin_motion`.
+    The seed chooses the receptors' places. The motion since the skin was made is of `skin_motion`.
 
     Raises:
         ExperimentError: the skin cannot be made; the text names the field, the value and the
@@ -157,9 +153,6 @@ def make_skin(
     own = skin.surface.shape in (*_ROLES, "receptors")
     try:
         surface = _outer_surface(name, skin, link, plant, scene_graph)
-        # Only a hollow body has an inside for a ball to get into.
-        inspector = scene_graph.model_inspector()
-        filled = own or bool(link_geometries(plant, inspector, link, Role.kProximity))
         given = None if skin.receptors is None else skin.receptors.read()
         p_LS = (
             place_receptors(surface, skin.num_receptors, seed, unevenness=skin.unevenness)
@@ -170,7 +163,7 @@ def make_skin(
             A, b = motion
             p_LS = p_LS @ A.T + b
             surface = trimesh.Trimesh(surface.vertices @ A.T + b, surface.faces, process=False)
-        wall = hollow_skin(surface, skin.thickness, None if filled else smallest_ball)
+        wall = hollow_skin(surface, skin.thickness)
         fields = (
             receptive_fields(surface, p_LS, width=skin.field_width)
             if given is None

@@ -131,7 +131,7 @@ def test_cosine_distance_has_no_scale():
 
 @pytest.fixture(scope="module")
 def wall():
-    return cKDTree(hollow_skin(sphere(0.25), 0.03, 0.01).samples(0.003))
+    return cKDTree(hollow_skin(sphere(0.25), 0.03).samples(0.003))
 
 
 RADIUS = np.array([0.01])

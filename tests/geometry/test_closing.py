@@ -168,7 +168,7 @@ def _limb():
 def test_a_skin_fits_under_it(resolution, thickness):
     surface = closed_surface(_limb(), resolution=resolution, thickness=thickness)
     assert surface.is_watertight
-    skin = hollow_skin(surface, thickness, None)
+    skin = hollow_skin(surface, thickness)
     gap = np.linalg.norm(skin.inner_vertices - skin.vertices, axis=1)
     assert gap.min() > 0.9 * thickness
 

@@ -59,11 +59,11 @@ def _assert_conforming(skin: hollow.HollowSkin) -> None:
 
 @pytest.mark.parametrize("name", STANDARD_BODIES)
 def test_standard_bodies_have_a_sound_skin(name):
-    _assert_sound(hollow.hollow_skin(STANDARD_BODIES[name](), 0.03, 0.01))
+    _assert_sound(hollow.hollow_skin(STANDARD_BODIES[name](), 0.03))
 
 
 def test_cube_has_an_exact_cube_inside():
-    skin = hollow.hollow_skin(surfaces.cube(0.44), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.cube(0.44), 0.03)
     np.testing.assert_allclose(skin.inner_vertices, skin.vertices * 0.38 / 0.44, atol=1e-9)
     outermost = np.abs(skin.inner_vertices).max(axis=1)
     np.testing.assert_allclose(outermost, 0.19, rtol=0, atol=1e-12)
@@ -74,14 +74,14 @@ def test_cube_has_an_exact_cube_inside():
 
 
 def test_a_cube_of_corners_only_shrinks_too():
-    skin = hollow.hollow_skin(surfaces.cube(0.5, resolution=0.5), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.cube(0.5, resolution=0.5), 0.03)
     np.testing.assert_allclose(np.abs(skin.inner_vertices), 0.22)
 
 
 def test_inner_sphere_and_cylinder_are_a_thickness_smaller():
-    skin = hollow.hollow_skin(surfaces.sphere(0.25), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.sphere(0.25), 0.03)
     np.testing.assert_allclose(np.linalg.norm(skin.inner_vertices, axis=1), 0.22, atol=1e-4)
-    skin = hollow.hollow_skin(surfaces.cylinder(0.2, 0.4), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.cylinder(0.2, 0.4), 0.03)
     x, y, z = skin.inner_vertices.T
     assert np.hypot(x, y).max() == pytest.approx(0.17, abs=1e-4)
     np.testing.assert_allclose(np.abs(z).max(), 0.17)
@@ -93,7 +93,7 @@ def test_a_reflex_edge_is_mitred(tmp_path):
     mesh = solid.to_mesh()
     path = tmp_path / "l.ply"
     trimesh.Trimesh(mesh.vert_properties[:, :3], mesh.tri_verts).export(path)
-    skin = hollow.hollow_skin(surfaces.mesh_file(path), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.mesh_file(path), 0.03)
     _assert_sound(skin)
     inner = trimesh.Trimesh(skin.inner_vertices, skin.faces, process=False)
     assert inner.volume == pytest.approx((0.54 * 0.24 + 0.24 * 0.30) * 0.24, rel=1e-5)
@@ -102,7 +102,7 @@ def test_a_reflex_edge_is_mitred(tmp_path):
 def test_a_body_of_genus_two_has_a_sound_skin(tmp_path):
     surface = _two_tori(tmp_path)
     assert surface.euler_number == -2
-    skin = hollow.hollow_skin(surface, 0.03, 0.01)
+    skin = hollow.hollow_skin(surface, 0.03)
     assert hollow.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
     _assert_conforming(skin)
 
@@ -129,13 +129,13 @@ def _two_tori(tmp_path) -> trimesh.Trimesh:
 )
 def test_any_wide_ellipsoid_has_a_sound_skin(radius, stretch, thickness):
     surface = surfaces.ellipsoid((radius, radius * stretch, radius), resolution=0.03)
-    _assert_sound(hollow.hollow_skin(surface, thickness, 0.01))
+    _assert_sound(hollow.hollow_skin(surface, thickness))
 
 
 def test_walls_that_do_not_fit_are_refused():
     def message(surface, thickness):
         with pytest.raises(ValueError, match=r"^thickness is") as caught:
-            hollow.hollow_skin(surface, thickness, 0.01)
+            hollow.hollow_skin(surface, thickness)
         return str(caught.value)
 
     assert (
@@ -146,17 +146,6 @@ def test_walls_that_do_not_fit_are_refused():
         crushed = message(surface, 0.03)
         assert crushed.startswith("thickness is 0.03 m, thicker than the surface allows near (")
         assert crushed.endswith(") m; make the skin thinner or the surface larger")
-    for surface in (
-        surfaces.torus(0.22, 0.035),
-        surfaces.cube(0.079),
-        surfaces.cylinder(0.2, 0.079),
-    ):
-        narrow = message(surface, 0.03)
-        assert narrow.startswith(
-            "thickness is 0.03 m, which leaves opposite walls nearer than the diameter of the "
-            "toucher, 0.02 m, near ("
-        )
-        assert narrow.endswith(") m; make the skin thinner or the surface larger")
 
 
 def test_walls_just_wide_enough_are_accepted():
@@ -165,15 +154,12 @@ def test_walls_just_wide_enough_are_accepted():
         surfaces.cube(0.082),
         surfaces.cylinder(0.2, 0.082),
     ):
-        skin = hollow.hollow_skin(surface, 0.03, 0.01)
+        skin = hollow.hollow_skin(surface, 0.03)
         assert hollow.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
 
 
-def test_a_cavity_that_nothing_enters_may_be_narrow():
-    slab = surfaces.cube(0.062)
-    with pytest.raises(ValueError, match="opposite walls"):
-        hollow.hollow_skin(slab, 0.03, 0.01)
-    skin = hollow.hollow_skin(slab, 0.03, None)
+def test_a_cavity_may_be_narrow():
+    skin = hollow.hollow_skin(surfaces.cube(0.062), 0.03)
     assert np.abs(skin.inner_vertices).max() == pytest.approx(0.001)
 
 
@@ -182,7 +168,7 @@ def test_a_cavity_that_nothing_enters_may_be_narrow():
 def test_a_capsule_of_long_triangles_has_a_sound_skin(count, thickness):
     surface = trimesh.creation.capsule(height=0.3, radius=0.06, count=list(count))
     assert surface.edges_unique_length.max() > 0.25
-    skin = hollow.hollow_skin(surface, thickness, 0.01)
+    skin = hollow.hollow_skin(surface, thickness)
     assert hollow.tet_volumes(skin.tet_vertices, skin.tetrahedra).min() > 0
     inner = trimesh.Trimesh(skin.inner_vertices, skin.faces, process=False)
     assert inner.volume > 0
@@ -195,17 +181,11 @@ def test_a_capsule_of_long_triangles_has_a_sound_skin(count, thickness):
 
 @pytest.mark.parametrize("radius", [0.04, 0.06])
 def test_an_even_capsule_has_a_wall_as_thick_as_asked(radius):
-    skin = hollow.hollow_skin(surfaces.capsule(radius, 0.3), 0.03, 0.005)
+    skin = hollow.hollow_skin(surfaces.capsule(radius, 0.3), 0.03)
     x, y, z = skin.inner_vertices.T
     along = np.clip(z, -0.15, 0.15)
     depth = radius - np.linalg.norm([x, y, z - along], axis=0)
     np.testing.assert_allclose(depth, 0.03, rtol=0.1)
-
-
-def test_long_triangles_are_refused_for_the_right_reason():
-    surface = trimesh.creation.capsule(height=0.3, radius=0.039, count=[32, 32])
-    with pytest.raises(ValueError, match="opposite walls nearer than the diameter"):
-        hollow.hollow_skin(surface, 0.03, 0.01)
 
 
 # Of the first version, at 0.03 m: vertices; steps from outer to inner vertices, and volumes of
@@ -232,7 +212,7 @@ def test_the_papers_bodies_keep_their_walls(name):
             EXPERIMENTS / "meshes" / "double_torus.ply", resolution=0.03
         ),
     }
-    skin = hollow.hollow_skin(coarse[name](), 0.03, 0.01)
+    skin = hollow.hollow_skin(coarse[name](), 0.03)
     steps = np.sort(np.linalg.norm(skin.inner_vertices - skin.vertices, axis=1))
     volumes = np.sort(hollow.tet_volumes(skin.tet_vertices, skin.tetrahedra))
     num_vertices, step_sum, volume_sum = FIRST_WALLS[name]
@@ -242,7 +222,7 @@ def test_the_papers_bodies_keep_their_walls(name):
 
 
 def test_vtk_text_is_exact(tmp_path):
-    skin = hollow.hollow_skin(surfaces.cube(0.5, resolution=0.5), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.cube(0.5, resolution=0.5), 0.03)
     path = tmp_path / "skin.vtk"
     path.write_text(hollow.vtk_text(skin))
     lines = path.read_text().splitlines()
@@ -263,7 +243,7 @@ def test_vtk_text_is_exact(tmp_path):
 
 def test_drake_feels_the_wall_and_nothing_inside(tmp_path):
     ring = surfaces.torus(0.22, 0.09, resolution=0.03)
-    (tmp_path / "skin.vtk").write_text(hollow.vtk_text(hollow.hollow_skin(ring, 0.03, 0.01)))
+    (tmp_path / "skin.vtk").write_text(hollow.vtk_text(hollow.hollow_skin(ring, 0.03)))
     in_wall, in_tube, in_hole, outside = _contact_surfaces(
         tmp_path / "skin.vtk", [(0.22, 0, 0.095), (0.22, 0, 0), (0, 0, 0), (0.22, 0, 0.11)]
     )
@@ -306,7 +286,7 @@ def _contact_surfaces(path, fingertips):
 
 
 def test_samples_cover_the_three_layers():
-    skin = hollow.hollow_skin(surfaces.cube(0.44, resolution=0.05), 0.03, 0.01)
+    skin = hollow.hollow_skin(surfaces.cube(0.44, resolution=0.05), 0.03)
     spacing = 0.006
     points = skin.samples(spacing)
     level = np.abs(points).max(axis=1)

@@ -17,7 +17,7 @@ STANDARD_BODIES = {
 
 def _points_in_wall(surface, num_points, rng):
     """Points spread at random in the outer half of a skin 3 cm thick."""
-    skin = hollow.hollow_skin(surface, 0.03, 0.01)
+    skin = hollow.hollow_skin(surface, 0.03)
     outer_half = skin.tetrahedra.reshape(-1, 2, 3, 4)[:, 0].reshape(-1, 4)
     tets = outer_half[rng.integers(len(outer_half), size=num_points)]
     return np.einsum("nk,nki->ni", rng.dirichlet(np.ones(4), num_points), skin.tet_vertices[tets])

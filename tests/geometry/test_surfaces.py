@@ -133,7 +133,7 @@ def test_mesh_file_simplifies_a_scan_in_place(tmp_path):
     assert 1500 < len(surface.faces) < 3500
     radius = np.linalg.norm(surface.vertices - (5, 0, 0), axis=1)
     np.testing.assert_allclose(radius, 0.25, rtol=0.01)
-    assert hollow.hollow_skin(surface, 0.03, 0.01).thickness == 0.03
+    assert hollow.hollow_skin(surface, 0.03).thickness == 0.03
 
 
 def test_a_mesh_that_is_hardly_finer_than_asked_is_left_as_it_is(tmp_path, recwarn):

@@ -96,7 +96,7 @@ def test_touches_are_those_of_drake(name):
 def wall():
     """The wall of a torus: round, and hollow on one side."""
     surface = surfaces.torus(0.1, 0.05, resolution=0.03)
-    return hollow_skin(surface, 0.02, None)
+    return hollow_skin(surface, 0.02)
 
 
 @pytest.fixture(scope="module")

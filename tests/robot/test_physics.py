@@ -65,7 +65,7 @@ def _skin(surface, *, link="covered", thickness=0.03, num_receptors=100):
     return SkinModel(
         name=link,
         link=link,
-        wall=hollow.hollow_skin(surface, thickness, TIP_RADIUS),
+        wall=hollow.hollow_skin(surface, thickness),
         fields=receptors.receptive_fields(surface, p_LS),
         hydroelastic_modulus=MODULUS,
         is_own_geometry=False,

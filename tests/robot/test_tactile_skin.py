@@ -27,7 +27,7 @@ from selftouch_drake.robot.faces import Faces
 @pytest.fixture(scope="module")
 def skin():
     surface = surfaces.sphere(0.1)
-    wall = hollow.hollow_skin(surface, 0.03, None)
+    wall = hollow.hollow_skin(surface, 0.03)
     p_LS = receptors.place_receptors(surface, 20, seed=0)
     fields = receptors.receptive_fields(surface, p_LS)
     return SkinModel(
