@@ -792,12 +792,6 @@ def exit_status(command: Callable[[], object]) -> int:
         message = error.format_message()
     except (ValueError, OSError) as error:
         message = str(error)
-    except Exception as error:
-        from selftouch_drake.agent.body import BodyError
-
-        if not isinstance(error, BodyError):
-            raise
-        message = str(error)
     click.echo(f"selftouch: {' '.join(message.split())}", err=True)
     return 2
 

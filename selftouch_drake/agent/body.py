@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from selftouch_drake.agent.touch_profile import TouchProfile
 
 
-class BodyError(Exception):
+class BodyError(ValueError):
     """A body cannot do what a body must; the text says what, where, and what helps."""
 
 
