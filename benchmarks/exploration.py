@@ -52,8 +52,8 @@ from results import results
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.lifelong.explorer import Moves, Walker
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
-from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.representation.estimator import QuotientLearner
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.bodies.embodiment import make_bodies, pilot_in

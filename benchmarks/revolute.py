@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.representation.kernels import KernelSets
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.metrics import BodyGraph, Progress, between_cells
 from selftouch_drake.agent.shape.quotient_map import discriminants
 

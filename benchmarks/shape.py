@@ -37,8 +37,8 @@ from babbled import run_at
 from results import add_update_option, results
 from revolute import revolute_reference
 
-from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.representation.estimator import QuotientLearner
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 from selftouch_drake.agent.shape.dimension import intrinsic_dimension
 from selftouch_drake.agent.shape.embedding import curvature_corrected_mds

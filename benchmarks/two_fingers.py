@@ -22,15 +22,15 @@ from scipy.sparse.linalg import eigsh
 from scipy.spatial import cKDTree
 from unrolling import Turns, landmarks, turns
 
-from selftouch_drake.agent.representation import geodesics, target_sensations
 from selftouch_drake.agent.representation.estimator import QuotientLearner
 from selftouch_drake.agent.representation.graphs import (
     connected_edges,
+    geodesics,
     locally_scaled,
     neighbour_edges,
 )
 from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSets
-from selftouch_drake.agent.representation.quantise import assign, strength
+from selftouch_drake.agent.representation.quantise import assign, strength, target_sensations
 from selftouch_drake.agent.representation.set_distances import set_distances
 from selftouch_drake.agent.representation.touches import (
     overlapping,

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning.smoothing import smooth_path
-from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.cli import cli, exit_status
 from selftouch_drake.experience.store import (
     Contacts,

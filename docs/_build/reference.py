@@ -22,7 +22,12 @@ from selftouch_drake.run.metrics import METRICS
 #: Packages of the API reference with their titles: what a program outside of this one may use.
 API = {
     "agent": ("The naive agent", ("agent.agent", "agent.motions", "agent.rehearsal")),
-    "representation": ("What the agent learns", ("agent.representation",)),
+    "representation": (
+        "What the agent learns",
+        ("agent.representation.learning", "agent.representation.quotient")
+        + ("agent.representation.graphs", "agent.representation.kernels")
+        + ("agent.representation.quantise", "agent.representation.touches"),
+    ),
     "shape": (
         "What the agent recovers",
         ("agent.shape.recovery", "agent.shape.metrics", "agent.shape.embedding")
@@ -174,7 +179,7 @@ def files() -> str:
         "them; [Running](../running.md#what-protects-the-files) says what protects the files.\n",
         *_table(("path", "what it holds"), sorted(rows)),
         "\nThe arrays of `representation.npz` are the attributes of "
-        "`selftouch_drake.agent.representation.QuotientRepresentation`, those of a plan's file the "
+        "`selftouch_drake.agent.representation.quotient.QuotientRepresentation`, those of a plan's file the "
         "attributes of `Plan`, `Motion` and `Execution` in `selftouch_drake.agent.motions`.",
     ]
     return "\n".join(text) + "\n"

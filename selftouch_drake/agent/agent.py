@@ -22,12 +22,10 @@ from selftouch_drake.agent.planning.prediction import (
 from selftouch_drake.agent.planning.route import Prefer
 from selftouch_drake.agent.planning.smoothing import KNOT_SPACING
 from selftouch_drake.agent.planning.touch_model import TouchModel
-from selftouch_drake.agent.representation import (
-    QuotientRepresentation,
-    felt_kernels,
-    kernel_sensations,
-    learn,
-)
+from selftouch_drake.agent.representation.kernels import kernel_sensations
+from selftouch_drake.agent.representation.learning import learn
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.touches import felt_kernels
 
 if TYPE_CHECKING:
     from selftouch_drake.agent.practice import DryRun

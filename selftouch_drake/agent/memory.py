@@ -10,8 +10,8 @@ from itertools import pairwise
 import numpy as np
 
 from selftouch_drake.agent.records import Record
-from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.representation.graphs import step_links
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 #: A link on which contact was lost costs this many times more from then on.
 LOSS_FACTOR = 8.0

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from selftouch_drake.agent.motions import Execution, Motion
-from selftouch_drake.agent.representation import QuotientRepresentation, felt_kernels
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
+from selftouch_drake.agent.representation.touches import felt_kernels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

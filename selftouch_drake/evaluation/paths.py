@@ -12,8 +12,8 @@ import numpy as np
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from selftouch_drake.agent.representation import QuotientRepresentation
 from selftouch_drake.agent.representation.graphs import geodesics, link_lengths
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.evaluation.shape import LEAST_SINGLE
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.geometry.geodesics import surface_paths

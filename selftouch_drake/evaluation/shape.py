@@ -12,8 +12,7 @@ import numpy as np
 from scipy.linalg import orthogonal_procrustes
 from scipy.spatial.distance import cdist, pdist
 
-from selftouch_drake.agent.representation import QuotientRepresentation
-from selftouch_drake.agent.representation.quotient import LEAST_KERNELS
+from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
 from selftouch_drake.experience.store import Contacts
 from selftouch_drake.geometry.receptors import ReceptiveFields
 

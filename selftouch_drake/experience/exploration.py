@@ -23,7 +23,7 @@ from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, Wa
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.agent.lifelong.pairs import PairSeeker, TouchPairs
-from selftouch_drake.agent.representation import DisconnectedWarning
+from selftouch_drake.agent.representation.graphs import DisconnectedWarning
 from selftouch_drake.experience.collect import keep_touches, stored_walks, time_left, walker_of
 from selftouch_drake.experience.store import ExperienceReader, Shard, WalkCounts, write_shard
 from selftouch_drake.experience.walk import CHOICE_S, strides, walk_range

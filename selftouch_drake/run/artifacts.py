@@ -20,12 +20,9 @@ from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.memory import ForeignMemoryError, RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.planning.touch_model import TouchModel
-from selftouch_drake.agent.representation import (
-    QuotientRepresentation,
-    kernel_sensations,
-    to_networkx,
-    without_vectors,
-)
+from selftouch_drake.agent.representation.graphs import to_networkx, without_vectors
+from selftouch_drake.agent.representation.kernels import kernel_sensations
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.files import load_arrays, save_arrays, written_whole
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
 from selftouch_drake.run.metrics import keys_of

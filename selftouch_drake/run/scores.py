@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 from selftouch_drake.agent.shape.recovery import RecoveredBody, recover
 from selftouch_drake.bodies.embodiment import World

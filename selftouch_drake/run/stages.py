@@ -22,7 +22,7 @@ from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.planning.novelty import Recorded
 from selftouch_drake.agent.planning.touch_model import TouchModel
 from selftouch_drake.agent.rehearsal import Try, best, judge
-from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.bodies.embodiment import World, pilot_in
 from selftouch_drake.bodies.living import LivingBody
 from selftouch_drake.experience.collect import collect, how_to_collect, require_complete, robot_s
@@ -132,7 +132,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     Warns:
         ChangedBodyWarning: the body changed in the middle of the experience.
     """
-    from selftouch_drake.agent.representation import learn as learn_quotient
+    from selftouch_drake.agent.representation.learning import learn as learn_quotient
     from selftouch_drake.agent.shape.recovery import recover
     from selftouch_drake.run.scores import found_metrics
 

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from selftouch_drake.agent.motions import Execution
-from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.recovery import RecoveredBody
 from selftouch_drake.evaluation.coverage import touch_density
 from selftouch_drake.evaluation.life import LifeCurves

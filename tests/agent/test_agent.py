@@ -8,7 +8,7 @@ from skins import SHAPES, readings, receptors, touch
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.motions import NO_KERNEL, Execution
 from selftouch_drake.agent.rehearsal import judge
-from selftouch_drake.agent.representation import felt_kernels
+from selftouch_drake.agent.representation.touches import felt_kernels
 
 NUM_ROWS = 40_000
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from laying import kernels_on, places
 
-from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.evaluation.shape import kernel_truth, parts_on_skins, shape_errors
 
 

@@ -9,8 +9,8 @@ import pytest
 from scipy.spatial import procrustes
 from scipy.spatial.distance import pdist
 
-from selftouch_drake.agent.representation import DisconnectedWarning
 from selftouch_drake.agent.representation.estimator import QuotientLearner
+from selftouch_drake.agent.representation.graphs import DisconnectedWarning
 from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.evaluation.shape import kernel_truth
 from selftouch_drake.experience.store import (

@@ -14,7 +14,7 @@ from scipy.optimize import least_squares
 from selftouch_drake.agent.motions import Execution, Motion, Plan
 from selftouch_drake.agent.planning.smoothing import smooth_path
 from selftouch_drake.agent.planning.touch_model import TouchModel
-from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.embedding import Embedding
 from selftouch_drake.agent.shape.homology import topology
 from selftouch_drake.agent.shape.recovery import RecoveredBody, RecoveredPart

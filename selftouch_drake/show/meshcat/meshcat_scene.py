@@ -17,7 +17,7 @@ from pydrake.geometry import Meshcat, MeshcatAnimation, Sphere
 from pydrake.math import RigidTransform
 from pydrake.perception import BaseField, Fields, PointCloud
 
-from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.run.directory import MissingError
 from selftouch_drake.show.meshcat.skin_drawing import SkinDrawing, key_frames, linear_light, rgba

@@ -9,19 +9,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist, squareform
 
-from selftouch_drake.agent.representation import (
-    DisconnectedWarning,
-    geodesics,
-    to_networkx,
-    without_vectors,
-)
 from selftouch_drake.agent.representation.graphs import (
+    DisconnectedWarning,
     component_labels,
     connected_edges,
+    geodesics,
     locally_scaled,
     neighbour_edges,
     step_links,
     surface_neighbours,
+    to_networkx,
+    without_vectors,
 )
 
 

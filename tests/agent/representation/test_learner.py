@@ -8,9 +8,9 @@ from sklearn.base import clone
 from sklearn.exceptions import NotFittedError
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
-from selftouch_drake.agent.representation import DisconnectedWarning, learn
 from selftouch_drake.agent.representation.estimator import QuotientLearner
-from selftouch_drake.agent.representation.graphs import component_labels
+from selftouch_drake.agent.representation.graphs import DisconnectedWarning, component_labels
+from selftouch_drake.agent.representation.learning import learn
 
 
 def test_kernels_hold_rows_of_the_experience_that_feel_alike(experience, learner, representation):

@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from selftouch_drake.agent.representation import QuotientRepresentation
+from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 
 # Files and users of the package rely on these names.
 CONTRACT = {

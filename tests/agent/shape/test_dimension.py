@@ -15,8 +15,7 @@ from bodies import (
 )
 from scipy.spatial.distance import pdist, squareform
 
-from selftouch_drake.agent.representation import geodesics
-from selftouch_drake.agent.representation.graphs import neighbour_edges
+from selftouch_drake.agent.representation.graphs import geodesics, neighbour_edges
 from selftouch_drake.agent.shape.dimension import (
     intrinsic_dimension,
     skin_dimension,

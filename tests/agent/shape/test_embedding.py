@@ -7,7 +7,7 @@ from scipy.spatial.distance import pdist, squareform
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
-from selftouch_drake.agent.representation import geodesics
+from selftouch_drake.agent.representation.graphs import geodesics
 from selftouch_drake.agent.shape.embedding import (
     classical_embedding,
     curvature_corrected_mds,
