@@ -4,8 +4,6 @@ Numba compiles whole-array expressions for seconds, and a function again for eac
 is passed: compiled code is plain loops, and what counts starts as an `np.int64`.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numba

@@ -1,7 +1,5 @@
 """Threads that work beside the caller's, on as many cores as there are, and what each keeps."""
 
-from __future__ import annotations
-
 import gc
 import threading
 from collections.abc import Callable, Iterable, Iterator

@@ -6,8 +6,6 @@ estimated from the readings themselves, because few receptors feel each touch, a
 at rest in most rows. Of a whole recording it is also known what comes after a row.
 """
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import dataclass, field, replace
 from itertools import pairwise

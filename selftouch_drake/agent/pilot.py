@@ -3,8 +3,6 @@
 Everything it does in a world goes through its body (naive).
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Records of arrays: checked when they are made, and saved as one flat dictionary by name."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, Self, get_type_hints

@@ -1,7 +1,5 @@
 """Rehearsal: the agent judges what it did by what it felt."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

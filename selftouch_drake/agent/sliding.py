@@ -6,8 +6,6 @@ touch is; along all others it slides. So it moves as straight as it can, and pre
 less when the touch is weaker or stronger than wanted.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 

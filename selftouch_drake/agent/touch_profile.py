@@ -5,8 +5,6 @@ direction in motor space in which the touch changes most: this direction leads t
 Then it measures how strong the touch is along that direction.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What only the experimenter knows of an executed motion: tracking, limits, time off the skin."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

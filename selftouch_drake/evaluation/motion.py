@@ -1,7 +1,5 @@
 """How well planned motions keep contact, arrive, and feel as predicted."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

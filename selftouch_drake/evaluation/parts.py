@@ -1,7 +1,5 @@
 """The true parts of what can be touched of a robot's skins, and their holes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

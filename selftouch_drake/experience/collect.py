@@ -1,7 +1,5 @@
 """Collects experience: random walks, and keeps their touching configurations."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor, Executor
 from functools import partial

@@ -7,8 +7,6 @@ If the body may change in the course of the experiment, the agent watches for th
 `Life`, and explores by what it knows after it adapted. Nothing tells it when the body changes.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from functools import partial

@@ -4,8 +4,6 @@ A recording is a Parquet, CSV or NPZ file, or a folder of files of one kind. Fol
 of LeRobot (`meta/info.json`, `data/`) are understood.
 """
 
-from __future__ import annotations
-
 import fnmatch
 import json
 import re

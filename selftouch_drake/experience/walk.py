@@ -1,7 +1,5 @@
 """Random walks in motor space, and who leads a body along them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from selftouch_drake.agent.body import Body, Felt

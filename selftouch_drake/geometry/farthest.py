@@ -1,7 +1,5 @@
 """Points chosen one by one, each as far as possible from all earlier ones."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

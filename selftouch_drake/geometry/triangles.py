@@ -1,7 +1,5 @@
 """Samples and intersections of triangles of any size, compact or long and thin."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

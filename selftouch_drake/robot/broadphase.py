@@ -7,8 +7,6 @@ and to see that they are outside the skins' boxes, many configurations at a time
 loops run over `_LANES` of them, for the processor's vector instructions.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from selftouch_drake.compiled import compiled, inner

@@ -4,8 +4,6 @@ Receptors feel a force inside the wall as `ReceptiveFields.weights_at` says; the
 found among the few that may be the nearest to a point of a tetrahedron.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The calibration of a run: its touches beside a model of its robot."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -4,8 +4,6 @@ The content of models and meshes counts, not their path: a run may move to anoth
 edited model cannot mix two robots in one store.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

@@ -4,8 +4,6 @@ An imported run has an experience, like any other, and `learn`, `plan` and `repo
 experiment has `imported` in place of robot, skins and touching.
 """
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import io

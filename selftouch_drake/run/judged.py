@@ -4,8 +4,6 @@ A recording `NAME.npz` has what a method may use; `NAME.truth.npz` beside it has
 `benchmarks/recordings.py` makes both and says what they hold.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any

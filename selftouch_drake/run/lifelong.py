@@ -1,7 +1,5 @@
 """The life of a run's agent: it learns from the touches of its experience one after another."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 
 import numpy as np

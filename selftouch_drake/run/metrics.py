@@ -5,8 +5,6 @@ metrics of later stages. A metric without a meaning for an experiment is absent,
 error with two fingers on one hand.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Descriptive names of runs and plans."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from collections.abc import Iterable, Mapping

@@ -1,7 +1,5 @@
 """The map of receptors of a run or of a recording: its touches, and its table."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence

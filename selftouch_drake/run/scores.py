@@ -1,7 +1,5 @@
 """Metrics of what was learned, alone and against the truth, as `metrics.json` names them."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any

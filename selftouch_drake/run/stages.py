@@ -5,8 +5,6 @@ that runs again replaces what it made and drops what was made from it. A stage i
 needs, so that the others start sooner.
 """
 
-from __future__ import annotations
-
 import time
 import warnings
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Statistics of the touches of a run, and what is said about them."""
 
-from __future__ import annotations
-
 import warnings
 from typing import Any
 

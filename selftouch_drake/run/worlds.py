@@ -1,7 +1,5 @@
 """The bodies of a run: its robot, from the models at the start of the run."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Figures, recording and report of a run, and live play."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The picture of a map of receptors: each part, with an error bar as a circle."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import matplotlib as mpl

@@ -1,7 +1,5 @@
 """All data of a run for pictures and pages; each part is loaded at its first use."""
 
-from __future__ import annotations
-
 import contextlib
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """The sweep file: which experiments, which fields vary, which seeds."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools

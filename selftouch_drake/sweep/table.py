@@ -1,7 +1,5 @@
 """The table of a sweep, and pictures of each metric against each field that varies."""
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections import Counter, defaultdict

@@ -5,8 +5,6 @@ sum that falls below 0 begins again at 0. In a body that does not change it pass
 steps or less often (Lorden, 1971).
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ Any fit lowers surprise, the more so the worse the agent expects. So each explan
 second time, to touches from before the change, and only the ratio of the two surprises counts.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import partial

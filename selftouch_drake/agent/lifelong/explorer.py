@@ -6,8 +6,6 @@ the way. It does not know what makes the move. Where time counts, a `Walker` sta
 only touches count, a `PostureSampler` tries postures anywhere.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ the remembered touches, as in the offline learner; a new target takes the number
 old one. Memory and work are bounded: a touch costs the same at any age.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array

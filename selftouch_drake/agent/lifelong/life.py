@@ -1,7 +1,5 @@
 """A life: the agent learns from touches as they come, notices changes of its body, and adapts."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ it had asked for, asks for that of a rare pair again, a little varied, and so fi
 it. It knows no part of its body: places are pools of receptors that feel the same touches.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 

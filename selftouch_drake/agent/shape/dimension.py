@@ -10,8 +10,6 @@ follow from distances between its kernels.
   one makes them fit far better, three are too few.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from selftouch_drake.agent.shape.embedding import (

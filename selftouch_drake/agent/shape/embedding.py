@@ -1,7 +1,5 @@
 """Lays out kernels in space from their distances along the body (paper, section IV)."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial

@@ -11,8 +11,6 @@ A layout from better lengths gives a better model. Errors of the first layout ne
 rounds.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.optimize import isotonic_regression
 

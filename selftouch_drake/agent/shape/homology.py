@@ -6,8 +6,6 @@ Delaunay triangulation that the balls cover, and has the homology of their union
 surface is that of figure 3.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, combinations

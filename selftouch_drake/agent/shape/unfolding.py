@@ -10,8 +10,6 @@ Three suppositions help where touches are few: receptors are much alike, they ar
 spread, and the place of a touch changes smoothly with the joints, where these tell the place.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

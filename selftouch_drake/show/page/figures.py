@@ -1,7 +1,5 @@
 """All figures of a run: their list, their data, and their files."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Pictures of acting: the path over the skin, what was felt along it, and a whole life."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The report of a run: one page with its whole story, for readers who were not there."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import json

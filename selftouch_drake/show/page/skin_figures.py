@@ -1,7 +1,5 @@
 """Pictures of the skins: where they were touched, and what is felt on them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
