@@ -5,8 +5,6 @@ agent feels along the plan and searches other ways for its doubtful steps; it re
 here: what it learns from a try under dynamics (naive).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial

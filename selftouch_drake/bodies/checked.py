@@ -1,7 +1,5 @@
 """Wraps a body that others wrote, believes nothing of it, and counts the time that it needs."""
 
-from __future__ import annotations
-
 import ctypes
 import queue
 import threading

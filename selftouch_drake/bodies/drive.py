@@ -1,7 +1,5 @@
 """Finds out what actions do to joints by moving a little, and moves joints by actions."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Makes the bodies of an experiment; each thread keeps those that it asked for last."""
 
-from __future__ import annotations
-
 import hashlib
 from functools import lru_cache
 from pathlib import Path

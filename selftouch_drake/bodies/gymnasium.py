@@ -1,7 +1,5 @@
 """A Gymnasium environment as a body: it observes joint positions and touch, and takes actions."""
 
-from __future__ import annotations
-
 import dataclasses
 import re
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Makes the body that an experiment names by `python` or `gymnasium`, or a file and a class do."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.util
 import inspect

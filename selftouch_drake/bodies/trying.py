@@ -1,7 +1,5 @@
 """Tries a body: moves it a little, and says in words what it is like and what is wrong."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 

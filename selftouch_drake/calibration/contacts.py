@@ -1,7 +1,5 @@
 """Where a ball at the tip of a robot touches a skin, by a kinematic model and joint offsets."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 

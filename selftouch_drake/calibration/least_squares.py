@@ -7,8 +7,6 @@ normals. Unknown are the offsets, how far the ball sinks in, R, the receptors' p
 each touch is.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The kinematics of a robot's model file, for the joints of a run."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Files of a calibration: receptors as CSV, offsets and the pose of the skin as JSON."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

@@ -1,7 +1,5 @@
 """A robot that may touch itself, as a Gymnasium environment."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Environments with a goal: a wanted sensation."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

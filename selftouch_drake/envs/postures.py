@@ -1,7 +1,5 @@
 """Random postures of a robot: any possible ones, or those in which it touches itself."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from selftouch_drake.experiment import ExperimentError

@@ -1,7 +1,5 @@
 """Many robots that may touch themselves at once, without dynamics."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal

@@ -6,8 +6,6 @@ first 3, 6 or 7 of them. In the files of YARP's skin, rows of zeros stand for no
 normals are placeholders.
 """
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

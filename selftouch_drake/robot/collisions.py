@@ -1,7 +1,5 @@
 """Impossible postures: those in which rigid parts of the robot run into each other."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable
 

@@ -9,8 +9,6 @@ triangle and the gradient of the pressure is less than 5/8 pi. Tests compare thi
 Drake itself computes dynamics, and contact between two skins, where both sides are soft.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from selftouch_drake.compiled import compiled, inner

@@ -1,7 +1,5 @@
 """The joints of a robot: moved by changes of its body, and welded where they do not move."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 

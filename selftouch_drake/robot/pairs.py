@@ -1,7 +1,5 @@
 """Pairs of a robot's parts: those that may touch, must not collide, or are filtered."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

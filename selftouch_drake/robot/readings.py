@@ -5,8 +5,6 @@ This is the one place where forces become readings, for kinematic and dynamic wo
 (`geometry.group_centres`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from selftouch_drake.experiment.schema import Reading

@@ -5,8 +5,6 @@ on both sides. So the servo keeps a belief about the offset of the robot and upd
 sensations along the motion (a histogram filter, Thrun, Burgard, Fox: Probabilistic Robotics, 2005).
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A robot under dynamics that follows commands: for plans, live play and babbling."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The world of an experiment; each part is built at its first use."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from functools import cached_property

@@ -4,8 +4,6 @@ First tries are independent of each other and may be made in several processes. 
 order, because each remembers the earlier ones. Only the parts of their scores stay in memory.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future

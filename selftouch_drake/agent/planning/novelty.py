@@ -1,7 +1,5 @@
 """How far plans stray from where the robot was recorded (naive)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The planner: from the current motor configuration to a target sensation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 

@@ -1,7 +1,5 @@
 """The sensations that the agent expects along a plan, and how sure it is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numba

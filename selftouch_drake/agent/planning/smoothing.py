@@ -1,7 +1,5 @@
 """From waypoints to a smooth geometric path in motor space."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 

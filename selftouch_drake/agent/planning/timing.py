@@ -7,8 +7,6 @@ backwards, the largest square of the speed from which the rest of the path can b
 the start forwards, the largest acceleration that stays below.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The waypoints of a plan: one motor configuration in each kernel of a route."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise

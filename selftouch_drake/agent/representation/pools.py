@@ -1,7 +1,5 @@
 """Pools receptors that feel the same touches, so that thousands are fewer places (naive)."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components

@@ -4,8 +4,6 @@ Each sensation is first divided by its L2 norm. Then a light touch is near a fir
 place, whereas otherwise all light touches would fall into one giant cell.
 """
 
-from __future__ import annotations
-
 import warnings
 
 import numba

@@ -11,8 +11,6 @@ on which joints the prediction depends. These differ between touches: each touch
 few modes, and each mode has its own set of joints that matter.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import partial
 

@@ -7,8 +7,6 @@ skin between neighbours. These give a layout, as for kernels, and unfolding refi
 skin can be laid out flat.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

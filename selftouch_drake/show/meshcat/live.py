@@ -1,7 +1,5 @@
 """The live agent: in a browser, it plans and slides to any sensation that a user chooses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import cycle
 

@@ -7,8 +7,6 @@ that changes is drawn once. The parts of a skin are drawn below one path, whose 
 the skin's link.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

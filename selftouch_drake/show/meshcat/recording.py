@@ -1,7 +1,5 @@
 """An executed plan as a Meshcat animation, and as a page that needs no network."""
 
-from __future__ import annotations
-
 import gc
 import html
 

@@ -1,7 +1,5 @@
 """Skins in Meshcat: they follow their links, and their receptors are coloured by their readings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Meshcat with its background, its camera, text, and a robot that can be posed and feels."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 from collections.abc import Callable, Iterator
