@@ -2,9 +2,9 @@
 
     python benchmarks/causes.py runs/infant_7 runs/icub_7
 
-A row for each part of each run: its shape error (of the worst skin on it), in percent, if neighbours and lengths are the
-agent's own, by `sensorimotor`; if one of the two is true; and if both are. What is left then is
-due to the layout: an open patch can be bent without changing any length along it.
+A row for each part of each run: its shape error, of the worst skin on it, in percent, if neighbours
+and lengths are the agent's own, by `sensorimotor`; if one of them is true; and if both are. What is
+left then is due to the layout: an open patch can be bent without changing any length along it.
 """
 
 from __future__ import annotations
