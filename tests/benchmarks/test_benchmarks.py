@@ -62,6 +62,7 @@ SMALL: dict[str, list[str]] = {
         *FEW,
         "--out={tmp}/t",
     ],
+    "causes": ["{tmp}/sphere_1", "--touches=20000"],
     "calibration": ["--seeds=1", "--out={tmp}/table.md"],
     "two_fingers": ["runs", "{tmp}/sphere_two_fingers_1", "--rows=3000", "--targets=60"],
 }

@@ -57,7 +57,7 @@ def overlapping(sensation: np.ndarray) -> np.ndarray:
 
 
 def receptors_together(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
-    """Which receptors feel the same touch, and whether touches of two places are coincidence.
+    """Which receptors feel the same touch, and whether some touch two places by coincidence.
 
     They are `(S, S)` bool: of one part, they overlap, or nearly, by sensations as of `overlapping`.
 
@@ -69,8 +69,9 @@ def receptors_together(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
     """
     overlap = overlapping(sensation)
     near = overlap | ((_shared(sensation)[0] >= _LEAST_NEAR) & _of_one_part(overlap))
-    share = np.mean(apart(sensation, overlap) & ~of_several_parts(sensation, overlap))
-    return near, bool(0.0 < share < _MOST_BY_CHANCE)
+    several = apart(sensation, overlap)
+    share = np.mean(several & ~of_several_parts(sensation, overlap))
+    return near, bool(several.any() and share < _MOST_BY_CHANCE)
 
 
 def _shared(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -18,6 +18,7 @@ from selftouch_drake.agent.representation.graphs import (
     locally_scaled,
     neighbour_edges,
     one_ring,
+    target_distances,
     unlike,
 )
 from selftouch_drake.agent.representation.kernels import KernelSets
@@ -134,10 +135,20 @@ def motor(representation: QuotientRepresentation, *_: object) -> BodyGraph:
     return BodyGraph(edges=edges, length=length, kernel=np.arange(representation.num_targets))
 
 
-def sensorimotor(representation: QuotientRepresentation, *_: object) -> BodyGraph:
-    """The same neighbours; the length of an edge is the angle between target sensations."""
-    edges, targets = representation.edges, representation.target_sensations
-    return BodyGraph(edges=edges, length=angles(targets, edges), kernel=np.arange(len(targets)))
+def sensorimotor(representation: QuotientRepresentation, skin: int, *_: object) -> BodyGraph:
+    """Neighbours by motor sets or by what they feel; lengths from sensations.
+
+    These are the angles between target sensations, corrected for where the receptors lie if a model
+    of the receptors explains what is felt.
+    """
+    targets = representation.target_sensations
+    apart = np.where(unlike(targets), np.inf, target_distances(representation)[0])
+    edges = np.unique(np.vstack([representation.edges, neighbour_edges(apart)]), axis=0)
+    kernel, length = np.arange(len(targets)), angles(targets, edges)
+    corrected = corrected_lengths(targets, kernel, edges, length, skin)
+    if corrected is not None:
+        length = corrected
+    return BodyGraph(edges=edges, length=length, kernel=kernel)
 
 
 @one_thread
@@ -179,7 +190,7 @@ def learned(
         if tries[-1][0] < _MOST_APART:
             break
     if not tries:
-        graph = sensorimotor(representation)
+        graph = sensorimotor(representation, skin)
         doubt = f"{share_unlike:.0%} of the neighbours in the learned map feel nothing in common"
         if strange > _MOST_STRANGE:
             doubt = f"{strange:.0%} of the touches feel nothing in common with the nearest one"

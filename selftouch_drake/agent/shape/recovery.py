@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
+from selftouch_drake.agent.representation.graphs import geodesics
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.agent.shape.dimension import (
     LEAST_KERNELS,
@@ -19,8 +20,9 @@ from selftouch_drake.agent.shape.dimension import (
     space_dimension,
 )
 from selftouch_drake.agent.shape.embedding import Embedding
+from selftouch_drake.agent.shape.fields import angles
 from selftouch_drake.agent.shape.homology import Topology, flat, spacings, topology
-from selftouch_drake.agent.shape.metrics import SHAPE_METRICS, sensorimotor
+from selftouch_drake.agent.shape.metrics import SHAPE_METRICS
 
 #: Logarithm of the expected error: constant, and slopes in the logarithms of stress and unevenness.
 #: Calibrated by least squares on bodies recovered from few and many touches and targets, with good
@@ -211,8 +213,8 @@ def recover(
 
         kernels = np.flatnonzero(representation.part == number)
         part = representation.restricted(kernels)
-        by_feel = sensorimotor(part)
-        skin = skin_dimension(by_feel.geodesics(by_feel.length))
+        by_feel = angles(part.target_sensations, part.edges)
+        skin = skin_dimension(geodesics(part.edges, by_feel, len(kernels)))
         graph = SHAPE_METRICS[metric].graph(part, skin, seed, of_part)
         if graph.doubt is not None:
             warnings.warn(

@@ -52,6 +52,7 @@ def test_new_receptors_are_filled_in_again(touches):
     assert len(new.felt) >= 1200
 
 
+@pytest.mark.slow
 def test_a_life_does_not_depend_on_how_it_is_cut(touches):
     q = touches.q.copy()
     q[4500:, 0] += 0.5

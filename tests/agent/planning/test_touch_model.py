@@ -99,6 +99,7 @@ def test_a_way_known_by_heart_is_not_taken_for_the_skin(monkeypatch):
     """Touches on a slow way, whose firmness has nothing to do with where they are."""
     monkeypatch.setattr(touch_model, "_OFF", 0.0)  # correlation alone decides
     monkeypatch.setattr(touch_model, "_LEAST_CORRELATION", 0.6)
+    monkeypatch.setattr(touch_model, "_NUM_NETWORKS", 1)
     noise = np.random.default_rng(0).standard_normal((7, 9299))
     *way, firmness = (np.convolve(row, np.full(300, 0.06), "valid") for row in noise)
     representation, sensation = met(np.stack(way, axis=1), np.exp(firmness))
