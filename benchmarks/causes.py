@@ -24,10 +24,10 @@ from selftouch_drake.agent.representation.graphs import (
     neighbour_edges,
 )
 from selftouch_drake.agent.representation.learning import learn
-from selftouch_drake.agent.shape import curvature_corrected_mds
+from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
 from selftouch_drake.agent.shape.fields import angles
 from selftouch_drake.agent.shape.metrics import sensorimotor
-from selftouch_drake.evaluation import kernel_truth, shape_errors
+from selftouch_drake.evaluation.shape import kernel_truth, shape_errors
 from selftouch_drake.experience import Contacts, ExperienceReader
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory

@@ -150,7 +150,7 @@ def programs() -> Iterator[object]:
     for page in PAGES:
         for number, program in enumerate(blocks(TEXTS[page], "python")):
             if page.name != "gymnasium.md" and "felt_touches" not in program:
-                slow = [pytest.mark.slow] if "KMeans" in program or page == README else []
+                slow = [pytest.mark.slow] if "KMeans" in program or page.parent == ROOT else []
                 yield pytest.param(page, number, marks=slow, id=f"{page.stem}-{number}")
 
 
