@@ -51,6 +51,16 @@ class KernelSets:
         """The same sets in other coordinates, `(R, D)`."""
         return replace(self, x=x)
 
+    def thinned(self, most: int) -> KernelSets:
+        """At most so many configurations of each kernel, evenly strided."""
+        sizes, kept = self.sizes, np.minimum(self.sizes, most)
+        offsets = np.concatenate([[0], np.cumsum(kept)])
+        kernel = np.repeat(np.arange(len(self)), kept)
+        number = np.arange(len(kernel)) - offsets[kernel]
+        return KernelSets(
+            self.x[self.offsets[kernel] + number * sizes[kernel] // kept[kernel]], offsets
+        )
+
     def firm(self, strength: np.ndarray) -> KernelSets:
         """The half of each kernel that was felt more strongly, by `(R,)` strengths.
 

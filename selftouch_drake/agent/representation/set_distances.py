@@ -76,10 +76,8 @@ def set_distances(
     members = np.ascontiguousarray(sets.x, dtype=np.float32)
     kernels = np.arange(len(sets))
     search = _nearest_squared(members.shape[1], False)
-
-    def queries(kernel: int, most: int) -> np.ndarray:
-        count = min(sizes[kernel], most)
-        return members[offsets[kernel] + np.arange(count) * sizes[kernel] // count]
+    queries = sets.at(members).thinned(max_queries)
+    fewer = sets.at(members).thinned(min(_FEW_QUERIES, max_queries))
 
     def nearest(x: np.ndarray, asked: np.ndarray) -> np.ndarray:
         squared = np.empty((len(asked), len(x)), dtype=np.float32)
@@ -88,14 +86,14 @@ def set_distances(
 
     def roughly(rows: slice) -> None:
         some = kernels[rows]
-        few = [queries(kernel, min(_FEW_QUERIES, max_queries)) for kernel in some]
+        few = [fewer.members(kernel) for kernel in some]
         near = np.split(nearest(np.concatenate(few), kernels), np.cumsum([len(x) for x in few]))
         for kernel, table in zip(some, near, strict=False):  # nothing is left after the last
             there[kernel] = reduce(table)
 
     def exactly(kernel: int) -> None:
         asked = np.flatnonzero(exact[kernel])
-        there[kernel, asked] = reduce(nearest(queries(kernel, max_queries), asked))
+        there[kernel, asked] = reduce(nearest(queries.members(kernel), asked))
 
     exact = np.ones((len(kernels), len(kernels)), dtype=bool) if rough is None else ~rough
     if changed is not None:

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import pdist, squareform
 
 from selftouch_drake.agent.representation.graphs import (
@@ -84,6 +86,18 @@ def test_bridges_of_no_length_join_too():
     with pytest.warns(DisconnectedWarning):
         joined = connected_edges(np.empty((0, 2), dtype=int), np.zeros((4, 4)))
     assert component_labels(joined, 4).tolist() == [0, 0, 0, 0]
+
+
+def test_geodesics_are_those_of_dijkstra_to_the_last_bit():
+    rng = np.random.default_rng(3)
+    # More kernels than are searched from at once, and some that nothing joins.
+    edges = np.unique(np.sort(rng.integers(280, size=(900, 2)), axis=1), axis=0)
+    edges = edges[edges[:, 0] < edges[:, 1]]
+    length = rng.uniform(0.1, 2.0, len(edges))
+    graph = csr_array((length, tuple(edges.T)), shape=(300, 300))
+    found = geodesics(edges, length, 300)
+    assert np.isinf(found).any()
+    np.testing.assert_array_equal(found, dijkstra(graph, directed=False))
 
 
 def test_geodesics_by_hand():

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample
+from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample, KernelSets
 
 labels = st.lists(st.integers(0, 5), min_size=1, max_size=80).map(np.array)
 
@@ -62,3 +62,11 @@ def test_every_row_has_an_equal_chance():
         kept[sample_kernels(np.zeros(40, dtype=int), 10, seed=seed).row] += 1
     # 2000 draws with probability 1/4: mean 500, standard deviation 19.
     assert np.abs(kept - 500).max() < 5 * 19
+
+
+def test_thinned_sets_keep_evenly_strided_configurations():
+    sets = KernelSets(np.arange(12.0)[:, None], np.array([0, 1, 8, 12]))
+    few = sets.thinned(3)
+    assert few.offsets.tolist() == [0, 1, 4, 7]
+    assert few.x.ravel().tolist() == [0, 1, 3, 5, 8, 9, 10]
+    assert sets.thinned(9).x.tolist() == sets.x.tolist()
