@@ -13,6 +13,12 @@ from selftouch_drake.bodies.checked import CheckedBody
 from selftouch_drake.experience.collect import random_walk, walker_of
 from selftouch_drake.experiment import Experiment
 
+#: A body that stops at least this share of a joint's range before a place has something in its way.
+#: Then it goes by two random postures, most of which touch nothing, and tries again. Of 30 ways
+#: between touches of the tests' arm in MuJoCo, 30 % are free when they are straight, and 97 % after
+#: so many rounds.
+_BLOCKED, _BY, _ROUNDS = 0.1, 2, 4
+
 #: Rows from which a skin is calibrated, and s of the robot after which there are enough.
 _ROWS, _LONG_ENOUGH_S = 2000, 60.0
 
@@ -38,6 +44,7 @@ class LivingBody:
         self.met: list[Felt] | None = None
         # Where the last motion was to end.
         self._at: np.ndarray | None = None
+        self._rng = np.random.default_rng(0)
         atexit.register(body.close)
 
     @property
@@ -79,7 +86,7 @@ class LivingBody:
         """As of `Body`, with sensations; a body that travels goes to the first one before."""
         there = self._at is not None and np.array_equal(q[0], self._at)
         if not (self.jumps or there):
-            self._body.feel(q[:1])
+            self._go(q[:1])
         followed = self._body.follow(time_s, q)
         self._at = q[-1].copy()
         followed = replace(followed, sensation=self._sensation(followed.sensation))
@@ -108,6 +115,15 @@ class LivingBody:
         except ValueError as error:
             raise BodyError(f"{self._body.name} cannot be calibrated: {error}") from None
         return self.calibration
+
+    def _go(self, q: np.ndarray) -> None:
+        """Travels to `(1, J)`, round what is in the way."""
+        least = _BLOCKED * (self.upper - self.lower)
+        for _ in range(_ROUNDS):
+            if (np.abs(self._body.feel(q).q - q) < least).all():
+                return
+            self._body.feel(self._rng.uniform(self.lower, self.upper, (_BY, len(least))))
+        self._body.feel(q)
 
     def _sensation(self, readings: np.ndarray) -> np.ndarray:
         calibration = self.babbling.calibration
