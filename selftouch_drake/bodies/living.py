@@ -13,6 +13,12 @@ from selftouch_drake.bodies.checked import CheckedBody
 from selftouch_drake.experience.collect import random_walk, walker_of
 from selftouch_drake.experiment import Experiment
 
+#: Where the straight way to a motion is blocked, and more than this share of a joint's range long,
+#: the body goes by two random postures, most of which touch nothing, and tries again. Of 30 ways
+#: between touches of the tests' arm in MuJoCo, 30 % are free when they are straight, and 97 % after
+#: so many rounds.
+_FAR, _BY, _ROUNDS = 0.1, 2, 4
+
 #: Rows from which a skin is calibrated, and s of the robot after which there are enough.
 _ROWS, _LONG_ENOUGH_S = 2000, 60.0
 
@@ -36,8 +42,10 @@ class LivingBody:
         self.velocity, self.acceleration = body.velocity, body.acceleration
         self.num_receptors = body.num_receptors
         self.met: list[Felt] | None = None
-        # Where the last motion was to end.
+        # Where the last motion was to end, and where it did.
         self._at: np.ndarray | None = None
+        self._where = np.full(len(body.lower), np.inf)
+        self._rng = np.random.default_rng(0)
         atexit.register(body.close)
 
     @property
@@ -72,16 +80,16 @@ class LivingBody:
     def feel(self, q: np.ndarray) -> Felt:
         """As of `Body`, with sensations."""
         felt = self._body.feel(q)
-        self._at = None
+        self._at, self._where = None, [self._where, *felt.q][-1]
         return self._noted(replace(felt, sensation=self._sensation(felt.sensation)))
 
     def follow(self, time_s: np.ndarray, q: np.ndarray) -> Followed:
         """As of `Body`, with sensations; a body that travels goes to the first one before."""
         there = self._at is not None and np.array_equal(q[0], self._at)
         if not (self.jumps or there):
-            self._body.feel(q[:1])
+            self._go(q[:1])
         followed = self._body.follow(time_s, q)
-        self._at = q[-1].copy()
+        self._at, self._where = q[-1].copy(), followed.q[-1]
         followed = replace(followed, sensation=self._sensation(followed.sensation))
         self._noted(followed.felt())
         return followed
@@ -108,6 +116,15 @@ class LivingBody:
         except ValueError as error:
             raise BodyError(f"{self._body.name} cannot be calibrated: {error}") from None
         return self.calibration
+
+    def _go(self, q: np.ndarray) -> None:
+        """Travels to `(1, J)`, round what is in the way."""
+        far = (np.abs(q - self._where) > _FAR * (self.upper - self.lower)).any()
+        for _ in range(_ROUNDS if far else 0):
+            if self._body.feel(q).reached[0]:
+                return
+            self._body.feel(self._rng.uniform(self.lower, self.upper, (_BY, q.shape[1])))
+        self._body.feel(q)
 
     def _sensation(self, readings: np.ndarray) -> np.ndarray:
         calibration = self.babbling.calibration

@@ -57,6 +57,20 @@ class Travels(Flat):
                 file.write("at rest\n")
 
 
+class Walled(Travels):
+    """A finger that stops at a wall across its skin, unless it is lifted."""
+
+    def feel(self, q):
+        wanted, rows = q.copy(), np.zeros(len(q), dtype=bool)
+        for row, posture in enumerate(wanted):
+            way = self.at + np.linspace(0, 1, 201)[:, None] * (posture - self.at)
+            stops = (np.abs(way[:, 0] - 0.5) < 0.02) & (way[:, 2] > 0.1)
+            rows[row] = not stops.any()
+            q[row] = posture if rows[row] else way[max(stops.argmax() - 1, 0)]
+            super().feel(q[row : row + 1])
+        return Felt(q=q, sensation=self.touch(q), reached=rows)
+
+
 class OtherJoints(Travels):
     joint_names = ("x", "y", "thumb")
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 from commands import selftouch
-from lives import Travels
+from lives import Travels, Walled
 
 from selftouch_drake.agent.body import BodyError
 from selftouch_drake.bodies.checked import CheckedBody
@@ -67,6 +67,14 @@ def test_at_birth_it_calibrates_its_receptors(toy):
     pressed = living.babbling.feel(np.array([[0.5, 0.5, 0.4]])).sensation
     assert pressed.any()
     assert set(calibration.to_arrays()) >= {"threshold", "level", "row"}
+
+
+def test_to_the_start_of_a_motion_it_goes_round_what_is_in_the_way():
+    toy = Walled()
+    living = born(toy)[1]
+    for start in np.array([[0.1, 0.5, 0.3], [0.9, 0.5, 0.4], [0.2, 0.1, 0.4], [0.8, 0.3, 0.2]]):
+        living.follow(np.array([0.0, 1.0]), np.array([start, start - [0, 0.1, 0]]))
+        assert np.allclose(toy.asked[-1][3], start)
 
 
 def test_before_birth_nothing_is_felt(toy):

@@ -17,6 +17,12 @@ _SAMPLED, _MOST_TOUCHES = 0.1, 20_000
 #: with these on 16, 16 and 26 %. Contact changes by -1.0 to 1.2 %.
 _NUM_STARTS = 24
 
+#: Straying counts to this power, because contact is lost where a plan strays most. Measured on 150
+#: plans on each of three recordings with 12 joints and 30,000 touches: contact 99.1, 99.2, 99.0 %
+#: if it counts as it is (worst 31 %), 99.8, 99.5, 99.7 % (worst 57 %) to this power; rigid parts
+#: overlap on 1.7, 3.0, 3.5 % and on 1.7, 1.4, 3.1 % of the samples.
+_POWER = 8
+
 
 class Recorded:
     """Where a robot was while it was recorded, in touch and, at `(m, J)` `free_q`, free.
@@ -42,7 +48,7 @@ class Recorded:
         return float(np.quantile(self.strays(plan), 0.95))
 
     def surest(self, start: int, tour: Callable[[np.ndarray], Plan]) -> Plan:
-        """The plan that strays least in all, among those from typical firm touches of its start.
+        """The plan that strays least, among those from typical firm touches of its start.
 
         A plan that nobody practises may begin where its way is best known: `tour` plans from `(J,)`
         configurations of the kernel `start`.
@@ -51,4 +57,4 @@ class Recorded:
         rows = goal_members(known, start)
         typical = rows[np.argsort(known.kernel_error[rows], kind="stable")[:_NUM_STARTS]]
         plans = [tour(known.kernel_q[row].astype(float)) for row in typical]
-        return min(plans, key=lambda plan: float(self.strays(plan).sum()))
+        return min(plans, key=lambda plan: float(np.sum(self.strays(plan) ** _POWER)))

@@ -32,6 +32,13 @@ def test_a_plan_begins_where_its_way_is_best_known():
     assert plan.waypoints_q[0] == 0.0
 
 
+def test_a_long_way_strays_less_than_one_leap(monkeypatch):
+    strays = {0.0: [0.5, 4.0, 0.5], 9.0: [1.0] * 20}
+    by_start = lambda self, plan: np.array(strays[plan.waypoints_q[0, 0]])  # noqa: E731
+    monkeypatch.setattr(Recorded, "strays", by_start)
+    assert Recorded(KNOWN, np.empty((0, 1))).surest(0, tour).waypoints_q[0] == 9.0
+
+
 def test_a_plan_ends_elsewhere_than_where_its_goal_was_missed():
     known = laid_by_hand([[0.0], [1.0, 2.0]], [[0, 1]])
     planner, start = Planner(known), np.zeros(1)
