@@ -166,7 +166,7 @@ def learned(
     """
     by_overlap = overlap_lengths(representation, skin)
     if by_overlap is not None:
-        return replace(sensorimotor(representation), length=by_overlap)
+        return replace(sensorimotor(representation, skin), length=by_overlap)
 
     def of_network(number: int) -> Progress:
         return lambda fraction: progress((number + fraction) / _MOST_NETWORKS)
