@@ -162,11 +162,12 @@ def learned(
     shows a rim, unless both measures differ everywhere. Then the network may be bad, and another is
     trained. If no network finds the neighbours, the `sensorimotor` metric is used; where touches
     show that none can, none is trained. Where readings say only which receptors feel a touch,
-    neighbours are those of `sensorimotor`, and lengths come from overlaps of receptors.
+    neighbours are those of the quotient graph, and lengths come from overlaps of receptors.
     """
     by_overlap = overlap_lengths(representation, skin)
     if by_overlap is not None:
-        return replace(sensorimotor(representation, skin), length=by_overlap)
+        kernel = np.arange(representation.num_targets)
+        return BodyGraph(edges=representation.edges, length=by_overlap, kernel=kernel)
 
     def of_network(number: int) -> Progress:
         return lambda fraction: progress((number + fraction) / _MOST_NETWORKS)

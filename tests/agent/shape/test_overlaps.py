@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 from bodies import shape_error, sphere
 
-from selftouch_drake.agent.representation import learn
+from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.touches import expected_readings
-from selftouch_drake.agent.shape import recover
+from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.agent.shape.overlaps import overlap_lengths
 
 PLACE, RECEPTORS = sphere(8000), sphere(60)
