@@ -4,8 +4,8 @@ from bodies import shape_error, sphere
 
 from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.touches import expected_readings
-from selftouch_drake.agent.shape.recovery import recover
 from selftouch_drake.agent.shape.overlaps import overlap_lengths
+from selftouch_drake.agent.shape.recovery import recover
 
 PLACE, RECEPTORS = sphere(8000), sphere(60)
 FORCE = np.clip(PLACE @ RECEPTORS.T - 0.6, 0.0, None).astype(np.float32)
