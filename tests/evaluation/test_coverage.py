@@ -1,3 +1,5 @@
+import tracemalloc
+
 import numpy as np
 import pytest
 import trimesh
@@ -82,3 +84,15 @@ def test_skins_count_by_their_area():
 def test_the_order_of_skins_does_not_matter():
     one, other = skin(BALL, touches(BALL, 1000, half=True)), skin(SMALL, touches(SMALL, 1000))
     assert coverage([one, other]) == pytest.approx(coverage([other, one]))
+
+
+def test_a_fine_surface_does_not_fill_the_memory():
+    # All pairs of vertices within three centimetres: four million.
+    fine = trimesh.creation.icosphere(subdivisions=5, radius=0.1)
+    counts = touches(fine, 100_000)
+    tracemalloc.start()
+    density = touch_density(np.array(fine.vertices), np.array(fine.faces), counts)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 100e6
+    assert density.mean() == pytest.approx(100_000 / (1e4 * fine.area), rel=0.01)

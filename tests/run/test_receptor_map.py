@@ -8,6 +8,9 @@ from commands import refused, selftouch
 from scipy.spatial.distance import cdist
 from scipy.stats import spearmanr
 
+from selftouch_drake.agent.shape.receptor_map import map_receptors
+from selftouch_drake.evaluation.shape import align
+
 PITCH, FIELD = 1.0, 1.6
 
 
@@ -91,3 +94,14 @@ def test_a_recording_without_enough_touches_is_refused(tmp_path):
     np.savez(tmp_path / "few.npz", q=q, sensation=sensation)
     line = refused("map", tmp_path / "few.npz", "--offset", 0, "--threshold", 0.5)
     assert "receptors felt 5 touches or more; record touches until at least 8 did" in line
+
+
+def test_errors_hold_what_a_plane_leaves_out():
+    # A patch bent to a quarter of a tube, which is laid out in a plane.
+    flat, q, sensation = patch(rows=5, columns=9, num_touches=400)
+    turn = np.pi / 2 * (flat[:, 0] - 4) / 9
+    bent = np.c_[18 / np.pi * np.sin(turn), flat[:, 1], 18 / np.pi * np.cos(turn)]
+    found = map_receptors(q, sensation, [str(n) for n in range(len(flat))])
+    assert found.parts[0].flat
+    off = np.linalg.norm(align(found.positions, bent) - bent, axis=1)
+    assert np.mean(off < 2 * found.error) > 0.9

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
 from selftouch_drake.agent.representation.graphs import (
@@ -16,7 +17,7 @@ from selftouch_drake.agent.representation.graphs import (
     unlike,
 )
 from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample, KernelSets
-from selftouch_drake.agent.representation.quantise import assign, strength, target_sensations
+from selftouch_drake.agent.representation.quantise import assign, strength, target_sensations, unit
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, mattering
 from selftouch_drake.agent.representation.relevance import joint_scale, touch_modes
 from selftouch_drake.agent.representation.set_distances import (
@@ -26,6 +27,7 @@ from selftouch_drake.agent.representation.set_distances import (
 )
 from selftouch_drake.agent.representation.touches import (
     ambiguous_touches,
+    expected_readings,
     kernel_parts,
     receptors_together,
 )
@@ -108,17 +110,21 @@ def learn(
             raise ValueError(f"{name} is {number!r}: give a whole number, {least} or more")
     quantise_seed, sample_seed, mode_seed = np.random.SeedSequence(seed).generate_state(3)
 
-    targets, scale, overlap, chance, num_rows = _quantised(
+    targets, scale, overlap, chance, expected, num_rows = _quantised(
         batches, num_targets, int(quantise_seed), progress
     )
     kernels = KernelReservoir(num_targets, max_kernel_size, seed=int(sample_seed))
-    num_set_aside = 0
+    num_set_aside, total = 0, np.zeros(targets.shape)
     for sensation, q in _in_blocks(batches()):
-        label, error = assign(sensation, targets)
+        label, error = assign(_as_compared(sensation, expected), targets)
         left_out = ambiguous_touches(sensation, overlap, chance)
         num_set_aside += int(left_out.sum())
         label[left_out] = -1
         felt = strength(sensation).astype(np.float32)
+        if expected is not None:
+            kept = np.flatnonzero(label >= 0)
+            cells = csr_array((np.ones(len(kept)), (label[kept], kept)), (num_targets, len(label)))
+            total += cells @ unit(sensation)
         kernels.add(label, q=q.astype(np.float32), strength=felt, error=error)
         progress(min(0.2 + 0.1 * kernels.num_rows / num_rows, 0.3), "motor kernels")
     if kernels.num_rows != num_rows:
@@ -153,16 +159,21 @@ def learn(
         num_touches=num_rows,
         num_set_aside=num_set_aside,
     )
+    if expected is not None:
+        # What is stored is what is felt.
+        known = replace(learned.representation, target_sensations=unit(total))
+        learned = replace(learned, representation=known)
     progress(1.0, "quotient graph")
     return learned
 
 
 def _quantised(
     batches: Batches, num_targets: int, seed: int, progress: Progress
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool, int]:
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool, np.ndarray | None, int]:
     """Reads the experience, and chooses target sensations and a scale of the joints.
 
-    Returns these two, what `receptors_together` found, and the number of rows.
+    Returns these two, what `receptors_together` and `expected_readings` found, and the number of
+    rows.
     """
     some = KernelReservoir(1, MAX_ROWS, seed=seed)
     for sensation, q in _in_blocks(_checked(batches())):
@@ -181,11 +192,16 @@ def _quantised(
             "sensation has touches on several parts of the body in every row: babble until "
             "each part is touched alone"
         )
-    sensation, q = columns["sensation"][kept], columns["q"][kept]
+    expected = expected_readings(columns["sensation"], overlap)
+    sensation, q = _as_compared(columns["sensation"][kept], expected), columns["q"][kept]
     with thread_pool(1) as beside:
         scaling = beside.submit(joint_scale, q, sensation)
         targets = common_targets(sensation, num_targets, overlap if chance else None)
-    return targets, scaling.result(), overlap, chance, some.num_rows
+    return targets, scaling.result(), overlap, chance, expected, some.num_rows
+
+
+def _as_compared(sensation: np.ndarray, expected: np.ndarray | None) -> np.ndarray:
+    return sensation if expected is None else sensation.astype(np.float32) @ expected
 
 
 def with_graph(

@@ -74,6 +74,22 @@ def receptors_together(sensation: np.ndarray) -> tuple[np.ndarray, bool]:
     return near, bool(several.any() and share < _MOST_BY_CHANCE)
 
 
+def expected_readings(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray | None:
+    """`(S, S)` by which sensations are multiplied before they are compared; None where as they are.
+
+    If all receptors that feel a touch read the same, two sets of them are equal or not, and hardly
+    more or less alike. So each receptor stands for what is felt on average when it feels something,
+    twice over: over receptors two neighbours away. `(n, S)` N sensations are unselected, overlaps
+    are as of `overlapping`.
+    """
+    if not ((sensation == 0) | (sensation == sensation.max())).all():
+        return None
+    touched = (sensation > 0).astype(np.float32)
+    together = np.where(_of_one_part(overlap), touched.T @ touched, 0.0).astype(np.float32)
+    share = together / np.maximum(np.diag(together), 1.0)[:, None]
+    return share @ share
+
+
 def _shared(sensation: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`(S, S)` shared touches over touches of the rarer receptor, 0 on the diagonal; counts."""
     touched = (np.asarray(sensation) > 0).astype(np.float32)

@@ -33,6 +33,7 @@ from selftouch_drake.agent.shape.embedding import (
     stress_embedding,
 )
 from selftouch_drake.agent.shape.fields import angles, corrected_lengths
+from selftouch_drake.agent.shape.overlaps import overlap_lengths
 from selftouch_drake.agent.shape.quotient_map import quotient_coordinates
 
 Progress = Callable[[float], None]
@@ -160,8 +161,13 @@ def learned(
     Lengths from sensations are corrected for where the receptors lie, and shortened where the map
     shows a rim, unless both measures differ everywhere. Then the network may be bad, and another is
     trained. If no network finds the neighbours, the `sensorimotor` metric is used; where touches
-    show that none can, none is trained.
+    show that none can, none is trained. Where readings say only which receptors feel a touch,
+    neighbours are those of the quotient graph, and lengths come from overlaps of receptors.
     """
+    by_overlap = overlap_lengths(representation, skin)
+    if by_overlap is not None:
+        kernel = np.arange(representation.num_targets)
+        return BodyGraph(edges=representation.edges, length=by_overlap, kernel=kernel)
 
     def of_network(number: int) -> Progress:
         return lambda fraction: progress((number + fraction) / _MOST_NETWORKS)

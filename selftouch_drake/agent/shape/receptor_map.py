@@ -80,7 +80,8 @@ class ReceptorMap:
     Attributes:
         positions: `(S, 3)` in spacings, the median distance to the six nearest of a part; the third
             is 0 on a flat part; NaN where a receptor was left out.
-        error: `(S,)` spacings, standard deviation of the distance from the place; NaN likewise.
+        error: `(S,)` spacings, standard deviation of the distance from the place: when touches are
+            drawn again and, on a flat part, between it and a layout in space; NaN likewise.
         part: `(S,)` number of the part, -1 where a receptor was left out.
         felt: `(S,)` number of touches that each receptor felt.
         told: share of what is felt that joint positions predict, on touches left out.
@@ -133,7 +134,9 @@ def map_receptors(
     for number, group in enumerate(groups):
         rows = np.flatnonzero(active[:, known[group]].any(axis=1))
         lay_out = _Layout(active[np.ix_(rows, known[group])], q[rows], told)
-        places, is_flat = lay_out.places()
+        places, is_flat, bent = lay_out.places()
+        flattened = np.pad(places, ((0, 0), (0, 3 - places.shape[1])))
+        between = np.square(_aligned(bent, flattened) - flattened).sum(axis=1).mean()
         scale = np.median(spacings(places, 6))
         deviations = []
         for again in range(_NUM_RESAMPLED):
@@ -146,7 +149,8 @@ def map_receptors(
         inside = known[group]
         positions[inside] = 0.0
         positions[inside, : places.shape[1]] = (places - places.mean(axis=0)) / scale
-        error[inside], part[inside] = np.sqrt(np.mean(deviations, axis=0)) / scale, number
+        error[inside] = np.sqrt(np.mean(deviations, axis=0) + between) / scale
+        part[inside] = number
         parts.append(
             MappedPart(
                 receptors=inside,
@@ -173,15 +177,16 @@ class _Layout:
         self.active, self.q, self.told = active, q, told
         self.by_joints = _joint_predictor(q)[0] if told >= _LEAST_TOLD else None
 
-    def places(self) -> tuple[np.ndarray, bool]:
-        """`(m, 2)` places if the part is flat, else `(m, 3)`; and whether it is."""
+    def places(self) -> tuple[np.ndarray, bool, np.ndarray]:
+        """`(m, 2)` places if the part is flat, else `(m, 3)`; whether it is; `(m, 3)` as if not."""
         start = {d: self._geodesic(np.arange(len(self.q)), d) for d in (2, 3)}
         bent, plane = (
             unfold(self.active, start[d], self.by_joints, _TRIAL).deviance for d in (3, 2)
         )
         if plane > _FLAT * bent:
-            return start[3], False
-        return unfold(self.active, start[2], self.by_joints, _FULL).receptors, True
+            return start[3], False, start[3]
+        unfolded = unfold(self.active, start[2], self.by_joints, _FULL).receptors
+        return unfolded, True, start[3]
 
     def again(self, places: np.ndarray, is_flat: bool, rows: np.ndarray) -> np.ndarray:
         """The layout from other touches; receptors that none of them feels stay where they are."""
