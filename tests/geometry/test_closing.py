@@ -162,7 +162,7 @@ def _limb():
     return [tube, joint, _box((0.004, 0.12, 0.1)), _box((0.08, 0.05, 0.03), at=(0, 0, -0.1))]
 
 
-@pytest.mark.filterwarnings("ignore::selftouch_drake.geometry.SimplifiedWarning")
+@pytest.mark.filterwarnings("ignore::selftouch_drake.geometry.closing.SimplifiedWarning")
 @pytest.mark.parametrize("resolution", [0.01, 0.02, 0.03])
 @pytest.mark.parametrize("thickness", [0.005, 0.01, 0.015])
 def test_a_skin_fits_under_it(resolution, thickness):
