@@ -12,12 +12,16 @@ from itertools import combinations, pairwise
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
+from scipy.sparse.csgraph import connected_components
 
 from selftouch_drake.agent.lifelong.explorer import Explorer, Moves
-from selftouch_drake.agent.representation.pools import in_pools, pools
 
 #: Touches before there are places, and most remembered touches.
 _FIRST, _MOST_TOUCHES = 200, 40_000
+
+#: Receptors are of one pool if both feel this share of the touches that either of them feels; it is
+#: compared on so many touches.
+_OF_ONE_PLACE, _MOST_COMPARED = 0.5, 5000
 
 #: Share of postures that are drawn at random, and share of a joint's range by which such a draw may
 #: pass each limit: there the joint rests at its limit, where parts of a body meet.
@@ -147,3 +151,35 @@ class PairSeeker(Explorer):
         posture = (posture + noise).clip(self.lower, self.upper)
         posture[redrawn] = self._anywhere()[redrawn]
         return posture
+
+
+def pools(sensation: csr_array) -> np.ndarray:
+    """`(S,)` the pool of each receptor: neighbours that feel alike, and their neighbours.
+
+    The more touches there are, the better neighbours are told apart, or known to be neighbours.
+    Receptors that felt nothing yet share the last pool.
+
+    Args:
+        sensation: `(n, S)` N, sparse.
+    """
+    some = np.unique(np.linspace(0, sensation.shape[0] - 1, _MOST_COMPARED).astype(int))
+    felt = (sensation[some] > 0).astype(np.float32)
+    together = (felt.T @ felt).tocoo()
+    count = np.asarray(felt.sum(axis=0)).ravel()
+    either = count[together.row] + count[together.col] - together.data
+    alike = together.data >= _OF_ONE_PLACE * either
+    graph = csr_array(
+        (np.ones(int(alike.sum())), (together.row[alike], together.col[alike])),
+        shape=together.shape,
+    )
+    _, pool = connected_components(graph, directed=False)
+    return np.unique(np.where(count > 0, pool, len(count)), return_inverse=True)[1]
+
+
+def in_pools(sensation: csr_array, pool: np.ndarray) -> np.ndarray:
+    """`(n, P)` N, what the receptors of each pool feel together, from `(n, S)` N, sparse.
+
+    `pool` is as of `pools`.
+    """
+    of_receptor = csr_array((np.ones(len(pool), np.float32), (np.arange(len(pool)), pool)))
+    return (sensation @ of_receptor).toarray()

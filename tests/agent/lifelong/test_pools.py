@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse import csr_array
 
-from selftouch_drake.agent.representation.pools import in_pools, pools
+from selftouch_drake.agent.lifelong.pairs import in_pools, pools
 
 
 def touched_lines(num_touches, *, rng, width=0.05):
