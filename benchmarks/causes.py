@@ -28,7 +28,7 @@ from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
 from selftouch_drake.agent.shape.fields import angles
 from selftouch_drake.agent.shape.metrics import sensorimotor
 from selftouch_drake.evaluation.shape import kernel_truth, shape_errors
-from selftouch_drake.experience import Contacts, ExperienceReader
+from selftouch_drake.experience.store import Contacts, ExperienceReader
 from selftouch_drake.run import stages
 from selftouch_drake.run.directory import RunDirectory
 
