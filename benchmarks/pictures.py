@@ -48,7 +48,7 @@ OF_A_RUN = ("show/page/*.py", "show/*.py")
 IN_MESHCAT = ("show/meshcat/*.py", "show/*.py")
 SOFTWARE_GL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--no-sandbox"]
 SIZE = {"babbling": {"num_samples": 400_000}, "representation": {"num_targets": 1000}}
-FEW_PAIRS = {"evaluation": {"num_pairs": 2}}
+FEW_PAIRS = {"evaluation": {"num_pairs": 2, "shape_metrics": []}}
 #: Of the tour that is shown: target sensations, frames a second, pixels and colours.
 TOUR = (3, 250, 700, 480, 3)
 #: Shipped experiments whose recovered bodies are shown.

@@ -14,7 +14,7 @@ from selftouch_drake.robot import World
 
 # Jerk is compared on samples this far apart, in rad of path length. The jerk of a polyline grows
 # without bound as samples get denser, so the ratio has a meaning only for a stated spacing.
-JERK_SPACING = 0.02
+_JERK_SPACING = 0.02
 # rad of path length, between samples of a plan without times.
 _SAMPLED = 0.01
 
@@ -127,7 +127,7 @@ def jerk_reduction(plan: Plan, joint_scale: np.ndarray) -> float:
     if len(np.unique(plan.waypoint_s)) < 3:
         return 1.0
     length = plan.waypoint_s[-1]
-    s = np.linspace(0.0, length, max(5, int(length / JERK_SPACING)))
+    s = np.linspace(0.0, length, max(5, int(length / _JERK_SPACING)))
     rough = polyline(plan.waypoints_q, plan.waypoint_s)
     return jerk(rough(s) * joint_scale) / jerk(plan.path(s) * joint_scale)
 

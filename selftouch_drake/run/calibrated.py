@@ -51,6 +51,11 @@ def calibrate_run(
     # Weakly felt receptors lie beyond what was touched.
     strong = sensation > _STRONG * sensation.max(axis=1, keepdims=True)
     placed = np.flatnonzero(strong.sum(axis=0) >= _LEAST_FELT)
+    if len(placed) < 3:
+        raise CalibrationError(
+            f"{path} has {len(placed)} receptors that felt {_LEAST_FELT} touches or more; give a "
+            "run with 3 or more"
+        )
     touched = sensation[:, placed].any(axis=1)
     q, sensation = q[touched].astype(float), sensation[np.ix_(touched, placed)].astype(float)
     if len(q) < _LEAST_TOUCHES:

@@ -80,13 +80,14 @@ def expected_readings(sensation: np.ndarray, overlap: np.ndarray) -> np.ndarray 
     If all receptors that feel a touch read the same, two sets of them are equal or not, and hardly
     more or less alike. So each receptor stands for what is felt on average when it feels something,
     twice over: over receptors two neighbours away. `(n, S)` N sensations are unselected, overlaps
-    are as of `overlapping`.
+    are as of `receptors_together`.
     """
     if not ((sensation == 0) | (sensation == sensation.max())).all():
         return None
     touched = (sensation > 0).astype(np.float32)
     together = np.where(_of_one_part(overlap), touched.T @ touched, 0.0).astype(np.float32)
     share = together / np.maximum(np.diag(together), 1.0)[:, None]
+    np.fill_diagonal(share, 1.0)  # a receptor that felt nothing yet stands for itself
     return share @ share
 
 

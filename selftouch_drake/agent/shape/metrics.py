@@ -59,8 +59,7 @@ _LEAST_WITHIN, _MOST_WITHIN, _ALWAYS_WITHIN = 0.3, 6.0, 0.05
 
 #: A map counts only if paths measured in it and by sensation, with rims, differ by less than this
 #: share (standard deviation): 0.03 to 0.06 on bodies with good maps, whole and worn; 0.08 to 0.12
-#: on an infant's torso, head and arms, whose errors by maps are two to five times as large as
-#: without.
+#: on an infant's torso and head, whose errors by maps are two to five times as large as without.
 _MOST_APART = 0.07
 
 #: Corrected lengths run along the skin, which the finger cuts short at a rim. An edge is compared
@@ -158,10 +157,10 @@ def learned(
     """Neighbours in a quotient map learned from motor kernels; lengths from map and sensations.
 
     Lengths from sensations are corrected for where the receptors lie, and shortened where the map
-    shows a rim. If both measures differ everywhere, the network is bad, and another is trained. If
-    no network finds neighbours and lengths, the `sensorimotor` metric is used; where touches show
-    that none can, none is trained. Where readings say only which receptors feel a touch,
-    neighbours are those of the quotient graph, and lengths come from overlaps of receptors.
+    shows a rim. If both measures differ everywhere, or the map may fold, another network is
+    trained. If no network finds neighbours and lengths, the `sensorimotor` metric is used; where
+    touches show that none can, none is trained. Where readings say only which receptors feel a
+    touch, neighbours are those of the quotient graph, and lengths come from overlaps of receptors.
     """
     by_overlap = overlap_lengths(representation, skin)
     if by_overlap is not None:

@@ -19,9 +19,9 @@ from selftouch_drake.agent.representation.graphs import (
 from selftouch_drake.agent.representation.quotient import LEAST_KERNELS, QuotientRepresentation
 from selftouch_drake.agent.shape.embedding import curvature_corrected_mds
 
-#: Most receptors that feel one touch: as many strengths are possible if each adds the same. Forces
-#: and counts have hundreds and more.
-_MOST_STRENGTHS = 64
+#: Most receptors that feel one touch. If each adds the same to the square of its strength, squares
+#: have at most so many steps. Of forces there are many more.
+_MOST_STEPS = 64
 
 #: Overlaps below this do not tell a distance. Shorter lengths than the second number, as a share of
 #: the median, are chance.
@@ -34,8 +34,9 @@ def overlap_lengths(representation: QuotientRepresentation, skin: int) -> np.nda
     None where readings tell more than which receptors feel a touch, or where too few receptors feel
     the same touches.
     """
-    strengths = len(np.unique(representation.kernel_strength))
-    if not 1 < strengths <= min(_MOST_STRENGTHS, representation.num_rows // 20):
+    squares = np.square(np.unique(representation.kernel_strength), dtype=float)
+    most = min(_MOST_STEPS, representation.num_rows // 20)
+    if len(squares) < 2 or np.ptp(squares) > most * np.diff(squares).min():
         return None
     targets = representation.target_sensations.astype(float)
     rate = targets / targets.max(axis=1, keepdims=True)

@@ -193,7 +193,7 @@ def recover(
 ) -> RecoveredBody:
     """Recovers each part of the body by a metric chosen by name.
 
-    The representation has 4 kernels or more. The seed is for metrics that learn; the same one gives
+    The representation has 5 kernels or more. The seed is for metrics that learn; the same one gives
     the same bytes. Holes and dimension are found if asked for.
 
     Raises:
