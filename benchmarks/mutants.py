@@ -144,7 +144,7 @@ MUTANTS = (
     Mutant(
         name="networks: a bad one is never noticed",
         file="agent/shape/metrics.py",
-        old="_MOST_APART = 0.12",
+        old="_MOST_APART = 0.07",
         new="_MOST_APART = 1.2",
         first=("tests/agent/shape/test_metrics.py",),
     ),
