@@ -4,7 +4,7 @@
 
 For each seed, a robot of the package babbles. Each time it comes to its skin, it stops at the first
 touch of half a newton, as one would calibrate a robot: 300 touches. Its joints read wrong by up to
-0.1 rad (uniform; a joint whose offset no touch tells, none), 5 % of its taxels are dead or, with
+0.1 rad (uniform; not those whose offset no touch can show), 5 % of its taxels are dead or, with
 `--wrong`, report the readings of another taxel. Then
 
 - places: mm, median and root mean square distance from the true receptors;

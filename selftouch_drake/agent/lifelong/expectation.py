@@ -65,8 +65,8 @@ class Expectation:
     in a posture as before, but more firmly. Firmness rises with the strength of a touch, from 0 to
     1; a touch of typical strength has 1/2.
 
-    It learns from touches of which no sensation is null, with the standards of another one that it
-    is to be `like`. The same seed and touches give the same bytes, on one machine.
+    It learns from touches without null sensations. It takes its standards from the expectation
+    `like`, if one is given. The same seed and touches give the same bytes, on one machine.
 
     Attributes:
         network: from standardised configurations to a sensation of unit L2 norm, and firmness.

@@ -302,18 +302,17 @@ def _learned(
         wanted = np.column_stack([firm[drawn] - 0.5, felt[drawn].toarray() - typical])
         return 2.0 * (found - wanted.astype(np.float32)) / len(found)
 
+    later = positions[held_out], firm[held_out]
     for number, network in enumerate(found.networks):
         train(network, x, lambda: rng.choice(learning, _BATCH), slope, num_steps)
-        # One network alone is enough to see that none is needed.
-        alone = replace(found, networks=[network])
-        if number == 0 and not _sees_need(
-            alone, positions[held_out], firm[held_out], middles, _ALONE
-        ):
+        # The first network alone is enough to see that none is needed.
+        first = replace(found, networks=[network])
+        if number == 0 and not _sees_need(first, *later, middles, _ALONE):
             return None
     _agree(found.networks, x[held_out])
-    if not _sees_need(found, positions[held_out], firm[held_out], middles):
+    if not _sees_need(found, *later, middles):
         return None
-    told = found.outputs(positions[held_out])[:, 0]
+    told = found.outputs(later[0])[:, 0]
     lightest, firmest = np.quantile(told, [_LIGHTEST, _FIRMEST]).tolist()
     return replace(found, lightest=lightest, firmest=firmest)
 
