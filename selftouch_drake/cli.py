@@ -228,8 +228,7 @@ def run(workers: int | None, scheduler: str | None, **given: Any) -> None:
         if not stages.has_learned(directory):
             if directory.experiment.has_truth:
                 meanwhile(executor, stages.get_ready, directory)
-            with _progress("learn") as progress:
-                stages.learn(directory, progress)
+            _learn(directory, scheduler)
         if not stages.has_evaluated(directory):
             with _progress("plan, execute, evaluate") as progress:
                 stages.evaluate(directory, progress, executor)
@@ -411,18 +410,17 @@ def calibrate(
     is_flag=True,
     help="Learn also from touches that a body of your own met in practice, execution and life.",
 )
-def learn(directory: RunDirectory, add: bool) -> None:
+@SCHEDULER
+def learn(directory: RunDirectory, add: bool, scheduler: str | None) -> None:
     """Learn the quotient graph and recover the body.
 
     Reads the touches of the run directory RUN, never the truth (where the robot was touched).
     """
-    from selftouch_drake.run import stages
     from selftouch_drake.run.worlds import add_met
 
     if add:
         click.echo(f"added: {add_met(directory):,} touches so far")
-    with _progress("learn") as progress:
-        stages.learn(directory, progress)
+    _learn(directory, scheduler)
     click.echo(f"representation: {directory.representation}")
 
 
@@ -878,12 +876,24 @@ def _is_run(experiment: str) -> bool:
 
 def _babble(directory, executor, scheduler: str | None) -> None:
     from selftouch_drake.run import stages
-    from selftouch_drake.run.executors import dask_executor
 
-    chosen = dask_executor(scheduler) if scheduler else nullcontext(executor)
-    with _progress("babble") as progress, chosen as where:
+    with _progress("babble") as progress, _at(scheduler, executor) as where:
         progress(0.0, "the first walks")  # under dynamics these take minutes
         stages.babble(directory, where, progress)
+
+
+def _learn(directory, scheduler: str | None) -> None:
+    from selftouch_drake.run import stages
+
+    with _progress("learn") as progress, _at(scheduler, None) as where:
+        stages.learn(directory, progress, where)
+
+
+def _at(scheduler: str | None, executor):
+    """The workers of a scheduler, or else an executor, in a context."""
+    from selftouch_drake.run.executors import dask_executor
+
+    return dask_executor(scheduler) if scheduler else nullcontext(executor)
 
 
 @contextmanager

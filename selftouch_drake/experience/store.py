@@ -224,6 +224,18 @@ def shards_of(folder: Path) -> list[Path]:
     return sorted(folder.glob("part-*.parquet"), key=lambda p: (len(p.name), p.name))
 
 
+@dataclass(frozen=True, slots=True)
+class StoredTouches:
+    """The touches of one shard, which are read where they are needed."""
+
+    path: Path
+    num_rows: int
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sensations `(N, S)` and motor configurations `(N, J)`."""
+        return _vector_rows(self.path, "sensation"), _vector_rows(self.path, "q")
+
+
 class ExperienceReader:
     """Reads the shards of one folder, `experience` or `truth`, in walk order.
 
@@ -321,6 +333,10 @@ class ExperienceReader:
     def touches(self) -> Iterator[tuple[np.ndarray, np.ndarray]]:
         """Sensations `(N, S)` and motor configurations `(N, J)`, two arrays per shard."""
         return zip(self.batches("sensation"), self.batches("q"), strict=True)
+
+    def stored(self) -> Iterator[StoredTouches]:
+        """The same, unread, for processes that see these files."""
+        return (StoredTouches(path, _open(path).metadata.num_rows) for path in self._paths)
 
     def read(self, column: str) -> np.ndarray:
         """All rows `(N, width)` of a vector column."""

@@ -4,12 +4,16 @@ import multiprocessing
 import os
 import signal
 import warnings
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any
 
 import click
+
+#: Shards whose results may wait: bounds the memory, and keeps a few machines busy.
+SHARDS_AHEAD = 16
 
 
 def local_executor(num_workers: int | None = None) -> Executor:
@@ -48,6 +52,23 @@ def meanwhile(executor: Executor, call: Callable[..., object], *arguments: Any) 
     """Makes a call that saves time later, in another process, if the executor has any."""
     if not isinstance(executor, InTurn):
         executor.submit(call, *arguments)
+
+
+def map_ahead(
+    executor: Executor, ahead: int, call: Callable[[Any], Any], items: Iterable[Any]
+) -> Generator[Any]:
+    """What a call makes of each item, in order; at most `ahead` results wait to be asked for."""
+    waiting = deque[Future]()
+    try:
+        for item in items:
+            waiting.append(executor.submit(call, item))
+            if len(waiting) > ahead:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+    finally:
+        for future in waiting:
+            future.cancel()
 
 
 class InTurn(Executor):

@@ -36,7 +36,7 @@ from selftouch_drake.run.artifacts import (
     stored_sensations,
 )
 from selftouch_drake.run.directory import RunDirectory, RunError
-from selftouch_drake.run.executors import InTurn
+from selftouch_drake.run.executors import SHARDS_AHEAD, InTurn, map_ahead
 from selftouch_drake.run.imported import timed, write_trajectory
 from selftouch_drake.run.naming import free_start
 from selftouch_drake.run.touches import touch_metrics, warn_of_changes
@@ -120,8 +120,12 @@ def _save_skins(run: RunDirectory, world: World) -> None:
     save_arrays(run.skin, surfaces | run.body_stamp())
 
 
-def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentation:
+def learn(
+    run: RunDirectory, progress: Progress = silent, executor: Executor | None = None
+) -> QuotientRepresentation:
     """Builds the quotient representation from the experience, and recovers the body from it.
+
+    The executor, whose processes see the run, reads the experience; by default this process does.
 
     Raises:
         RunError: the experience is not complete.
@@ -138,12 +142,14 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     require_experience(run)
     warn_of_changes(run)
     settings, seed = run.experiment.representation, run.experiment.seed
+    touches = run.touches()
     learned = learn_quotient(
-        run.touches().touches,
+        touches.stored if executor else touches.touches,
         num_targets=settings.num_targets,
         max_kernel_size=settings.max_kernel_size,
         seed=seed,
         progress=lambda fraction, doing: progress(0.6 * fraction, doing),
+        each=partial(map_ahead, executor, SHARDS_AHEAD) if executor else map,
     )
     body = recover(
         learned.representation,
@@ -154,7 +160,7 @@ def learn(run: RunDirectory, progress: Progress = silent) -> QuotientRepresentat
     progress(0.8, "ways between touches")
     touch_model = TouchModel.learn(
         learned.representation,
-        lambda: stored_sensations(run, learned.representation),
+        lambda: stored_sensations(run, learned.representation, executor),
         seed=seed,
     )
     representation = body.embed(learned.representation)

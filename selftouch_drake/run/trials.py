@@ -4,11 +4,11 @@ First tries are independent of each other and may be made in several processes. 
 order, because each remembers the earlier ones. Only the parts of their scores stay in memory.
 """
 
-from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import BrokenExecutor, Executor
+from contextlib import closing
 from dataclasses import dataclass
-from itertools import islice
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -36,7 +36,7 @@ from selftouch_drake.evaluation.paths import OwnPaths, TruePaths
 from selftouch_drake.files import content_digest
 from selftouch_drake.run.artifacts import load_agent, save_plan
 from selftouch_drake.run.directory import RunDirectory
-from selftouch_drake.run.executors import InTurn
+from selftouch_drake.run.executors import InTurn, map_ahead
 from selftouch_drake.run.worlds import run_bodies
 from selftouch_drake.threads import OncePerThread
 
@@ -206,43 +206,40 @@ def try_pairs(
     max_tries = run.experiment.execution.max_tries
     pairs = random_pairs(run.experiment, agent.representation)
     trials, without_way = list[Trial](), list[tuple[int, int]]()
-    executor, waiting, ahead = executor or InTurn(), iter(pairs), deque[Future[Any]]()
+    first_try = partial(_first_try, run, learned)
+    ahead = map_ahead(executor or InTurn(), _MOST_AHEAD, first_try, pairs)
     try:
-        for number, (start, goal) in enumerate(pairs):
-            progress(number / len(pairs), f"sensation {start} to {goal}")
-            for pair in islice(waiting, _MOST_AHEAD + 1 - len(ahead)):
-                ahead.append(executor.submit(_first_try, run, learned, *pair))
-            if (result := ahead.popleft().result()) is None:
-                without_way.append((start, goal))
-                continue
-            first, known = result
-            save_plan(run, known.execution, start, goal)
-            rehearsed = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
-            rehearsed = rehearsed or [known]
-            kept = best(rehearsed).execution
-            trials.append(
-                Trial(
-                    **vars(first),
-                    remembering=tries.score(rehearsed[0].execution),
-                    kept=tries.score(kept),
-                    num_tries=len(rehearsed),
-                    off_skin_kept_s=tries.off_skin_s(kept),
+        with closing(ahead) as results:
+            for number, (start, goal) in enumerate(pairs):
+                progress(number / len(pairs), f"sensation {start} to {goal}")
+                if (result := next(results)) is None:
+                    without_way.append((start, goal))
+                    continue
+                first, known = result
+                save_plan(run, known.execution, start, goal)
+                rehearsed = rehearsing.rehearse(start, goal, max_tries=max_tries, known=known)
+                rehearsed = rehearsed or [known]
+                kept = best(rehearsed).execution
+                trials.append(
+                    Trial(
+                        **vars(first),
+                        remembering=tries.score(rehearsed[0].execution),
+                        kept=tries.score(kept),
+                        num_tries=len(rehearsed),
+                        off_skin_kept_s=tries.off_skin_s(kept),
+                    )
                 )
-            )
     except BrokenExecutor:
         raise ChildProcessError(
             "an evaluating process was killed, perhaps because memory ran out; repeat the command"
         ) from None
-    finally:
-        for future in ahead:
-            future.cancel()
     return trials, without_way
 
 
 def _first_try(
-    run: RunDirectory, learned: str, start: int, goal: int
+    run: RunDirectory, learned: str, pair: tuple[int, int]
 ) -> tuple[FirstTry, Try] | None:
-    return _tries(run, learned).first(start, goal)
+    return _tries(run, learned).first(*pair)
 
 
 @OncePerThread

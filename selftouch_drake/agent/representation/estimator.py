@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 import numpy as np
 from sklearn.base import BaseEstimator
 from sklearn.utils import Tags
 from sklearn.utils.validation import check_is_fitted, validate_data
 
-from selftouch_drake.agent.representation.learning import (
+from selftouch_drake.agent.representation.batches import (
     NO_ROWS,
     Batch,
     Batches,
     as_numbers,
     check_sensation,
-    learn,
 )
+from selftouch_drake.agent.representation.learning import learn
 from selftouch_drake.agent.representation.quantise import assign
 from selftouch_drake.agent.representation.set_distances import MAX_QUERIES
 
@@ -93,7 +94,7 @@ class QuotientLearner(BaseEstimator):
         tags.target_tags.single_output = False
         return tags
 
-    def _noted(self, batches: Iterable[Batch]) -> Iterator[Batch]:
+    def _noted(self, batches: Iterable[Any]) -> Iterator[Batch]:
         """The same batches; records number and names of the receptors."""
         for number, (sensation, q) in enumerate(batches):
             if number == 0:

@@ -8,8 +8,9 @@ split into batches, and the memory does not grow with the experience.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
@@ -100,12 +101,39 @@ class KernelSample:
         return KernelSample(kernel=self.kernel[rows], row=self.row[rows], columns=columns)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Draw:
+    """Which rows of a stretch of the experience a reservoir may keep, wherever they are read.
+
+    Attributes:
+        seed: of the reservoir.
+        first_row: of the stretch.
+        highest: `(K,)` a kernel keeps no row of higher priority.
+    """
+
+    seed: int
+    first_row: int
+    highest: np.ndarray
+
+    def take(self, kernel: np.ndarray, **columns: np.ndarray) -> dict[str, np.ndarray]:
+        """The rows that may be kept, of `(n,)` kernels, -1 for none, and `(n, ...)` columns."""
+        # The i-th row has the i-th draw, however rows are cut.
+        random = np.random.Generator(np.random.PCG64(self.seed).advance(self.first_row))
+        priority = random.random(len(kernel))
+        taken = np.flatnonzero((kernel >= 0) & (priority < self.highest[kernel]))
+        return {
+            "kernel": np.asarray(kernel, dtype=np.int64)[taken],
+            "row": self.first_row + taken,
+            "priority": priority[taken],
+            **{name: column[taken] for name, column in columns.items()},
+        }
+
+
 class KernelReservoir:
     """Samples at most `max_size` rows of each of K kernels, without bias, as experience comes."""
 
     def __init__(self, num_kernels: int, max_size: int, *, seed: int):
-        self._max_size = max_size
-        self._random = np.random.Generator(np.random.PCG64(seed))
+        self._max_size, self._seed = max_size, seed
         #: Number of rows of the experience so far.
         self.num_rows = 0
         # A full kernel takes no row of higher priority than it has.
@@ -119,22 +147,22 @@ class KernelReservoir:
         Each has a kernel, `(n,)`, or is left out if that is -1, and is kept with `(n, ...)`
         columns, the same names every time.
         """
-        # One draw a row, in order: the i-th row has the i-th draw, however rows are cut.
-        priority = self._random.random(len(kernel))
-        taken = np.flatnonzero((kernel >= 0) & (priority < self._highest[kernel]))
-        self._waiting.append(
-            {
-                "kernel": np.asarray(kernel, dtype=np.int64)[taken],
-                "row": self.num_rows + taken,
-                "priority": priority[taken],
-                **{name: column[taken] for name, column in columns.items()},
-            }
-        )
-        self.num_rows += len(kernel)
+        first_row = self.num_rows
+        taken = self.draw(first_row).take(kernel, **columns)
+        self.keep(taken, len(kernel))
+        return taken["row"] - first_row
+
+    def draw(self, first_row: int) -> Draw:
+        """Which rows may be kept from a row on, by what is known now."""
+        return Draw(self._seed, first_row, self._highest.copy())
+
+    def keep(self, taken: dict[str, np.ndarray], num_rows: int) -> None:
+        """Keeps what a draw took of the next `num_rows` rows."""
+        self._waiting.append(taken)
+        self.num_rows += num_rows
         num_waiting = sum(len(part["row"]) for part in self._waiting)
         if num_waiting > max(len(self._settled.get("row", ())), _LEAST_WAITING):
             self._settle()
-        return taken
 
     def relabel(self, kernel: np.ndarray, **columns: np.ndarray) -> None:
         """Gives the rows, in the order of `sample`, to kernels `(R,)`, with some other columns."""
@@ -183,29 +211,42 @@ def quick_to_sort(kernel: np.ndarray) -> np.ndarray:
     return kernel.astype(np.min_scalar_type(kernel.max(initial=0)))
 
 
-def kernel_sensations(kernel_row: np.ndarray, sensations: Iterable[np.ndarray]) -> csr_array:
+def kernel_sensations(
+    kernel_row: np.ndarray, batches: Iterable[Any], each: Callable[..., Iterable[csr_array]] = map
+) -> csr_array:
     """`(R, S)` float32, unit L2 norm: the sensations of stored configurations.
 
     Few receptors feel a touch: for a million touches on 100 receptors this takes 70 MB, a dense
     array 400 MB. That is why it is not part of the representation. `kernel_row` is `(R,)`, of the
-    experience; the batches `(n, S)` N are all the experience that was learned from.
+    experience; the batches are all that was learned from: `(n, S)` N, or stored ones, and `each` is
+    as of `learning.learn`.
 
     Raises:
         ValueError: the experience has fewer rows than the representation was learned from.
     """
     order = np.argsort(kernel_row, kind="stable")
-    rising = kernel_row[order]
-    first, parts = 0, []
-    for batch in sensations:
-        start, stop = np.searchsorted(rising, [first, first + len(batch)])
-        # Double precision: the squares of very light touches underflow in single precision.
-        rows = batch[rising[start:stop] - first].astype(float)
-        felt = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-        parts.append(csr_array(felt.astype(np.float32)))
-        first += len(batch)
-    if first <= rising[-1]:
+    rising, num_rows = kernel_row[order], 0
+
+    def parts() -> Iterator[tuple[np.ndarray, Any]]:
+        nonlocal num_rows
+        for batch in batches:
+            first = num_rows
+            num_rows += len(batch) if isinstance(batch, np.ndarray) else batch.num_rows
+            start, stop = np.searchsorted(rising, [first, num_rows])
+            yield rising[start:stop] - first, batch
+
+    found = list(each(_unit_rows, parts()))
+    if num_rows <= rising[-1]:
         raise ValueError(
-            f"sensations have {first} rows, the representation was learned from more: give all "
+            f"sensations have {num_rows} rows, the representation was learned from more: give all "
             "of its experience"
         )
-    return vstack(parts, format="csr")[np.argsort(order)]
+    return vstack(found, format="csr")[np.argsort(order)]
+
+
+def _unit_rows(part: tuple[np.ndarray, Any]) -> csr_array:
+    rows, batch = part
+    sensation = batch if isinstance(batch, np.ndarray) else batch.read()[0]
+    # Double precision: the squares of very light touches underflow in single precision.
+    felt = sensation[rows].astype(float)
+    return csr_array((felt / np.linalg.norm(felt, axis=1, keepdims=True)).astype(np.float32))

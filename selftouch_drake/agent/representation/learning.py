@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array
 from threadpoolctl import threadpool_limits
 
+from selftouch_drake.agent.representation.batches import (
+    NO_ROWS,
+    Batch,
+    Batches,
+    Map,
+    checked,
+    passed,
+)
 from selftouch_drake.agent.representation.graphs import (
     component_labels,
     connected_edges,
     surface_neighbours,
     unlike,
 )
-from selftouch_drake.agent.representation.kernels import KernelReservoir, KernelSample, KernelSets
+from selftouch_drake.agent.representation.kernels import (
+    Draw,
+    KernelReservoir,
+    KernelSample,
+    KernelSets,
+)
 from selftouch_drake.agent.representation.quantise import assign, strength, target_sensations, unit
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation, mattering
 from selftouch_drake.agent.representation.relevance import joint_scale, touch_modes
@@ -36,9 +50,6 @@ from selftouch_drake.threads import thread_pool
 #: Rows that target sensations are learned from: 40 per target for 1000 targets.
 MAX_ROWS = 40_000
 
-# Rows per block: bounds the memory.
-_BLOCK = 16_384
-
 #: Most rounds in which targets are chosen, each without the touches of rare targets of the last.
 _MOST_ROUNDS = 6
 
@@ -48,12 +59,6 @@ _RARE = 0.05
 
 #: Called with the fraction done and what is being done.
 Progress = Callable[[float, str], None]
-
-#: `(n, S)` sensations in N and `(n, J)` motor configurations in the robot's units.
-Batch = tuple[np.ndarray, np.ndarray]
-
-#: Gives the experience from its first row on, each time it is called, in batches of any size.
-Batches = Callable[[], Iterable[Batch]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,6 +87,7 @@ def learn(
     max_queries: int = MAX_QUERIES,
     seed: int = 0,
     progress: Progress = lambda fraction, stage: None,
+    each: Map = map,
 ) -> Learned:
     """Learns from experience of any size in bounded memory; batch sizes do not matter.
 
@@ -89,12 +95,13 @@ def learn(
 
     Args:
         batches: called twice, returns the same experience each time, as
-            `ExperienceReader.touches` does.
+            `ExperienceReader.touches` and `stored` do.
         num_targets: K, number of target sensations.
         max_kernel_size: most motor configurations kept per kernel.
         max_queries: most configurations per set whose nearest neighbours are searched.
         seed: the same seed and experience give the same bytes.
         progress: called with the fraction done and the stage.
+        each: makes the calls that read; what they return does not depend on where.
 
     Raises:
         ValueError: a parameter is invalid, the experience cannot be learned from, or the second
@@ -111,21 +118,15 @@ def learn(
     quantise_seed, sample_seed, mode_seed = np.random.SeedSequence(seed).generate_state(3)
 
     targets, scale, overlap, chance, expected, num_rows = _quantised(
-        batches, num_targets, int(quantise_seed), progress
+        batches, num_targets, int(quantise_seed), progress, each
     )
     kernels = KernelReservoir(num_targets, max_kernel_size, seed=int(sample_seed))
     num_set_aside, total = 0, np.zeros(targets.shape)
-    for sensation, q in _in_blocks(batches()):
-        label, error = assign(_as_compared(sensation, expected), targets)
-        left_out = ambiguous_touches(sensation, overlap, chance)
-        num_set_aside += int(left_out.sum())
-        label[left_out] = -1
-        felt = strength(sensation).astype(np.float32)
-        if expected is not None:
-            kept = np.flatnonzero(label >= 0)
-            cells = csr_array((np.ones(len(kept)), (label[kept], kept)), (num_targets, len(label)))
-            total += cells @ unit(sensation)
-        kernels.add(label, q=q.astype(np.float32), strength=felt, error=error)
+    sort = partial(_sorted, targets, overlap, chance, expected)
+    for taken, rows, left_out, felt in passed(sort, kernels, batches(), each):
+        kernels.keep(taken, rows)
+        num_set_aside += left_out
+        total += felt
         progress(min(0.2 + 0.1 * kernels.num_rows / num_rows, 0.3), "motor kernels")
     if kernels.num_rows != num_rows:
         raise ValueError(
@@ -168,7 +169,7 @@ def learn(
 
 
 def _quantised(
-    batches: Batches, num_targets: int, seed: int, progress: Progress
+    batches: Batches, num_targets: int, seed: int, progress: Progress, each: Map
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, bool, np.ndarray | None, int]:
     """Reads the experience, and chooses target sensations and a scale of the joints.
 
@@ -176,9 +177,11 @@ def _quantised(
     rows.
     """
     some = KernelReservoir(1, MAX_ROWS, seed=seed)
-    for sensation, q in _in_blocks(_checked(batches())):
-        some.add(np.zeros(len(sensation), dtype=int), sensation=sensation, q=q.astype(np.float32))
+    for taken, rows in passed(_some, some, checked(batches()), each):
+        some.keep(taken, rows)
         progress(0.0, "target sensations")
+    if not some.num_rows:
+        raise ValueError(NO_ROWS)
     if some.num_rows < num_targets:
         raise ValueError(
             f"num_targets is {num_targets}, but there are only {some.num_rows} "
@@ -198,6 +201,39 @@ def _quantised(
         scaling = beside.submit(joint_scale, q, sensation)
         targets = common_targets(sensation, num_targets, overlap if chance else None)
     return targets, scaling.result(), overlap, chance, expected, some.num_rows
+
+
+def _some(draw: Draw, batch: Batch) -> tuple[dict[str, np.ndarray], int]:
+    sensation, q = batch
+    kernel = np.zeros(len(q), dtype=int)
+    return draw.take(kernel, sensation=sensation, q=q.astype(np.float32)), len(q)
+
+
+def _sorted(
+    targets: np.ndarray,
+    overlap: np.ndarray,
+    chance: bool,
+    expected: np.ndarray | None,
+    draw: Draw,
+    batch: Batch,
+) -> tuple[dict[str, np.ndarray], int, int, np.ndarray | float]:
+    """Sorts touches into kernels.
+
+    Returns what may be kept, the numbers of touches and of those left out, and what is felt in each
+    kernel in all, if it must be known.
+    """
+    sensation, q = batch
+    label, error = assign(_as_compared(sensation, expected), targets)
+    left_out = ambiguous_touches(sensation, overlap, chance)
+    label[left_out] = -1
+    felt: np.ndarray | float = 0.0
+    if expected is not None:
+        kept = np.flatnonzero(label >= 0)
+        cells = csr_array((np.ones(len(kept)), (label[kept], kept)), (len(targets), len(label)))
+        felt = cells @ unit(sensation)
+    firm = strength(sensation).astype(np.float32)
+    taken = draw.take(label, q=q.astype(np.float32), strength=firm, error=error)
+    return taken, len(q), int(left_out.sum()), felt
 
 
 def _as_compared(sensation: np.ndarray, expected: np.ndarray | None) -> np.ndarray:
@@ -265,77 +301,3 @@ def common_targets(
             break
         sensation = sensation[~rare[label]]
     return targets
-
-
-#: The text of an error.
-NO_ROWS = "sensation has 0 rows: babble until the finger touches the body"
-
-
-def _checked(batches: Iterable[Batch]) -> Iterator[Batch]:
-    """The same batches, each checked when it is read."""
-    row, widths = 0, dict[str, int]()
-    for given, given_q in batches:
-        sensation, q = as_numbers("sensation", given), as_numbers("q", given_q)
-        check_sensation(sensation, row)
-        if q.ndim != 2 or q.shape[1] == 0:
-            raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints)")
-        if len(q) != len(sensation):
-            raise ValueError(
-                f"q has {len(q)} rows and sensation {len(sensation)}: give one motor configuration "
-                "for each sensation"
-            )
-        _check_finite("q", np.isfinite(q).all(axis=1), row)
-        for name, what, array in (("sensation", "receptors", sensation), ("q", "joints", q)):
-            width = widths.setdefault(name, array.shape[1])
-            if array.shape[1] != width:
-                raise ValueError(
-                    f"{name} row {row} has {array.shape[1]} {what}, earlier rows have {width}: "
-                    "give experience of one robot"
-                )
-        row += len(sensation)
-        yield sensation, q
-    if row == 0:
-        raise ValueError(NO_ROWS)
-
-
-def _in_blocks(batches: Iterable[Batch]) -> Iterator[Batch]:
-    """The same rows in blocks of at most `_BLOCK`."""
-    for sensation, q in batches:
-        for start in range(0, len(sensation), _BLOCK):
-            block = slice(start, start + _BLOCK)
-            yield np.asarray(sensation)[block], np.asarray(q)[block]
-
-
-def as_numbers(name: str, rows: Any) -> np.ndarray:
-    """The rows as an array; raises a ValueError if they are no real numbers, or sparse."""
-    array = np.asarray(rows)
-    if array.dtype.kind not in "fiu":
-        raise ValueError(f"{name} holds {array.dtype}: give real numbers, not sparse")
-    return array
-
-
-def check_sensation(sensation: np.ndarray, first_row: int = 0) -> None:
-    """Rejects sensations that no skin can produce."""
-    if sensation.ndim != 2 or sensation.shape[1] == 0:
-        raise ValueError(
-            f"sensation has shape {sensation.shape}: give sensations as (rows, receptors)"
-        )
-    felt = strength(sensation).astype(np.float32)
-    _check_finite("sensation", np.isfinite(felt), first_row)
-    if (lowest := sensation.min(initial=0)) < 0:
-        raise ValueError(
-            f"sensation holds {lowest:g}, a negative reading: give pressures, without the "
-            "receptors' offset"
-        )
-    if (null := np.flatnonzero(felt == 0)).size:
-        raise ValueError(
-            f"sensation row {first_row + null[0]} is null: keep only rows that touch "
-            f"({null.size} do not)"
-        )
-
-
-def _check_finite(name: str, finite: np.ndarray, first_row: int) -> None:
-    if (bad := np.flatnonzero(~finite)).size:
-        raise ValueError(
-            f"{name} row {first_row + bad[0]} holds NaN or infinity: drop such rows ({bad.size})"
-        )

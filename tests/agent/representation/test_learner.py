@@ -132,7 +132,7 @@ def cut(arrays, *cuts):
 def test_batches_of_any_size_give_the_same_bytes(cuts, experience, learner, monkeypatch):
     # A small reservoir and small blocks, so that both passes drop rows and split batches.
     monkeypatch.setattr("selftouch_drake.agent.representation.learning.MAX_ROWS", 900)
-    monkeypatch.setattr("selftouch_drake.agent.representation.learning._BLOCK", 512)
+    monkeypatch.setattr("selftouch_drake.agent.representation.batches._BLOCK", 512)
     monkeypatch.setattr("selftouch_drake.agent.representation.kernels._LEAST_WAITING", 1000)
     whole, fitted = (
         clone(learner).fit_batches(batches) for batches in (cut(experience), cut(experience, *cuts))
