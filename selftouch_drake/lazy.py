@@ -4,8 +4,6 @@
 imports, trimesh takes 0.3 s, and `scipy.ndimage` takes 0.1 s.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any

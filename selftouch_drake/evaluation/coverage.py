@@ -1,7 +1,5 @@
 """Coverage of the skins by babbling."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

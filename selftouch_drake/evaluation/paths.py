@@ -3,8 +3,6 @@
 Both are measured twice: in the agent's own lengths, and on the surface of the true skin.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import cached_property
 

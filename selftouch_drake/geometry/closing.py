@@ -4,8 +4,6 @@ The volume that the geometry encloses becomes a depth field on a grid, is rounde
 and triangulated evenly.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Distances along a surface."""
 
-from __future__ import annotations
-
 import numpy as np
 import scipy.sparse
 from scipy.sparse import csr_array, csr_matrix

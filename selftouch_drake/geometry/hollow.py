@@ -1,7 +1,5 @@
 """A hollow skin: a closed surface extruded inwards and filled with tetrahedra."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

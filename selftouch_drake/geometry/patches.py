@@ -13,8 +13,6 @@ area A, the widest empty disc has a radius of about sqrt(A ln(n) / (pi n)): use 
 is larger. With hundreds of touches per target sensation, it is not.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Receptors spread evenly over a surface or placed on it, and their receptive fields."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Shapes are centred on the origin of their frame; a mesh file keeps its own frame.
 """
 
-from __future__ import annotations
-
 import math
 import warnings
 from os import PathLike

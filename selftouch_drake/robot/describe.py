@@ -1,7 +1,5 @@
 """A description of a robot: joints, skins, touchers, and possible collisions."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterator, Sequence
 

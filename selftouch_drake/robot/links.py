@@ -1,7 +1,5 @@
 """Links, frames and joints of a robot by name, and the geometry that its model gives a link."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """From model directives to what Drake's parser takes, and every file that decides the robot."""
 
-from __future__ import annotations
-
 import contextlib
 import hashlib
 import json

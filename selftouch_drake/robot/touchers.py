@@ -1,7 +1,5 @@
 """Touchers: rigid balls at frames, and the shapes of links, made rigid."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

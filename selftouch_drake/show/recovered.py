@@ -1,7 +1,5 @@
 """The recovered body laid on its skins, to compare them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

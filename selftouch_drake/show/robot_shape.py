@@ -1,7 +1,5 @@
 """The drawn robot: links, joints and touching balls, in any posture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

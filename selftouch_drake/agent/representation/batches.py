@@ -3,8 +3,6 @@
 What is computed from a block of rows depends on these rows alone and not on where it is computed.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial

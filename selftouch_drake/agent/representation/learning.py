@@ -1,7 +1,5 @@
 """Learns the quotient representation from experience (paper, section III)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial

@@ -4,8 +4,6 @@ Every set distance uses one table: the distances from each configuration of one 
 configuration of the other. They differ in how they reduce it to a number.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import lru_cache
 

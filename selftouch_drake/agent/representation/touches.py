@@ -5,8 +5,6 @@ touches again and again, and distant ones do not. So receptors can be grouped in
 body, and a sensation can be split into separate touches.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 

@@ -4,8 +4,6 @@ Each metric turns the representation of one part of the body into a graph along 
 Distances are shortest paths on this graph.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

@@ -7,8 +7,6 @@ linearly with the distance between them, as the overlap of two discs does. So re
 first. A kernel is at the middle of the receptors that feel it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from selftouch_drake.agent.representation.graphs import (

@@ -11,8 +11,6 @@ outputs. A network that is first trained to predict sensations seldom folds. Whe
 the one without this training is slightly more accurate.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

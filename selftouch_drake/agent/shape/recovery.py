@@ -1,7 +1,5 @@
 """The recovered body: shape, holes and dimension of each of its parts."""
 
-from __future__ import annotations
-
 import dataclasses
 import warnings
 from collections.abc import Callable

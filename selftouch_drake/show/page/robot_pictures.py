@@ -1,7 +1,5 @@
 """The robot with its skins and what touches them: as a figure, and as pixels in any posture."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Pictures of what the agent recovered: the graph, the shape and the holes of its body."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
