@@ -419,6 +419,19 @@ def test_a_dask_cluster_that_loses_a_worker_gives_the_same_bytes(finished_run, t
     assert shards(run.path) == shards(finished_run)
 
 
+@pytest.mark.slow
+def test_learning_on_a_cluster_gives_the_same_bytes(finished_run, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    run = shutil.copytree(finished_run, tmp_path / "run")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
+    ) as cluster:
+        done = selftouch("learn", run, "--scheduler", cluster.scheduler_address)
+        assert done.status == 0, done.err
+    for name in ("representation.npz", "touch_model.npz", "topology.npz"):
+        assert (run / name).read_bytes() == (finished_run / name).read_bytes()
+
+
 def test_a_scheduler_that_does_not_exist_is_reported(tmp_path):
     line = refusal(*babble(tmp_path / "run", "--scheduler", "tcp://127.0.0.1:9"))
     assert line.startswith("--scheduler tcp://127.0.0.1:9 does not answer (")
