@@ -301,7 +301,17 @@ def who_kills(mutant: Mutant, folder: Path, *, everything: bool) -> str:
 
 def _first_failure(folder: Path, tests: tuple[str, ...]) -> str:
     # A mutant may never end: pytest then names the test that took too long.
-    options = ("-x", "-m", "not slow", "-p", "no:cacheprovider", "--timeout", "300")
+    options = (
+        "-x",
+        "-m",
+        "not slow",
+        "-p",
+        "no:cacheprovider",
+        "--timeout",
+        "300",
+        "--timeout-method",
+        "thread",
+    )
     done = subprocess.run(
         [sys.executable, "-m", "pytest", *options, *tests],
         cwd=folder,
