@@ -6,8 +6,7 @@ PATH is the BabyBench 2025 starter kit (github.com/babybench/BabyBench2025_Start
 `gymnasium==0.28.1`, `mujoco==3.3.0` and the other packages of its `requirements.txt`, without torch
 and stable-baselines3: give it an environment of its own, with what this package needs, and this
 repository on PYTHONPATH (installed, its environments need a newer gymnasium). The agent begins
-without experience and explores by `babbling.seek: pairs`. Every step of the environment counts.
-`--ways random` has the same body go to random postures instead.
+without experience and explores by `babbling.seek: postures`. Every step of the environment counts.
 """
 
 from __future__ import annotations
@@ -117,7 +116,7 @@ class Baby:
         self._sensation = np.sqrt(np.square(force).sum(axis=1))
 
 
-def episodes(kit: Path, seed: int, way: str, num_steps: int) -> list[dict[str, Any]]:
+def episodes(kit: Path, seed: int, num_steps: int) -> list[dict[str, Any]]:
     """The rows of one life: the score after every `SCORED` steps."""
     import babybench.eval as kit_eval
     import babybench.utils as kit_utils
@@ -136,20 +135,17 @@ def episodes(kit: Path, seed: int, way: str, num_steps: int) -> list[dict[str, A
             logs = pickle.loads(Path(folder, "logs", "training.pkl").read_bytes())
             score = float(scorer._eval_logs(logs))
             steps = sum(log["steps"] for log in logs)
-            rows.append({"way": way, "seed": seed, "steps": steps, "score": round(score, 4)})
+            rows.append({"seed": seed, "steps": steps, "score": round(score, 4)})
             print(rows[-1], flush=True)
 
-        given = {"strategy": "active", "seek": "pairs", "jumps": False}
+        given = {"strategy": "active", "seek": "postures", "jumps": False}
         # Of the experiment only seed and babbling count: the body is another.
         experiment = load_experiment("cube", {"seed": seed, "babbling": given})
         life = Exploration(experiment, Baby(env, num_steps, seed, scored))
         try:
             while True:
-                shard = life.explore(ROUND)
-                if way == "pairs":
-                    life.remember(shard.q, shard.sensation)
-                else:
-                    life.round += 1
+                life.explore(ROUND)
+                life.round += 1  # from a posture of its own
         except OverError:
             env.close()
     return rows
@@ -162,7 +158,6 @@ def main() -> None:
     parser.add_argument("--babybench", type=Path, required=True, help="the starter kit")
     parser.add_argument("--steps", type=int, default=100_000, help="of the environment")
     parser.add_argument("--seeds", type=int, nargs="+", default=[0])
-    parser.add_argument("--ways", nargs="+", choices=("pairs", "random"), default=["pairs"])
     add_update_option(parser, "babybench")
     arguments = parser.parse_args()
     if arguments.steps <= 0 or arguments.steps % SCORED:
@@ -176,12 +171,11 @@ def main() -> None:
     warnings.simplefilter("ignore")
     last = []
     with results("babybench", update=arguments.update) as add:
-        for way in arguments.ways:
-            for seed in arguments.seeds:
-                rows = episodes(kit, seed, way, arguments.steps)
-                for row in rows:
-                    add(row)
-                last.append(rows[-1]["score"])
+        for seed in arguments.seeds:
+            rows = episodes(kit, seed, arguments.steps)
+            for row in rows:
+                add(row)
+            last.append(rows[-1]["score"])
     print(f"score: mean {np.mean(last):.3f}, worst {min(last):.3f}")
 
 

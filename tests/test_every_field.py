@@ -246,7 +246,7 @@ BABBLED = {
     ),
     "babbling.strategy": (nested("babbling.strategy", "active"), {}, differs),
     "babbling.seek": (
-        nested("babbling", {"strategy": "active", "seek": "pairs"}),
+        nested("babbling", {"strategy": "active", "seek": "postures"}),
         nested("babbling.strategy", "active"),
         differs,
     ),

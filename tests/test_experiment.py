@@ -233,8 +233,8 @@ BALL_OR_LINK = "give frame and radius for a ball, or link for a link's own geome
             "representation.metric is 'literall'; did you mean literal?",
         ),
         (
-            "babbling: {seek: pairs}",
-            "babbling.seek is 'pairs'; only strategy: active seeks anything; set it too",
+            "babbling: {seek: postures}",
+            "babbling.seek is 'postures'; only strategy: active seeks anything; set it too",
         ),
     ],
 )

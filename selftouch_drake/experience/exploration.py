@@ -17,10 +17,14 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Felt
-from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, Walker
+from selftouch_drake.agent.lifelong.explorer import (
+    Explorer,
+    PostureHolder,
+    PostureSampler,
+    Walker,
+)
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
-from selftouch_drake.agent.lifelong.pairs import PairSeeker, TouchPairs
 from selftouch_drake.agent.representation.graphs import DisconnectedWarning
 from selftouch_drake.experience.collect import keep_touches, stored_walks, time_left, walker_of
 from selftouch_drake.experience.store import ExperienceReader, Shard, WalkCounts, write_shard
@@ -51,8 +55,7 @@ class Exploration:
         explorer: decides where the agent goes; by default the one that suits the body.
 
     Attributes:
-        mind: takes the touches; a life if the body changes in the course of the experiment, pairs
-            of places if it seeks those.
+        mind: takes the touches; a life if the body changes in the course of the experiment.
         round: number of the next round.
         num_touches: number of touches in the rounds before.
     """
@@ -60,18 +63,14 @@ class Exploration:
     def __init__(self, experiment: Experiment, body: Body, explorer: type[Explorer] | None = None):
         self.experiment, self._explorer = experiment, explorer
         self.enter(body)
-        self.mind: Life | OnlineLearner | TouchPairs
-        if experiment.babbling.seek == "pairs":
-            self.mind = TouchPairs()
-        elif any(change.after > 0 for change in experiment.changes):
+        self.mind: Life | OnlineLearner
+        if any(change.after > 0 for change in experiment.changes):
             self.mind = new_life(experiment)
         else:
             (seed,) = experiment.random_stream("explorer").generate_state(1)
             self.mind = OnlineLearner(_NUM_TARGETS, _KERNEL_SIZE, seed=int(seed))
         self.round = self.num_touches = 0
         self._q: np.ndarray | None = None
-        # Where the body was asked to be at each touch of the last round.
-        self._asked: np.ndarray | None = None
         self._agent: Agent | None = None
 
     def enter(self, body: Body) -> None:
@@ -83,10 +82,8 @@ class Exploration:
         self.num_touches += len(q)
         self._q = q[-1]
         self.round += 1
-        if isinstance(self.mind, TouchPairs):
-            self.mind.take(q if self._asked is None else self._asked, sensation)
-            self._asked = None
-            return
+        if self.experiment.babbling.seek == "postures":
+            return  # it does not go by what it knows
         self.mind.take(q, sensation)
         learner = self.mind.learner if isinstance(self.mind, Life) else self.mind
         self._agent = None
@@ -115,9 +112,8 @@ class Exploration:
         leader.begin_at(start)
         explorer: Callable[..., Explorer]
         explorer = self._explorer or (Walker if leader.timed else PostureSampler)
-        if isinstance(self.mind, TouchPairs):
-            explorer = partial(PairSeeker, pairs=self.mind, timed=leader.timed)
-        asked = list[np.ndarray]()
+        if babbling.seek == "postures":
+            explorer = partial(PostureHolder, timed=leader.timed)
         moves = explorer(
             agent=self._agent,
             q=start,
@@ -134,19 +130,11 @@ class Exploration:
         def next_steps() -> Felt:
             nonlocal path
             felt = leader.walk(path, CHOICE_S)
-            if isinstance(self.mind, TouchPairs):
-                # The posture that it asked for presses, and that in which it was does not.
-                kept = felt.reached & felt.sensation.any(axis=1)
-                each = path if len(path) == len(felt.q) else np.tile(path[-1], (len(felt.q), 1))
-                asked.append(each[kept])
             # In a posture that it cannot take, a body feels nothing.
             path = moves.send((felt.q, np.where(felt.reached[:, None], felt.sensation, 0.0)))
             return felt
 
-        shard = keep_touches(next_steps, self.body, self.round, num_rows, most_s)
-        if asked:
-            self._asked = np.concatenate(asked)[: len(shard.q)].astype(np.float32)
-        return shard
+        return keep_touches(next_steps, self.body, self.round, num_rows, most_s)
 
 
 def explore(

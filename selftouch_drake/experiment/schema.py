@@ -345,10 +345,9 @@ class Babbling(Settings):
     # `random`: a random walk. `active`: the agent learns while it moves, and goes where it knows
     # least; see docs/exploration.md.
     strategy: Literal["random", "active"] = "random"
-    # What the active agent seeks: `receptors` that seldom felt anything, and poor links, or `pairs`
-    # of places that seldom touched each other, on a body whose skins touch each other; see
-    # docs/babybench.md.
-    seek: Literal["receptors", "pairs"] = "receptors"
+    # What the active agent seeks: `receptors` that seldom felt anything, and poor links; or
+    # `postures` at the limits of many joints, where parts of a body meet; see docs/babybench.md.
+    seek: Literal["receptors", "postures"] = "receptors"
     # `kinematic`: positions are set and contact is evaluated. `dynamic`: joint controllers follow
     # the walk under gravity, torque limits and contact forces; slower and more realistic.
     mode: Literal["kinematic", "dynamic"] = "kinematic"

@@ -57,6 +57,10 @@ _TRIES = 12
 #: Random postures that are tried in one move.
 _AT_ONCE = 5
 
+#: Share of a joint's range by which a posture may be drawn beyond each limit, to rest at the limit,
+#: and looks while it is held.
+_BEYOND, _HELD = 2.0, 8
+
 
 @dataclass(eq=False)
 class Explorer(ABC):
@@ -297,3 +301,25 @@ class PostureSampler(Explorer):
         end = known.kernel_q[ahead[near.argmin()]]
         between = np.where(matters, (start + end) / 2, start)
         yield from self._look_about(between, _BETWEEN, _IN_GAP)
+
+
+@dataclass(eq=False)
+class PostureHolder(Explorer):
+    """Goes to postures drawn at random, most joints at their limits, where parts of a body meet.
+
+    A body that needs time to go there and to press is given it.
+
+    Attributes:
+        timed: whether it does.
+    """
+
+    timed: bool = True
+
+    def moves(self) -> Moves:
+        """Explores without end."""
+        while True:
+            share = self.rng.uniform(-_BEYOND, 1.0 + _BEYOND, len(self.q)).clip(0.0, 1.0)
+            posture = self.lower + share * (self.upper - self.lower)
+            yield from self._go(posture[None])
+            if self.timed:
+                yield from self._go(np.tile(posture, (_HELD, 1)))

@@ -27,9 +27,9 @@ _MOST_STEPS = 64
 #: the median, are chance.
 _LEAST_OVERLAP, _SHORTEST = 0.05, 0.05
 
-#: In diameters of a disc: how far a chart reaches (on a chart that reaches further a thin tube meets
-#: itself), how far from its middle kernels are looked for, and over how much the edge of a disc is
-#: blurred, since a kernel has touches inside and outside; and the number of places along each axis.
+#: In diameters of a disc: how far a chart reaches (further, and a thin tube would meet itself), how
+#: far from its middle kernels are looked for, and over how much the edge of a disc is blurred,
+#: since a kernel has touches inside and outside; and the number of places along each axis.
 _REACH, _WIDE, _BLUR, _PLACES = 1.0, 0.5, 0.05, 31
 
 #: Least probability that a receptor feels a touch, or does not.

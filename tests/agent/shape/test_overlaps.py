@@ -8,7 +8,7 @@ from selftouch_drake.agent.shape.overlaps import overlap_lengths
 from selftouch_drake.agent.shape.recovery import recover
 
 PLACE, RECEPTORS = sphere(8000), sphere(60)
-FORCE = np.clip(PLACE @ RECEPTORS.T - 0.6, 0.0, None).astype(np.float32)
+FORCE = np.clip(PLACE @ RECEPTORS.T - 0.75, 0.0, None).astype(np.float32)
 
 
 def learned(sensation):
