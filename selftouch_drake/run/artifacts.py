@@ -9,9 +9,7 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Iterator, Mapping
-from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,7 +25,6 @@ from selftouch_drake.agent.representation.kernels import kernel_sensations
 from selftouch_drake.agent.representation.quotient import QuotientRepresentation
 from selftouch_drake.files import load_arrays, save_arrays, written_whole
 from selftouch_drake.run.directory import MissingError, RunDirectory, RunError
-from selftouch_drake.run.executors import SHARDS_AHEAD, map_ahead
 from selftouch_drake.run.metrics import keys_of
 
 if TYPE_CHECKING:
@@ -57,14 +54,9 @@ def load_agent(run: RunDirectory, *, predicts: bool = False) -> Agent:
     )
 
 
-def stored_sensations(
-    run: RunDirectory, representation: QuotientRepresentation, executor: Executor | None = None
-) -> csr_array:
+def stored_sensations(run: RunDirectory, representation: QuotientRepresentation) -> csr_array:
     """`(R, S)` unit L2 norm, the sensation at each row of `kernel_q`; reads all experience."""
-    touches, rows = run.touches(), representation.kernel_row
-    if executor is None:
-        return kernel_sensations(rows, touches.batches("sensation"))
-    return kernel_sensations(rows, touches.stored(), partial(map_ahead, executor, SHARDS_AHEAD))
+    return kernel_sensations(representation.kernel_row, run.touches().batches("sensation"))
 
 
 def _load_touch_model(run: RunDirectory) -> TouchModel | None:

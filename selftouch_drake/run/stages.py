@@ -160,7 +160,7 @@ def learn(
     progress(0.8, "ways between touches")
     touch_model = TouchModel.learn(
         learned.representation,
-        lambda: stored_sensations(run, learned.representation, executor),
+        lambda: stored_sensations(run, learned.representation),
         seed=seed,
     )
     representation = body.embed(learned.representation)

@@ -6,7 +6,7 @@ What is computed from a block of rows depends on these rows alone and not on whe
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -24,22 +24,9 @@ NO_ROWS = "sensation has 0 rows: babble until the finger touches the body"
 #: `(n, S)` sensations in N and `(n, J)` motor configurations in the robot's units.
 Batch = tuple[np.ndarray, np.ndarray]
 
-
-class StoredBatch(Protocol):
-    """A batch that is read where it is needed.
-
-    Attributes:
-        num_rows: n.
-    """
-
-    num_rows: int
-
-    def read(self) -> Batch:
-        """The batch."""
-
-
-#: Gives the experience from its first row on, each time it is called, in batches of any size.
-Batches = Callable[[], Iterable[Batch | StoredBatch]]
+#: Gives the experience from its first row on, each time it is called, in batches of any size. One
+#: that is read where it is needed has `num_rows`, and `read()` returns it.
+Batches = Callable[[], Iterable[Any]]
 
 #: Calls a function with each item, anywhere, and gives the results in order, as `map` does.
 Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
@@ -48,12 +35,12 @@ Map = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 def passed(
     work: Callable[[Draw, Batch], Any],
     reservoir: KernelReservoir,
-    batches: Iterable[Batch | StoredBatch],
+    batches: Iterable[Any],
     each: Map,
 ) -> Iterator[Any]:
     """What `work` makes of each block of the experience, in order, and of the draw for it."""
 
-    def parts() -> Iterator[tuple[Draw, Batch | StoredBatch]]:
+    def parts() -> Iterator[tuple[Draw, Any]]:
         first_row = 0
         for batch in batches:
             for part in _in_blocks(*batch) if isinstance(batch, tuple) else (batch,):
@@ -65,24 +52,24 @@ def passed(
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
-def _made(work: Callable[[Draw, Batch], Any], part: tuple[Draw, Batch | StoredBatch]) -> list[Any]:
+def _made(work: Callable[[Draw, Batch], Any], part: tuple[Draw, Any]) -> list[Any]:
     """What `work` makes of each block of a batch; one that is read is checked."""
     draw, batch = part
     if isinstance(batch, tuple):
         return [work(draw, batch)]
     made, first_row = [], draw.first_row
-    for sensation, q in _in_blocks(*_checked_batch(*batch.read(), first_row)):
+    for sensation, q in _in_blocks(*_checked_batch(batch.read(), first_row)):
         made.append(work(replace(draw, first_row=first_row), (sensation, q)))
         first_row += len(q)
     return made
 
 
-def checked(batches: Iterable[Batch | StoredBatch]) -> Iterator[Batch | StoredBatch]:
+def checked(batches: Iterable[Any]) -> Iterator[Any]:
     """The same batches; arrays are checked, what is stored is when it is read."""
     row, widths = 0, dict[str, int]()
     for batch in batches:
         if isinstance(batch, tuple):
-            batch = sensation, q = _checked_batch(*batch, row)
+            batch = sensation, q = _checked_batch(batch, row)
             for name, what, array in (("sensation", "receptors", sensation), ("q", "joints", q)):
                 width = widths.setdefault(name, array.shape[1])
                 if array.shape[1] != width:
@@ -94,9 +81,9 @@ def checked(batches: Iterable[Batch | StoredBatch]) -> Iterator[Batch | StoredBa
         yield batch
 
 
-def _checked_batch(given: Any, given_q: Any, row: int) -> Batch:
+def _checked_batch(batch: Batch, row: int) -> Batch:
     """The batch as arrays; `row` is its first."""
-    sensation, q = as_numbers("sensation", given), as_numbers("q", given_q)
+    sensation, q = map(as_numbers, ("sensation", "q"), batch)
     check_sensation(sensation, row)
     if q.ndim != 2 or q.shape[1] == 0:
         raise ValueError(f"q has shape {q.shape}: give motor configurations as (rows, joints)")

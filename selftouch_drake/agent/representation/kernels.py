@@ -8,9 +8,8 @@ split into batches, and the memory does not grow with the experience.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
@@ -211,42 +210,29 @@ def quick_to_sort(kernel: np.ndarray) -> np.ndarray:
     return kernel.astype(np.min_scalar_type(kernel.max(initial=0)))
 
 
-def kernel_sensations(
-    kernel_row: np.ndarray, batches: Iterable[Any], each: Callable[..., Iterable[csr_array]] = map
-) -> csr_array:
+def kernel_sensations(kernel_row: np.ndarray, sensations: Iterable[np.ndarray]) -> csr_array:
     """`(R, S)` float32, unit L2 norm: the sensations of stored configurations.
 
     Few receptors feel a touch: for a million touches on 100 receptors this takes 70 MB, a dense
     array 400 MB. That is why it is not part of the representation. `kernel_row` is `(R,)`, of the
-    experience; the batches are all that was learned from: `(n, S)` N, or stored ones, and `each` is
-    as of `learning.learn`.
+    experience; the batches `(n, S)` N are all the experience that was learned from.
 
     Raises:
         ValueError: the experience has fewer rows than the representation was learned from.
     """
     order = np.argsort(kernel_row, kind="stable")
-    rising, num_rows = kernel_row[order], 0
-
-    def parts() -> Iterator[tuple[np.ndarray, Any]]:
-        nonlocal num_rows
-        for batch in batches:
-            first = num_rows
-            num_rows += len(batch) if isinstance(batch, np.ndarray) else batch.num_rows
-            start, stop = np.searchsorted(rising, [first, num_rows])
-            yield rising[start:stop] - first, batch
-
-    found = list(each(_unit_rows, parts()))
-    if num_rows <= rising[-1]:
+    rising = kernel_row[order]
+    first, parts = 0, []
+    for batch in sensations:
+        start, stop = np.searchsorted(rising, [first, first + len(batch)])
+        # Double precision: the squares of very light touches underflow in single precision.
+        rows = batch[rising[start:stop] - first].astype(float)
+        felt = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+        parts.append(csr_array(felt.astype(np.float32)))
+        first += len(batch)
+    if first <= rising[-1]:
         raise ValueError(
-            f"sensations have {num_rows} rows, the representation was learned from more: give all "
+            f"sensations have {first} rows, the representation was learned from more: give all "
             "of its experience"
         )
-    return vstack(found, format="csr")[np.argsort(order)]
-
-
-def _unit_rows(part: tuple[np.ndarray, Any]) -> csr_array:
-    rows, batch = part
-    sensation = batch if isinstance(batch, np.ndarray) else batch.read()[0]
-    # Double precision: the squares of very light touches underflow in single precision.
-    felt = sensation[rows].astype(float)
-    return csr_array((felt / np.linalg.norm(felt, axis=1, keepdims=True)).astype(np.float32))
+    return vstack(parts, format="csr")[np.argsort(order)]
