@@ -17,7 +17,7 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Felt
-from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, Walker
+from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, Walker, Watcher
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.agent.lifelong.pairs import PairSeeker, TouchPairs
@@ -39,7 +39,9 @@ def new_life(experiment: Experiment) -> Life:
     """The life of an experiment's agent, at birth."""
     settings, seed = experiment.representation, experiment.seed
     born = partial(OnlineLearner, settings.num_targets, settings.max_kernel_size, seed=seed)
-    return Life(born, seed=seed)
+    samples = round(experiment.babbling.step_duration / CHOICE_S)
+    every = max(samples, 1) if experiment.babbling.mode == "dynamic" else 1
+    return Life(born, seed=seed, every=every)
 
 
 class Exploration:
@@ -114,7 +116,8 @@ class Exploration:
         start = rng.uniform(lower, upper) if self._q is None else self._q
         leader.begin_at(start)
         explorer: Callable[..., Explorer]
-        explorer = self._explorer or (Walker if leader.timed else PostureSampler)
+        slides = Watcher if isinstance(self.mind, Life) else Walker
+        explorer = self._explorer or (slides if leader.timed else PostureSampler)
         if isinstance(self.mind, TouchPairs):
             explorer = partial(PairSeeker, pairs=self.mind, timed=leader.timed)
         asked = list[np.ndarray]()
