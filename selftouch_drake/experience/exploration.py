@@ -17,7 +17,7 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Body, Felt
-from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, Walker, Watcher
+from selftouch_drake.agent.lifelong.explorer import Explorer, PostureSampler, RestlessWalker, Walker
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.agent.lifelong.pairs import PairSeeker, TouchPairs
@@ -116,7 +116,7 @@ class Exploration:
         start = rng.uniform(lower, upper) if self._q is None else self._q
         leader.begin_at(start)
         explorer: Callable[..., Explorer]
-        slides = Watcher if isinstance(self.mind, Life) else Walker
+        slides = RestlessWalker if isinstance(self.mind, Life) else Walker
         explorer = self._explorer or (slides if leader.timed else PostureSampler)
         if isinstance(self.mind, TouchPairs):
             explorer = partial(PairSeeker, pairs=self.mind, timed=leader.timed)

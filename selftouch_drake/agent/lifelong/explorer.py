@@ -26,10 +26,10 @@ Moves = Generator[np.ndarray, tuple[np.ndarray, np.ndarray], None]
 #: after which it is far from where it was.
 _PERSISTENCE, _AWAY = 0.9, 20
 
-#: Number of steps for which a walker slides about at each place, and a watcher: from 15,000 samples
-#: at 50 Hz of a torus with 50 steps, the next surprise by 0.39, with 750 by 0.6. Chance that it
-#: walks to its next place at random through the air.
-_DWELL, _WATCH, _AIR = 750, 50, 0.1
+#: Number of steps for which a walker slides about at each place, and a restless one: from 15,000
+#: samples of a torus at 50 Hz with 50 steps, the next surprise by 0.39, from 20,000 with 750 by 0.6.
+#: Chance that it walks to its next place at random through the air.
+_DWELL, _RESTLESS, _AIR = 750, 50, 0.1
 
 #: Most paces by which the agent presses harder or eases off in one step.
 _PRESSED = 3.0
@@ -234,10 +234,10 @@ class Walker(Explorer):
             self._wanted = max(self._wanted, 0.5 * float(strength.max()))
 
 
-class Watcher(Walker):
+class RestlessWalker(Walker):
     """Soon leaves each place, and so often comes to what it knows: there it notices changes."""
 
-    dwell = _WATCH
+    dwell = _RESTLESS
 
 
 class PostureSampler(Explorer):

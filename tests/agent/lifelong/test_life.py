@@ -70,7 +70,7 @@ def test_a_life_does_not_depend_on_how_it_is_cut(touches):
 
 def test_a_life_takes_one_of_so_many_touches_however_they_are_cut():
     q = np.arange(3000.0).reshape(1500, 2)
-    sensation = np.ones((1500, 3), dtype=np.float32)
+    sensation = np.random.default_rng(0).random((1500, 9), dtype=np.float32)
     life = Life(lambda: OnlineLearner(60), every=3)
     for start in range(0, 1500, 7):
         life.take(q[start : start + 7], sensation[start : start + 7])
