@@ -27,7 +27,7 @@ Moves = Generator[np.ndarray, tuple[np.ndarray, np.ndarray], None]
 _PERSISTENCE, _AWAY = 0.9, 20
 
 #: Number of steps for which a walker slides about at each place, and a restless one: from 15,000
-#: samples of a torus at 50 Hz with 50 steps, the next surprise by 0.39, from 20,000 with 750 by 0.6.
+#: samples of a torus at 50 Hz with 50 steps, the next surprise by 0.39; from 20,000 with 750, 0.62.
 #: Chance that it walks to its next place at random through the air.
 _DWELL, _RESTLESS, _AIR = 750, 50, 0.1
 
