@@ -2,10 +2,14 @@
 
     python benchmarks/mending.py --bodies sphere torus cube --seeds 6
     python benchmarks/mending.py --lives active --kinds link joint dead --seeds 6 7
+    python benchmarks/mending.py --lives dynamic --bodies torus cube \\
+        --kinds link joint dead swapped --seeds 31
     python benchmarks/mending.py --lives unchanged --seeds 6 --targets 200
 
-All lives are in the kinematic world. For each body and seed an agent lives `--touches` touches of
-random walks, or (`active`) of its own exploration, by what it knows. Then, for each kind of change,
+Lives are in the kinematic world, or (`dynamic`) under dynamics, where the body travels. For each
+body and seed an agent lives `--touches` touches of random walks, or (`active`, `dynamic`) of its
+own exploration, by what it knows. Under dynamics the body is felt 50 times a second; a touch is one
+of five that follow each other. Then, for each kind of change,
 this life goes on with the changed body until the agent has regained its quality and is as good as
 one that learned the changed body anew, in the same way, or for `--watched` touches. Quality is the
 error of the shape, the holes, and contact on `--pairs` planned paths before practice, in the world
@@ -34,10 +38,10 @@ from results import results
 from selftouch_drake.agent.lifelong.expectation import TouchSet, cosine_distance
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
 from selftouch_drake.agent.lifelong.life import Life
-from selftouch_drake.bodies.drake import DrakeBody
+from selftouch_drake.bodies.drake import DrakeBodies
 from selftouch_drake.evaluation.life import planned_contact, quality
 from selftouch_drake.experience.collect import collect_walk
-from selftouch_drake.experience.exploration import Exploration
+from selftouch_drake.experience.exploration import Exploration, new_life
 from selftouch_drake.experiment import load_experiment
 from selftouch_drake.robot import World
 
@@ -50,7 +54,12 @@ LADDER = (1 / 2, 3 / 4, 1)
 #: Fewest and most touches in each round of exploration; in between, a tenth of those before.
 ROUND = 250, 1000
 #: Name of the table of each kind of lives.
-TABLES = {"random": "mending", "active": "active_lives", "unchanged": "false_alarms"}
+TABLES = {
+    "random": "mending",
+    "active": "active_lives",
+    "dynamic": "mending_dynamic",
+    "unchanged": "false_alarms",
+}
 KINDS = ("one", "dead", "swapped", "turned", "slipped", "stretched", "new", "link", "joint")
 
 
@@ -87,7 +96,7 @@ class Walks:
         self._touches = self._halves(world, first_walk)
 
     def _halves(self, world: World, walk: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        source = DrakeBody(world)
+        source = DrakeBodies(world).babbling
         while True:
             shard = collect_walk(source, world.experiment, walk, 2 * LOOK)
             for rows in (slice(LOOK), slice(LOOK, None)):
@@ -107,8 +116,8 @@ class Walks:
 class Explores:
     """An agent that explores a world, by what it knows."""
 
-    def __init__(self, exploration: Exploration):
-        self._exploration = exploration
+    def __init__(self, exploration: Exploration, every: int):
+        self._exploration, self._every = exploration, every
 
     @property
     def mind(self) -> Life | OnlineLearner:
@@ -116,7 +125,8 @@ class Explores:
         return self._exploration.mind
 
     def live(self, until: int) -> None:
-        """Makes rounds until there are so many touches."""
+        """Makes rounds until there are so many touches, each of which stands for `every`."""
+        until *= self._every
         while (taken := self._exploration.num_touches) < until:
             shard = self._exploration.explore(min(int(np.clip(taken // 10, *ROUND)), until - taken))
             self._exploration.remember(shard.q, shard.sensation)
@@ -125,8 +135,8 @@ class Explores:
         """The same agent in another world; this one stays as it is."""
         other = copy.copy(self._exploration)
         other.mind = copy.deepcopy(self._exploration.mind)
-        other.enter(DrakeBody(world))
-        return Explores(other)
+        other.enter(DrakeBodies(world).babbling)
+        return Explores(other, self._every)
 
 
 def life_of(agent: Walks | Explores) -> Life:
@@ -170,10 +180,14 @@ class Bench:
         near = np.argsort(np.linalg.norm(p_LS - farthest, axis=1))
         self.patch = near[: len(p_LS) // 10].tolist()
         self._lives: dict[bool, tuple[Walks | Explores, dict[str, Any]]] = {}
+        self._first: list[dict[str, Any]] = []
 
     def world(self, made: list[dict]) -> World:
         """A world whose body has these changes from birth."""
-        return World(load_experiment(self.body, {"seed": self.seed, "changes": made}))
+        settings: dict[str, Any] = {"seed": self.seed, "changes": made}
+        if self.args.lives == "dynamic":
+            settings["babbling"] = {"mode": "dynamic", "jumps": False}
+        return World(load_experiment(self.body, settings))
 
     def born(self, world: World, first_walk: int, *, lives: bool = True) -> Walks | Explores:
         """An agent that knows nothing, and watches its body if it lives."""
@@ -181,22 +195,29 @@ class Bench:
         def learner() -> OnlineLearner:
             return OnlineLearner(self.args.targets, seed=self.seed)
 
-        mind = Life(learner, seed=self.seed) if lives else learner()
-        if self.args.lives != "active":
+        world_of_all = self.world([])
+        every = new_life(world_of_all.experiment).every
+        mind = Life(learner, seed=self.seed, every=every) if lives else learner()
+        if self.args.lives not in ("active", "dynamic"):
             return Walks(mind, world, first_walk)
-        experiment = load_experiment(self.body, {"seed": self.seed})
-        exploration = Exploration(experiment, DrakeBody(world))
+        exploration = Exploration(world_of_all.experiment, DrakeBodies(world).babbling)
         exploration.mind = mind
-        return Explores(exploration)
+        return Explores(exploration, every)
 
     def anew(self, world: World) -> list[dict[str, Any]]:
         """The quality of an agent that learns this world's body anew, at several moments."""
-        agent, scores = self.born(world, 500, lives=False), []
+        if self.args.lives == "dynamic":
+            return self._first
+        return self._grows(self.born(world, 500, lives=False), world, "anew")
+
+    def _grows(self, agent: Walks | Explores, world: World, what: str) -> list[dict[str, Any]]:
+        """The quality of an agent at several moments of its youth."""
+        scores = []
         for rung in (int(share * self.args.touches) for share in LADDER):
             agent.live(rung)
             found = scored(agent.mind, world, self.args.pairs)
             scores.append(found | {"touches": agent.mind.num_touches})
-            print(self.body, self.seed, "anew", scores[-1], flush=True)
+            print(self.body, self.seed, what, scores[-1], flush=True)
         return scores
 
     def life(self, before: list[dict]) -> tuple[Walks | Explores, dict[str, Any]]:
@@ -204,6 +225,8 @@ class Bench:
         if bool(before) not in self._lives:
             world = self.world(before)
             agent = self.born(world, 0)
+            if self.args.lives == "dynamic":
+                self._first = self._grows(agent, world, "first life")
             agent.live(self.args.touches)
             life = life_of(agent)
             found = scored(life, world, self.args.pairs)

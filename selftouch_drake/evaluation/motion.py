@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.planning.smoothing import polyline
 from selftouch_drake.agent.rehearsal import reached
@@ -75,13 +76,6 @@ def contact_along(world: World, plan: Plan) -> float:
     s = np.linspace(0.0, length, max(2, int(length / _SAMPLED)))
     expected = plan.touching(s)
     return float(np.mean(world.probe.sensations(plan.path(s[expected])).any(axis=1)))
-
-
-def cosine_distance(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """`(T,)` one minus the cosine between the rows of `a` and `b` `(T, S)`, none of them null."""
-    a, b = a.astype(float), b.astype(float)
-    norms = np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1)
-    return 1 - np.einsum("ts,ts->t", a, b) / norms
 
 
 def summarise(scores: Sequence[MotionScore | None], prefix: str) -> dict[str, float]:

@@ -21,6 +21,7 @@ from selftouch_drake.agent.lifelong.explorer import (
     Explorer,
     PostureHolder,
     PostureSampler,
+    RestlessWalker,
     Walker,
 )
 from selftouch_drake.agent.lifelong.learner import OnlineLearner
@@ -43,7 +44,9 @@ def new_life(experiment: Experiment) -> Life:
     """The life of an experiment's agent, at birth."""
     settings, seed = experiment.representation, experiment.seed
     born = partial(OnlineLearner, settings.num_targets, settings.max_kernel_size, seed=seed)
-    return Life(born, seed=seed)
+    samples = round(experiment.babbling.step_duration / CHOICE_S)
+    every = max(samples, 1) if experiment.babbling.mode == "dynamic" else 1
+    return Life(born, seed=seed, every=every)
 
 
 class Exploration:
@@ -111,7 +114,8 @@ class Exploration:
         start = rng.uniform(lower, upper) if self._q is None else self._q
         leader.begin_at(start)
         explorer: Callable[..., Explorer]
-        explorer = self._explorer or (Walker if leader.timed else PostureSampler)
+        slides = RestlessWalker if isinstance(self.mind, Life) else Walker
+        explorer = self._explorer or (slides if leader.timed else PostureSampler)
         if babbling.seek == "postures":
             explorer = partial(PostureHolder, timed=leader.timed)
         moves = explorer(

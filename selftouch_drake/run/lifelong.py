@@ -136,16 +136,16 @@ class _Biography:
     def curves(self) -> LifeCurves:
         """The life so far."""
         touches, coverage, error, contact = np.array(self._scores, dtype=float).reshape(-1, 4).T
-        blocks = self.life.surprise
+        blocks, every = self.life.surprise, self.life.every
         means = [block.mean() for block in blocks]
         return LifeCurves(
             touches=touches.astype(int),
             coverage=coverage,
             error=error,
             contact=contact,
-            block_touches=np.cumsum([len(block) for block in blocks], dtype=int),
+            block_touches=every * np.cumsum([len(block) for block in blocks], dtype=int),
             surprise=np.array(means, dtype=float),
             changed=np.array([c for c in self._changes if c < self._taken], dtype=int),
-            noticed=np.array([one.row + 1 for one in self.life.noticed], dtype=int),
-            mended=np.array([one.explained_at for one in self.life.noticed], dtype=int),
+            noticed=every * np.array([one.row + 1 for one in self.life.noticed], dtype=int),
+            mended=every * np.array([one.explained_at for one in self.life.noticed], dtype=int),
         )

@@ -15,6 +15,7 @@ import numpy as np
 
 from selftouch_drake.agent.agent import Agent
 from selftouch_drake.agent.body import Felt
+from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.agent.memory import RehearsalMemory
 from selftouch_drake.agent.motions import Execution, Motion
 from selftouch_drake.agent.pilot import Pilot
@@ -26,7 +27,6 @@ from selftouch_drake.evaluation.executed import ExecutedTruth, ExecutionJudge
 from selftouch_drake.evaluation.motion import (
     MotionScore,
     calibration,
-    cosine_distance,
     jerk_reduction,
     random_pairs,
     score_motion,

@@ -5,6 +5,7 @@ import pytest
 from pydrake.math import RigidTransform, RollPitchYaw
 from scipy.spatial import cKDTree
 
+from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.agent.motions import Motion, Plan
 from selftouch_drake.agent.planning.smoothing import polyline, smooth_path
 from selftouch_drake.evaluation.executed import (
@@ -14,7 +15,6 @@ from selftouch_drake.evaluation.executed import (
 from selftouch_drake.evaluation.motion import (
     calibration,
     contact_along,
-    cosine_distance,
     score_motion,
     summarise,
 )

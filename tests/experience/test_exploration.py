@@ -10,7 +10,7 @@ from selftouch_drake.agent.lifelong.explorer import PostureHolder
 from selftouch_drake.agent.lifelong.life import Life
 from selftouch_drake.bodies.embodiment import body_of, make_bodies
 from selftouch_drake.experience.collect import walk_sizes, walker_of
-from selftouch_drake.experience.exploration import Exploration, explore
+from selftouch_drake.experience.exploration import Exploration, explore, new_life
 from selftouch_drake.experience.store import ExperienceReader, shard_name
 from selftouch_drake.experience.walk import CHOICE_S
 from selftouch_drake.experiment import ExperimentError, load_experiment
@@ -225,3 +225,9 @@ def test_a_posture_is_held_where_it_takes_time_to_press():
 def test_what_is_sought_has_a_name():
     with pytest.raises(ExperimentError, match=r"babbling.seek is 'fun'"):
         load_experiment("sphere", {"babbling": {"seek": "fun"}})
+
+
+def test_a_life_under_dynamics_takes_a_touch_for_each_step_and_one_without_takes_all():
+    for mode, every in (("kinematic", 1), ("dynamic", 5)):
+        experiment = load_experiment("sphere", {"babbling": {"mode": mode}})
+        assert new_life(experiment).every == every

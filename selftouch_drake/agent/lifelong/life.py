@@ -57,6 +57,8 @@ class Life:
             the adapted touches.
         seed: from which all randomness comes.
         num_steps: training steps of the expectation; with fewer, the agent notices less.
+        every: of so many touches in a row it takes one; others of a body that is felt many times in
+            each step tell it nothing new, and seem to confirm what they repeat.
 
     Attributes:
         learner: what the agent knows; another one after each change.
@@ -64,7 +66,7 @@ class Life:
         surprise: surprise of each touch, `(n,)` arrays in order; NaN before anything is expected.
         doubts: `(3,)` greatest evidence in each block that the body changed, as a share of what
             raises the alarm: by surprise, silent receptors, new receptors.
-        num_touches: number of touches up to now.
+        num_touches: number of touches that it took up to now.
     """
 
     def __init__(
@@ -73,7 +75,9 @@ class Life:
         *,
         seed: int = 0,
         num_steps: int = NUM_STEPS,
+        every: int = 1,
     ) -> None:
+        self.every, self._num_given = every, 0
         self._make_learner, self._seed, self._num_steps = make_learner, seed, num_steps
         self.learner = make_learner()
         self.noticed: list[Noticed] = []
@@ -104,7 +108,9 @@ class Life:
 
     def take(self, q: np.ndarray, sensation: np.ndarray) -> None:
         """Takes `(n, J)` q in the robot's units, and `(n, S)` N that was felt; no row is null."""
-        touches = self._waiting.and_then(TouchSet(np.asarray(q), np.asarray(sensation)))
+        rows = slice(-self._num_given % self.every, None, self.every)
+        self._num_given += len(q)
+        touches = self._waiting.and_then(TouchSet(np.asarray(q), np.asarray(sensation))[rows])
         while len(touches) >= _BLOCK:
             self._live(touches[:_BLOCK])
             touches = touches[_BLOCK:]
@@ -140,9 +146,10 @@ class Life:
         self.surprise.append(expectation.surprise(expected, block.sensation))
         if self._raised is not None:
             return 0
+        novelty = expectation.novelty(block.q)
         rows = (
-            (rise.watch(self.surprise[-1], expectation.novelty(block.q)), rise),
-            (receptors.watch(with_unit_norm(expected), block.sensation), receptors),
+            (rise.watch(self.surprise[-1], novelty), rise),
+            (receptors.watch(with_unit_norm(expected), block.sensation, novelty), receptors),
         )
         self.doubts.append(rise.doubt + receptors.doubt)
         raised = [(row, test.since) for row, test in rows if row is not None]
@@ -207,11 +214,11 @@ class Life:
         expected = expectation(last.q)
         if self._never_felt is None:  # later, what began to feel shortly before is still new
             self._never_felt = ~np.any(remembered.sensation > 0, axis=0)
-        usual = expectation.surprise(expected, last.sensation)
-        num_touches = self.learner.num_touches
+        felt, num_touches = last.sensation, self.learner.num_touches
+        usual, novelty = expectation.surprise(expected, felt), expectation.novelty(last.q)
         self._watching = (
             expectation,
-            SurpriseTest(usual, expectation.novelty(last.q)),
-            ReceptorTest(with_unit_norm(expected), last.sensation, self._never_felt, num_touches),
+            SurpriseTest(usual, novelty),
+            ReceptorTest(with_unit_norm(expected), felt, novelty, self._never_felt, num_touches),
         )
         self._expects_again_at = max(_FIRST, _AGAIN * (self.num_touches - self._born))

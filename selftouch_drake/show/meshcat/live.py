@@ -7,9 +7,9 @@ import numpy as np
 from pydrake.geometry import Meshcat
 from scipy.interpolate import CubicHermiteSpline
 
+from selftouch_drake.agent.lifelong.expectation import cosine_distance
 from selftouch_drake.agent.motions import Motion
 from selftouch_drake.agent.pilot import Pilot
-from selftouch_drake.evaluation.motion import cosine_distance
 from selftouch_drake.geometry.farthest import farthest_points
 from selftouch_drake.robot import Simulation
 from selftouch_drake.show.meshcat.meshcat_scene import MeshcatScene

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from selftouch_drake.agent.lifelong.expectation import with_unit_norm
 from selftouch_drake.show.page.scene import (
     add_scene,
     balls,
@@ -134,7 +135,7 @@ def felt_and_predicted(data: RunData) -> Figure:
     """What was felt along that plan, what had been predicted, and how alike they are."""
     execution = data.execution(*data.shown_pair)
     time_s = execution.motion.time_s
-    felt_shape, predicted_shape = _unit(execution.felt), _unit(execution.motion.predicted)
+    felt_shape, predicted_shape = map(with_unit_norm, (execution.felt, execution.motion.predicted))
     loudness = np.maximum(felt_shape.max(axis=0), predicted_shape.max(axis=0))
     active = np.flatnonzero(loudness > _SILENT)
     when = (felt_shape + predicted_shape)[:, active]
@@ -174,11 +175,6 @@ def felt_and_predicted(data: RunData) -> Figure:
         title=f"Likeness: 1 is the same sensation; mean in contact {mean:.3f}",
     )  # fmt: skip
     return figure
-
-
-def _unit(rows: np.ndarray) -> np.ndarray:
-    norm = np.linalg.norm(rows, axis=1, keepdims=True)
-    return np.divide(rows, norm, out=np.zeros(rows.shape), where=norm > 0)
 
 
 @styled

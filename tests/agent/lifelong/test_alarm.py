@@ -59,12 +59,12 @@ def test_receptors_that_are_rare_are_not_new_and_those_that_begin_to_feel_are():
         felt = (rng.random((20_000, 100)) < rate).repeat(5, axis=0).astype(np.float32)
         never_felt = ~felt[:10_000].any(axis=0)
         assert never_felt.any()
-        nothing = np.zeros_like(felt)
-        test = ReceptorTest(nothing[:1000], felt[:1000], never_felt, 10_000)
-        assert test.watch(nothing[10_000:], felt[10_000:]) is None
+        nothing, known = np.zeros_like(felt), np.zeros(len(felt))
+        test = ReceptorTest(nothing[:1000], felt[:1000], known[:1000], never_felt, 10_000)
+        assert test.watch(nothing[10_000:], felt[10_000:], known[10_000:]) is None
         felt[:500][:, never_felt] = rng.random((500, never_felt.sum())) < 0.03
-        test = ReceptorTest(nothing[:1000], felt[:1000], never_felt, 10_000)
-        row = test.watch(nothing[:500], felt[:500])
+        test = ReceptorTest(nothing[:1000], felt[:1000], known[:1000], never_felt, 10_000)
+        row = test.watch(nothing[:500], felt[:500], known[:500])
         assert row is not None
         assert row < 300
         assert test.since > row / 2
@@ -72,7 +72,13 @@ def test_receptors_that_are_rare_are_not_new_and_those_that_begin_to_feel_are():
 
 def calibrated(expected, felt):
     """A test of receptors that have all felt something."""
-    return ReceptorTest(expected, felt, np.zeros(felt.shape[1], dtype=bool), len(felt))
+    never_felt = np.zeros(felt.shape[1], dtype=bool)
+    return ReceptorTest(expected, felt, np.zeros(len(felt)), never_felt, len(felt))
+
+
+def watch(test, expected, felt):
+    """What the test says of touches as familiar as all others."""
+    return test.watch(expected, felt, np.zeros(len(felt)))
 
 
 def encounters(rng, num, miss):
@@ -87,11 +93,11 @@ def test_receptors_that_miss_now_and_then_are_not_silent_and_those_that_always_m
     miss = np.linspace(0.0, 0.2, 30)
     for dead in (0, 15):
         test = calibrated(*encounters(rng, 2000, miss))
-        assert test.watch(*encounters(rng, 50_000, miss)) is None
+        assert watch(test, *encounters(rng, 50_000, miss)) is None
         assert 0.1 < test.doubt[0] < 1.0
         expected, felt = encounters(rng, 2000, miss)
         felt[400:, dead] = 0.0
-        row = test.watch(expected, felt)
+        row = watch(test, expected, felt)
         assert row is not None
         assert 400 < row < 1400
         assert 0 <= test.since - (row + 1 - 400) < 300
@@ -106,7 +112,7 @@ def test_receptors_that_fall_silent_together_are_noticed_sooner_than_one():
         silent = felt.copy()
         silent[400:, :dead] = 0.0
         watching = copy.deepcopy(test)
-        noticed.append(watching.watch(expected, silent) - 400)
+        noticed.append(watch(watching, expected, silent) - 400)
         assert 0 <= watching.since - (noticed[-1] + 1) < 100
     assert 0 < noticed[1] < noticed[0] / 4
 
@@ -116,7 +122,28 @@ def test_silence_does_not_depend_on_how_touches_are_cut():
     expected, felt = encounters(rng, 3000, 0.1)
     felt[1000:, 3] = 0.0
     one, other = (calibrated(expected[:1000], felt[:1000]) for _ in range(2))
-    row = one.watch(expected[1000:], felt[1000:])
-    rows = [other.watch(expected[at : at + 7], felt[at : at + 7]) for at in range(1000, 3000, 7)]
+    row = watch(one, expected[1000:], felt[1000:])
+    rows = [watch(other, expected[at : at + 7], felt[at : at + 7]) for at in range(1000, 3000, 7)]
     at, last = next((at, found) for at, found in enumerate(rows) if found is not None)
     assert row == 7 * at + last
+
+
+def test_what_is_missed_in_novel_touches_is_no_silence_and_in_familiar_ones_it_is():
+    rng = np.random.default_rng(3)
+
+    def touches(num, dead=()):
+        novelty = rng.random(num // 5).repeat(5)
+        expected, felt = encounters(rng, num, 0.01)
+        # Beyond 0.5 the agent guesses.
+        felt[novelty > 0.5] *= np.float32(0.0)
+        felt[:, dead] = 0.0
+        return expected, felt, novelty
+
+    never_felt = np.zeros(30, dtype=bool)
+    expected, felt, novelty = touches(2000)
+    test = ReceptorTest(expected, felt, novelty, never_felt, 2000)
+    assert test.watch(*touches(20_000)) is None
+    assert test.doubt[0] < 0.8
+    row = test.watch(*touches(2000, dead=(4, 5, 6)))
+    assert row is not None
+    assert row < 1000

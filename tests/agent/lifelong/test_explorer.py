@@ -44,7 +44,7 @@ SENSORS = sensors()
 
 @pytest.fixture(autouse=True)
 def dwells_shortly(monkeypatch):
-    monkeypatch.setattr(module, "_DWELL", 300)
+    monkeypatch.setattr(module.Walker, "dwell", 300)
 
 
 def explored(agent, num_steps, *, seed=0, start=(1.0, 0.0, 0.0), explores=Walker, joints=JOINTS):

@@ -66,3 +66,14 @@ def test_a_life_does_not_depend_on_how_it_is_cut(touches):
     for field in dataclasses.fields(one.learner.representation):
         mine, its = (getattr(x.learner.representation, field.name) for x in (one, other))
         assert np.array_equal(mine, its, equal_nan=field.name == "embedding")
+
+
+def test_a_life_takes_one_of_so_many_touches_however_they_are_cut():
+    q = np.arange(3000.0).reshape(1500, 2)
+    sensation = np.random.default_rng(0).random((1500, 9), dtype=np.float32)
+    life = Life(lambda: OnlineLearner(60), every=3)
+    for start in range(0, 1500, 7):
+        life.take(q[start : start + 7], sensation[start : start + 7])
+    held = life.learner.remembered()
+    assert life.num_touches == 500
+    np.testing.assert_array_equal(held.columns["q"][held.row.argsort()], q[::3])
